@@ -1,0 +1,1 @@
+"""Agents that come with stlbench. Each module is one agent or one part of it."""

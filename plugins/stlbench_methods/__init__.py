@@ -1,0 +1,1 @@
+"""Reward methods that come with stlbench, written against `stlbench.contract` and `stlbench.stl` alone."""

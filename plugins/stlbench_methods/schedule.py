@@ -1,0 +1,59 @@
+"""When a term of the formula is active, and how rewards of active terms become one (Saxena et al., sec. III-B)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stlbench.contract import Array, Integers
+from stlbench.stl import Term
+
+__all__ = ["Activity", "active_from", "active_table", "least_active"]
+
+Activity = Literal["last-deadline", "literal"]
+"""`last-deadline`: term i is active on (t0_i, end_i], t0_i the latest end of a term that ends at or before term i
+starts, else 0; this gives eq. 11 for sequences and the overlap example alike. `literal`: term i is active on its own
+interval alone, as in the piecewise example of sec. III-B, and its funnel starts at 0."""
+
+
+def active_from(terms: Sequence[Term], activity: Activity) -> list[int]:
+    """t0 of each term: the time from which its funnel runs."""
+    if activity == "literal":
+        return [0 for _ in terms]
+    return [max((other.end for other in terms if other.end <= term.a), default=0) for term in terms]
+
+
+def active_table(terms: Sequence[Term], steps: int, activity: Activity) -> NDArray[np.bool_]:
+    """Whether term i is active at sample t: (number of terms, steps + 1)."""
+    t = np.arange(steps + 1)
+    if activity == "literal":
+        return np.array([(term.a <= t) & (t <= term.end) for term in terms])
+    begins = active_from(terms, activity)
+    return np.array([((t > t0) | (t0 == 0)) & (t <= term.end) for term, t0 in zip(terms, begins, strict=True)])
+
+
+def least_active(values: Sequence[Callable[[Array, Integers], Array]], active: NDArray[np.bool_]) -> Callable[
+    [Array, Integers], Array
+]:
+    """The minimum of the active terms' values, and 0 where no term is active (Algorithm 1, read consistently).
+
+    Args:
+        values: a function a term, of signals (N, k) and sample indices (N,), giving (N,).
+        active: (number of terms, steps + 1), see `active_table`.
+
+    Returns:
+        A function of signals (N, k) and sample indices (N,), giving (N,).
+    """
+
+    def least(signals: Array, t: Integers) -> Array:
+        reward = np.full(len(signals), np.inf)
+        for value, mask in zip(values, active, strict=True):
+            now = mask[t]
+            if now.any():
+                reward = np.where(now, np.minimum(reward, value(signals, t)), reward)
+        return np.where(np.isinf(reward), 0.0, reward)
+
+    return least

@@ -1,0 +1,107 @@
+"""tau-mdp: the state is the last tau samples (Aksaray, Jones, Kong, Schwager, Belta, CDC 2016)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from stlbench import stl
+from stlbench.contract import Array, Integers, Intractable, RewardMethod, Specification
+
+__all__ = ["TauMdp"]
+
+
+class TauMdp(RewardMethod):
+    """The policy sees the last tau samples, tau = horizon(phi) + 1, and is paid for the robustness of phi on them.
+
+    The formula is read as Phi = F[0,Te] phi or G[0,Te] phi, from the task's nested form where it has one. A formula
+    of another form, such as a conjunction of absolute intervals, is all phi, and tau is its whole horizon: that is
+    the intractability which Saxena et al. speak of.
+
+    With rho in units of rho_max, the reward of a history z is -exp(-beta rho(z, phi)) for G and exp(beta rho(z, phi))
+    for F, the sum of which approximates beta times the minimum or maximum over time (log-sum-exp); in the
+    probability form the indicator of phi stands in place of rho.
+
+    Args:
+        form: `robustness` or `probability`.
+        beta: sharpness of the approximation; rho_max / beta is the robustness that matters.
+
+    Raises:
+        Intractable: tau times the number of signals exceeds the limit of inputs.
+    """
+
+    def __init__(
+        self,
+        specification: Specification,
+        *,
+        form: Literal["robustness", "probability"] = "robustness",
+        beta: Annotated[float, Field(gt=0)] = 1.0,
+    ) -> None:
+        super().__init__(specification)
+        self.outer, self.phi = _outer(specification.nested or specification.formula)
+        self.tau = stl.horizon(self.phi) + 1
+        self.memory_size = self.tau * len(specification.signals)
+        if self.memory_size > specification.input_limit:
+            raise Intractable(f"needs {self.memory_size} inputs, limit {specification.input_limit}")
+        self._form, self._sign = form, 1.0 if self.outer == "F" else -1.0
+        low, high = _range(self.phi, specification)
+        self._beta = self._sign * (beta if form == "probability" else beta / max(high, 1e-9))
+        extremes = (0.0, 1.0) if form == "probability" else (low, high)
+        self.scale = float(max(np.exp(self._beta * value) for value in extremes))
+        self._middle = np.tile((np.array(specification.high) + specification.low) / 2, self.tau)
+        self._half = np.tile((np.array(specification.high) - specification.low) / 2, self.tau)
+
+    def start(self, signals: Array) -> Array:
+        """z_0: tau copies of s_0."""
+        return np.tile(signals, self.tau)
+
+    def step(
+        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
+    ) -> tuple[Array, Array]:
+        """The reward (N,), in exp(1), of the history that ends in s_{t+1}; that history (N, tau k), oldest first."""
+        history = np.concatenate([memory[:, signals.shape[1] :], next_signals], axis=1)
+        window = history.reshape(len(history), self.tau, -1)
+        names = self.specification.signals
+        if self._form == "probability":
+            value = stl.satisfied(self.phi, window, names).astype(np.float64)
+        else:
+            value = stl.robustness(self.phi, window, names)
+        return self._sign * np.exp(self._beta * value), history
+
+    def inputs(self, memory: Array) -> Array:
+        """The history, each signal's range scaled to [-1, 1]."""
+        return (memory - self._middle) / self._half
+
+    def describe(self) -> Mapping[str, Any]:
+        """How the formula was read."""
+        return {"outer operator": self.outer, "phi": str(self.phi), "tau": self.tau}
+
+
+def _outer(formula: stl.Formula) -> tuple[Literal["F", "G"], stl.Formula]:
+    if isinstance(formula, stl.Eventually) and formula.a == 0:
+        return "F", formula.arg
+    if isinstance(formula, stl.Always) and formula.a == 0:
+        return "G", formula.arg
+    return "G", formula
+
+
+def _range(formula: stl.Formula, specification: Specification) -> tuple[float, float]:
+    """Bounds of the robustness of a formula whose samples may be anywhere in the box, each on its own."""
+    match formula:
+        case stl.Always() | stl.Eventually():
+            return _range(formula.arg, specification)
+        case stl.Not():
+            low, high = _range(formula.arg, specification)
+            return -high, -low
+        case stl.And() | stl.Or():
+            lows, highs = zip(*(_range(arg, specification) for arg in formula.args), strict=True)
+            return (min(lows), min(highs)) if isinstance(formula, stl.And) else (max(lows), max(highs))
+        case stl.Implies():
+            return _range(stl.Or((stl.Not(formula.left), formula.right)), specification)
+        case stl.Until():
+            return _range(stl.And((formula.left, formula.right)), specification)
+        case _:
+            return specification.range(formula)

@@ -1,0 +1,178 @@
+"""What a user chose: plugin names with parameters, `funnel[ginf=0.02,variant=code]`, read and checked."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
+
+from stlbench.errors import UsageError, did_you_mean
+
+__all__ = ["NAME", "Choice", "Parameter", "check", "declared", "parse_choice", "parse_choices"]
+
+NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
+"""What a plugin may be called. Names become keys, paths and column heads, so nothing else is let in."""
+
+_KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_VALUE = re.compile(r"[A-Za-z0-9._+-]+")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A plugin's name and the parameters that the user set. `str` gives the canonical text, which parses back."""
+
+    name: str
+    parameters: tuple[tuple[str, str], ...] = ()
+    """Pairs of name and text, sorted by name; what the text means is the plugin's to say (see `check`)."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", tuple(sorted(self.parameters)))
+
+    def __str__(self) -> str:
+        inside = ",".join(f"{key}={value}" for key, value in self.parameters)
+        return f"{self.name}[{inside}]" if inside else self.name
+
+
+# ---------------------------------------------------------------------------------------------------------- reading
+
+
+def parse_choices(text: str) -> tuple[Choice, ...]:
+    """A comma list, "funnel,funnel[variant=code,ginf=0.02],flag". Repetitions are dropped, the order is kept.
+
+    Raises:
+        UsageError: with what is wrong and where in the list.
+    """
+    return tuple(dict.fromkeys(parse_choice(item) for item in _split(text)))
+
+
+def parse_choice(text: str) -> Choice:
+    """One name, with or without parameters in brackets. Raises `UsageError`."""
+    name, bracket, rest = text.strip().partition("[")
+    if not NAME.fullmatch(name.strip()):
+        raise UsageError(f"'{text.strip()}': a name consists of a-z, 0-9 and -, as in funnel or tau-mdp")
+    if not bracket:
+        return Choice(name.strip())
+    inside, closing, after = rest.partition("]")
+    if not closing or after.strip() or "[" in inside:
+        raise UsageError(f"'{text.strip()}': parameters go between one pair of brackets, {name}[key=value,...]")
+    pairs = dict[str, str]()
+    for item in inside.split(","):
+        key, value = _pair(item, text.strip())
+        if key in pairs:
+            raise UsageError(f"'{text.strip()}': {key} is given twice")
+        pairs[key] = value
+    return Choice(name.strip(), tuple(pairs.items()))
+
+
+def _pair(item: str, text: str) -> tuple[str, str]:
+    key, equals, value = (part.strip() for part in item.partition("="))
+    if not equals:
+        raise UsageError(f"'{text}': expected key=value, got '{item.strip()}'")
+    if not _KEY.fullmatch(key):
+        raise UsageError(f"'{text}': '{key}' is no parameter name; one consists of letters, digits and _")
+    if not _VALUE.fullmatch(value):
+        raise UsageError(f"'{text}': the value of {key} consists of letters, digits and . _ + -, got '{value}'")
+    return key, value
+
+
+def _split(text: str) -> Iterator[str]:
+    """The items of a comma list; a comma inside brackets does not split."""
+    depth, start = 0, 0
+    for place, sign in enumerate(text):
+        depth += (sign == "[") - (sign == "]")
+        if depth not in (0, 1):
+            raise UsageError(f"unbalanced '{sign}' at column {place + 1} of '{text}'")
+        if sign == "," and depth == 0:
+            yield _item(text, start, place)
+            start = place + 1
+    if depth:
+        raise UsageError(f"'[' at column {text.rindex('[') + 1} of '{text}' is never closed")
+    yield _item(text, start, len(text))
+
+
+def _item(text: str, start: int, end: int) -> str:
+    if not text[start:end].strip():
+        raise UsageError(f"empty item at column {start + 1} of '{text}'; separate names by single commas")
+    return text[start:end]
+
+
+# --------------------------------------------------------------------------------------------------------- checking
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A keyword-only argument of a plugin's constructor."""
+
+    hint: Any
+    """Its annotation; Any where it has none."""
+    default: Any
+    """`inspect.Parameter.empty` where it must be given."""
+
+    @property
+    def text(self) -> str:
+        """The type for a person: "float", "paper | code", "tuple[int, ...]"."""
+        return _text(self.hint)
+
+
+def declared(kind: type) -> dict[str, Parameter]:
+    """The parameters of a class, in its constructor's order. `NameError` where an annotation names nothing."""
+    constructor = inspect.getattr_static(kind, "__init__")
+    hints = get_type_hints(constructor, include_extras=True)
+    return {
+        name: Parameter(hints.get(name, Any), entry.default)
+        for name, entry in inspect.signature(constructor).parameters.items()
+        if entry.kind is entry.KEYWORD_ONLY
+    }
+
+
+def check(known: Mapping[str, Parameter], choice: Choice, defaults: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """The keyword arguments: those of `defaults`, overridden by the choice's, each of the type declared in `known`.
+
+    Raises:
+        UsageError: one line with everything that is wrong, "funnel[ginf=x]: ginf should be a number, got 'x'".
+    """
+    given = {**(defaults or {}), **dict(choice.parameters)}
+    values, problems = dict[str, Any](), list[str]()
+    for name, value in given.items():
+        if name not in known:
+            problems.append(f"no parameter '{name}'{did_you_mean(name, known)}")
+            continue
+        try:
+            values[name] = _converted(known[name].hint, value)
+        except ValidationError as error:
+            origin = "" if name in dict(choice.parameters) else " in the recipe"
+            problems.append(_sentence(name, error.errors()[0]) + origin)
+    required = [name for name, entry in known.items() if entry.default is inspect.Parameter.empty]
+    problems += [f"parameter '{name}' must be given" for name in required if name not in given]
+    if problems:
+        raise UsageError(f"{choice}: {'; '.join(problems)}")
+    return values
+
+
+def _converted(hint: Any, value: Any) -> Any:
+    if get_origin(hint) is Literal:  # pydantic compares types too, and a user can only write text
+        value = {str(allowed): allowed for allowed in get_args(hint)}.get(str(value), value)
+    return TypeAdapter(hint, config=ConfigDict(allow_inf_nan=False)).validate_python(value)
+
+
+_EXPECTED = {"float": "a number", "int": "a whole number", "bool": "true or false", "finite": "a finite number"}
+
+
+def _sentence(name: str, error: ErrorDetails) -> str:
+    place = name + "".join(f"[{part}]" for part in error["loc"] if isinstance(part, int))
+    expected = _EXPECTED.get(error["type"].partition("_")[0])
+    rule = f"should be {expected}" if expected else error["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    return f"{place} {rule}, got {error['input']!r}"
+
+
+def _text(hint: Any) -> str:
+    if get_origin(hint) is Annotated:
+        return _text(get_args(hint)[0])
+    if get_origin(hint) is Literal:
+        return " | ".join(str(allowed) for allowed in get_args(hint))
+    return hint.__name__ if type(hint) is type else str(hint).replace("typing.", "")

@@ -1,0 +1,61 @@
+"""The command line: one module a command. Nothing heavy is imported before a command needs it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from stlbench import __version__
+from stlbench.cli.common import Commands
+from stlbench.cli.listing import list_plugins
+from stlbench.cli.monitor import monitor
+from stlbench.cli.report import report
+from stlbench.cli.run import run
+from stlbench.cli.show import app as show
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    name="stlbench",
+    cls=Commands,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    invoke_without_command=True,
+)
+app.command("run", short_help="Train and score methods on tasks, and compare them.")(run)
+app.command("list")(list_plugins)
+app.add_typer(show, name="show")
+app.command("report")(report)
+app.command("monitor")(monitor)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"stlbench {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def stlbench(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Compare reward methods for teaching robots to satisfy Signal Temporal Logic.
+
+    \b
+    Examples:
+      stlbench run --tasks hold-disc --methods funnel,flag --seeds 3
+      stlbench show task hold-disc
+      stlbench monitor "G[0,10] x > 0" trace.csv
+    """
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+def main() -> None:
+    """The console script `stlbench`."""
+    app(prog_name="stlbench")

@@ -1,0 +1,80 @@
+"""`stlbench list`: which plugins there are, and where they come from."""
+
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from stlbench.cli.common import Json, console, print_json, warn
+from stlbench.errors import UsageError, did_you_mean
+
+if TYPE_CHECKING:
+    from stlbench.plugins import Plugin
+
+
+def list_plugins(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="methods, tasks, agents or executors.")],
+    as_json: Json = False,
+) -> None:
+    """List the installed methods, tasks, agents or executors.
+
+    Each with the distribution that it comes from and its parameters, which `run` takes in brackets. A plugin that
+    cannot be loaded is a warning.
+
+    \b
+    Examples:
+      stlbench list methods
+      stlbench list tasks --json
+    """
+    from stlbench import plugins
+
+    if kind not in plugins.KINDS:
+        raise UsageError(f"no kind of plugin '{kind}'{did_you_mean(kind, plugins.KINDS)}")
+    entries = []
+    for plugin in plugins.available(kind).values():
+        try:
+            entries.append(_entry(plugin))
+        except plugins.PluginError as error:
+            warn(str(error))
+    if as_json:
+        print_json(entries)
+    else:
+        _print(kind, entries)
+
+
+def _entry(plugin: Plugin) -> dict[str, Any]:
+    from stlbench import plugins
+
+    return {
+        "name": plugin.name,
+        "distribution": plugin.distribution,
+        "version": plugin.version,
+        "summary": plugin.summary,
+        "parameters": {
+            name: {"type": text} | ({} if default is inspect.Parameter.empty else {"default": default})
+            for name, (text, default) in plugins.parameters(plugin).items()
+        },
+    }
+
+
+def _print(kind: str, entries: list[dict[str, Any]]) -> None:
+    from stlbench.report import Column, Table, to_screen
+
+    titles = ["name", "from", "summary", *(["parameters"] if any(entry["parameters"] for entry in entries) else [])]
+    rows = tuple(
+        (entry["name"], f"{entry['distribution']} {entry['version']}", entry["summary"], _parameters(entry))[
+            : len(titles)
+        ]
+        for entry in entries
+    )
+    to_screen(Table(kind.capitalize(), tuple(Column(title, right=False) for title in titles), rows), console())
+
+
+def _parameters(entry: dict[str, Any]) -> str:
+    texts = []
+    for name, parameter in entry["parameters"].items():
+        default = f" = {parameter['default']}" if "default" in parameter else ", required"
+        texts.append(f"{name}: {parameter['type']}{default}")
+    return "\n".join(texts)

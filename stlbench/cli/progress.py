@@ -1,0 +1,78 @@
+"""What a run says while it lasts: one line a finished cell on stderr, under them a bar where there is a terminal."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
+from rich.text import Text
+
+from stlbench.result import MAIN, Result
+
+__all__ = ["Progress"]
+
+
+class Progress:
+    """Counts the cells of one command.
+
+    Args:
+        total: cells of the command.
+        done: those that have a result from before.
+    """
+
+    def __init__(self, total: int, done: int) -> None:
+        self.total, self.before, self.done = total, done, done
+        self.console = Console(stderr=True, highlight=False, soft_wrap=True)
+        columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+        self.bar = Bar(*columns, console=self.console, disable=not self.console.is_terminal or done == total)
+        self.begin = time.monotonic()
+
+    def __enter__(self) -> Self:
+        earlier = f", {self.before} of them done before" if self.before else ""
+        self._say(f"{self.total} {'cell' if self.total == 1 else 'cells'}{earlier}")
+        self.bar.start()
+        self.task = self.bar.add_task("", total=self.total, completed=self.done)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.bar.stop()
+
+    def ended(self, result: Result) -> None:
+        """Say how a cell ended, and how long the others may take."""
+        self.done += 1
+        self._say(f"[{self.done}/{self.total}] {describe(result)}")
+        self.bar.update(self.task, completed=self.done, description=self._left())
+
+    def _left(self) -> str:
+        elapsed = time.monotonic() - self.begin
+        left = elapsed / (self.done - self.before) * (self.total - self.done)
+        return f"about {_duration(left)} left" if left else ""
+
+    def _say(self, line: str) -> None:
+        self.console.print(Text(line))
+
+
+def describe(result: Result) -> str:
+    """One line: name, status, and the two numbers that matter, or the reason."""
+    if result.measurement is None:
+        return f"{result.name} {result.status}: {result.reason}" if result.reason else f"{result.name} {result.status}"
+    score = result.measurement.selected[MAIN]
+    return (
+        f"{result.name} done: robustness {score.mean:.3f}, satisfied {100 * score.satisfaction:.1f} %, "
+        f"{result.measurement.wall_seconds:.1f} s"
+    )
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return (
+        f"{minutes // 60} h {minutes % 60} min"
+        if minutes >= 60
+        else f"{minutes} min {rest} s"
+        if minutes
+        else f"{rest} s"
+    )

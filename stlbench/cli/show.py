@@ -1,0 +1,188 @@
+"""`stlbench show task`: what a task asks, and what each method makes of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from stlbench.cli.common import Json, console, print_json, warn
+from stlbench.errors import UsageError
+
+if TYPE_CHECKING:
+    from stlbench.problem import Problem
+    from stlbench.report import Table
+
+app = typer.Typer(rich_markup_mode=None)
+
+
+@app.callback()
+def show() -> None:
+    """Show one thing in full, such as a task.
+
+    \b
+    Example:
+      stlbench show task hold-disc
+    """
+
+
+@app.command("task")
+def task(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="As `stlbench list tasks` says.")], as_json: Json = False
+) -> None:
+    """Show a task: its formula, signals and their ranges, budgets, and what each method makes of it.
+
+    \b
+    Examples:
+      stlbench show task hold-disc
+      stlbench show task robot-nav --json
+    """
+    from stlbench import plugins, problem
+
+    found = facts(problem.load(name))
+    plugin = plugins.find("tasks", name)
+    found = {"name": name, "distribution": plugin.distribution, "version": plugin.version} | found
+    if as_json:
+        print_json(found)
+    else:
+        _print(found)
+
+
+def facts(problem: Problem) -> dict[str, Any]:
+    """All that is shown, as plain values. Intervals of formulas are in steps."""
+    from stlbench import stl
+
+    file = problem.file
+    return {
+        "title": file.title,
+        "source": file.source,
+        "notes": " ".join(file.notes.split()),
+        "formula": str(problem.formula),
+        "horizon": stl.horizon(problem.formula),
+        "steps": file.steps,
+        "sampling_time": file.sampling_time,
+        "hold": file.hold,
+        "starts": file.starts,
+        "signals": {key: entry.model_dump() for key, entry in file.signals.items()},
+        "terms": _terms(problem),
+        "actions": {key: entry.model_dump() for key, entry in file.actions.items()},
+        "budgets": {key: entry.model_dump() for key, entry in file.budgets.items()},
+        "protocols": {
+            key: {
+                "title": entry.title,
+                "formula": str(file.parsed(entry.formula or file.formula)),
+                "starts": entry.starts,
+            }
+            for key, entry in file.protocols.items()
+        },
+        "agents": file.agents,
+        "methods": _methods(problem),
+    }
+
+
+def _terms(problem: Problem) -> list[dict[str, Any]] | str:
+    """The terms of eq. 2 with the range of each rho over the signals' box; why not, where there are none."""
+    from stlbench.contract import Unsuitable
+
+    try:
+        terms = problem.specification.terms
+    except Unsuitable as reason:
+        return str(reason)
+    ranges = [problem.specification.range(term.psi) for term in terms]
+    return [
+        {"formula": str(term.formula), "rho_min": low, "rho_max": high}
+        for term, (low, high) in zip(terms, ranges, strict=True)
+    ]
+
+
+def _methods(problem: Problem) -> dict[str, Any]:
+    from stlbench import plugins
+
+    found = {}
+    for name in plugins.available("methods"):
+        try:
+            found[name] = _method(problem, name)
+        except plugins.PluginError as error:
+            warn(str(error))
+    return found
+
+
+def _method(problem: Problem, name: str) -> dict[str, Any]:
+    """What a method with its default parameters makes of the task; status and reason where it does not fit."""
+    from stlbench import plugins, trial
+    from stlbench.contract import Intractable, Unsuitable
+
+    try:
+        method = trial.build_method(problem, name)
+    except plugins.PluginError:
+        raise
+    except Intractable as reason:
+        return {"status": "intractable", "reason": str(reason)}
+    except (Unsuitable, UsageError) as reason:
+        return {"status": "unsuitable", "reason": str(reason)}
+    return {"status": "suitable", "inputs_added": method.memory_size, "scale": method.scale} | dict(method.describe())
+
+
+def _print(found: dict[str, Any]) -> None:
+    from stlbench.report import to_screen
+
+    seconds = found["steps"] * found["sampling_time"]
+    lines = [
+        f"{found['name']}: {found['title']} ({found['distribution']} {found['version']})",
+        f"source:   {found['source']}",
+        f"formula:  {found['formula']}",
+        f"horizon:  {found['horizon']} steps of {found['sampling_time']:g} s",
+        f"episode:  {found['steps']} steps ({seconds:g} s), each action held for {found['hold']}",
+        f"starts:   {found['starts']} for the report, as many others for the selection of checkpoints",
+    ]
+    if found["notes"]:
+        lines.append(f"notes:    {found['notes']}")
+    if isinstance(found["terms"], str):
+        lines.append(f"terms:    {found['terms']}")
+    for line in lines:
+        typer.echo(line)
+    typer.echo()
+    out = console()
+    for table in _tables(found):
+        to_screen(table, out)
+
+
+def _tables(found: dict[str, Any]) -> list[Table]:
+    terms = found["terms"] if isinstance(found["terms"], list) else []
+    tables = [
+        _table("Terms and the range of their robustness", terms),
+        _table("Signals", _named("signal", found["signals"])),
+        _table("Actions", _named("action", found["actions"])),
+        _table("Budgets", _named("budget", found["budgets"])),
+        _table("Further protocols", _named("protocol", found["protocols"])),
+        _table("Recipes", [{"agent": key, "parameters": _listed(entry)} for key, entry in found["agents"].items()]),
+        _table("Methods", [{"method": key} | _summary(entry) for key, entry in found["methods"].items()]),
+    ]
+    return [table for table in tables if table.rows]
+
+
+def _named(title: str, entries: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{title: key} | entry for key, entry in entries.items()]
+
+
+def _summary(entry: dict[str, Any]) -> dict[str, Any]:
+    """The columns of a method's row."""
+    if entry["status"] != "suitable":
+        return {"inputs added": "-", "what it makes of the task": f"{entry['status']}: {entry['reason']}"}
+    rest = {key: value for key, value in entry.items() if key not in ("status", "inputs_added")}
+    return {"inputs added": entry["inputs_added"], "what it makes of the task": _listed(rest)}
+
+
+def _listed(values: dict[str, Any]) -> str:
+    return "\n".join(f"{key}: {_text(value)}" for key, value in values.items())
+
+
+def _table(title: str, entries: list[dict[str, Any]]) -> Table:
+    from stlbench.report import Column, Table
+
+    columns = tuple(Column(key, right=isinstance(value, int | float)) for key, value in (entries or [{}])[0].items())
+    return Table(title, columns, tuple(tuple(map(_text, entry.values())) for entry in entries))
+
+
+def _text(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

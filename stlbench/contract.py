@@ -1,0 +1,341 @@
+"""The contract: everything that a plugin author reads, and all that a plugin may import beside `stlbench.stl`.
+
+Four kinds of plugin, each found by its entry-point group and named by its entry point:
+
+=================== ========================== ==============================================
+group               the entry point names      it provides
+=================== ========================== ==============================================
+stlbench.methods    a `RewardMethod` subclass  the reward of a transition, and its own memory
+stlbench.tasks      a `System` subclass        dynamics, beside a `task.yaml` in its package
+stlbench.agents     an `Agent` subclass        training: environment in, policy out
+stlbench.executors  an `Executor` subclass     cells run in processes, here or on a cluster
+=================== ========================== ==============================================
+
+Conventions, everywhere: arrays are NumPy float64 and batched, rows first. `N` is the number of copies that run in
+lock-step, `n` the state's size, `k` the number of signals, `m` the memory's size, `D` the observation's. Time is a
+step count: a trace of an episode has samples 0..T, transition t leads from sample t to sample t + 1, so t is 0 at
+the first transition and T - 1 at the last. One step lasts the task's sampling time, in seconds.
+
+Parameters of a plugin are the keyword-only arguments of its constructor, with annotations and defaults. The harness
+checks what a user writes (`funnel[variant=code,ginf=0.02]`) against the annotations, so `Literal[...]`, `float`,
+`int`, `bool` and `str` give clear messages without any code.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stlbench import stl
+
+__all__ = [
+    "ActionGrid",
+    "Agent",
+    "Array",
+    "Environment",
+    "Executor",
+    "Integers",
+    "Intractable",
+    "Outcome",
+    "Policy",
+    "RewardMethod",
+    "Specification",
+    "System",
+    "Training",
+    "Transition",
+    "Unsuitable",
+]
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Intractable(Exception):
+    """A method does not fit a task: "needs 6003 inputs, limit 512". The cell ends with status `intractable`."""
+
+
+class Unsuitable(ValueError):
+    """A method, or its parameters, cannot be applied to this task; the message says which rule is broken."""
+
+
+# --------------------------------------------------------------------------------------------------- reward methods
+
+
+@dataclass(frozen=True)
+class Specification:
+    """What a reward method is told about a task: the formula, and the signals it is read from.
+
+    Intervals of the formulas are in steps. A method sees no system, no agent and no budget.
+    """
+
+    formula: stl.Formula
+    """The task. Its robustness at t = 0 is what the referee measures."""
+    signals: tuple[str, ...]
+    """Names of the k signals, in the order of the columns that `RewardMethod.step` is given."""
+    low: tuple[float, ...]
+    """Lower end of each signal's range; with `high` the box S of the paper's rho_max = max over S."""
+    high: tuple[float, ...]
+    steps: int
+    """T: transitions in an episode. T >= horizon of the formula."""
+    dt: float
+    """Sampling time in seconds."""
+    nested: stl.Formula | None = None
+    """The same task as one outer operator over a window, `G[0,190] G[0,10] psi`, where the task file gives one."""
+    input_limit: int = 512
+    """The most inputs that a method may add to the policy's observation."""
+
+    @cached_property
+    def terms(self) -> tuple[stl.Term, ...]:
+        """The conjunction of eq. 2 as terms F[a,b] psi, G[a,b] psi, F[a,c1] G[c2,b] psi.
+
+        Raises `Unsuitable` where the formula is outside that fragment, with the place and the reason.
+        """
+        try:
+            return stl.fragment(self.formula)
+        except stl.FragmentError as error:
+            raise Unsuitable(str(error)) from error
+
+    def margin(self, psi: stl.Formula) -> Callable[[Array], Array]:
+        """The robustness of `psi`, free of temporal operators, as a function of signals (..., k) -> (...)."""
+        return stl.margin(psi, self.signals)
+
+    def holds(self, psi: stl.Formula) -> Callable[[Array], NDArray[np.bool_]]:
+        """The truth of `psi`, free of temporal operators, as a function of signals (..., k) -> (...)."""
+        return stl.holds(psi, self.signals)
+
+    def range(self, psi: stl.Formula) -> tuple[float, float]:
+        """Sound bounds (rho_min, rho_max) of the robustness of `psi` over the box of the signals."""
+        box = {name: (low, high) for name, low, high in zip(self.signals, self.low, self.high, strict=True)}
+        return stl.bounds(psi, box)
+
+
+class RewardMethod(ABC):
+    """Turns a formula into the reward of each transition. Pure: the same arguments give the same reward.
+
+    Subclass it, take the parameters as keyword-only arguments, and implement `step`. A method that must remember
+    (flags, a history of states) sets `memory_size` and carries its memory through `step`; the policy is shown
+    `inputs(memory)`. A constructor raises `Intractable` where the task needs more inputs than
+    `specification.input_limit`, and `Unsuitable` where the formula or a parameter does not fit.
+
+    One transition t of N copies, signals s:
+
+    ============  ====================  ======================  =========================
+    at            the first, t = 0      a middle one            the last, t = T - 1
+    ============  ====================  ======================  =========================
+    signals       s_0                   s_t                     s_{T-1}
+    next_signals  s_1                   s_{t+1}                 s_T, the end of the trace
+    memory        `start(s_0)`          what `step` returned    what `step` returned
+    ============  ====================  ======================  =========================
+
+    So a reward of the paper, r'(s, t), is paid on arrival: r'(s_{t+1}, t + 1). The sample s_0 is never paid for, as no
+    action can change it; every other sample of the trace is paid for once.
+    """
+
+    memory_size: int = 0
+    """m: numbers that the method carries from step to step; 0 for a method without memory."""
+    scale: float = 1.0
+    """About the largest magnitude of the reward. Training divides by it, for every method alike, so that one recipe
+    of the agent serves methods whose rewards are metres and methods whose rewards are flags."""
+
+    def __init__(self, specification: Specification) -> None:
+        self.specification = specification
+
+    def start(self, signals: Array) -> Array:
+        """The memory at the first sample: signals s_0 (N, k) -> (N, m). Zeros unless a method says otherwise."""
+        return np.zeros((len(signals), self.memory_size))
+
+    @abstractmethod
+    def step(
+        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
+    ) -> tuple[Array, Array]:
+        """The reward of one transition, and the memory after it.
+
+        Args:
+            signals: s_t, (N, k), in the signals' units.
+            action: what the system was given, (N, number of action axes), in the actions' units.
+            next_signals: s_{t+1}, (N, k).
+            t: step index of the transition, (N,), each in 0..T-1; rows may be at different times.
+            memory: what `start` or the last `step` returned, (N, m). Not to be changed in place.
+
+        Returns:
+            The reward (N,) and the next memory (N, m).
+        """
+
+    def inputs(self, memory: Array) -> Array:
+        """What the policy sees of the memory, about in [-1, 1]: (N, m) -> (N, m). The memory as it is by default."""
+        return memory
+
+    def describe(self) -> Mapping[str, Any]:
+        """What the method makes of the task, for `stlbench show task`: short names to numbers, texts or lists."""
+        return {}
+
+
+# ------------------------------------------------------------------------------------------------------------ tasks
+
+
+@dataclass(frozen=True)
+class ActionGrid:
+    """A finite set of actions: the product of evenly spaced axes. Index i runs over the last axis fastest."""
+
+    names: tuple[str, ...]
+    axes: tuple[tuple[float, ...], ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Actions along each axis: (21, 13)."""
+        return tuple(len(axis) for axis in self.axes)
+
+    @property
+    def size(self) -> int:
+        """The number A of actions: 273."""
+        return int(np.prod(self.shape))
+
+    @cached_property
+    def vectors(self) -> Array:
+        """All actions, (A, number of axes), in the actions' units."""
+        return np.stack([mesh.ravel() for mesh in np.meshgrid(*self.axes, indexing="ij")], axis=-1)
+
+
+class System(ABC):
+    """The dynamics of a task, N copies at once. Pure: NumPy in, NumPy out, no random numbers, no hidden state.
+
+    The entry point names the class; the `task.yaml` beside its module says everything else: formula, signals and
+    their ranges, actions, sampling time, initial states, recipes, budgets. `parameters` of that file arrive as
+    keyword arguments.
+    """
+
+    state: ClassVar[tuple[str, ...]]
+    """Names of the n columns of the state."""
+
+    def __init__(self, dt: float) -> None:
+        self.dt = dt
+
+    @abstractmethod
+    def step(self, state: Array, action: Array) -> Array:
+        """One sampling time later: state (N, n), action (N, axes) -> state (N, n). May not change its arguments."""
+
+    @abstractmethod
+    def signals(self, state: Array) -> Array:
+        """What the formula is read from: (..., n) -> (..., k), in the order of the task file's `signals`."""
+
+    @abstractmethod
+    def features(self, state: Array, t: Integers) -> Array:
+        """What the policy sees of the state, scaled to about [-1, 1]: (N, n), t (N,) in 0..T -> (N, d).
+
+        The harness appends the time t/T and the method's inputs. The features are the task's, so every method's
+        policy sees the same.
+        """
+
+
+# ----------------------------------------------------------------------------------------------------------- agents
+
+
+class Transition(NamedTuple):
+    """What `Environment.step` returns, for N copies."""
+
+    observation: Array
+    """(N, D): what to act on next; where an episode ended, the first observation of the next one."""
+    reward: Array
+    """(N,): the method's reward, averaged over the steps that the action was held, over the method's `scale`."""
+    arrived: Array
+    """(N, D): what the action led to; differs from `observation` only where `ended`. Bootstrap from this."""
+    ended: NDArray[np.bool_]
+    """(N,): the time limit T was reached. The policy knows the time, so this is no terminal state of the task."""
+
+
+class Environment(Protocol):
+    """N copies of a task with a method's reward, in lock-step, restarting by themselves. The agent acts by index."""
+
+    count: int
+    """N."""
+    observation_size: int
+    """D: features, time t/T scaled to [-1, 1], and the method's inputs."""
+    actions: ActionGrid
+    hold: int
+    """Steps for which one action is held; the formula still sees every step."""
+
+    def reset(self) -> Array:
+        """Start N episodes: the first observation, (N, D)."""
+
+    def step(self, action: Integers) -> Transition:
+        """Hold the actions with these indices (N,), each in 0..A-1, for `hold` steps."""
+
+
+class Policy(ABC):
+    """A trained policy, frozen: later training does not change it."""
+
+    @abstractmethod
+    def act(self, observation: Array) -> Integers:
+        """The greedy actions' indices: (N, D) -> (N,), without any randomness."""
+
+
+@dataclass(frozen=True)
+class Training:
+    """All that an agent is given for one cell."""
+
+    make: Callable[[int], Environment]
+    """Make the environment with N copies; its initial states depend on the cell's seed and on nothing of the method."""
+    steps: int
+    """Budget: environment steps of one sampling time, summed over the copies."""
+    seed: int
+    """For the agent's own randomness; the same for every method of a task."""
+    report: Callable[[Policy, int], None]
+    """Call it as report(policy, steps so far) at about `checkpoints` evenly spaced times and at the end. The referee
+    scores the policy on starts kept for selection; the time it takes is not counted as training."""
+    checkpoints: int = 20
+
+
+class Agent(ABC):
+    """A training algorithm. Its keyword-only parameters are the recipe, which the task file gives.
+
+    A task's recipe is the same for every method: an agent never learns which method it trains.
+    """
+
+    @abstractmethod
+    def train(self, training: Training) -> Policy:
+        """Spend the budget and return the final policy. The same `training.seed` gives the same policy, bit for bit."""
+
+
+# -------------------------------------------------------------------------------------------------------- executors
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How one call of an executor ended."""
+
+    index: int
+    """Which of the items."""
+    status: Literal["done", "raised", "timeout", "killed"]
+    value: Any = None
+    """What the function returned, where status is `done`."""
+    reason: str = ""
+    """One line for a person: "ValueError: ..." or "no result after 60 s" or "killed by signal 9"."""
+    details: str = field(default="", repr=False)
+    """The traceback, where there is one."""
+
+
+class Executor(ABC):
+    """Runs a function on many items, each isolated: one that raises, hangs or dies leaves the others alone."""
+
+    def __init__(self, *, jobs: int = 1) -> None:
+        self.jobs = jobs
+
+    @abstractmethod
+    def run(
+        self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
+    ) -> Iterator[Outcome]:
+        """Yield one outcome an item, as they end, `jobs` at a time.
+
+        Args:
+            function: an importable function of one item.
+            items: what it is called with, picklable.
+            deadlines: seconds of wall time after which each item is stopped with status `timeout`.
+
+        Closing the iterator, or ctrl-C, stops what runs.
+        """

@@ -1,0 +1,70 @@
+"""A digest of a plugin's source, so that a plugin edited in place gives new cells. Imports nothing of the plugin."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+__all__ = ["fingerprint"]
+
+
+def fingerprint(module: str) -> str:
+    """Digest (32 hex digits) of a module's source and of all that it imports from its own top-level package.
+
+    Comments count, names do not matter, other distributions are told by their versions. A module without a source
+    file has the digest of nothing.
+    """
+    pending, seen = [module], dict[str, bytes]()
+    while pending:
+        name = pending.pop()
+        path = _file(name)
+        if name in seen or path is None:
+            continue
+        seen[name] = path.read_bytes()
+        pending += _imports(name, path, seen[name])
+    digest = hashlib.sha256()
+    for name in sorted(seen):
+        digest.update(f"{name} {len(seen[name])}\n".encode() + seen[name])
+    return digest.hexdigest()[:32]
+
+
+def _file(module: str) -> Path | None:
+    """The source file, found without running the packages above it, which `find_spec("a.b")` would do."""
+    top, *rest = module.split(".")
+    spec = find_spec(top)
+    if spec is None:
+        return None
+    if not rest:
+        return Path(spec.origin) if spec.origin and spec.origin.endswith(".py") else None
+    for root in spec.submodule_search_locations or ():
+        stem = Path(root, *rest)
+        for path in (stem.with_suffix(".py"), stem / "__init__.py"):
+            if path.is_file():
+                return path
+    return None
+
+
+def _imports(module: str, path: Path, source: bytes) -> Iterator[str]:
+    """Names of the same top-level package that are imported anywhere in the source; some may be no modules."""
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError):
+        return
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    for node in ast.walk(tree):
+        for name in _targets(node, package):
+            if name.split(".")[0] == module.split(".")[0]:
+                yield name
+
+
+def _targets(node: ast.AST, package: str) -> Iterator[str]:
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+        base = ".".join([*above, *([node.module] if node.module else [])])
+        yield base
+        yield from (f"{base}.{alias.name}" for alias in node.names)

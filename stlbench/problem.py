@@ -1,0 +1,300 @@
+"""A task: its file, checked all at once, and the system whose dynamics lie beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from stlbench import plugins, stl
+from stlbench.contract import ActionGrid, Array, Specification, System
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.result import MAIN
+
+__all__ = ["Budget", "Problem", "Protocol", "Region", "TaskFile", "load"]
+
+Count = Annotated[int, Field(ge=1)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Range(_Strict):
+    """Where a signal lives: the state space over which rho_max and rho_min are taken."""
+
+    low: Finite
+    high: Finite
+    unit: str = ""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Range:
+        if self.low >= self.high:
+            raise ValueError(f"low must be less than high, got {self.low} and {self.high}")
+        return self
+
+
+class Axis(Range):
+    """One axis of the action grid: `count` evenly spaced values from `low` to `high`, both included."""
+
+    count: Annotated[int, Field(ge=2)]
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The axis' values, rounded so that -5, -4.5, ... are exactly that."""
+        return tuple(float(value) for value in np.round(np.linspace(self.low, self.high, self.count), 12))
+
+
+class Region(_Strict):
+    """A set of initial states: a box over the state's names, a single number where a state is fixed, and a condition."""
+
+    box: dict[str, Finite | tuple[Finite, Finite]]
+    where: str | None = None
+    """A formula without temporal operators over the state's names that initial states fulfil."""
+
+    @model_validator(mode="after")
+    def _checked(self) -> Region:
+        for name, ends in self.box.items():
+            if isinstance(ends, tuple) and ends[0] > ends[1]:
+                raise ValueError(f"{name}: low must not exceed high, got {list(ends)}")
+        if self.where is not None:
+            stl.holds(stl.parse(self.where), tuple(self.box))
+        return self
+
+    @property
+    def low(self) -> Array:
+        """Lower corner, (n,)."""
+        return np.array([ends[0] if isinstance(ends, tuple) else ends for ends in self.box.values()])
+
+    @property
+    def high(self) -> Array:
+        """Upper corner, (n,)."""
+        return np.array([ends[1] if isinstance(ends, tuple) else ends for ends in self.box.values()])
+
+    def keep(self, states: Array) -> Array:
+        """Those of the states (N, n) that fulfil `where`."""
+        if self.where is None:
+            return states
+        return states[stl.holds(stl.parse(self.where), tuple(self.box))(states)]
+
+
+class Protocol(_Strict):
+    """A further way to score the policy: another formula, other starts, or both. Robustness is averaged over them."""
+
+    title: str
+    formula: str | None = None
+    """In the unit that `time` names; the task's own formula where left out."""
+    initial: Region | None = None
+    """The task's own initial states where left out."""
+    starts: Count = 64
+
+
+class Budget(_Strict):
+    """How much training, on how many seeds."""
+
+    steps: Count
+    """Environment steps of one sampling time, all copies together."""
+    seeds: Count = 3
+    deadline: Positive = 3600.0
+    """Wall seconds after which a cell is stopped."""
+    checkpoints: Count = 20
+
+
+class TaskFile(_Strict):
+    """The content of a `task.yaml`."""
+
+    title: str
+    source: str
+    """Where the task comes from: paper and section."""
+    notes: str = ""
+    """What a reader of the results should know, such as a choice that the source leaves open."""
+    formula: str
+    nested: str | None = None
+    """The same task as an outer operator over an inner window, for methods that need that form."""
+    time: Literal["steps", "seconds"] = "steps"
+    """Unit of the formulas' intervals."""
+    sampling_time: Positive
+    """Seconds a step."""
+    steps: Count
+    """T, transitions in an episode."""
+    hold: Count = 1
+    """Steps for which an agent's action is held."""
+    signals: Annotated[dict[str, Range], Field(min_length=1)]
+    parameters: dict[str, Any] = {}
+    """Keyword arguments of the system."""
+    actions: Annotated[dict[str, Axis], Field(min_length=1)]
+    initial: Region
+    """Where the referee's starts lie."""
+    training: Region | None = None
+    """Where training episodes start; `initial` where left out."""
+    starts: Count = 64
+    """Initial states on the report grid; as many others are kept for the selection of checkpoints."""
+    protocols: dict[str, Protocol] = {}
+    input_limit: Count = 512
+    agents: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
+    """Agent -> recipe, the same for every method."""
+    budgets: Annotated[dict[str, Budget], Field(min_length=1)]
+
+    @property
+    def training_starts(self) -> Region:
+        """Where training episodes start."""
+        return self.training or self.initial
+
+    @property
+    def dt(self) -> float | None:
+        """What `stl.parse` needs to read intervals: None for steps."""
+        return self.sampling_time if self.time == "seconds" else None
+
+    def parsed(self, text: str) -> stl.Formula:
+        """A formula of this file, its intervals in steps."""
+        return stl.parse(text, dt=self.dt)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> TaskFile:
+        problems = [*self._formula_problems(), *self._nested_problems()]
+        if self.steps % self.hold:
+            problems.append(f"hold: an episode of {self.steps} steps is no multiple of hold = {self.hold}")
+        if MAIN in self.protocols:
+            problems.append(f"protocols: the name '{MAIN}' is the task's own formula; take another")
+        if problems:
+            raise ValueError("\n".join(problems))
+        return self
+
+    def _formula_problems(self) -> list[str]:
+        texts = {"formula": self.formula, "nested": self.nested}
+        texts |= {f"protocols.{name}.formula": protocol.formula for name, protocol in self.protocols.items()}
+        problems = []
+        for where, text in texts.items():
+            if text is None:
+                continue
+            try:
+                formula = self.parsed(text)
+            except ValueError as error:
+                problems.append(f"{where}: {error}")
+                continue
+            for name in stl.signals(formula):
+                if name not in self.signals:
+                    problems.append(f"{where}: no signal '{name}'{did_you_mean(name, self.signals)}")
+            if stl.horizon(formula) > self.steps:
+                problems.append(f"{where}: its horizon of {stl.horizon(formula)} steps exceeds steps = {self.steps}")
+        return problems
+
+    def _nested_problems(self) -> list[str]:
+        if self.nested is None:
+            return []
+        try:
+            ours, other = stl.horizon(self.parsed(self.formula)), stl.horizon(self.parsed(self.nested))
+        except ValueError:
+            return []
+        return [] if ours == other else [f"nested: its horizon is {other} steps, that of the formula {ours}"]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A task that is ready: file, formulas in steps, system."""
+
+    name: str
+    text: str
+    """The task file as it was read; part of every cell's key."""
+    file: TaskFile
+    system: System
+
+    @cached_property
+    def formula(self) -> stl.Formula:
+        """The task's formula, intervals in steps."""
+        return self.file.parsed(self.file.formula)
+
+    @cached_property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the k signals."""
+        return tuple(self.file.signals)
+
+    @cached_property
+    def actions(self) -> ActionGrid:
+        """The grid of actions."""
+        return ActionGrid(tuple(self.file.actions), tuple(axis.values for axis in self.file.actions.values()))
+
+    @cached_property
+    def specification(self) -> Specification:
+        """What a reward method is told of the task."""
+        ranges = self.file.signals.values()
+        return Specification(
+            formula=self.formula,
+            signals=self.signals,
+            low=tuple(entry.low for entry in ranges),
+            high=tuple(entry.high for entry in ranges),
+            steps=self.file.steps,
+            dt=self.file.sampling_time,
+            nested=None if self.file.nested is None else self.file.parsed(self.file.nested),
+            input_limit=self.file.input_limit,
+        )
+
+    def budget(self, name: str) -> Budget:
+        """The named budget."""
+        if name not in self.file.budgets:
+            raise UsageError(f"task {self.name} has no budget '{name}'{did_you_mean(name, self.file.budgets)}")
+        return self.file.budgets[name]
+
+    def recipe(self, agent: str) -> Mapping[str, Any]:
+        """The task's parameters for an agent, by the agent's name without parameters."""
+        if agent not in self.file.agents:
+            known = ", ".join(sorted(self.file.agents))
+            raise UsageError(f"task {self.name} has no recipe for agent '{agent}'; it has: {known}")
+        return self.file.agents[agent]
+
+
+def load(name: str) -> Problem:
+    """Find, read and check a task.
+
+    Raises:
+        UsageError: no such task, or a task file with errors; the message lists all of them.
+    """
+    plugin = plugins.find("tasks", name)
+    kind = plugin.load()
+    text = resources.files(kind.__module__.rpartition(".")[0]).joinpath("task.yaml").read_text(encoding="utf-8")
+    file = read(text, name)
+    try:
+        system = kind(file.sampling_time, **file.parameters)
+    except TypeError as error:
+        raise UsageError(f"task {name}: parameters: {error}") from error
+    _check_states(name, file, system)
+    return Problem(name, text, file, system)
+
+
+def read(text: str, name: str) -> TaskFile:
+    """A task file's text, checked. Raises `UsageError` that lists every error with its place."""
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise UsageError(f"task {name}: task.yaml is no YAML: {error}") from error
+    try:
+        return TaskFile.model_validate(content)
+    except ValidationError as error:
+        raise UsageError(f"task {name}: task.yaml has errors:\n{_listed(error)}") from error
+
+
+def _listed(error: ValidationError) -> str:
+    lines = []
+    for entry in error.errors():
+        place = ".".join(str(part) for part in entry["loc"])
+        for message in entry["msg"].removeprefix("Value error, ").split("\n"):
+            lines.append(f"  {place}: {message}" if place else f"  {message}")
+    return "\n".join(lines)
+
+
+def _check_states(name: str, file: TaskFile, system: System) -> None:
+    regions = {"initial": file.initial, "training": file.training_starts}
+    regions |= {f"protocols.{key}.initial": entry.initial for key, entry in file.protocols.items() if entry.initial}
+    wrong = [place for place, region in regions.items() if tuple(region.box) != system.state]
+    if wrong:
+        raise UsageError(
+            f"task {name}: {', '.join(wrong)}: the box must name the states {', '.join(system.state)}, in this order"
+        )

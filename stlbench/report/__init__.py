@@ -1,0 +1,69 @@
+"""Results, shown: tables (Markdown, CSV, LaTeX, terminal) and figures, from `stlbench.result.Result` alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from stlbench.errors import UsageError
+from stlbench.report.formats import to_csv, to_latex, to_markdown, to_records, to_screen
+from stlbench.report.rows import Group, Row, group, row
+from stlbench.report.tables import Column, Table, cells, cost, robustness, summary, unfinished
+from stlbench.result import Result
+
+__all__ = [
+    "Column",
+    "Group",
+    "Row",
+    "Table",
+    "cells",
+    "condense",
+    "cost",
+    "group",
+    "robustness",
+    "row",
+    "summary",
+    "to_csv",
+    "to_latex",
+    "to_markdown",
+    "to_records",
+    "to_screen",
+    "unfinished",
+    "write",
+]
+
+
+def condense(results: Iterable[Result]) -> tuple[Group, ...]:
+    """Read results one at a time, keep a few numbers of each, and gather them by task, method, agent and budget."""
+    return group(row(result) for result in results)
+
+
+def write(groups: Sequence[Group], folder: Path) -> list[Path]:
+    """Write every table and figure into `folder`, over those of an earlier report; the files' paths.
+
+    report.md has all tables; robustness and time (.csv, .tex) and cells.csv one each; figures/ a few of each task.
+    Raises `UsageError` where the folder cannot be written.
+    """
+    from stlbench.report import figures  # matplotlib takes a second to import, and the tables do without
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        texts = {folder / name: text for name, text in _texts(groups).items()}
+        for path, text in texts.items():
+            path.write_text(text, encoding="utf-8")
+        return [*texts, *figures.draw(groups, folder / "figures")]
+    except OSError as error:
+        raise UsageError(f"cannot write the report: {error}") from error
+
+
+def _texts(groups: Sequence[Group]) -> dict[str, str]:
+    """File name -> content."""
+    robust, price = robustness(groups), cost(groups)
+    return {
+        "report.md": "# stlbench report\n\n" + "\n".join(to_markdown(table) for table in summary(groups)),
+        "robustness.csv": to_csv(robust),
+        "robustness.tex": to_latex(robust),
+        "time.csv": to_csv(price),
+        "time.tex": to_latex(price),
+        "cells.csv": to_csv(cells(row for group in groups for row in group.rows)),
+    }

@@ -1,0 +1,149 @@
+"""Results boiled down: a few numbers a cell, and the cells of one task, method, agent and budget as a group."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from stlbench.result import MAIN, Measurement, Result, Status
+
+__all__ = ["CurveRow", "Group", "Numbers", "Row", "group", "row"]
+
+CurveRow = tuple[int, float, float]
+"""One checkpoint: environment steps, satisfaction in [0, 1], mean robustness, on the starts kept for selection."""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """What the report needs of one finished cell. Satisfaction in [0, 1], times in seconds."""
+
+    satisfaction: float
+    robustness_mean: float
+    robustness_min: float
+    final_satisfaction: float
+    final_robustness_mean: float
+    selected_steps: int
+    training_cpu_seconds: float
+    training_wall_seconds: float
+    cpu_seconds: float
+    wall_seconds: float
+    env_steps: int
+    reward_nanoseconds: float
+    inputs_added: int
+    further: Mapping[str, float] = field(default_factory=dict)
+    """Further protocol -> mean robustness of the selected policy."""
+    first_failed: Mapping[str, int] = field(default_factory=dict)
+    """Subformula -> starts that lost it first, selected policy."""
+    curve: tuple[CurveRow, ...] = ()
+
+
+@dataclass(frozen=True)
+class Row:
+    """One cell. Holds no value a start, so that thousands of them fit into memory."""
+
+    task: str
+    method: str
+    agent: str
+    seed: int
+    budget: str
+    status: Status
+    reason: str
+    jobs: str
+    """How many cells ran at a time, from the provenance; empty where it does not say."""
+    numbers: Numbers | None
+
+    @property
+    def name(self) -> str:
+        """The cell's human name: hold-disc/funnel/dqn/0."""
+        return f"{self.task}/{self.method}/{self.agent}/{self.seed}"
+
+
+@dataclass(frozen=True)
+class Group:
+    """The cells that differ in nothing but the seed, in the order of their seeds."""
+
+    task: str
+    method: str
+    agent: str
+    budget: str
+    rows: tuple[Row, ...]
+
+    @cached_property
+    def done(self) -> tuple[Numbers, ...]:
+        """The numbers of the finished cells; every aggregate is over these."""
+        return tuple(row.numbers for row in self.rows if row.numbers is not None)
+
+    def values(self, number: Callable[[Numbers], float]) -> tuple[float, ...]:
+        """One number of each finished cell."""
+        return tuple(number(numbers) for numbers in self.done)
+
+    @property
+    def seeds(self) -> str:
+        """Over how many seeds the aggregates are: "3 of 3", or "9 of 10, 1 timeout"."""
+        unfinished = Counter(row.status for row in self.rows if row.status != "done")
+        parts = [
+            f"{len(self.done)} of {len(self.rows)}",
+            *(f"{count} {status}" for status, count in unfinished.items()),
+        ]
+        return ", ".join(parts)
+
+    @property
+    def remarks(self) -> str:
+        """Status and reason of the cells that did not finish, each said once."""
+        unfinished = Counter((row.status, row.reason) for row in self.rows if row.status != "done")
+        return "; ".join(f"{status}: {reason}" if reason else status for status, reason in unfinished)
+
+    @cached_property
+    def failures(self) -> tuple[tuple[str, int], ...]:
+        """Subformulas that were lost first, the most frequent first, counted over the starts of all seeds."""
+        counts: Counter[str] = Counter()
+        for numbers in self.done:
+            counts.update(numbers.first_failed)
+        return tuple(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+
+
+def row(result: Result) -> Row:
+    """A result without its values of single starts."""
+    return Row(
+        task=result.task,
+        method=result.method,
+        agent=result.agent,
+        seed=result.seed,
+        budget=result.budget,
+        status=result.status,
+        reason=" ".join(result.reason.split()),
+        jobs=result.provenance.get("jobs", ""),
+        numbers=None if result.measurement is None else _numbers(result.measurement),
+    )
+
+
+def group(rows: Iterable[Row]) -> tuple[Group, ...]:
+    """Rows, gathered by task, method, agent and budget; sorted, whatever order they come in."""
+    gathered: dict[tuple[str, str, str, str], list[Row]] = {}
+    for entry in rows:
+        gathered.setdefault((entry.task, entry.method, entry.agent, entry.budget), []).append(entry)
+    return tuple(Group(*key, tuple(sorted(gathered[key], key=lambda row: row.seed))) for key in sorted(gathered))
+
+
+def _numbers(measurement: Measurement) -> Numbers:
+    selected, final = measurement.selected[MAIN], measurement.final[MAIN]
+    return Numbers(
+        satisfaction=selected.satisfaction,
+        robustness_mean=selected.mean,
+        robustness_min=selected.minimum,
+        final_satisfaction=final.satisfaction,
+        final_robustness_mean=final.mean,
+        selected_steps=measurement.selected_steps,
+        training_cpu_seconds=measurement.training_cpu_seconds,
+        training_wall_seconds=measurement.training_wall_seconds,
+        cpu_seconds=measurement.cpu_seconds,
+        wall_seconds=measurement.wall_seconds,
+        env_steps=measurement.env_steps,
+        reward_nanoseconds=measurement.reward_nanoseconds,
+        inputs_added=measurement.inputs_added,
+        further={name: score.mean for name, score in measurement.selected.items() if name != MAIN},
+        first_failed=dict(selected.first_failed),
+        curve=tuple((point.steps, point.satisfaction, point.robustness_mean) for point in measurement.curve),
+    )

@@ -1,0 +1,68 @@
+"""Cells to results: skips what is finished, runs the rest on an executor, records each result as it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator, Sequence
+
+from stlbench.contract import Executor, Outcome
+from stlbench.ledger import Ledger
+from stlbench.matrix import Cell
+from stlbench.result import Result, Status
+
+__all__ = ["run"]
+
+
+def run(
+    cells: Sequence[Cell],
+    ledger: Ledger,
+    executor: Executor,
+    run_cell: Callable[[Cell], Result],
+    deadlines: Sequence[float],
+    retry: bool = False,
+) -> Iterator[Result]:
+    """Yield the result of each cell that was not finished, as they end. A result is in the ledger when it is yielded.
+
+    ctrl-C, or closing the iterator, stops the workers; what ended before is recorded.
+
+    Args:
+        cells: what to have results of, in the order in which to begin.
+        ledger: says what is finished, and takes the rest.
+        executor: runs the cells.
+        run_cell: an importable function. What it raises becomes a result with status `raised`.
+        deadlines: wall seconds for each of the cells.
+        retry: run cells again that raised, or were stopped or killed.
+    """
+    finished = ledger.finished((cell.key for cell in cells), retry)
+    limits = {cell: limit for cell, limit in zip(cells, deadlines, strict=True) if cell.key not in finished}
+    todo = tuple(limits)
+    outcomes = executor.run(run_cell, todo, tuple(limits.values()))
+    try:
+        for outcome in outcomes:
+            result = _result(todo[outcome.index], outcome)
+            ledger.record(result)
+            yield result
+    finally:
+        if isinstance(outcomes, Generator):
+            outcomes.close()  # now, and not when the garbage collector comes by
+
+
+def _result(cell: Cell, outcome: Outcome) -> Result:
+    if outcome.status != "done":
+        return _accident(cell, outcome.status, outcome.reason, outcome.details)
+    if isinstance(outcome.value, Result) and outcome.value.key == cell.key:
+        return outcome.value
+    return _accident(cell, "raised", f"the cell's function returned no result of this cell but {outcome.value!r:.200}")
+
+
+def _accident(cell: Cell, status: Status, reason: str, details: str = "") -> Result:
+    return Result(
+        key=cell.key,
+        task=cell.task,
+        method=cell.method,
+        agent=cell.agent,
+        seed=cell.seed,
+        budget=cell.budget,
+        status=status,
+        reason=reason,
+        details=details,
+    )

@@ -1,0 +1,220 @@
+"""Formulas without temporal operators to closures over samples, on arrays or on plain floats.
+
+The closures run at every environment step, so the tree is walked once here and never again: constants are folded, a
+signal is one C-level `itemgetter`, and each operator is one NumPy call.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+from operator import itemgetter
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from .errors import UndefinedError, UnknownSignalError
+from .structure import is_temporal, signals
+from .syntax import (
+    And,
+    Binary,
+    Call,
+    Expression,
+    Formula,
+    Implies,
+    Negative,
+    Not,
+    Number,
+    Or,
+    Predicate,
+    Signal,
+    TrueFormula,
+)
+
+Closure: TypeAlias = Callable[[Any], Any]
+#: a compiled operand: a constant, or a closure over the sample
+Operand: TypeAlias = Closure | float | bool
+
+_ARITHMETIC: dict[str, Callable[[Any, Any], Any]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+}
+
+
+@dataclass(frozen=True)
+class Backend:
+    """How samples are read and combined: arrays whose last axis is the signals, or plain lists of floats."""
+
+    signal: Callable[[int], Closure]
+    minimum: Callable[[Any, Any], Any]
+    maximum: Callable[[Any, Any], Any]
+    functions: dict[str, Callable[[Any], Any]]
+
+
+ARRAYS = Backend(
+    signal=lambda index: itemgetter((Ellipsis, index)),
+    minimum=np.minimum,
+    maximum=np.maximum,
+    functions={"abs": abs, "sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "exp": np.exp},
+)
+#: raises ZeroDivisionError, ValueError or OverflowError where arrays give inf or NaN
+SCALARS = Backend(
+    signal=itemgetter,
+    minimum=min,
+    maximum=max,
+    functions={"abs": abs, "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "exp": math.exp},
+)
+
+
+def compile_margin(psi: Formula, names: tuple[str, ...], backend: Backend) -> Operand:
+    """The robustness of `psi` as a constant or a closure over `backend`'s samples."""
+    compiler = _Compiler(_index(psi, names), backend)
+
+    def predicate(node: Predicate) -> Operand:
+        return compiler.margin(node)
+
+    return compiler.formula(psi, predicate, operator.neg, math.inf)
+
+
+def compile_holds(psi: Formula, names: tuple[str, ...], backend: Backend, checked: bool = False) -> Operand:
+    """The verdict of `psi` likewise; `checked` raises UndefinedError on NaN margins."""
+    compiler = _Compiler(_index(psi, names), backend)
+    negate = np.logical_not if backend is ARRAYS else operator.not_
+
+    def predicate(node: Predicate) -> Operand:
+        test = operator.ge if node.op in ("<=", ">=") else operator.gt
+        h = compiler.margin(node)
+        if not callable(h):
+            return bool(test(h, 0.0))
+        if checked:
+            return lambda x: test(_defined(h(x)), 0.0)
+        return lambda x: test(h(x), 0.0)
+
+    return compiler.formula(psi, predicate, negate, True)
+
+
+class _Compiler:
+    def __init__(self, index: dict[str, int], backend: Backend) -> None:
+        self.index, self.backend = index, backend
+
+    def formula(
+        self, psi: Formula, predicate: Callable[[Predicate], Operand], negate: Closure, true: float | bool
+    ) -> Operand:
+        def compile_(node: Formula) -> Operand:
+            match node:
+                case TrueFormula():
+                    return true
+                case Predicate():
+                    return predicate(node)
+                case Not(arg):
+                    return _apply(negate, compile_(arg))
+                case And(args):
+                    return reduce(lambda x, y: _combine(self.backend.minimum, x, y), map(compile_, args))
+                case Or(args):
+                    return reduce(lambda x, y: _combine(self.backend.maximum, x, y), map(compile_, args))
+                case Implies(left, right):
+                    return _combine(self.backend.maximum, _apply(negate, compile_(left)), compile_(right))
+                case _:
+                    raise ValueError(f"expected a formula without temporal operators, got {node}")
+
+        return compile_(psi)
+
+    def margin(self, node: Predicate) -> Operand:
+        small, large = (node.left, node.right) if node.op in ("<=", "<") else (node.right, node.left)
+        return _combine(operator.sub, self.expression(large), self.expression(small))
+
+    def expression(self, node: Expression) -> Operand:
+        match node:
+            case Number(value):
+                return value
+            case Signal(name):
+                return self.backend.signal(self.index[name])
+            case Negative(arg):
+                return _apply(operator.neg, self.expression(arg))
+            case Binary("**", left, Number(value)):
+                exponent = int(value)
+                return _apply(lambda base: base**exponent, self.expression(left))
+            case Binary(op, left, right):
+                return _combine(_ARITHMETIC[op], self.expression(left), self.expression(right))
+            case Call(name, args):
+                return self.call(name, [self.expression(arg) for arg in args])
+
+    def call(self, name: str, args: list[Operand]) -> Operand:
+        backend = self.backend
+        match name:
+            case "min" | "max":
+                pick = backend.minimum if name == "min" else backend.maximum
+                return reduce(lambda x, y: _combine(pick, x, y), args)
+            case "norm":
+                squares = [_apply(_square, arg) for arg in args]
+                total = reduce(lambda x, y: _combine(operator.add, x, y), squares)
+                return _apply(backend.functions["sqrt"], total)
+            case "norminf":
+                return reduce(lambda x, y: _combine(backend.maximum, x, y), [_apply(abs, arg) for arg in args])
+            case _:
+                return _apply(backend.functions[name], args[0])
+
+
+def _square(value: Any) -> Any:
+    return value * value
+
+
+def _apply(function: Closure, arg: Operand) -> Operand:
+    if callable(arg):
+        return lambda x: function(arg(x))
+    return _fold(function, arg)
+
+
+def _combine(function: Callable[[Any, Any], Any], left: Operand, right: Operand) -> Operand:
+    if callable(left) and callable(right):
+        return lambda x: function(left(x), right(x))
+    if callable(left):
+        return lambda x: function(left(x), right)
+    if callable(right):
+        return lambda x: function(left, right(x))
+    return _fold(function, left, right)
+
+
+def _fold(function: Callable[..., Any], *constants: float | bool) -> float | bool:
+    """The value of a constant subexpression, once, at compile time."""
+    with np.errstate(all="ignore"):
+        try:
+            value: float | bool = function(*constants)
+        except (ArithmeticError, ValueError):
+            value = math.nan
+    if math.isnan(value):
+        raise UndefinedError(f"a constant of the formula has no value ({', '.join(map(str, constants))})")
+    return value
+
+
+def _defined(h: Any) -> Any:
+    if np.isnan(h).any():
+        raise UndefinedError("a predicate has no value")
+    return h
+
+
+def _index(psi: Formula, names: tuple[str, ...]) -> dict[str, int]:
+    if is_temporal(psi):
+        raise ValueError(f"expected a formula without temporal operators, got {psi}")
+    return check_names(psi, names)
+
+
+def check_names(formula: Formula, names: tuple[str, ...], where: str = "trace") -> dict[str, int]:
+    """Column of each name.
+
+    Raises:
+        UnknownSignalError: `formula` uses another signal.
+        ValueError: a name occurs twice.
+    """
+    index = {name: column for column, name in enumerate(names)}
+    if len(index) < len(names):
+        raise ValueError(f"signal names must differ, got {', '.join(names)}")
+    for name in signals(formula):
+        if name not in index:
+            raise UnknownSignalError(name, names, where)
+    return index

@@ -1,0 +1,82 @@
+"""Sliding minimum, maximum and timed until along the last axis, over a batch, by doubling: O(T log w).
+
+A window of width w is covered by two windows of width 2^j <= w, which may overlap because min and max do not count.
+Works on float (robustness) and bool (Boolean semantics: minimum is and, maximum is or) arrays alike.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Values = NDArray[Any]
+
+
+def slide(values: Values, width: int, pick: np.ufunc) -> Values:
+    """`pick` (np.minimum or np.maximum) over every window of `width` samples.
+
+    values (..., m) with m >= width >= 1 -> (..., m - width + 1).
+    """
+    count = values.shape[-1] - width + 1
+    if count == 1:
+        return pick.reduce(values, axis=-1, keepdims=True)  # type: ignore[no-any-return]
+    size = 1
+    while 2 * size <= width:
+        values = pick(values[..., :-size], values[..., size:])
+        size *= 2
+    if size < width:
+        values = pick(values[..., :count], values[..., width - size : width - size + count])
+    return values
+
+
+def until(left: Values, right: Values, a: int, count: int) -> Values:
+    """`left U[a,b] right` at `count` steps t: max over t' in [t+a, t+b] of min(right(t'), min of left on [t, t')).
+
+    Args:
+        left: (..., count + b - 1), from step t = 0 on (unused and of any length if b = 0).
+        right: (..., count + b - a), from step a on; its length says what b is.
+        a: first step of the interval.
+        count: how many steps t, >= 1.
+
+    Split at a, exactly: left holds on [t, t+a), and from t + a on an until with the interval [0, b - a].
+    """
+    width = right.shape[-1] - count + 1
+    if count == 1:
+        return _first_until(left, right, a)
+    result = _prompt_until(left[..., a:], right, width)
+    if a > 0:
+        result = np.minimum(result, slide(left[..., : count + a - 1], a, np.minimum))
+    return result
+
+
+def _prompt_until(left: Values, right: Values, width: int) -> Values:
+    """Until with the interval [0, width - 1], by doubling.
+
+    With U over [t, t+s) and L the minimum of left over the same steps, U over [t, t+2s) is max(U, min(L, U(t+s))). An
+    overlap in the last round is harmless: it repeats candidates with more of left in their minimum.
+    """
+    count = right.shape[-1] - width + 1
+    size = 1
+    while 2 * size <= width:
+        right = np.maximum(right[..., :-size], np.minimum(left[..., : right.shape[-1] - size], right[..., size:]))
+        left = np.minimum(left[..., :-size], left[..., size:])
+        size *= 2
+    if size < width:
+        late = right[..., width - size : width - size + count]
+        right = np.maximum(right[..., :count], np.minimum(left[..., :count], late))
+    return right
+
+
+def _first_until(left: Values, right: Values, a: int) -> Values:
+    """Until at one step: one running minimum of left, which is then compared with right one step later."""
+    b = a + right.shape[-1] - 1
+    if b == 0:
+        return right
+    before = np.minimum.accumulate(left[..., :b], axis=-1)
+    if a > 0:
+        return np.minimum(right, before[..., a - 1 :]).max(axis=-1, keepdims=True)  # type: ignore[no-any-return]
+    later = np.minimum(right[..., 1:], before).max(axis=-1, keepdims=True)
+    first: Values = np.maximum(right[..., :1], later)
+    return first

@@ -1,0 +1,183 @@
+"""One cell, from its name to its result: train, select, report. Runs in a worker process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from stlbench import plugins, problem
+from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, Training, Unsuitable
+from stlbench.environment import BatchEnvironment, Simulator
+from stlbench.matrix import Cell, derive_seed
+from stlbench.problem import Budget, Problem
+from stlbench.referee import Referee
+from stlbench.result import CurvePoint, Measurement, Result, Score, Status
+
+__all__ = ["build_agent", "build_method", "reward_cost", "run_cell", "trace_file"]
+
+
+def run_cell(cell: Cell, folder: Path | None = None) -> Result:
+    """Train and score one cell.
+
+    Args:
+        cell: what to run.
+        folder: where the report's traces are saved, if anywhere (`trace_file`).
+
+    Returns:
+        The cell's result; a method that does not fit the task is a result, with its reason. Any other error of a
+        plugin is raised, for the scheduler to record.
+    """
+    task = problem.load(cell.task)
+    try:
+        method = build_method(task, cell.method)
+    except Intractable as reason:
+        return _ended(cell, "intractable", str(reason))
+    except Unsuitable as reason:
+        return _ended(cell, "unsuitable", str(reason))
+    measurement, traces = measure(task, method, build_agent(task, cell.agent), cell)
+    if folder is not None:
+        _save(trace_file(folder, cell), traces, task.signals)
+    return Result(
+        cell.key, cell.task, cell.method, cell.agent, cell.seed, cell.budget, "done", measurement=measurement
+    )
+
+
+def build_method(task: Problem, text: str) -> RewardMethod:
+    """The method named `text`, with its parameters, for a task. Raises `Intractable`, `Unsuitable`, `UsageError`."""
+    (choice,) = plugins.parse_choices(text)
+    method = cast(RewardMethod, plugins.build("methods", choice, task.specification))
+    limit = task.specification.input_limit
+    if method.memory_size > limit:
+        raise Intractable(f"needs {method.memory_size} inputs, limit {limit}")
+    return method
+
+
+def build_agent(task: Problem, text: str) -> Agent:
+    """The agent named `text` with the task's recipe, which parameters in the text override."""
+    (choice,) = plugins.parse_choices(text)
+    return cast(Agent, plugins.build("agents", choice, defaults=task.recipe(choice.name)))
+
+
+def trace_file(folder: Path, cell: Cell) -> Path:
+    """Where a cell's traces are saved: an .npz with `traces` (N, T + 1, k) and `signals` (k,)."""
+    return folder / f"{cell.name.replace('/', '_')}_{cell.key[:12]}.npz"
+
+
+@dataclass
+class _Clock:
+    """CPU and wall seconds, without the spans during which it is paused."""
+
+    cpu: float = 0.0
+    wall: float = 0.0
+    _since: tuple[float, float] = field(default_factory=lambda: (time.process_time(), time.perf_counter()))
+
+    def pause(self) -> None:
+        self.cpu += time.process_time() - self._since[0]
+        self.wall += time.perf_counter() - self._since[1]
+
+    def resume(self) -> None:
+        self._since = (time.process_time(), time.perf_counter())
+
+
+class _Selection:
+    """The best checkpoint so far: by satisfaction, then by mean robustness, on the starts kept for selection."""
+
+    def __init__(self, referee: Referee, clock: _Clock) -> None:
+        self.referee, self.clock = referee, clock
+        self.curve: list[CurvePoint] = []
+        self.best: Policy | None = None
+        self.steps = 0
+        self._rank = (-1.0, -np.inf)
+
+    def __call__(self, policy: Policy, steps: int) -> None:
+        self.clock.pause()
+        found: Score = self.referee.select(policy)
+        self.curve.append(CurvePoint(steps, self.clock.cpu, found.satisfaction, found.mean))
+        if (found.satisfaction, found.mean) > self._rank:
+            self._rank, self.best, self.steps = (found.satisfaction, found.mean), policy, steps
+        self.clock.resume()
+
+
+def measure(task: Problem, method: RewardMethod, agent: Agent, cell: Cell) -> tuple[Measurement, Array]:
+    """Train, and score the selected and the final policy: the measurement and the selected policy's traces."""
+    whole = _Clock()
+    referee = Referee(task, method)
+    budget = task.budget(cell.budget)
+    used: list[BatchEnvironment] = []
+    clock = _Clock()
+    selection = _Selection(referee, clock)
+    training = _training(task, method, cell, budget, selection, used.append)
+    clock.resume()
+    final = agent.train(training)
+    clock.pause()
+    selected = selection.best or final
+    reported = referee.report(selected)
+    last = reported if selected is final else referee.report(final)
+    cost = reward_cost(task, method)
+    whole.pause()
+    measurement = Measurement(
+        selected=reported.scores,
+        final=last.scores,
+        selected_steps=selection.steps,
+        curve=tuple(selection.curve),
+        training_cpu_seconds=clock.cpu,
+        training_wall_seconds=clock.wall,
+        cpu_seconds=whole.cpu,
+        wall_seconds=whole.wall,
+        env_steps=sum(environment.taken for environment in used),
+        reward_nanoseconds=cost,
+        inputs_added=method.memory_size,
+    )
+    return measurement, reported.traces
+
+
+def _training(
+    task: Problem,
+    method: RewardMethod,
+    cell: Cell,
+    budget: Budget,
+    report: Callable[[Policy, int], None],
+    made: Callable[[BatchEnvironment], None],
+) -> Training:
+    agent = cell.agent.partition("[")[0]
+
+    def make(count: int) -> BatchEnvironment:
+        environment = BatchEnvironment(task, method, count, derive_seed(cell.task, "initial states", cell.seed))
+        made(environment)
+        return environment
+
+    return Training(make, budget.steps, derive_seed(cell.task, agent, "training", cell.seed), report, budget.checkpoints)
+
+
+def reward_cost(task: Problem, method: RewardMethod, rows: int = 1024, repeats: int = 50) -> float:
+    """CPU nanoseconds that the method's reward takes a step and copy, in a batch of `rows` under random actions."""
+    generator = np.random.default_rng(0)
+    simulator = Simulator(task, method)
+    region = task.file.initial
+    simulator.place(generator.uniform(region.low, region.high, (rows, len(region.low))))
+    action = task.actions.vectors[generator.integers(task.actions.size, size=rows)]
+    after = task.system.signals(task.system.step(simulator.state, action))
+    step = partial(method.step, simulator.signals, action, after, simulator.t)
+    step(simulator.memory)
+    begin = time.process_time_ns()
+    memory = simulator.memory
+    for _ in range(repeats):
+        _, memory = step(memory)
+    return (time.process_time_ns() - begin) / (rows * repeats)
+
+
+def _ended(cell: Cell, status: Status, reason: str) -> Result:
+    return Result(cell.key, cell.task, cell.method, cell.agent, cell.seed, cell.budget, status, reason)
+
+
+def _save(path: Path, traces: Array, signals: tuple[str, ...]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(path, traces=traces, signals=np.array(signals))
+
+

@@ -1,0 +1,1 @@
+"""The paper's comparative study: stay in a disc."""

@@ -1,0 +1,24 @@
+"""The robot of the comparative study."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stlbench.contract import Array, Integers
+from stlbench_tasks.differential_drive import DifferentialDrive
+
+__all__ = ["HoldDisc"]
+
+
+class HoldDisc(DifferentialDrive):
+    """Comparative study: a differential-drive robot stays in a disc, G[0,200], sampled at 0.01 s."""
+
+    def features(self, state: Array, t: Integers) -> Array:
+        """The disc's centre (2, 2) as seen from the robot, ahead and to the left: (N, 4).
+
+        In metres, and again as tanh over 0.2 m, which resolves the last decimetres.
+        """
+        dx, dy = 2 - state[:, 0], 2 - state[:, 1]
+        cosine, sine = np.cos(state[:, 2]), np.sin(state[:, 2])
+        ahead, left = dx * cosine + dy * sine, dy * cosine - dx * sine
+        return np.stack([ahead, left, np.tanh(ahead / 0.2), np.tanh(left / 0.2)], axis=1)

@@ -1,0 +1,1 @@
+"""The comparative study at the sampling time of the authors' program."""

@@ -1,0 +1,25 @@
+"""The discrete-time integrator (Saxena et al., sec. IV-C)."""
+
+from __future__ import annotations
+
+from stlbench.contract import Array, Integers, System
+
+__all__ = ["IntegratorOr"]
+
+
+class IntegratorOr(System):
+    """Discrete-time integrator that stays near 5 or near 45, G[0,2000] of a disjunction. x' = x + dt v."""
+
+    state = ("x",)
+
+    def step(self, state: Array, action: Array) -> Array:
+        """One sampling time later: (N, 1), (N, 1) -> (N, 1)."""
+        return state + self.dt * action
+
+    def signals(self, state: Array) -> Array:
+        """x: (..., 1) -> (..., 1)."""
+        return state
+
+    def features(self, state: Array, t: Integers) -> Array:
+        """Position from the middle between the goals, over 12.5: (N, 1)."""
+        return (state - 25) / 12.5

@@ -1,0 +1,1 @@
+"""The paper's mobile robot navigation: two regions in turn."""

@@ -1,0 +1,147 @@
+"""A made-up distribution with one of each kind of plugin: cells of it take milliseconds and run in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from stlbench.cli import app
+
+ENTRIES = """
+[stlbench.methods]
+toy-raw = toy_plugins.methods:Raw
+toy-large = toy_plugins.methods:Large
+toy-wrong = toy_plugins.methods:Wrong
+toy-broken = toy_plugins.missing:Nothing
+[stlbench.tasks]
+toy-line = toy_plugins.line.system:Line
+[stlbench.agents]
+toy-agent = toy_plugins.agents:Still
+[stlbench.executors]
+toy-here = toy_plugins.executors:Here
+"""
+
+TASK = """
+title: Stay on a line
+source: made up
+formula: G[0,4] (x <= 1)
+sampling_time: 0.5
+steps: 4
+signals:
+  x: {low: -2, high: 3, unit: m}
+actions:
+  v: {low: -1, high: 1, count: 3}
+initial:
+  box: {x: [-1, 0.9]}
+starts: 8
+protocols:
+  end: {title: at the end, formula: "F[4,4] x <= 1", starts: 8}
+agents:
+  toy-agent: {action: 1}
+budgets:
+  quick: {steps: 8, seeds: 2, deadline: 60, checkpoints: 2}
+"""
+
+SYSTEM = '''
+from stlbench.contract import System
+
+class Line(System):
+    """x' = x + dt v."""
+    state = ("x",)
+    def step(self, state, action): return state + self.dt * action
+    def signals(self, state): return state
+    def features(self, state, t): return state
+'''
+
+METHODS = '''
+import numpy as np
+from stlbench.contract import Intractable, RewardMethod
+
+class Raw(RewardMethod):
+    """One minus x."""
+    def __init__(self, specification, *, weight: float = 1.0):
+        super().__init__(specification)
+        self.weight = weight
+    def step(self, signals, action, next_signals, t, memory):
+        return self.weight * (1 - next_signals[:, 0]), memory
+    def describe(self): return {"weight": self.weight}
+
+class Large(Raw):
+    """Never fits."""
+    def __init__(self, specification):
+        raise Intractable("needs 6003 inputs, limit 512")
+
+class Wrong(Raw):
+    """Raises."""
+    def step(self, signals, action, next_signals, t, memory):
+        raise ValueError("no [such] luck")
+'''
+
+AGENTS = '''
+import numpy as np
+from stlbench.contract import Agent, Policy
+
+interrupt_after = None
+
+class Always(Policy):
+    def __init__(self, action): self.action = action
+    def act(self, observation): return np.full(len(observation), self.action)
+
+class Still(Agent):
+    """Learns nothing: its policy takes one action."""
+    def __init__(self, *, action: int = 0): self.action = action
+    def train(self, training):
+        global interrupt_after
+        if interrupt_after is not None:
+            interrupt_after -= 1
+            if interrupt_after < 0:
+                raise KeyboardInterrupt
+        environment = training.make(2)
+        environment.reset()
+        for _ in range(training.steps // 2):
+            environment.step(np.array([self.action, self.action]))
+        policy = Always(self.action)
+        training.report(policy, training.steps)
+        return policy
+'''
+
+EXECUTORS = '''
+from stlbench.contract import Executor, Outcome
+
+class Here(Executor):
+    """In this process."""
+    def __init__(self, *, jobs: int = 1): super().__init__(jobs=jobs)
+    def run(self, function, items, deadlines):
+        for index, item in enumerate(items):
+            try:
+                yield Outcome(index, "done", function(item))
+            except Exception as error:
+                yield Outcome(index, "raised", reason=f"{type(error).__name__}: {error}")
+'''
+
+
+@pytest.fixture
+def toy(site: Callable[..., Path]) -> Path:
+    """Install the distribution `toy-plugins`."""
+    files = {"__init__": "", "line/__init__": "", "line/system": SYSTEM, "methods": METHODS, "agents": AGENTS}
+    files = {f"toy_plugins/{name}.py": text for name, text in (files | {"executors": EXECUTORS}).items()}
+    return site("toy-plugins", ENTRIES, files | {"toy_plugins/line/task.yaml": TASK})
+
+
+@pytest.fixture
+def say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
+    """Say a command, its words as arguments, in an empty folder."""
+    folder = tmp_path / "work"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+
+    def invoke(*words: object) -> Result:
+        found = CliRunner().invoke(app, [str(word) for word in words])
+        if found.exception and not isinstance(found.exception, SystemExit):
+            raise found.exception
+        return found
+
+    return invoke

@@ -1,0 +1,66 @@
+"""The command line as a whole: help, version, errors, and how fast it starts."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from stlbench import __version__
+from stlbench.cli import app
+
+HEAVY = {"torch", "matplotlib", "scipy", "gymnasium"}
+
+
+def test_version(say):
+    done = say("--version")
+    assert (done.exit_code, done.stdout) == (0, f"stlbench {__version__}\n")
+
+
+@pytest.mark.parametrize("words", [[], ["run"], ["list"], ["show"], ["show", "task"], ["report"], ["monitor"]])
+def test_help_has_an_example(say, words):
+    done = say(*words, "--help")
+    assert done.exit_code == 0
+    assert "Example" in done.stdout
+    assert f"stlbench {' '.join(words)}".strip() + " " in done.stdout.partition("Example")[2]
+
+
+def test_without_a_command_it_prints_its_help(say):
+    done = say()
+    assert (done.exit_code, done.stdout.rstrip()) == (0, say("--help").stdout.rstrip())
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["rnu"], "error: No such command 'rnu'. Did you mean 'run'? (see 'stlbench --help')\n"),
+        (["--colour"], "error: No such option: --colour (see 'stlbench --help')\n"),
+        (["show"], "error: Missing command. (see 'stlbench show --help')\n"),
+        (["show", "task"], "error: Missing argument 'NAME'. (see 'stlbench show task --help')\n"),
+    ],
+)
+def test_wrong_words_are_one_line_on_stderr(say, words, message):
+    done = say(*words)
+    assert (done.exit_code, done.stdout, done.stderr) == (2, "", message)
+
+
+def test_a_bug_is_not_hidden(monkeypatch, tmp_path):
+    monkeypatch.setattr("stlbench.cli.trace.read_trace", lambda path: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        app(["monitor", "x > 0", "trace.csv"])
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--version"], ["monitor", "x > 0", "trace.csv", "--json"]])
+def test_starts_without_the_heavy_packages(say, tmp_path, words):
+    (tmp_path / "trace.csv").write_text("x\n1\n")
+    code = (
+        "import sys\nfrom stlbench.cli import app\n"
+        "try:\n    app(sys.argv[1:])\nexcept SystemExit as end:\n    assert not end.code\n"
+        "print(*sorted({name.partition('.')[0] for name in sys.modules}), file=sys.stderr)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    assert "typer" in done.stderr.split()
+    assert not HEAVY & set(done.stderr.split())

@@ -1,0 +1,140 @@
+"""`stlbench monitor`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+TRACE = "x,y\n0,1\n1,3\n2,-1\n"
+
+
+@pytest.fixture
+def trace(say):
+    """trace.csv in the working folder."""
+    Path("trace.csv").write_text(TRACE)
+    return "trace.csv"
+
+
+def test_robustness_and_verdict(say, trace):
+    done = say("monitor", "F[0,2] y >= 2.5", trace)
+    assert done.exit_code == 0
+    assert done.stdout.split() == ["satisfied", "robustness", "0.5", "F[0,2]", "y", ">=", "2.5"]
+
+
+def test_a_violation_is_no_error(say, trace):
+    done = say("monitor", "G[0,2] y >= 0", trace)
+    assert (done.exit_code, done.stdout.split()[:3]) == (0, ["violated", "robustness", "-1"])
+
+
+def test_json_is_a_list_and_alone_on_stdout(say, trace):
+    done = say("monitor", "--json", "G[0,2] y >= 0", trace)
+    assert json.loads(done.stdout) == [{"formula": "G[0,2] y >= 0", "robustness": -1.0, "satisfied": False}]
+    assert done.stderr == ""
+
+
+def test_the_verdict_is_not_the_sign_of_the_robustness(say, trace):
+    found = [json.loads(say("monitor", "--json", formula, trace).stdout)[0] for formula in ("x >= 0", "x > 0")]
+    assert [(entry["robustness"], entry["satisfied"]) for entry in found] == [(0.0, True), (0.0, False)]
+
+
+def test_infinite_robustness_is_null(say, trace):
+    assert json.loads(say("monitor", "--json", "True", trace).stdout)[0]["robustness"] is None
+
+
+def test_many_formulas(say, trace):
+    Path("all.txt").write_text("# requirements\n\nx >= 0\n  F[0,2] y >= 2.5\n")
+    done = say("monitor", "--formulas", "all.txt", trace, "--json")
+    assert [entry["formula"] for entry in json.loads(done.stdout)] == ["x >= 0", "F[0,2] y >= 2.5"]
+    assert [entry["robustness"] for entry in json.loads(done.stdout)] == [0.0, 0.5]
+
+
+def test_intervals_in_seconds(say, trace):
+    done = say("monitor", "F[0,0.1] y >= 2.5", trace, "--dt", "0.1", "--json")
+    assert json.loads(done.stdout)[0]["robustness"] == 0.5
+
+
+def test_clip_evaluates_a_short_trace(say, trace):
+    done = say("monitor", "G[0,9] x >= -1", trace, "--policy", "clip", "--json")
+    assert json.loads(done.stdout)[0]["robustness"] == 1.0
+
+
+def test_a_formula_may_begin_with_a_dash(say, trace):
+    assert say("monitor", "--json", "--", "-x <= 1", trace).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    "text", ["\ufeffx,y\r\n0,1\r\n1,3\r\n2,-1\r\n", " x , y\n0, 1\n1,3\n2,-1e0\n\n\n", '"x","y"\n"0",1\n1,3\n2,-1']
+)
+def test_other_ways_to_write_the_same_trace(say, text):
+    Path("trace.csv").write_text(text, encoding="utf-8", newline="")
+    assert json.loads(say("monitor", "--json", "G[0,2] y >= 0", "trace.csv").stdout)[0]["robustness"] == -1.0
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ("", "the file is empty; its first row must name the signals"),
+        ("1,2\n3,4\n", "the first row must name the signals, got the numbers 1, 2"),
+        ("x,y\n", "there is no row below the header"),
+        ("x,y\n1,2\n3\n", "row 3 has 1 values, the header names 2 signals"),
+        ("x,y\n1,2,3\n", "row 2 has 3 values, the header names 2 signals"),
+        ("x,y\n1,2\n\n3,4\n", "row 3 has 0 values, the header names 2 signals"),
+        ("x,y\n1,2\n3,four\n", "row 3, column 2 (y): 'four' is no finite number"),
+        ("x,y\n1,nan\n", "row 2, column 2 (y): 'nan' is no finite number"),
+        ("x,y\n-inf,0\n", "row 2, column 1 (x): '-inf' is no finite number"),
+        ("x,y\n,0\n", "row 2, column 1 (x): '' is no finite number"),
+        ("x,y\n1_0,0\n", "row 2, column 1 (x): '1_0' is no finite number"),
+        ("x,x\n1,2\n", "the header names 'x' twice"),
+        ("x,\n1,2\n", "column 2 has no name in the header"),
+    ],
+)
+def test_a_bad_trace_is_one_line(say, text, rule):
+    Path("bad.csv").write_text(text)
+    done = say("monitor", "x > 0", "bad.csv")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr == f"error: bad.csv: {rule}\n"
+
+
+@pytest.mark.parametrize("content", [b"x,y\n\xff,1\n", b'x,y\n1,"2\n', None])
+def test_an_unreadable_trace_is_one_line(say, content):
+    if content is not None:
+        Path("bad.csv").write_bytes(content)
+    done = say("monitor", "x > 0", "bad.csv")
+    assert done.exit_code == 2
+    assert done.stderr.startswith("error: cannot read bad.csv: ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_syntax_error_shows_its_place(say, trace):
+    done = say("monitor", "G[0,2] x >", trace)
+    assert done.exit_code == 2
+    first, source, caret = done.stderr.splitlines()
+    assert first.startswith("error: formula: line 1, column 11: expected ")
+    assert source.index("G") + 10 == caret.index("^")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["z > 0", "trace.csv"], "formula uses signal 'z'"),
+        (["G[0,5] x > 0", "trace.csv"], "formula: needs 6 rows, the trace has 3; --policy clip evaluates short traces"),
+        (["1/x > 0", "trace.csv", "--dt", "0"], "must be positive, got 0"),
+        (["trace.csv"], 'expected a formula and a trace, "FORMULA" trace.csv; got 1 argument(s)'),
+        (["a > 0", "b", "c"], "got 3 argument(s)"),
+        (["--formulas", "all.txt", "x > 0", "trace.csv"], "with --formulas, name one trace and no formula"),
+        (["--formulas", "none.txt", "trace.csv"], "cannot read none.txt"),
+        (["--formulas", "empty.txt", "trace.csv"], "empty.txt holds no formula"),
+        (["--formulas", "wrong.txt", "trace.csv"], "wrong.txt, line 3: line 1, column 3"),
+        (["x > 0", "trace.csv", "--policy", "lax"], "'--policy'"),
+        ([], "Missing argument"),
+    ],
+)
+def test_bad_input_exits_2_with_a_clear_line(say, trace, words, message):
+    Path("empty.txt").write_text("# nothing\n\n")
+    Path("wrong.txt").write_text("x > 0\n\nx @ 1\n")
+    done = say("monitor", *words)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: ")
+    assert message in done.stderr.splitlines()[0]

@@ -1,0 +1,202 @@
+"""`stlbench run` and `stlbench report`, on made-up plugins, from the words to the files."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import json
+from pathlib import Path
+
+import pytest
+
+from stlbench.cli.run import parse_seeds
+from stlbench.errors import UsageError
+from stlbench.ledger import Ledger
+
+TOY = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here")
+
+
+@pytest.fixture
+def run(say, toy):
+    """Say `run` with these methods, and further words."""
+    return lambda methods, *words: say(*TOY, "--methods", methods, *words)
+
+
+def cells():
+    with Path("results/cells.csv").open(newline="") as file:
+        return [(row["method"], row["seed"], row["status"]) for row in csv.DictReader(file)]
+
+
+def test_runs_every_cell_and_prints_both_tables(run):
+    done = run("toy-raw,toy-raw[weight=2]")
+    assert done.exit_code == 0
+    assert "Robustness: task toy-line, agent toy-agent, budget quick" in done.stdout
+    assert "Wall time and cost: task toy-line, agent toy-agent, budget quick" in done.stdout
+    assert cells() == [(method, seed, "done") for method in ("toy-raw", "toy-raw[weight=2]") for seed in "01"]
+
+
+def test_says_how_each_cell_ended(run):
+    lines = run("toy-raw,toy-large").stderr.splitlines()
+    assert lines[0] == "4 cells"
+    assert len(lines) == 5
+    assert lines[1].startswith("[1/4] toy-line/toy-raw/toy-agent/0 done: robustness 1.")
+    assert lines[2] == "[2/4] toy-line/toy-large/toy-agent/0 intractable: needs 6003 inputs, limit 512"
+
+
+def test_the_same_words_run_nothing_and_repeat_the_tables(run, monkeypatch):
+    first = run("toy-raw")
+    monkeypatch.setattr("stlbench.trial.run_cell", lambda *_: pytest.fail("ran a cell again"))
+    again = run("toy-raw")
+    assert again.exit_code == 0
+    assert again.stderr == "2 cells, 2 of them done before\n"
+    assert again.stdout == first.stdout
+
+
+def test_more_seeds_run_only_what_is_missing(run):
+    run("toy-raw", "--seeds", "2")
+    done = run("toy-raw", "--seeds", "0-2,5")
+    assert done.stderr.splitlines()[0] == "4 cells, 2 of them done before"
+    assert [seed for _, seed, _ in cells()] == ["0", "1", "2", "5"]
+
+
+def test_the_tables_have_the_cells_of_this_command_and_the_report_has_all(run, say):
+    run("toy-raw")
+    run("toy-large")
+    assert {method for method, _, _ in cells()} == {"toy-large"}
+    assert say("report", "results").exit_code == 0
+    assert {method for method, _, _ in cells()} == {"toy-large", "toy-raw"}
+
+
+def test_a_method_that_does_not_fit_is_a_row_and_no_failure(run):
+    done = run("toy-raw,toy-large")
+    assert done.exit_code == 0
+    assert "toy-large" in done.stdout
+    assert "intractable: needs 6003 inputs, limit 512" in done.stdout
+
+
+def test_an_accident_is_a_row_and_exit_code_1(run):
+    done = run("toy-wrong,toy-raw")
+    assert done.exit_code == 1
+    assert "Cells without a result" in done.stdout
+    assert "ValueError: no [such] luck" in done.stdout
+    assert cells() == [*(("toy-raw", seed, "done") for seed in "01"), *(("toy-wrong", seed, "raised") for seed in "01")]
+    assert run("toy-wrong,toy-raw").stderr == "4 cells, 4 of them done before\n"
+
+
+def test_retry_runs_accidents_again(run, monkeypatch):
+    run("toy-wrong,toy-raw")
+    module = importlib.import_module("toy_plugins.methods")
+    monkeypatch.setattr(module.Wrong, "step", module.Raw.step)
+    done = run("toy-wrong,toy-raw", "--retry")
+    assert done.exit_code == 0
+    assert done.stderr.splitlines()[0] == "4 cells, 2 of them done before"
+    assert {status for _, _, status in cells()} == {"done"}
+
+
+def test_ctrl_c_keeps_what_is_done_and_the_next_run_goes_on(run, monkeypatch):
+    run("toy-raw", "--results", "warm-up")
+    monkeypatch.setattr(importlib.import_module("toy_plugins.agents"), "interrupt_after", 3)
+    done = run("toy-raw", "--seeds", "5")
+    assert done.exit_code == 130
+    message = "interrupted: 3 of 5 cells are recorded in results/; say the same command again to go on"
+    assert done.stderr.splitlines()[-1] == message
+    monkeypatch.setattr(importlib.import_module("toy_plugins.agents"), "interrupt_after", None)
+    assert run("toy-raw", "--seeds", "5").stderr.splitlines()[0] == "5 cells, 3 of them done before"
+    assert len(cells()) == 5
+
+
+def test_results_say_what_ran_beside_them(run):
+    run("toy-raw", "--jobs", "3")
+    with Ledger(Path("results/ledger.sqlite"), create=False) as ledger:
+        (provenance,) = {tuple(sorted(result.provenance.items())) for result in ledger.results()}
+    assert dict(provenance)["jobs"] == "3"
+    assert set(dict(provenance)) == {"python", "numpy", "torch", "stlbench", "machine", "jobs", "time"}
+
+
+def test_numbers_are_those_of_the_task(run):
+    run("toy-raw", "--seeds", "1")
+    (row,) = json_report()["cells"]
+    # The agent stands still from x in [-1, 0.9], so the robustness 1 - x is at least 0.1 and at most 2.
+    assert 0.1 <= row["robustness_min"] <= row["robustness_mean"] <= 2
+    assert (row["satisfaction"], row["env_steps"], row["inputs_added"]) == (1.0, 8, 0)
+
+
+def json_report():
+    from typer.testing import CliRunner
+
+    from stlbench.cli import app
+
+    return json.loads(CliRunner().invoke(app, ["report", "results", "--json"]).stdout)
+
+
+def test_report_as_json(run):
+    run("toy-raw,toy-large")
+    found = json_report()
+    assert set(found) == {"robustness", "time", "cells"}
+    large, raw = found["robustness"]
+    assert (large["mean robustness"], large["remarks"]) == (None, "intractable: needs 6003 inputs, limit 512")
+    assert (raw["satisfied [%]"], raw["seeds"]) == (100.0, "2 of 2")
+    assert raw["mean robustness"] == raw["end"]
+
+
+def test_report_says_where_it_looked(say):
+    done = say("report", "nowhere")
+    assert (done.exit_code, done.stderr) == (
+        2,
+        "error: there is no ledger at nowhere/ledger.sqlite; `stlbench run` writes one\n",
+    )
+
+
+def test_report_of_an_empty_ledger(say):
+    with Ledger(Path("results/ledger.sqlite")):
+        pass
+    assert say("report", "results").stderr == "error: results/ledger.sqlite holds no result yet\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "seeds"),
+    [
+        ("3", (0, 1, 2)),
+        ("1", (0,)),
+        ("3,7", (3, 7)),
+        ("7-7", (7,)),
+        ("0-4", (0, 1, 2, 3, 4)),
+        ("7, 0-2,1", (0, 1, 2, 7)),
+    ],
+)
+def test_seeds(text, seeds):
+    assert parse_seeds(text) == seeds
+
+
+@pytest.mark.parametrize("text", ["", "0", "-1", "x", "1.5", "3-1", "1,,2", "7,", "0-99999", "123456"])
+def test_seeds_that_mean_nothing(text):
+    with pytest.raises(UsageError, match="--seeds"):
+        parse_seeds(text)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--methods", "toy-rwa"], "no method 'toy-rwa'; did you mean 'toy-raw'?"),
+        (["--methods", "toy-raw[wieght=2]"], "toy-raw[wieght=2]: no parameter 'wieght'; did you mean 'weight'?"),
+        (["--methods", "toy-raw[weight=x]"], "toy-raw[weight=x]: weight should be a number, got 'x'"),
+        (["--methods", "toy-broken"], "toy-plugins 1.2"),
+        (["--tasks", "toy-lane"], "no task 'toy-lane'; did you mean 'toy-line'?"),
+        (["--tasks", "toy-line[a=1]"], "'toy-line[a=1]': a task takes no parameters"),
+        (["--agents", "toy-agnt"], "no agent 'toy-agnt'"),
+        (["--budget", "quik"], "did you mean 'quick'?"),
+        (["--executor", "toy-her"], "no executor 'toy-her'; did you mean 'toy-here'?"),
+        (["--seeds", "0"], "--seeds 0: at least one seed"),
+        (["--jobs", "0"], "'--jobs'"),
+        (["--results", "file"], "cannot open the ledger file/ledger.sqlite"),
+        (["--colour"], "No such option: --colour (see 'stlbench run --help')"),
+    ],
+)
+def test_bad_input_exits_2_with_one_line(run, words, message):
+    Path("file").write_text("")
+    done = run("toy-raw", *words)
+    assert done.exit_code == 2
+    assert done.stderr.startswith("error: ")
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert done.stdout == ""

@@ -1,0 +1,44 @@
+"""Fixtures that more than one folder needs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Path]]:
+    """A function that installs a made-up distribution in a folder on the path, for the time of a test.
+
+    It takes the distribution's name, the text of its entry_points.txt, and files as path=text.
+    """
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def install(
+        distribution: str,
+        entries: str,
+        files: dict[str, str] | None = None,
+        *,
+        version: str = "1.2",
+        metadata: bool = True,
+        folder: str = "",
+    ) -> Path:
+        root = tmp_path / folder
+        if folder:
+            monkeypatch.syspath_prepend(str(root))
+        info = f"{distribution.replace('-', '_')}-{version}.dist-info"
+        content = {f"{info}/entry_points.txt": entries, **(files or {})}
+        if metadata:
+            content[f"{info}/METADATA"] = f"Metadata-Version: 2.1\nName: {distribution}\nVersion: {version}\n"
+        for name, text in content.items():
+            (root / name).parent.mkdir(parents=True, exist_ok=True)
+            (root / name).write_text(text, encoding="utf-8")
+        return root
+
+    yield install
+    for name, module in tuple(sys.modules.items()):
+        if Path(getattr(module, "__file__", None) or "/").is_relative_to(tmp_path):
+            del sys.modules[name]

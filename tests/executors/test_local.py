@@ -1,0 +1,207 @@
+"""Workers that raise, hang and die, for real."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import victims
+from stlbench_executors.local import LocalExecutor
+
+from stlbench.contract import Outcome
+
+
+def outcomes(function, items, jobs=1, deadline=60.0) -> dict[int, Outcome]:
+    found = list(LocalExecutor(jobs=jobs).run(function, items, [deadline] * len(items)))
+    assert sorted(outcome.index for outcome in found) == list(range(len(items)))
+    return {outcome.index: outcome for outcome in found}
+
+
+def alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return Path(f"/proc/{process}/stat").read_text().split()[2] != "Z"
+
+
+def until(condition, seconds=60.0) -> bool:
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.05)
+    return bool(condition())
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_one_raises_one_hangs_one_is_killed_and_five_are_done(jobs):
+    items = ["a", "raise no such luck", "b", "kill 9", "c", "hang", "d", "e"]
+    found = outcomes(victims.work, items, jobs, deadline=3.0)
+    assert {index: found[index].value for index in (0, 2, 4, 6, 7)} == {0: "A", 2: "B", 4: "C", 6: "D", 7: "E"}
+    assert {index: (found[index].status, found[index].reason) for index in (1, 3, 5)} == {
+        1: ("raised", "ValueError: no such luck"),
+        3: ("killed", "killed by signal 9 (SIGKILL)"),
+        5: ("timeout", "no result after 3 s"),
+    }
+    assert "raise ValueError(rest)" in found[1].details
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_many_deaths_in_a_row_lose_nothing(jobs):
+    items = [item for number in range(6) for item in (f"x{number}", "kill 9")]
+    found = outcomes(victims.work, items, jobs)
+    assert [found[index].status for index in range(12)] == ["done", "killed"] * 6
+
+
+@pytest.mark.parametrize(
+    ("item", "status", "reason"),
+    [
+        ("exit 3", "killed", "the process ended with exit code 3"),
+        ("kill 15", "killed", "killed by signal 15 (SIGTERM)"),
+        ("kill 11", "killed", "killed by signal 11 (SIGSEGV)"),
+        ("leave now", "raised", "SystemExit: now"),
+        ("raise", "raised", "ValueError"),
+    ],
+)
+def test_the_reason_says_how_it_ended(item, status, reason):
+    found = outcomes(victims.work, [item, "a"])
+    assert (found[0].status, found[0].reason, found[1].value) == (status, reason, "A")
+
+
+def test_code_that_no_python_signal_handler_interrupts_is_stopped_at_its_deadline():
+    found = outcomes(victims.spin, ["spin", "a"], deadline=1.0)
+    assert (found[0].status, found[1].value) == ("timeout", "a")
+
+
+def test_each_item_has_its_own_deadline():
+    found = {o.index: o.reason for o in LocalExecutor(jobs=2).run(victims.work, ["hang", "hang"], [0.5, 1.5])}
+    assert found == {0: "no result after 0.5 s", 1: "no result after 1.5 s"}
+
+
+def test_a_worker_is_used_again_and_there_are_as_many_as_jobs():
+    assert len({outcome.value for outcome in outcomes(victims.pid, range(5)).values()}) == 1
+    assert len({outcome.value for outcome in outcomes(victims.slow_pid, range(6), jobs=2).values()}) == 2
+    assert outcomes(victims.pid, [0])[0].value != os.getpid()
+
+
+def test_an_idle_worker_that_is_killed_is_replaced():
+    running = LocalExecutor().run(victims.pid, range(2), [60.0, 60.0])
+    first = next(running).value
+    os.kill(first, signal.SIGKILL)
+    assert until(lambda: not alive(first))
+    second = next(running)
+    assert second.status == "done"
+    assert second.value != first
+
+
+def test_items_begin_in_their_order():
+    assert list(outcomes(victims.work, list("abcde"))) == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("name", ["OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"])
+def test_a_worker_has_one_thread_for_linear_algebra_and_the_parent_keeps_its_own(name, monkeypatch):
+    monkeypatch.setenv(name, "7")
+    assert outcomes(victims.environment, [name])[0].value == "1"
+    assert os.environ[name] == "7"
+    monkeypatch.delenv(name)
+    assert outcomes(victims.environment, [name])[0].value == "1"
+    assert name not in os.environ
+
+
+def test_no_worker_sees_an_interrupt_and_the_parent_does():
+    found = outcomes(victims.interrupted, ["kill 9", "masked"])
+    assert found[1].value == "masked"
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+@pytest.mark.parametrize(
+    ("function", "reason"), [(victims.closure, "Can't pickle local object"), (victims.unreadable, "cannot be rebuilt")]
+)
+def test_what_cannot_be_sent_back_is_told(function, reason):
+    found = outcomes(function, [0, 0])
+    assert [outcome.status for outcome in found.values()] == ["raised", "raised"]
+    assert reason in found[0].reason
+
+
+def test_closing_stops_what_runs(tmp_path):
+    running = LocalExecutor(jobs=2).run(victims.leave_pid, [tmp_path / "a", None], [600.0, 600.0])
+    assert next(running).index == 1
+    assert until(lambda: (tmp_path / "a").exists() and (tmp_path / "a").read_text())
+    process = int((tmp_path / "a").read_text())
+    assert alive(process)
+    running.close()
+    assert not alive(process)
+    assert not multiprocessing.active_children()
+
+
+PROGRAM = """
+import sys
+from pathlib import Path
+import victims
+from stlbench_executors.local import LocalExecutor
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    for outcome in LocalExecutor(jobs=2).run(victims.leave_pid, [folder / "a", folder / "b"], [600.0, 600.0]):
+        print(outcome)
+"""
+
+
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, -signal.SIGINT), (signal.SIGKILL, -signal.SIGKILL)])
+def test_no_worker_outlives_a_parent_that_is_interrupted_or_killed(tmp_path, sent, code):
+    program = tmp_path / "program.py"
+    program.write_text(PROGRAM)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    parent = subprocess.Popen(
+        [sys.executable, program, tmp_path], env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    files = [tmp_path / "a", tmp_path / "b"]
+    assert until(lambda: all(file.exists() and file.read_text() for file in files))
+    workers = [int(file.read_text()) for file in files]
+    assert all(map(alive, workers))
+    if sent == signal.SIGINT:
+        os.killpg(parent.pid, sent)  # as the terminal does: to all processes of the group
+    else:
+        parent.kill()
+    _, errors = parent.communicate(timeout=60)
+    assert parent.returncode == code
+    assert until(lambda: not any(map(alive, workers)))
+    assert errors.count("Traceback") <= 1, "only the parent's own KeyboardInterrupt"
+
+
+UNABLE = """
+import time
+from stlbench_executors import local
+import victims
+if __name__ == "__mp_main__":
+    {start}
+else:
+    local.START_SECONDS = {seconds}
+    for outcome in local.LocalExecutor(jobs=2).run(victims.pid, [0, 1, 2], [600.0] * 3):
+        print(outcome.index, outcome.status, outcome.reason)
+"""
+
+
+@pytest.mark.parametrize(("start", "seconds"), [("raise SystemExit(1)", 600.0), ("time.sleep(600)", 0.5)])
+def test_workers_that_cannot_start_are_told_and_nothing_waits_for_ever(tmp_path, start, seconds):
+    program = tmp_path / "program.py"
+    program.write_text(UNABLE.format(start=start, seconds=seconds))
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, program]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=True)
+    reason = "killed 3 worker processes, one after the other, ended or hung before they took it"
+    assert sorted(ended.stdout.splitlines()) == [f"{index} {reason}" for index in range(3)]
+
+
+def test_nothing_to_do_starts_nothing():
+    assert list(LocalExecutor(jobs=2).run(victims.work, [], [])) == []
+
+
+@pytest.mark.parametrize("deadlines", [[0.0], [-1.0], []])
+def test_a_deadline_is_required(deadlines):
+    with pytest.raises(ValueError, match="deadline"):
+        next(LocalExecutor().run(victims.work, ["a"], deadlines))

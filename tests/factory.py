@@ -1,0 +1,67 @@
+"""Synthetic results: the fewest words that make a cell's row, for tests of what is done with results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from stlbench.result import MAIN, CurvePoint, Measurement, Result, Score, Status
+
+
+def score(robustness: Sequence[float], first_failed: Mapping[str, int] | None = None) -> Score:
+    """A score that satisfies from exactly the starts with positive robustness."""
+    return Score(tuple(robustness), tuple(value > 0 for value in robustness), first_failed or {})
+
+
+def measurement(
+    robustness: Sequence[float] = (0.3, 0.4),
+    final: Sequence[float] | None = None,
+    further: Mapping[str, Sequence[float]] | None = None,
+    first_failed: Mapping[str, int] | None = None,
+    **numbers: Any,
+) -> Measurement:
+    """What a finished cell measured, from the robustness of its starts."""
+    values: dict[str, Any] = {
+        "selected_steps": 2000,
+        "curve": (CurvePoint(1000, 1.0, 0.5, -0.1), CurvePoint(2000, 2.0, 1.0, 0.3)),
+        "training_cpu_seconds": 10.0,
+        "training_wall_seconds": 12.0,
+        "cpu_seconds": 14.0,
+        "wall_seconds": 16.0,
+        "env_steps": 2000,
+        "reward_nanoseconds": 21.0,
+        "inputs_added": 0,
+    } | numbers
+    others = {name: score(entry) for name, entry in (further or {}).items()}
+    return Measurement(
+        selected={MAIN: score(robustness, first_failed)} | others,
+        final={MAIN: score(robustness if final is None else final)} | others,
+        **values,
+    )
+
+
+def result(
+    method: str = "funnel",
+    seed: int = 0,
+    status: Status = "done",
+    *,
+    task: str = "hold-disc",
+    agent: str = "dqn",
+    budget: str = "quick",
+    reason: str = "",
+    jobs: int | None = 2,
+    **measured: Any,
+) -> Result:
+    """One row of the ledger; `measured` is passed to `measurement` where status is `done`."""
+    return Result(
+        key=f"{task}/{method}/{agent}/{seed}/{budget}",
+        task=task,
+        method=method,
+        agent=agent,
+        seed=seed,
+        budget=budget,
+        status=status,
+        reason=reason,
+        measurement=measurement(**measured) if status == "done" else None,
+        provenance={} if jobs is None else {"jobs": str(jobs)},
+    )

@@ -1,0 +1,153 @@
+"""Formulas and traces for the property tests, and the definition of the semantics, word for word and slow."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from stlbench.stl import (
+    Always,
+    And,
+    Binary,
+    Call,
+    Eventually,
+    Expression,
+    Formula,
+    Implies,
+    Negative,
+    Not,
+    Number,
+    Or,
+    Predicate,
+    Signal,
+    TrueFormula,
+    Until,
+    holds,
+    margin,
+)
+
+NAMES = ("x", "y", "z")
+SIGNALS = st.sampled_from([Signal(name) for name in NAMES])
+NUMBERS = st.sampled_from([0.0, 0.25, 0.5, 1.0, 2.0, 3.0]).map(Number)
+COMPARISONS = st.sampled_from(["<=", ">=", "<", ">"])
+
+
+def _grow_expression(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
+    several = st.lists(inner, min_size=1, max_size=3).map(tuple)
+    return st.one_of(
+        st.builds(Negative, inner),
+        st.builds(Binary, st.sampled_from("+-*"), inner, inner),
+        st.builds(Binary, st.just("**"), inner, st.sampled_from([0, 1, 2, 3]).map(Number)),
+        st.builds(Call, st.sampled_from(["min", "max", "norm", "norminf"]), several),
+        st.builds(Call, st.sampled_from(["abs", "sin", "cos"]), inner.map(lambda arg: (arg,))),
+    )
+
+
+EXPRESSIONS = st.recursive(st.one_of(SIGNALS, NUMBERS), _grow_expression, max_leaves=4)
+PREDICATES = st.builds(Predicate, COMPARISONS, EXPRESSIONS, EXPRESSIONS)
+#: |h| is 1-Lipschitz in the sup norm of the samples
+LIPSCHITZ = st.builds(Predicate, COMPARISONS, SIGNALS, NUMBERS)
+
+
+def intervals(longest: int) -> st.SearchStrategy[tuple[int, int]]:
+    """(a, b) with 0 <= a <= b <= longest."""
+    return st.tuples(st.integers(0, longest), st.integers(0, longest)).map(lambda ends: (min(ends), max(ends)))
+
+
+def _boolean(inner: st.SearchStrategy[Formula]) -> st.SearchStrategy[Formula]:
+    several = st.lists(inner, min_size=2, max_size=3).map(tuple)
+    return st.one_of(
+        st.builds(Not, inner), st.builds(And, several), st.builds(Or, several), st.builds(Implies, inner, inner)
+    )
+
+
+def _temporal(inner: st.SearchStrategy[Formula], longest: int) -> st.SearchStrategy[Formula]:
+    ends = intervals(longest)
+    return st.one_of(
+        st.builds(lambda ab, arg: Always(ab[0], ab[1], arg), ends, inner),
+        st.builds(lambda ab, arg: Eventually(ab[0], ab[1], arg), ends, inner),
+        st.builds(lambda ab, left, right: Until(ab[0], ab[1], left, right), ends, inner, inner),
+    )
+
+
+def formulas(
+    predicates: st.SearchStrategy[Any] = PREDICATES, longest: int = 5, leaves: int = 6
+) -> st.SearchStrategy[Formula]:
+    """Formulas of any nesting with intervals up to `longest`."""
+    base = st.one_of(predicates, predicates, predicates, st.just(TrueFormula()))
+    grown = st.recursive(base, lambda inner: st.one_of(_boolean(inner), _temporal(inner, longest)), max_leaves=leaves)
+    return grown
+
+
+def pointwise(predicates: st.SearchStrategy[Any] = PREDICATES) -> st.SearchStrategy[Formula]:
+    """Formulas without temporal operators."""
+    return st.recursive(st.one_of(predicates, st.just(TrueFormula())), _boolean, max_leaves=4)
+
+
+def traces(steps: int, seed: int, batch: tuple[int, ...] = ()) -> NDArray[np.float64]:
+    """Random traces (*batch, steps, 3) on a grid of quarters, so that ties and margins of exactly 0 are common."""
+    return np.random.default_rng(seed).integers(-12, 13, size=(*batch, steps, len(NAMES))) / 4.0
+
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def naive(formula: Formula, trace: NDArray[np.float64], t: int) -> float:
+    """rho at t from the definition, windows clipped to the trace: an empty maximum is -inf, an empty minimum +inf."""
+    last = len(trace) - 1
+    match formula:
+        case TrueFormula():
+            return math.inf
+        case Predicate():
+            return float(margin(formula, NAMES)(trace[t]))
+        case Not(arg):
+            return -naive(arg, trace, t)
+        case And(args):
+            return min(naive(arg, trace, t) for arg in args)
+        case Or(args):
+            return max(naive(arg, trace, t) for arg in args)
+        case Implies(left, right):
+            return max(-naive(left, trace, t), naive(right, trace, t))
+        case Always(a, b, arg):
+            return min((naive(arg, trace, s) for s in range(t + a, min(t + b, last) + 1)), default=math.inf)
+        case Eventually(a, b, arg):
+            return max((naive(arg, trace, s) for s in range(t + a, min(t + b, last) + 1)), default=-math.inf)
+        case Until(a, b, left, right):
+            return max(
+                (
+                    min([naive(right, trace, s), *(naive(left, trace, r) for r in range(t, s))])
+                    for s in range(t + a, min(t + b, last) + 1)
+                ),
+                default=-math.inf,
+            )
+
+
+def naive_satisfied(formula: Formula, trace: NDArray[np.float64], t: int) -> bool:
+    """s_t |= formula from the definition (eq. 1), windows clipped to the trace."""
+    last = len(trace) - 1
+    match formula:
+        case TrueFormula():
+            return True
+        case Predicate():
+            return bool(holds(formula, NAMES)(trace[t]))
+        case Not(arg):
+            return not naive_satisfied(arg, trace, t)
+        case And(args):
+            return all(naive_satisfied(arg, trace, t) for arg in args)
+        case Or(args):
+            return any(naive_satisfied(arg, trace, t) for arg in args)
+        case Implies(left, right):
+            return not naive_satisfied(left, trace, t) or naive_satisfied(right, trace, t)
+        case Always(a, b, arg):
+            return all(naive_satisfied(arg, trace, s) for s in range(t + a, min(t + b, last) + 1))
+        case Eventually(a, b, arg):
+            return any(naive_satisfied(arg, trace, s) for s in range(t + a, min(t + b, last) + 1))
+        case Until(a, b, left, right):
+            return any(
+                naive_satisfied(right, trace, s) and all(naive_satisfied(left, trace, r) for r in range(t, s))
+                for s in range(t + a, min(t + b, last) + 1)
+            )

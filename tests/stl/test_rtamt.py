@@ -1,0 +1,152 @@
+"""The oracle: rtamt 0.4.10's discrete-time offline monitor on generated formulas and traces.
+
+rtamt (semantics/stl/discrete_time/offline/ast_visitor.py) reads windows as the `clip` policy does: it pads always with
++inf, eventually and the right operand of until with -inf, the left operand of until with +inf, and returns a value at
+every sample. Its until takes the left operand over [t, t') without t', as here. Where the horizon fits, clip and strict
+agree, so the head of its answer is also compared with the strict trace. Differences that the comparison avoids:
+
+- rtamt has `==` and `!=` (robustness -|x - y| and |x - y|), iff, xor and past operators; there is no counterpart here.
+- rtamt treats `<` as `<=` and has no Boolean verdict, so satisfaction is compared only where the robustness is not 0.
+- rtamt has no `True`, sin, cos, min, max or norms, and reads `!` only as `not`.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from stlbench.stl import (
+    Always,
+    And,
+    Binary,
+    Call,
+    Eventually,
+    Expression,
+    Formula,
+    Implies,
+    Not,
+    Number,
+    Or,
+    Predicate,
+    Signal,
+    Until,
+    horizon,
+    robustness,
+    robustness_trace,
+    satisfied_trace,
+)
+
+rtamt = pytest.importorskip("rtamt")
+
+NAMES = ("x", "y", "z")
+COMPARED = 2400
+
+
+def random_expression(rng: np.random.Generator) -> Expression:
+    signal: Expression = Signal(str(rng.choice(NAMES)))
+    other = Signal(str(rng.choice(NAMES)))
+    number = Number(float(rng.integers(0, 12)) / 4)
+    return [
+        signal,
+        Call("abs", (signal,)),
+        Binary("-", signal, other),
+        Binary("*", number, signal),
+        Call("sqrt", (Call("abs", (Binary("+", signal, number),)),)),
+    ][rng.integers(5)]
+
+
+def random_formula(rng: np.random.Generator, depth: int) -> Formula:
+    if depth == 0 or rng.random() < 0.15:
+        op = str(rng.choice(["<=", ">=", "<", ">"]))
+        return Predicate(op, random_expression(rng), Number(float(rng.integers(0, 12)) / 4))
+
+    def inner() -> Formula:
+        return random_formula(rng, depth - 1)
+
+    a, b = sorted(rng.integers(0, 7, 2).tolist())
+    choices: list[Callable[[], Formula]] = [
+        lambda: Not(inner()),
+        lambda: And((inner(), inner())),
+        lambda: Or((inner(), inner(), inner())),
+        lambda: Implies(inner(), inner()),
+        lambda: Always(a, b, inner()),
+        lambda: Eventually(a, b, inner()),
+        lambda: Until(a, b, inner(), inner()),
+        lambda: Until(a, b, inner(), inner()),
+    ]
+    return choices[rng.integers(len(choices))]()
+
+
+def rtamt_text(node: Formula | Expression) -> str:
+    match node:
+        case Number(value):
+            return repr(value)
+        case Signal(name):
+            return name
+        case Call(name, args):
+            return f"{name}({', '.join(map(rtamt_text, args))})"
+        case Binary(op, left, right) | Predicate(op, left, right):
+            return f"({rtamt_text(left)} {op} {rtamt_text(right)})"
+        case Not(arg):
+            return f"(not ({rtamt_text(arg)}))"
+        case And(args):
+            return f"({' and '.join(map(rtamt_text, args))})"
+        case Or(args):
+            return f"({' or '.join(map(rtamt_text, args))})"
+        case Implies(left, right):
+            return f"({rtamt_text(left)} implies {rtamt_text(right)})"
+        case Always(a, b, arg):
+            return f"(always[{a},{b}] {rtamt_text(arg)})"
+        case Eventually(a, b, arg):
+            return f"(eventually[{a},{b}] {rtamt_text(arg)})"
+        case Until(a, b, left, right):
+            return f"({rtamt_text(left)} until[{a},{b}] {rtamt_text(right)})"
+        case _:
+            raise AssertionError(node)
+
+
+def rtamt_robustness(formula: Formula, trace: NDArray[np.float64]) -> NDArray[np.float64]:
+    spec: Any = rtamt.StlDiscreteTimeOfflineSpecification()
+    for name in NAMES:
+        spec.declare_var(name, "float")
+    spec.spec = rtamt_text(formula)
+    spec.parse()
+    columns = {name: trace[:, i].tolist() for i, name in enumerate(NAMES)}
+    values = spec.evaluate({"time": list(range(len(trace))), **columns})
+    return np.array([value for _, value in values])
+
+
+def test_equals_rtamt(record_property: Any) -> None:
+    logging.getLogger().setLevel(logging.ERROR)
+    rng = np.random.default_rng(20240607)
+    operators = {kind: 0 for kind in (Always, Eventually, Until)}
+    compared = shorter = 0
+    while compared < COMPARED:
+        formula = random_formula(rng, depth=int(rng.integers(1, 4)))
+        trace = rng.integers(-12, 13, (int(rng.integers(2, 30)), 3)) / 4.0
+        expected = rtamt_robustness(formula, trace)
+        message = f"{formula} on {trace.tolist()}"
+        clipped = robustness_trace(formula, trace, NAMES, "clip")
+        np.testing.assert_allclose(clipped, expected, rtol=1e-12, atol=1e-12, err_msg=message)
+        verdict = satisfied_trace(formula, trace, NAMES, "clip")
+        np.testing.assert_array_equal(verdict[expected != 0], expected[expected != 0] > 0, err_msg=message)
+        if len(trace) > horizon(formula):
+            strict = robustness_trace(formula, trace, NAMES)
+            np.testing.assert_allclose(strict, expected[: len(strict)], rtol=1e-12, atol=1e-12, err_msg=message)
+            np.testing.assert_allclose(robustness(formula, trace, NAMES), expected[0], rtol=1e-12, atol=1e-12)
+        else:
+            shorter += 1
+        compared += 1
+        for kind in operators:
+            operators[kind] += kind.__name__ in repr(formula)
+    counts = ", ".join(f"{kind.__name__} in {count}" for kind, count in operators.items())
+    print(f"\ncompared {compared} formulas and traces with rtamt ({counts}; {shorter} traces shorter than the horizon)")
+    record_property("rtamt_compared", compared)
+    assert compared >= 2000
+    assert min(operators.values()) >= 200
+    assert shorter >= 100
