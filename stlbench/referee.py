@@ -68,7 +68,9 @@ def _lost_at(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -> NDA
     low, high = np.zeros(len(traces), dtype=np.int64), np.full(len(traces), length)
     while (low < high).any():
         middle = (low + high) // 2
-        possible = np.array([_possible(formula, trace[: m + 1], names) for trace, m in zip(traces, middle, strict=True)])
+        possible = np.array(
+            [_possible(formula, trace[: m + 1], names) for trace, m in zip(traces, middle, strict=True)]
+        )
         open_ = low < high
         low = np.where(open_ & possible, middle + 1, low)
         high = np.where(open_ & ~possible, middle, high)

@@ -6,6 +6,7 @@ The unit is the seed. The starts of one seed share a policy, so they are average
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -48,9 +49,14 @@ def interval(
         return None
     if data[0] == data[-1]:
         return float(data[0]), float(data[0])
-    found = stats.bootstrap(
-        (data,), statistic, confidence_level=level, method="percentile", rng=np.random.default_rng(seed)
-    )
+    return _bootstrapped(tuple(data.tolist()), statistic, seed, level)
+
+
+@lru_cache(maxsize=4096)
+def _bootstrapped(values: tuple[float, ...], statistic: Statistic, seed: int, level: float) -> tuple[float, float]:
+    """Cached, since a report shows an interval on screen, in files and in a figure, and each takes milliseconds."""
+    rng = np.random.default_rng(seed)
+    found = stats.bootstrap((values,), statistic, confidence_level=level, method="percentile", rng=rng)
     return float(found.confidence_interval.low), float(found.confidence_interval.high)
 
 

@@ -43,9 +43,7 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
     measurement, traces = measure(task, method, build_agent(task, cell.agent), cell)
     if folder is not None:
         _save(trace_file(folder, cell), traces, task.signals)
-    return Result(
-        cell.key, cell.task, cell.method, cell.agent, cell.seed, cell.budget, "done", measurement=measurement
-    )
+    return Result(cell.key, cell.task, cell.method, cell.agent, cell.seed, cell.budget, "done", measurement=measurement)
 
 
 def build_method(task: Problem, text: str) -> RewardMethod:
@@ -152,7 +150,9 @@ def _training(
         made(environment)
         return environment
 
-    return Training(make, budget.steps, derive_seed(cell.task, agent, "training", cell.seed), report, budget.checkpoints)
+    return Training(
+        make, budget.steps, derive_seed(cell.task, agent, "training", cell.seed), report, budget.checkpoints
+    )
 
 
 def reward_cost(task: Problem, method: RewardMethod, rows: int = 1024, repeats: int = 50) -> float:
@@ -179,5 +179,3 @@ def _ended(cell: Cell, status: Status, reason: str) -> Result:
 def _save(path: Path, traces: Array, signals: tuple[str, ...]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(path, traces=traces, signals=np.array(signals))
-
-

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from itertools import groupby
@@ -24,7 +25,9 @@ __all__ = ["draw", "learning_curves", "robustness_by_method"]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe and Ito's palette without its yellow, which is hard to see on white; told apart by colour-blind readers."""
-LINES = ("-", "--", ":", "-.")
+LINES = ("-", "--", ":")
+MOST = len(COLOURS) * len(LINES)
+"""Groups a figure."""
 
 Matrix = NDArray[np.float64]
 
@@ -38,14 +41,19 @@ class Style(NamedTuple):
 
 
 def draw(groups: Sequence[Group], folder: Path) -> list[Path]:
-    """Draw both figures of each task that has a finished cell; the files' paths."""
+    """Draw both figures of each task that has a finished cell; the files' paths.
+
+    Where a task has more groups than can be told apart, further figures have names that end in _2, _3, ...
+    """
     paths = []
     for task, members in groupby(groups, key=lambda group: group.task):
         shown = list(members)
         if any(group.done for group in shown):
-            name = _file_name(task)
-            paths += _save(robustness_by_method(shown), folder, f"robustness-{name}")
-            paths += _save(learning_curves(shown), folder, f"learning-{name}")
+            for start in range(0, len(shown), MOST):
+                name = _file_name(task) + (f"_{start // MOST + 1}" if start else "")
+                page = shown[start : start + MOST]
+                paths += _save(robustness_by_method(page), folder, f"robustness-{name}")
+                paths += _save(learning_curves(page), folder, f"learning-{name}")
     return paths
 
 
@@ -88,7 +96,7 @@ def _key_of_points(figure: Figure) -> None:
 
 def learning_curves(groups: Sequence[Group]) -> Figure:
     """Satisfaction and mean robustness on the selection starts against environment steps; groups of one task."""
-    figure = Figure(figsize=(10.0, 4.4), layout="constrained")
+    figure = Figure(figsize=(10.0, 4.2 + 0.22 * math.ceil(len(groups) / 3)), layout="constrained")
     left, right = figure.subplots(1, 2)
     for group, style in zip(groups, _styles(groups), strict=True):
         curves = [numbers.curve for numbers in group.done if numbers.curve]
@@ -127,7 +135,7 @@ def aligned(curves: Sequence[Sequence[CurveRow]], value: Callable[[CurveRow], fl
 def _key_of_lines(figure: Figure, axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(handles)), frameon=False)
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(3, len(handles)), frameon=False)
 
 
 def _styles(groups: Sequence[Group]) -> list[Style]:

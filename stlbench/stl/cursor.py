@@ -74,7 +74,7 @@ class Cursor:
         steps = value if self.dt is None else value / self.dt
         if not math.isfinite(steps):
             self.fail("a finite number of steps", token.shown, token.position)
-        if abs(steps - round(steps)) > (0.0 if self.dt is None else 1e-6 * max(1.0, steps)):
+        if abs(steps - round(steps)) > (0.0 if self.dt is None else 1e-6 * steps):
             rule = "a whole number of steps" + (f" of dt={self.dt:g} seconds" if self.dt else "")
             hint = f"{token.text} seconds = {steps:g} steps" if self.dt else f"{token.text!r} (give dt for seconds)"
             self.fail(rule, hint, token.position)

@@ -103,6 +103,14 @@ def test_a_task_cannot_leave_the_folder(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_many_groups_and_a_curve_of_one_point_are_drawn(tmp_path):
-    results = [result(f"method-{i}", curve=curve((100, 1.0, 0.1))) for i in range(20)]
-    assert len(figures.draw(condense(results), tmp_path)) == 4
+def test_groups_that_do_not_fit_into_one_figure_go_into_the_next(tmp_path):
+    results = [result(f"method-{i:02}", curve=curve((100, 1.0, 0.1))) for i in range(figures.MOST + 1)]
+    names = {path.name for path in figures.draw(condense(results), tmp_path)}
+    assert {"robustness-hold-disc.png", "robustness-hold-disc_2.png", "learning-hold-disc_2.svg"} <= names
+    assert len(names) == 8
+
+
+def test_groups_of_one_figure_all_look_different():
+    groups = condense(result(f"method-{i:02}") for i in range(figures.MOST))
+    lines = figures.learning_curves(groups).axes[0].lines
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == figures.MOST
