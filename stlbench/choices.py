@@ -175,4 +175,6 @@ def _text(hint: Any) -> str:
         return _text(get_args(hint)[0])
     if get_origin(hint) is Literal:
         return " | ".join(str(allowed) for allowed in get_args(hint))
+    if get_origin(hint) is tuple:
+        return f"tuple[{', '.join('...' if part is Ellipsis else _text(part) for part in get_args(hint))}]"
     return hint.__name__ if type(hint) is type else str(hint).replace("typing.", "")

@@ -24,7 +24,7 @@ checks what a user writes (`funnel[variant=code,ginf=0.02]`) against the annotat
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol
@@ -329,7 +329,7 @@ class Executor(ABC):
     @abstractmethod
     def run(
         self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
-    ) -> Iterator[Outcome]:
+    ) -> Generator[Outcome]:
         """Yield one outcome an item, as they end, `jobs` at a time.
 
         Args:

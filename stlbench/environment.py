@@ -78,7 +78,8 @@ class Simulator:
             memory = np.zeros((len(times), 0))
             before, after = samples[:-1].reshape(-1, k), samples[1:].reshape(-1, k)
             reward, _ = self.method.step(before, np.tile(vectors, (self.hold, 1)), after, times, memory)
-            return reward.reshape(self.hold, -1).mean(axis=0)
+            mean: Array = reward.reshape(self.hold, -1).mean(axis=0)
+            return mean
         total = np.zeros(len(vectors))
         for i in range(self.hold):
             reward, self.memory = self.method.step(samples[i], vectors, samples[i + 1], self.t + i, self.memory)

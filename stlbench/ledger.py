@@ -10,18 +10,15 @@ from types import TracebackType
 from typing import Self
 
 from stlbench.errors import UsageError
-from stlbench.result import MAIN, Result, from_json, to_json
+from stlbench.result import ACCIDENTS, MAIN, Result, from_json, to_json
 
-__all__ = ["ACCIDENTS", "VERSION", "Ledger"]
+__all__ = ["VERSION", "Ledger"]
 
 VERSION = 1
 """Of the tables below, in `PRAGMA user_version`."""
 
 APPLICATION = int.from_bytes(b"STLB", "big")
 """In `PRAGMA application_id`: tells a ledger from any other SQLite file."""
-
-ACCIDENTS = ("raised", "timeout", "killed")
-"""What `retry` runs again. The other statuses are findings."""
 
 _SCHEMA = f"""
 BEGIN IMMEDIATE;

@@ -40,7 +40,7 @@ class Cell:
 
 
 def plan(
-    tasks: Sequence[str], methods: Sequence[Choice], agents: Sequence[Choice], seeds: int | None, budget: str
+    tasks: Sequence[str], methods: Sequence[Choice], agents: Sequence[Choice], seeds: Sequence[int] | None, budget: str
 ) -> tuple[Cell, ...]:
     """All cells of a comparison, the first seed of everything first.
 
@@ -50,24 +50,24 @@ def plan(
         tasks: names of tasks.
         methods: what to compare.
         agents: what to train with; each task has a recipe for it.
-        seeds: how many, 0..seeds-1; None for the number that the task's budget names.
+        seeds: which; None for 0..n-1 with the number n that the task's budget names.
         budget: name of a budget that each task has.
 
     Raises:
         UsageError: no seed, an unknown name, a task with errors, or without the budget or a recipe for an agent.
     """
-    if seeds is not None and seeds < 1:
-        raise UsageError(f"the number of seeds must be at least 1, got {seeds}")
+    if seeds is not None and (not seeds or min(seeds) < 0):
+        raise UsageError(f"at least one seed is needed, none of them negative, got {list(seeds)}")
     problems = [problem.load(name) for name in dict.fromkeys(tasks)]
-    counts = {entry.name: seeds or entry.budget(budget).seeds for entry in problems}
+    wanted = {entry.name: seeds or range(entry.budget(budget).seeds) for entry in problems}
     method_parts = {str(choice): _choice_part("methods", choice) for choice in methods}
     task_parts = {entry.name: _task_part(entry, budget) for entry in problems}
     agent_parts = {(p.name, str(choice)): _agent_part(p, choice) for p in problems for choice in agents}
     cells = []
-    for seed, (task, count), (method, part), agent in product(
-        range(max(counts.values(), default=0)), counts.items(), method_parts.items(), dict.fromkeys(map(str, agents))
+    for seed, (task, own), (method, part), agent in product(
+        sorted(set().union(*wanted.values())), wanted.items(), method_parts.items(), dict.fromkeys(map(str, agents))
     ):
-        if seed < count:
+        if seed in own:
             key = _digest([FORMAT, task_parts[task], part, agent_parts[task, agent], seed])
             cells.append(Cell(task, method, agent, seed, budget, key))
     return tuple(cells)

@@ -54,7 +54,7 @@ class Axis(Range):
 
 
 class Region(_Strict):
-    """A set of initial states: a box over the state's names, a single number where a state is fixed, and a condition."""
+    """A set of initial states: a box over the state's names, numbers where a state is fixed, a condition."""
 
     box: dict[str, Finite | tuple[Finite, Finite]]
     where: str | None = None
@@ -202,8 +202,6 @@ class Problem:
     """A task that is ready: file, formulas in steps, system."""
 
     name: str
-    text: str
-    """The task file as it was read; part of every cell's key."""
     file: TaskFile
     system: System
 
@@ -266,7 +264,7 @@ def load(name: str) -> Problem:
     except TypeError as error:
         raise UsageError(f"task {name}: parameters: {error}") from error
     _check_states(name, file, system)
-    return Problem(name, text, file, system)
+    return Problem(name, file, system)
 
 
 def read(text: str, name: str) -> TaskFile:

@@ -8,9 +8,20 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
-from pydantic import TypeAdapter
+from pydantic import ConfigDict, TypeAdapter
 
-__all__ = ["FORMAT", "MAIN", "CurvePoint", "Measurement", "Result", "Score", "Status", "from_json", "to_json"]
+__all__ = [
+    "ACCIDENTS",
+    "FORMAT",
+    "MAIN",
+    "CurvePoint",
+    "Measurement",
+    "Result",
+    "Score",
+    "Status",
+    "from_json",
+    "to_json",
+]
 
 FORMAT = 1
 """Version of what is recorded and of how it is computed; part of every cell's key."""
@@ -21,10 +32,15 @@ MAIN = "formula"
 Status = Literal["done", "raised", "timeout", "killed", "intractable", "unsuitable"]
 """How a cell ended. `intractable` and `unsuitable` are findings about a method; the three before them are accidents."""
 
+ACCIDENTS: tuple[Status, ...] = ("raised", "timeout", "killed")
+"""What a retry runs again."""
+
 
 @dataclass(frozen=True)
 class Score:
     """What the referee found under one protocol, a value a start."""
+
+    __pydantic_config__ = ConfigDict(ser_json_inf_nan="constants")
 
     robustness: tuple[float, ...]
     """Robustness of the protocol's formula at t = 0, in the unit of its predicates."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
 
 from stlbench.contract import Executor, Outcome
 from stlbench.ledger import Ledger
@@ -18,8 +20,9 @@ def run(
     executor: Executor,
     run_cell: Callable[[Cell], Result],
     deadlines: Sequence[float],
+    provenance: Mapping[str, str],
     retry: bool = False,
-) -> Iterator[Result]:
+) -> Generator[Result]:
     """Yield the result of each cell that was not finished, as they end. A result is in the ledger when it is yielded.
 
     ctrl-C, or closing the iterator, stops the workers; what ended before is recorded.
@@ -30,20 +33,17 @@ def run(
         executor: runs the cells.
         run_cell: an importable function. What it raises becomes a result with status `raised`.
         deadlines: wall seconds for each of the cells.
+        provenance: put on every result that is recorded (see `provenance.collect`).
         retry: run cells again that raised, or were stopped or killed.
     """
     finished = ledger.finished((cell.key for cell in cells), retry)
     limits = {cell: limit for cell, limit in zip(cells, deadlines, strict=True) if cell.key not in finished}
     todo = tuple(limits)
-    outcomes = executor.run(run_cell, todo, tuple(limits.values()))
-    try:
+    with closing(executor.run(run_cell, todo, tuple(limits.values()))) as outcomes:
         for outcome in outcomes:
-            result = _result(todo[outcome.index], outcome)
+            result = replace(_result(todo[outcome.index], outcome), provenance=provenance)
             ledger.record(result)
             yield result
-    finally:
-        if isinstance(outcomes, Generator):
-            outcomes.close()  # now, and not when the garbage collector comes by
 
 
 def _result(cell: Cell, outcome: Outcome) -> Result:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import cast
@@ -111,9 +111,14 @@ def measure(task: Problem, method: RewardMethod, agent: Agent, cell: Cell) -> tu
     clock = _Clock()
     selection = _Selection(referee, clock)
     training = _training(task, method, cell, budget, selection, used.append)
+    _warm_up(agent, training)
+    used.clear()
     clock.resume()
     final = agent.train(training)
     clock.pause()
+    taken = sum(environment.taken for environment in used)
+    if taken > budget.steps:
+        raise RuntimeError(f"agent {cell.agent} took {taken} environment steps, its budget is {budget.steps}")
     selected = selection.best or final
     reported = referee.report(selected)
     last = reported if selected is final else referee.report(final)
@@ -128,7 +133,7 @@ def measure(task: Problem, method: RewardMethod, agent: Agent, cell: Cell) -> tu
         training_wall_seconds=clock.wall,
         cpu_seconds=whole.cpu,
         wall_seconds=whole.wall,
-        env_steps=sum(environment.taken for environment in used),
+        env_steps=taken,
         reward_nanoseconds=cost,
         inputs_added=method.memory_size,
     )
@@ -153,6 +158,12 @@ def _training(
     return Training(
         make, budget.steps, derive_seed(cell.task, agent, "training", cell.seed), report, budget.checkpoints
     )
+
+
+def _warm_up(agent: Agent, training: Training) -> None:
+    """Train for a moment, unscored: what a library loads at first use would be charged to the first cell otherwise."""
+    few = max(1, training.steps // 200)
+    agent.train(replace(training, steps=few, report=lambda policy, steps: None, checkpoints=1))
 
 
 def reward_cost(task: Problem, method: RewardMethod, rows: int = 1024, repeats: int = 50) -> float:

@@ -117,8 +117,8 @@ def test_planning_imports_no_method_and_no_agent():
 
 @pytest.mark.usefixtures("lab")
 def test_the_number_of_seeds_can_be_given_and_more_seeds_keep_the_keys_of_the_first():
-    assert [cell.seed for cell in plan(seeds=4)] == [0, 1, 2, 3]
-    assert keys(seeds=4)[:2] == keys(seeds=2) == keys()
+    assert [cell.seed for cell in plan(seeds=range(4))] == [0, 1, 2, 3]
+    assert keys(seeds=range(4))[:2] == keys(seeds=range(2)) == keys()
 
 
 @pytest.mark.usefixtures("lab")
@@ -135,7 +135,7 @@ def test_what_the_user_says_is_part_of_the_key_however_it_is_written():
         {"budget": "paper"},
         {"tasks": "zz-long"},
     ]
-    assert len({keys(seeds=1, **words)[0] for words in apart}) == len(apart)
+    assert len({keys(seeds=[0], **words)[0] for words in apart}) == len(apart)
     assert keys(agents="zz-agent[rate=0.2]") == keys(agents=" zz-agent[ rate=0.2 ]")
 
 
@@ -160,9 +160,9 @@ def edit(root, file, old, new):
     ],
 )
 def test_an_edit_that_can_change_the_result_is_a_new_key(lab, file, old, new):
-    before = keys(seeds=1)
+    before = keys(seeds=[0])
     edit(lab, file, old, new)
-    assert not set(before) & set(keys(seeds=1))
+    assert not set(before) & set(keys(seeds=[0]))
 
 
 @pytest.mark.parametrize(
@@ -177,16 +177,16 @@ def test_an_edit_that_can_change_the_result_is_a_new_key(lab, file, old, new):
     ],
 )
 def test_an_edit_that_cannot_change_the_result_keeps_the_key(lab, file, old, new):
-    before = keys(seeds=1)
+    before = keys(seeds=[0])
     edit(lab, file, old, new)
-    assert keys(seeds=1) == before
+    assert keys(seeds=[0]) == before
 
 
 def test_the_version_of_the_distribution_is_part_of_the_key(site):
     site("acme-lab", ENTRIES, FILES)
-    before = keys(seeds=1)
+    before = keys(seeds=[0])
     site("acme-lab", ENTRIES, FILES, folder="newer", version="1.3")
-    assert not set(before) & set(keys(seeds=1))
+    assert not set(before) & set(keys(seeds=[0]))
 
 
 @pytest.mark.usefixtures("lab")
@@ -196,7 +196,7 @@ def test_the_version_of_the_distribution_is_part_of_the_key(site):
         ({"tasks": "zz-lime"}, "no task 'zz-lime'; did you mean 'zz-line'?"),
         ({"methods": "zz-pai"}, "no method 'zz-pai'; did you mean 'zz-pay'?"),
         ({"agents": "zz-agents"}, "has no recipe for agent 'zz-agents'|no agent 'zz-agents'"),
-        ({"seeds": 0}, "the number of seeds must be at least 1, got 0"),
+        ({"seeds": []}, "at least one seed is needed, none of them negative, got []"),
         ({"budget": "papers"}, "task zz-line has no budget 'papers'; did you mean 'paper'?"),
     ],
 )

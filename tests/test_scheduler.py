@@ -10,11 +10,11 @@ import time
 
 import lab
 import pytest
-from stlbench_executors.local import LocalExecutor
 
 from stlbench import scheduler
 from stlbench.contract import Executor, Outcome
 from stlbench.ledger import Ledger
+from stlbench_executors.local import LocalExecutor
 
 
 class Here(Executor):
@@ -45,7 +45,7 @@ def ledger(tmp_path):
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_accidents_become_rows_with_their_reasons_and_the_others_go_on(ledger, jobs):
     cells = lab.cells("a", "raise", "b", "kill", "c", "hang", "d", "lie", "e")
-    found = list(scheduler.run(cells, ledger, LocalExecutor(jobs=jobs), lab.run_cell, [3.0] * len(cells)))
+    found = list(scheduler.run(cells, ledger, LocalExecutor(jobs=jobs), lab.run_cell, [3.0] * len(cells), {}))
     assert sorted(result.seed for result in found) == list(range(9))
     rows = {result.method: (result.status, result.reason) for result in ledger.results()}
     assert rows.pop("lie")[0] == "raised"
@@ -61,7 +61,7 @@ def test_accidents_become_rows_with_their_reasons_and_the_others_go_on(ledger, j
 
 def test_a_row_has_the_cells_words(ledger):
     (cell,) = lab.cells("raise")
-    (result,) = scheduler.run([cell], ledger, Here(), lab.run_cell, [1.0])
+    (result,) = scheduler.run([cell], ledger, Here(), lab.run_cell, [1.0], {})
     assert (result.key, result.name, result.budget, result.details) == (cell.key, cell.name, "smoke", "trace")
     assert list(ledger.results()) == [result]
 
@@ -70,33 +70,33 @@ def test_what_is_finished_is_not_run_again_and_each_keeps_its_deadline(ledger):
     cells = lab.cells("a", "b", "c", "d")
     ledger.record(lab.run_cell(cells[1]))
     executor = Here()
-    found = list(scheduler.run(cells, ledger, executor, lab.run_cell, [1.0, 2.0, 3.0, 4.0]))
+    found = list(scheduler.run(cells, ledger, executor, lab.run_cell, [1.0, 2.0, 3.0, 4.0], {}))
     assert executor.ran == [(3, 4.0), (2, 3.0), (0, 1.0)]
     assert [result.seed for result in found] == [3, 2, 0]
     executor = Here()
-    assert list(scheduler.run(cells, ledger, executor, lab.run_cell, [1.0] * 4)) == []
+    assert list(scheduler.run(cells, ledger, executor, lab.run_cell, [1.0] * 4, {})) == []
     assert executor.ran == []
 
 
 def test_retry_runs_accidents_again_and_nothing_else(ledger):
     cells = lab.cells("a", "raise")
-    list(scheduler.run(cells, ledger, Here(), lab.run_cell, [1.0, 1.0]))
+    list(scheduler.run(cells, ledger, Here(), lab.run_cell, [1.0, 1.0], {}))
     for retry, ran in ((False, []), (True, [(1, 1.0)])):
         executor = Here()
-        list(scheduler.run(cells, ledger, executor, lab.run_cell, [1.0, 1.0], retry))
+        list(scheduler.run(cells, ledger, executor, lab.run_cell, [1.0, 1.0], {}, retry))
         assert executor.ran == ran
 
 
 def test_a_cell_given_twice_runs_once(ledger):
     (cell,) = lab.cells("a")
     executor = Here()
-    assert len(list(scheduler.run([cell, cell], ledger, executor, lab.run_cell, [1.0, 1.0]))) == 1
+    assert len(list(scheduler.run([cell, cell], ledger, executor, lab.run_cell, [1.0, 1.0], {}))) == 1
     assert len(executor.ran) == 1
 
 
 def test_a_result_is_recorded_when_it_is_yielded_and_closing_stops_the_executor(ledger):
     cells, executor = lab.cells("a", "b", "c"), Here()
-    running = scheduler.run(cells, ledger, executor, lab.run_cell, [1.0] * 3)
+    running = scheduler.run(cells, ledger, executor, lab.run_cell, [1.0] * 3, {})
     first = next(running)
     assert list(ledger.results()) == [first]
     running.close()
@@ -106,7 +106,7 @@ def test_a_result_is_recorded_when_it_is_yielded_and_closing_stops_the_executor(
 
 def test_every_cell_needs_a_deadline(ledger):
     with pytest.raises(ValueError, match="zip"):
-        list(scheduler.run(lab.cells("a", "b"), ledger, Here(), lab.run_cell, [1.0]))
+        list(scheduler.run(lab.cells("a", "b"), ledger, Here(), lab.run_cell, [1.0], {}))
 
 
 PROGRAM = """
@@ -119,7 +119,7 @@ from stlbench_executors.local import LocalExecutor
 if __name__ == "__main__":
     cells = lab.cells("a", "b", "hang", "hang", "c", "hang")
     with Ledger(Path(sys.argv[1])) as ledger:
-        for result in scheduler.run(cells, ledger, LocalExecutor(jobs=2), lab.run_cell, [600.0] * len(cells)):
+        for result in scheduler.run(cells, ledger, LocalExecutor(jobs=2), lab.run_cell, [600.0] * len(cells), {}):
             print(result.method, flush=True)
 """
 

@@ -58,7 +58,7 @@ class QNetwork:
     def views(self, flat: torch.Tensor) -> Weights:
         """The weights that lie in a flat vector, sharing its memory."""
         sizes = [math.prod(shape) for shape in self.shapes]
-        return [part.view(shape) for part, shape in zip(flat.split(sizes), self.shapes, strict=True)]
+        return [part.view(shape) for part, shape in zip(torch.split(flat, sizes), self.shapes, strict=True)]
 
     def hidden(self, weights: Weights, x: torch.Tensor) -> torch.Tensor:
         """The last hidden layer: x (B, D) -> (B, net_arch[-1])."""
@@ -95,7 +95,7 @@ class QNetwork:
         return action
 
     def _branches(self, outputs: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        return outputs[:, self.first :].split(self.axes, dim=1)
+        return torch.split(outputs[:, self.first :], list(self.axes), dim=1)
 
     def _along_axes(self, action: torch.Tensor) -> list[torch.Tensor]:
         """The index along each axis, (B, 1) each."""

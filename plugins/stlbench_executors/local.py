@@ -9,7 +9,7 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -46,7 +46,7 @@ class LocalExecutor(Executor):
 
     def run(
         self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
-    ) -> Iterator[Outcome]:
+    ) -> Generator[Outcome]:
         """See `Executor.run`."""
         if len(deadlines) != len(items) or any(deadline <= 0 for deadline in deadlines):
             raise ValueError("each item needs a deadline, in seconds and greater than 0")
@@ -58,7 +58,7 @@ class LocalExecutor(Executor):
                 _stop(lanes)
 
 
-def _outcomes(lanes: list[_Lane], count: int) -> Iterator[Outcome]:
+def _outcomes(lanes: list[_Lane], count: int) -> Generator[Outcome]:
     waiting, idle, busy = iter(range(count)), lanes, dict[Future[Any], _Lane]()
     while True:
         busy |= {lane.begin(index): lane for lane, index in zip(idle, waiting, strict=False)}

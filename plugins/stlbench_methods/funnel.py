@@ -12,7 +12,7 @@ from pydantic import Field
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
 from stlbench.stl import Term
-from stlbench_methods.schedule import Activity, active_from, active_table, least_active
+from stlbench_methods.schedule import Activity, Value, active_from, active_table, least_active
 
 __all__ = ["Curve", "Funnel"]
 
@@ -116,7 +116,7 @@ class Funnel(RewardMethod):
             )
         return Curve(gamma_0, ginf, rho_max, t0, _t_star(term, t0, variant, t_star))
 
-    def _term_reward(self, term: Term, curve: Curve, shape: Shape) -> Any:
+    def _term_reward(self, term: Term, curve: Curve, shape: Shape) -> Value:
         margin = self.specification.margin(term.psi)
         samples = np.maximum(np.arange(self.specification.steps + 1), curve.t0)
         gamma = curve(samples)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification
-from stlbench_methods.schedule import Activity, active_table, least_active
+from stlbench_methods.schedule import Activity, active_table, least_active, timeless
 
 __all__ = ["Raw"]
 
@@ -22,9 +22,8 @@ class Raw(RewardMethod):
         super().__init__(specification)
         terms = specification.terms
         self.scale = max(high - low for low, high in map(specification.range, (term.psi for term in terms)))
-        margins = [specification.margin(term.psi) for term in terms]
-        active = active_table(terms, specification.steps, activity)
-        self._reward = least_active([lambda s, t, rho=margin: rho(s) for margin in margins], active)
+        margins = [timeless(specification.margin(term.psi)) for term in terms]
+        self._reward = least_active(margins, active_table(terms, specification.steps, activity))
 
     def step(
         self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array

@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 from stlbench.contract import Array, Integers
 from stlbench.stl import Term
 
-__all__ = ["Activity", "active_from", "active_table", "least_active"]
+__all__ = ["Activity", "Value", "active_from", "active_table", "least_active", "timeless"]
+
+Value = Callable[[Array, Integers], Array]
+"""A function of signals (N, k) and sample indices (N,), giving (N,)."""
 
 Activity = Literal["last-deadline", "literal"]
 """`last-deadline`: term i is active on (t0_i, end_i], t0_i the latest end of a term that ends at or before term i
@@ -35,17 +38,17 @@ def active_table(terms: Sequence[Term], steps: int, activity: Activity) -> NDArr
     return np.array([((t > t0) | (t0 == 0)) & (t <= term.end) for term, t0 in zip(terms, begins, strict=True)])
 
 
-def least_active(values: Sequence[Callable[[Array, Integers], Array]], active: NDArray[np.bool_]) -> Callable[
-    [Array, Integers], Array
-]:
+def timeless(value: Callable[[Array], Array]) -> Value:
+    """A function of signals alone, as a function of signals and time."""
+    return lambda signals, t: value(signals)
+
+
+def least_active(values: Sequence[Value], active: NDArray[np.bool_]) -> Value:
     """The minimum of the active terms' values, and 0 where no term is active (Algorithm 1, read consistently).
 
     Args:
-        values: a function a term, of signals (N, k) and sample indices (N,), giving (N,).
+        values: one a term.
         active: (number of terms, steps + 1), see `active_table`.
-
-    Returns:
-        A function of signals (N, k) and sample indices (N,), giving (N,).
     """
 
     def least(signals: Array, t: Integers) -> Array:

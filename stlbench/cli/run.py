@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from stlbench.contract import Executor
     from stlbench.ledger import Ledger
     from stlbench.matrix import Cell
-    from stlbench.result import Result
 
 MOST_SEEDS = 10_000
 
@@ -66,8 +64,9 @@ def run(
       stlbench run --methods "funnel,funnel[variant=code],flag[beta=10]" --budget paper --results study
     """
     from stlbench import matrix
-    from stlbench.ledger import ACCIDENTS, Ledger
+    from stlbench.ledger import Ledger
     from stlbench.report import condense
+    from stlbench.result import ACCIDENTS
 
     cells = plan(tasks, methods, agents, seeds, budget)
     place = build_executor(executor, jobs or min(2, os.cpu_count() or 1))
@@ -97,9 +96,7 @@ def plan(tasks: str, methods: str, agents: str, seeds: str | None, budget: str) 
         if name.parameters:
             raise UsageError(f"'{name}': a task takes no parameters; they are in its task.yaml")
     wanted = None if seeds is None else parse_seeds(seeds)
-    count = None if wanted is None else wanted[-1] + 1
-    cells = matrix.plan([name.name for name in names], parse_choices(methods), parse_choices(agents), count, budget)
-    return cells if wanted is None else tuple(cell for cell in cells if cell.seed in wanted)
+    return matrix.plan([name.name for name in names], parse_choices(methods), parse_choices(agents), wanted, budget)
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:
@@ -131,21 +128,14 @@ def run_missing(
     cells: Sequence[Cell], done: int, ledger: Ledger, executor: Executor, retry: bool, folder: Path
 ) -> None:
     """Run the cells without a result, and say how each ended."""
-    from stlbench import problem, scheduler
+    from stlbench import problem, scheduler, trial
     from stlbench.cli.progress import Progress
     from stlbench.provenance import collect
 
     limits = {name: problem.load(name) for name in {cell.task for cell in cells}}
     deadlines = [limits[cell.task].budget(cell.budget).deadline for cell in cells]
-    function = partial(run_stamped, folder=folder / "traces", provenance=collect(executor.jobs))
-    results = scheduler.run(cells, ledger, executor, function, deadlines, retry)
-    with Progress(len(cells), done) as progress, closing(cast("Generator[Result]", results)):
+    function = partial(trial.run_cell, folder=folder / "traces")
+    results = scheduler.run(cells, ledger, executor, function, deadlines, collect(executor.jobs), retry)
+    with Progress(len(cells), done) as progress, closing(results):
         for result in results:
             progress.ended(result)
-
-
-def run_stamped(cell: Cell, *, folder: Path, provenance: Mapping[str, str]) -> Result:
-    """`trial.run_cell`, with the provenance on its result. Runs in a worker."""
-    from stlbench import trial
-
-    return replace(trial.run_cell(cell, folder), provenance=provenance)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from stlbench.ledger import ACCIDENTS
 from stlbench.report.rows import Group, Numbers, Row
+from stlbench.result import ACCIDENTS
 from stlbench.statistics import Statistic, interval, iqm
 
 __all__ = ["NOTHING", "Column", "Table", "cells", "cost", "robustness", "summary", "unfinished"]

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 import victims
-from stlbench_executors.local import LocalExecutor
 
 from stlbench.contract import Outcome
+from stlbench_executors.local import LocalExecutor
 
 
 def outcomes(function, items, jobs=1, deadline=60.0) -> dict[int, Outcome]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from stlbench.contract import Array, Integers, System
 
 __all__ = ["IntegratorOr"]
@@ -21,5 +23,6 @@ class IntegratorOr(System):
         return state
 
     def features(self, state: Array, t: Integers) -> Array:
-        """Position from the middle between the goals, over 12.5: (N, 1)."""
-        return (state - 25) / 12.5
+        """Position from the middle between the goals over 20, and from each goal as tanh over 3: (N, 3)."""
+        x = state[:, 0]
+        return np.stack([(x - 25) / 20, np.tanh((x - 5) / 3), np.tanh((x - 45) / 3)], axis=1)

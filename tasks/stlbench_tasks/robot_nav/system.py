@@ -30,4 +30,4 @@ class RobotNav(DifferentialDrive):
         near = np.tanh(distance)
         cosine, sine = np.cos(bearing), np.sin(bearing)
         columns = [distance / 20 - 1, np.tanh(distance / 2), cosine * near, sine * near, cosine, second * 2.0 - 1]
-        return np.clip(np.stack(columns, axis=1), -4, 4)
+        return np.stack(columns, axis=1)

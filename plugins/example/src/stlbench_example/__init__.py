@@ -1,0 +1,1 @@
+"""An example distribution: one reward method for stlbench, `verdict`."""
