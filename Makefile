@@ -1,0 +1,47 @@
+# `make run` and `make test` set up all they need. Python 3.11 or later, make and git must be there.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+export OMP_NUM_THREADS := 1
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.PHONY: run test lint types imports unit docs clean
+
+## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
+run: $(VENV)/ready
+	$(BIN)/stlbench run --methods funnel,flag --jobs 2
+
+## Everything that CI checks.
+test: lint types imports unit docs
+
+lint: $(VENV)/ready-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/ready-dev
+	$(BIN)/mypy
+
+imports: $(VENV)/ready-dev
+	$(BIN)/lint-imports --no-cache
+
+unit: $(VENV)/ready-dev
+	$(BIN)/python -m pytest -q -n auto --dist loadfile --durations 10
+
+docs: $(VENV)/ready-dev
+	$(BIN)/mkdocs build --strict --quiet
+
+clean:
+	rm -rf $(VENV) site dist build
+
+$(VENV)/bin:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "stlbench needs Python 3.11 or later, $(PYTHON) is older; say make PYTHON=python3.12 ..."; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/ready: pyproject.toml constraints.txt | $(VENV)/bin
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e .
+	@touch $@
+
+$(VENV)/ready-dev: pyproject.toml constraints.txt | $(VENV)/bin
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev]'
+	@touch $@ $(VENV)/ready

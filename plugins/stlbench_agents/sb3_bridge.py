@@ -1,0 +1,109 @@
+"""Between stlbench.contract and Stable-Baselines3. Imported only where SB3 trains, as SB3 takes seconds to import."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium.spaces import Box, Discrete
+from numpy.typing import NDArray
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv
+
+from stlbench.contract import Environment, Integers
+from stlbench_agents.network import GreedyPolicy, QNetwork
+
+__all__ = ["Checkpoints", "CopiesVecEnv", "exported"]
+
+Single = NDArray[np.float32]
+Info = dict[str, Any]
+
+
+class CopiesVecEnv(VecEnv):
+    """An `Environment` of the contract as SB3's `VecEnv`. It restarts by itself, as SB3 expects.
+
+    Episodes end by the time limit alone; SB3 is told so, and bootstraps from the last observation.
+    """
+
+    def __init__(self, environment: Environment) -> None:
+        self._environment = environment
+        size = (environment.observation_size,)
+        super().__init__(environment.count, Box(-np.inf, np.inf, size, np.float32), Discrete(environment.actions.size))
+
+    def reset(self) -> Single:
+        """The first observations, (N, D)."""
+        return self._environment.reset().astype(np.float32)
+
+    def step_async(self, actions: Integers) -> None:
+        """Take note of the actions (N,)."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[Single, Single, NDArray[np.bool_], list[Info]]:
+        """Observations (N, D), rewards (N,), whether an episode ended (N,), and an info for each copy."""
+        transition = self._environment.step(self._actions)
+        infos: list[Info] = [{} for _ in range(self.num_envs)]
+        for row in np.flatnonzero(transition.ended):
+            last = transition.arrived[row].astype(np.float32)
+            infos[row] = {"TimeLimit.truncated": True, "terminal_observation": last}
+        observation = transition.observation.astype(np.float32)
+        return observation, transition.reward.astype(np.float32), transition.ended, infos
+
+    def close(self) -> None:
+        """Nothing to do."""
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """SB3 asks for `render_mode` alone: None."""
+        if attr_name != "render_mode":
+            raise AttributeError(attr_name)
+        return [None for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """The copies have no attributes of their own."""
+        raise AttributeError(attr_name)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """The copies have no methods of their own."""
+        raise AttributeError(method_name)
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """No copy is wrapped."""
+        return [False for _ in self._get_indices(indices)]
+
+
+class Checkpoints(BaseCallback):
+    """Calls `report` when training reaches each of the marks, between an update and the next lock-step."""
+
+    def __init__(self, marks: Iterable[int], report: Callable[[], None]) -> None:
+        """Args: `marks` counts of SB3's timesteps, ascending; the end of training is a mark by itself."""
+        super().__init__()
+        self._marks, self._report = list(marks), report
+
+    def _on_rollout_start(self) -> None:
+        if self._marks and self.num_timesteps >= self._marks[0]:
+            self._marks = [mark for mark in self._marks if mark > self.num_timesteps]
+            self._report()
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_training_end(self) -> None:
+        self._report()
+
+
+def exported(layers: Sequence[torch.nn.Module], inputs: int, grid: tuple[int, ...]) -> GreedyPolicy:
+    """The greedy policy of SB3's Q-network, a multi-layer perceptron with ReLU, as it is now.
+
+    Args:
+        layers: `model.q_net.q_net`.
+        inputs: D.
+        grid: actions along each axis.
+    """
+    linear = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
+    network = QNetwork(inputs, [layer.out_features for layer in linear[:-1]], grid, "joint")
+    weights = []
+    for layer in linear:
+        matrix, bias = layer.weight.detach().numpy(), layer.bias.detach().numpy()
+        weights += [matrix if layer is linear[-1] else np.ascontiguousarray(matrix.T), bias]
+    return GreedyPolicy(network, weights).frozen()

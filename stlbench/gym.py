@@ -1,0 +1,236 @@
+"""Every task with every reward method as a Gymnasium environment, so that any RL library can train on it.
+
+>>> import gymnasium
+>>> import stlbench.gym  # registers stlbench/<task>-v0 for every task that is installed
+>>> env = gymnasium.make("stlbench/hold-disc-v0", method="funnel[variant=code]")
+>>> envs = gymnasium.make_vec("stlbench/hold-disc-v0", num_envs=8, method="funnel")
+
+Gymnasium 1.x looks for no plugins by itself. Without the second import, the module goes into the name:
+`gymnasium.make("stlbench.gym:stlbench/hold-disc-v0", method="funnel")`.
+
+Actions are indices into the task's grid. Observations are what every agent of stlbench sees, as float32, unbounded
+though about in [-1, 1]. An episode has a fixed length and is truncated at its end, never terminated: no state of a
+task is terminal, and a learner may bootstrap there.
+
+`info["signals"]` has the samples of the trace that a step added, and `info["t"]` the time in steps. All of an
+episode's samples, in order, are a trace that `stlbench.stl` can score with `env.unwrapped.problem.formula`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.error import InvalidAction, ResetNeeded
+from gymnasium.spaces import Box, Discrete
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from stlbench import plugins, problem, starts
+from stlbench.contract import Array, Integers
+from stlbench.environment import Simulator
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.trial import build_method
+
+__all__ = ["StlEnv", "StlVectorEnv", "register_all"]
+
+Single = NDArray[np.float32]
+Booleans = NDArray[np.bool_]
+Info = dict[str, Any]
+
+_RESET = "call reset() first: no episode is running"
+
+
+def register_all() -> None:
+    """Make `stlbench/<task>-v0` known to Gymnasium for every installed task. None of them is imported."""
+    for name in plugins.available("tasks"):
+        entry = f"stlbench/{name}-v0"
+        if entry not in gymnasium.registry:
+            gymnasium.register(
+                entry,
+                entry_point=f"{__name__}:StlEnv",
+                vector_entry_point=f"{__name__}:StlVectorEnv",
+                kwargs={"task": name},
+            )
+
+
+class _Copies:
+    """N copies of a task under one clock, in Gymnasium's types: what both kinds of environment have in common."""
+
+    def __init__(self, task: str, method: str, scaled: bool, render_mode: str | None) -> None:
+        if render_mode is not None:
+            raise UsageError(f"task {task}: there is nothing to render; leave render_mode out, got '{render_mode}'")
+        self.problem = problem.load(task)
+        self.method = build_method(self.problem, method)
+        self._simulator = Simulator(self.problem, self.method)
+        self._scale = self.method.scale if scaled else 1.0
+        self._running = False
+        example = self._simulator.place(self._draw(np.random.default_rng(0)))
+        self.observation_space = Box(-np.inf, np.inf, example.shape[1:], np.float32)
+        self.action_space = Discrete(self.problem.actions.size)
+
+    def begin(self, generators: Sequence[np.random.Generator], options: Info | None) -> tuple[Single, Info]:
+        """Start an episode in each copy: observations (N, D), and signals (N, 1, k) and time of the first sample."""
+        given = dict(options or {})
+        state = given.pop("state", None)
+        if given:
+            name = next(iter(given))
+            raise UsageError(f"reset: no option '{name}'{did_you_mean(name, ['state'])}")
+        if state is None:
+            states = np.concatenate([self._draw(generator) for generator in generators])
+        else:
+            states = self._checked(state, len(generators))
+        observation = self._simulator.place(states)
+        self._running = True
+        return observation.astype(np.float32), self._info(self._simulator.signals[:, None].copy())
+
+    def advance(self, action: Integers) -> tuple[Single, Array, bool, Info]:
+        """Hold the actions (N,): observations (N, D), rewards (N,), whether the episodes end, signals (N, hold, k)."""
+        if not self._running:
+            raise ResetNeeded(_RESET)
+        reward, samples = self._simulator.advance(action)
+        over = bool(self._simulator.t[0] >= self._simulator.horizon)
+        self._running = not over
+        return self._simulator.observe().astype(np.float32), reward / self._scale, over, self._info(samples)
+
+    def _info(self, samples: Array) -> Info:
+        return {"signals": samples, "t": self._simulator.t.copy()}
+
+    def _draw(self, generator: np.random.Generator) -> Array:
+        return starts.sample(self.problem.file.training_starts, generator, 1)
+
+    def _checked(self, state: Any, count: int) -> Array:
+        names = self.problem.system.state
+        try:
+            states = np.array(state, dtype=np.float64)
+        except (TypeError, ValueError):
+            states = np.empty(0)
+        if states.shape not in ((len(names),), (count, len(names))) or not np.isfinite(states).all():
+            raise UsageError(f"reset: the option 'state' takes finite numbers {', '.join(names)}, got {state!r}")
+        return np.broadcast_to(states, (count, len(names)))
+
+
+class StlEnv(gymnasium.Env[Single, np.int64]):
+    """One copy of a task with a reward method, as `gymnasium.make("stlbench/<task>-v0", method=...)` makes it."""
+
+    metadata: Info = {"render_modes": []}  # noqa: RUF012 - declared so by Gymnasium
+
+    def __init__(self, task: str, method: str, *, scaled: bool = False, render_mode: str | None = None) -> None:
+        """The reward is the mean of the method's reward over the `hold` steps of an action, in the paper's units.
+
+        Args:
+            task: its name; the environment's id says it.
+            method: a reward method with or without parameters, "funnel" or "flag[beta=10]".
+            scaled: divide rewards by the method's `scale`, as training in stlbench does.
+            render_mode: None.
+
+        Raises:
+            UsageError: no such method, or a wrong parameter; the message says what there is.
+            Intractable, Unsuitable: the method does not fit the task (`stlbench.contract`).
+        """
+        self._copies = _Copies(task, method, scaled, render_mode)
+        self.problem, self.method = self._copies.problem, self._copies.method
+        self.observation_space, self.action_space = self._copies.observation_space, self._copies.action_space
+
+    def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Single, Info]:
+        """Start an episode, from a state that `seed` determines or from `options={"state": [...]}`.
+
+        Returns:
+            The observation (D,); and an info with `signals` (1, k), the trace's first sample, and `t`, 0.
+        """
+        super().reset(seed=seed)
+        observation, info = self._copies.begin([self.np_random], options)
+        return observation[0], _first(info)
+
+    def step(self, action: np.int64) -> tuple[Single, float, bool, bool, Info]:
+        """Hold the action with this index for `hold` steps.
+
+        Returns:
+            The observation (D,), the reward, False, whether the time limit is reached; and an info with `signals`
+            (hold, k), the samples after each step, and `t`, the time of the last of them in steps.
+        """
+        if not self.action_space.contains(action):
+            raise InvalidAction(f"an action is an index in 0..{self._copies.action_space.n - 1}, got {action!r}")
+        observation, reward, over, info = self._copies.advance(np.array([action]))
+        return observation[0], float(reward[0]), False, over, _first(info)
+
+
+def _first(info: Info) -> Info:
+    return {"signals": info["signals"][0], "t": int(info["t"][0])}
+
+
+class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Integers, NDArray[Any]]):
+    """N copies in lock-step, computed at once. They share the clock, so all episodes end at the same step.
+
+    They do what N copies of `StlEnv` in a `gymnasium.vector.SyncVectorEnv` with the same autoreset mode do, number
+    for number.
+    """
+
+    metadata: Info = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012 - declared so by Gymnasium
+
+    def __init__(
+        self, num_envs: int, task: str, method: str, *, scaled: bool = False, render_mode: str | None = None
+    ) -> None:
+        """Args and errors: see `StlEnv`."""
+        if num_envs < 1:
+            raise UsageError(f"num_envs must be at least 1, got {num_envs}")
+        self._copies = _Copies(task, method, scaled, render_mode)
+        self.problem, self.method, self.num_envs = self._copies.problem, self._copies.method, num_envs
+        self.single_observation_space = self._copies.observation_space
+        self.single_action_space = self._copies.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._generators: list[np.random.Generator] = []
+
+    def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Single, Info]:
+        """Start N episodes; copy i starts where an `StlEnv` starts that is given seed + i.
+
+        `options={"state": ...}` takes one state for all copies, or N states.
+
+        Returns:
+            Observations (N, D); and an info with `signals` (N, 1, k) and `t` (N,).
+        """
+        super().reset(seed=seed)
+        if seed is not None or not self._generators:
+            seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
+            self._generators = [seeding.np_random(each)[0] for each in seeds]
+        observation, info = self._copies.begin(self._generators, options)
+        return observation, self._masked(info)
+
+    def step(self, actions: Integers) -> tuple[Single, Array, Booleans, Booleans, Info]:
+        """Hold the actions with these indices (N,) for `hold` steps.
+
+        Returns:
+            Observations (N, D), rewards (N,), terminations (N,), truncations (N,), and an info with `signals`
+            (N, hold, k) and `t` (N,). At the time limit the observations and the info are already those of the next
+            episode, and the last ones of the old are in the info as `final_obs` and `final_info`.
+        """
+        if not self.action_space.contains(actions):
+            raise InvalidAction(
+                f"actions are {self.num_envs} indices in 0..{self._copies.action_space.n - 1}, got {actions!r}"
+            )
+        observation, reward, over, info = self._copies.advance(np.asarray(actions))
+        if over:
+            last = {"final_obs": _objects(observation), "final_info": self._masked(info)}
+            observation, info = self._copies.begin(self._generators, None)
+            info |= last
+        info = self._masked(info)
+        return observation, reward, np.zeros(self.num_envs, dtype=np.bool_), np.full(self.num_envs, over), info
+
+    def _masked(self, info: Info) -> Info:
+        """Gymnasium wants a mask beside each entry: which copies it is there for. Here: all."""
+        return info | {f"_{name}": np.ones(self.num_envs, dtype=np.bool_) for name in info}
+
+
+def _objects(rows: Single) -> NDArray[np.object_]:
+    """(N, D) -> (N,), each a vector (D,), as Gymnasium gives final observations."""
+    objects = np.empty(len(rows), dtype=object)
+    objects[:] = list(rows)
+    return objects
+
+
+register_all()

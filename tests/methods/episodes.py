@@ -1,0 +1,52 @@
+"""Specifications in one line, and a method run along given traces, for the tests in this folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stlbench import stl
+from stlbench.contract import Array, RewardMethod, Specification
+
+
+def specification(
+    formula: str,
+    box: Mapping[str, tuple[float, float]],
+    *,
+    steps: int | None = None,
+    nested: str | None = None,
+    input_limit: int = 512,
+) -> Specification:
+    """What a method is told: `box` is signal -> (low, high); an episode lasts as long as the formula by default."""
+    parsed = stl.parse(formula)
+    return Specification(
+        parsed,
+        signals=tuple(box),
+        low=tuple(low for low, _ in box.values()),
+        high=tuple(high for _, high in box.values()),
+        steps=stl.horizon(parsed) if steps is None else steps,
+        dt=0.1,
+        nested=None if nested is None else stl.parse(nested),
+        input_limit=input_limit,
+    )
+
+
+def run(method: RewardMethod, traces: ArrayLike) -> tuple[Array, Array]:
+    """Rewards (N, T + 1), that of sample t in column t and NaN in column 0, and memories (N, T + 1, m).
+
+    Traces are (N, T + 1, k), or (T + 1,) for one trace of one signal.
+    """
+    traces = np.asarray(traces, dtype=float)
+    if traces.ndim == 1:
+        traces = traces[None, :, None]
+    rows, samples, _ = traces.shape
+    rewards, memories = np.full((rows, samples), np.nan), [method.start(traces[:, 0])]
+    for t in range(samples - 1):
+        reward, memory = method.step(
+            traces[:, t], np.zeros((rows, 1)), traces[:, t + 1], np.full(rows, t), memories[-1]
+        )
+        rewards[:, t + 1] = reward
+        memories.append(memory)
+    return rewards, np.stack(memories, axis=1)

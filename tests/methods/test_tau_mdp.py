@@ -1,0 +1,145 @@
+"""tau-mdp: the history as state, and the robustness or the truth of phi on it as reward."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from episodes import run, specification
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from stlbench_methods.tau_mdp import TauMdp
+
+from stlbench import problem, stl
+from stlbench.contract import Array, Intractable
+
+BOX = {"x": (-2.0, 4.0), "y": (-1.0, 1.0)}
+ALWAYS = "G[0,6] G[0,2] x <= 1"
+"""rho = 1 - x in [-3, 3] over the box; tau = 3 samples."""
+
+
+def traces(seed: int, count: int = 20, samples: int = 9) -> Array:
+    return np.random.default_rng(seed).uniform((-2, -1), (4, 1), (count, samples, 2))
+
+
+def histories(trace: Array, tau: int) -> Array:
+    """(N, T + 1, tau, k): the last tau samples up to t, the first one standing for those before it."""
+    padded = np.concatenate([np.repeat(trace[:, :1], tau - 1, axis=1), trace], axis=1)
+    return np.stack([padded[:, t : t + tau] for t in range(trace.shape[1])], axis=1)
+
+
+class TestHistory:
+    def test_it_starts_with_copies_of_the_first_sample(self) -> None:
+        method = TauMdp(specification(ALWAYS, BOX))
+        assert method.tau == 3
+        assert method.memory_size == 6
+        assert method.start(np.array([[2.0, 0.5], [1.0, 0.0]])).tolist() == [[2, 0.5] * 3, [1, 0] * 3]
+
+    def test_it_is_ordered_oldest_first(self) -> None:
+        trace = np.array([[[1.0, 0.1], [2.0, 0.2], [3.0, 0.3], [4.0, 0.4]]])
+        _, memory = run(TauMdp(specification(ALWAYS, BOX)), trace)
+        assert memory[0].tolist() == [
+            [1, 0.1, 1, 0.1, 1, 0.1],
+            [1, 0.1, 1, 0.1, 2, 0.2],
+            [1, 0.1, 2, 0.2, 3, 0.3],
+            [2, 0.2, 3, 0.3, 4, 0.4],
+        ]
+
+    def test_inputs_are_scaled_by_the_box(self) -> None:
+        method = TauMdp(specification(ALWAYS, BOX))
+        memory = np.array([[-2.0, -1.0, 4.0, 1.0, 1.0, 0.5]])
+        assert method.inputs(memory).tolist() == [[-1, -1, 1, 1, 0, 0.5]]
+
+
+class TestReward:
+    @pytest.mark.parametrize(
+        ("formula", "phi", "highest"),
+        [
+            (ALWAYS, "G[0,2] x <= 1", 3.0),
+            ("G[0,5] (F[0,3] x >= 1 & G[1,2] y >= -0.5)", "F[0,3] x >= 1 & G[1,2] y >= -0.5", 1.5),
+            ("F[0,5] G[0,2] (x >= 1 | y >= 0)", "G[0,2] (x >= 1 | y >= 0)", 3.0),
+        ],
+    )
+    def test_is_the_exponential_of_the_robustness_of_the_history(self, formula: str, phi: str, highest: float) -> None:
+        """Outer G: -exp(-beta rho / rho_max), outer F: exp(beta rho / rho_max), beta = 2; highest is rho_max."""
+        trace, parsed = traces(1), stl.parse(phi)
+        rewards, _ = run(TauMdp(specification(formula, BOX, steps=8), beta=2), trace)
+        history = histories(trace, stl.horizon(parsed) + 1)
+        sign = 1 if formula[0] == "F" else -1
+        for t in range(1, 9):
+            rho = stl.robustness(parsed, history[:, t], ("x", "y"))
+            assert rewards[:, t] == pytest.approx(sign * np.exp(sign * 2 * rho / highest), rel=1e-5)
+
+    def test_by_hand(self) -> None:
+        # x = 0 0 3 0 0 0: the least of 1 - x over the last three samples is 1, -2, -2, -2, 1; rho_max = 3.
+        rewards, _ = run(TauMdp(specification(ALWAYS, {"x": (-2, 4)}), beta=3), [0, 0, 3, 0, 0, 0])
+        assert rewards[0, 1:] == pytest.approx([-math.exp(-1), *[-math.exp(2)] * 3, -math.exp(-1)], rel=1e-5)
+
+    @pytest.mark.parametrize(("outer", "true", "false"), [("G", -math.exp(-2), -1.0), ("F", math.exp(2), 1.0)])
+    def test_the_probability_form_has_the_indicator(self, outer: str, true: float, false: float) -> None:
+        # of x <= 1 at each of the last three samples: 1 1 0 0 0 1; 1 <= 1 counts
+        spec = specification(f"{outer}[0,6] G[0,2] x <= 1", {"x": (-2, 4)})
+        rewards, _ = run(TauMdp(spec, form="probability", beta=2), [0, 0, 1, 3, 1, 0, 0])
+        assert rewards[0, 1:] == pytest.approx([true, true, false, false, false, true])
+
+    @given(trace=arrays(float, (2, 9, 2), elements=st.floats(-1, 1)))
+    def test_the_sum_orders_traces_as_the_least_robustness_does(self, trace: Array) -> None:
+        """log-sum-exp: min rho - ln(n) rho_max / beta <= -rho_max / beta ln(sum of exp) <= min rho, n rewards.
+
+        So of two traces whose least robustness differs by more than ln(n) rho_max / beta the better has the larger
+        sum; n = 8, beta = 60, rho_max = 3: more than .104.
+        """
+        rewards, _ = run(TauMdp(specification(ALWAYS, BOX, steps=8), beta=60), trace)
+        sums = rewards[:, 1:].sum(axis=1)
+        windows = histories(trace, 3)[:, 1:, :, 0]
+        least = (1 - windows).min(axis=(1, 2))
+        soft = -3 / 60 * np.log(-sums)
+        assert np.all(soft <= least + 1e-6)
+        assert np.all(soft >= least - math.log(8) * 3 / 60 - 1e-6)
+        if abs(least[0] - least[1]) > math.log(8) * 3 / 60 + 1e-3:
+            assert (sums[0] > sums[1]) == (least[0] > least[1])
+
+    @pytest.mark.parametrize(
+        "formula",
+        [
+            ALWAYS,
+            "F[0,5] G[0,2] (x >= 1 | y >= 0)",
+            "G[0,5] !(F[0,3] x >= 1)",
+            "F[0,5] (F[0,2] x >= 1 -> G[0,2] y >= 0)",
+            # rho_1 U rho_2 at t' = t is rho_2 alone: up to 1, though rho_1 = y - .9 is at most .1
+            "F[0,5] (y >= 0.9 U[0,2] y >= 0)",
+        ],
+    )
+    def test_the_scale_is_a_bound(self, formula: str) -> None:
+        method = TauMdp(specification(formula, BOX, steps=8), beta=2)
+        corners = np.array(np.meshgrid([-2, 4], [-1, 1])).T.reshape(-1, 2).astype(float)
+        constant = np.repeat(corners[:, None], 9, axis=1)
+        rewards, _ = run(method, np.concatenate([traces(2, count=300), constant]))
+        assert np.abs(rewards[:, 1:]).max() <= method.scale * (1 + 1e-5)
+
+
+def test_a_formula_that_cannot_be_satisfied_has_finite_rewards() -> None:
+    # rho = x - 5 in [-7, -1]: rho_max is no unit to measure rho in
+    method = TauMdp(specification("G[0,5] G[0,2] x >= 5", {"x": (-2, 4)}))
+    rewards, _ = run(method, [0, 1, 2, 3, 4, 4, 4, 4])
+    assert math.isfinite(method.scale)
+    assert np.isfinite(rewards[0, 1:]).all()
+
+
+class TestSize:
+    def test_the_nested_form_keeps_the_history_short(self) -> None:
+        method = TauMdp(problem.load("hold-disc").specification)
+        assert (method.tau, method.memory_size) == (11, 22)  # G[0,10], signals x and y
+
+    def test_absolute_intervals_need_the_whole_horizon(self) -> None:
+        # 2001 samples of x and y
+        with pytest.raises(Intractable, match=r"^needs 4002 inputs, limit 512$"):
+            TauMdp(problem.load("robot-nav").specification)
+
+    def test_the_limit_itself_fits(self) -> None:
+        text = "G[1,3] x >= 0 & F[5,9] x <= 0"  # no outer operator: all of it is phi, 10 samples
+        assert TauMdp(specification(text, {"x": (-1, 1)}, input_limit=10)).memory_size == 10
+        with pytest.raises(Intractable, match="needs 10 inputs, limit 9"):
+            TauMdp(specification(text, {"x": (-1, 1)}, input_limit=9))
