@@ -28,7 +28,7 @@ unit: $(VENV)/ready-dev
 	$(BIN)/python -m pytest -q -n auto --dist loadfile --durations 10
 
 docs: $(VENV)/ready-dev
-	$(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 clean:
 	rm -rf $(VENV) site dist build

@@ -90,21 +90,13 @@ class Simulator:
 class BatchEnvironment:
     """N copies that restart by themselves (`contract.Environment`). All randomness is that of the initial states."""
 
-    def __init__(
-        self, problem: Problem, method: RewardMethod, count: int, seed: int, *, scale: float | None = None
-    ) -> None:
-        """Args: `scale` divides rewards; by default the method's own."""
+    def __init__(self, problem: Problem, method: RewardMethod, count: int, seed: int) -> None:
         self.problem, self.count = problem, count
         self.actions, self.hold = problem.actions, problem.file.hold
         self.simulator = Simulator(problem, method)
         self._generator = np.random.default_rng(seed)
-        self._scale = method.scale if scale is None else scale
         self.taken = 0
         self.observation_size = self.reset().shape[1]
-        self._generator = np.random.default_rng(seed)
-
-    def reseed(self, seed: int) -> None:
-        """Begin the stream of initial states anew."""
         self._generator = np.random.default_rng(seed)
 
     def reset(self) -> Array:
@@ -113,7 +105,7 @@ class BatchEnvironment:
 
     def step(self, action: Integers) -> Transition:
         """Hold the actions (N,) for `hold` steps; rows that reach the time limit start anew."""
-        self.last = self.simulator.advance(action)
+        held = self.simulator.advance(action)
         self.taken += self.count * self.hold
         arrived = self.simulator.observe()
         ended = self.simulator.t >= self.simulator.horizon
@@ -122,7 +114,7 @@ class BatchEnvironment:
             rows = np.flatnonzero(ended)
             self.simulator.replace(rows, self._draw(len(rows)))
             observation = self.simulator.observe()
-        return Transition(observation, self.last.reward / self._scale, arrived, ended)
+        return Transition(observation, held.reward / self.simulator.method.scale, arrived, ended)
 
     def _draw(self, count: int) -> Array:
         return starts.sample(self.problem.file.training_starts, self._generator, count)

@@ -12,12 +12,11 @@ from importlib.metadata import EntryPoint, distributions
 from typing import Any
 
 from stlbench import choices, contract
-from stlbench.choices import Choice, parse_choice, parse_choices
+from stlbench.choices import Choice
 from stlbench.errors import UsageError, did_you_mean
 
 __all__ = [
     "KINDS",
-    "Choice",
     "Plugin",
     "PluginError",
     "PluginWarning",
@@ -27,8 +26,6 @@ __all__ = [
     "find",
     "loadable",
     "parameters",
-    "parse_choice",
-    "parse_choices",
 ]
 
 _CONTRACTS: Mapping[str, type] = {

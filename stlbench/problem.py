@@ -257,14 +257,23 @@ def load(name: str) -> Problem:
     """
     plugin = plugins.find("tasks", name)
     kind = plugin.load()
-    text = resources.files(kind.__module__.rpartition(".")[0]).joinpath("task.yaml").read_text(encoding="utf-8")
-    file = read(text, name)
+    file = read(_text(name, kind), name)
     try:
         system = kind(file.sampling_time, **file.parameters)
     except TypeError as error:
         raise UsageError(f"task {name}: parameters: {error}") from error
     _check_states(name, file, system)
     return Problem(name, file, system)
+
+
+def _text(name: str, kind: type) -> str:
+    package = kind.__module__.rpartition(".")[0]
+    if not package:
+        raise UsageError(f"task {name}: {kind.__module__} is in no package; a task is a package with a task.yaml")
+    try:
+        return resources.files(package).joinpath("task.yaml").read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise UsageError(f"task {name}: there is no task.yaml in the package {package}") from error
 
 
 def read(text: str, name: str) -> TaskFile:
@@ -276,12 +285,20 @@ def read(text: str, name: str) -> TaskFile:
     try:
         return TaskFile.model_validate(content)
     except ValidationError as error:
-        raise UsageError(f"task {name}: task.yaml has errors:\n{_listed(error)}") from error
+        raise UsageError(f"task {name}: task.yaml has errors:\n{_listed(error, content)}") from error
 
 
-def _listed(error: ValidationError) -> str:
+def _listed(error: ValidationError, content: Any) -> str:
+    """Every error on a line: place and message."""
+    found = error.errors()
+    wrong = {entry["loc"][0] for entry in found if entry["loc"]}
+    if wrong and isinstance(content, dict):  # errors between entries are looked for only where the entries are right
+        try:
+            TaskFile.model_validate({key: value for key, value in content.items() if key not in wrong})
+        except ValidationError as other:
+            found += [entry for entry in other.errors() if not entry["loc"]]
     lines = []
-    for entry in error.errors():
+    for entry in found:
         place = ".".join(str(part) for part in entry["loc"])
         for message in entry["msg"].removeprefix("Value error, ").split("\n"):
             lines.append(f"  {place}: {message}" if place else f"  {message}")

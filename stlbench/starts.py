@@ -37,7 +37,10 @@ def grid(region: Region, count: int, part: int = 0) -> Array:
 
     free = np.flatnonzero(region.low < region.high)
     if not len(free):
-        return np.repeat(region.keep(region.low[None]), count, axis=0)
+        states = region.keep(region.low[None])
+        if not len(states):
+            raise UsageError(f"initial states: the one state breaks the condition '{region.where}'")
+        return np.repeat(states, count, axis=0)
     wanted = count * (part + 1)
     points = qmc.Halton(d=len(free), scramble=False)
     points.fast_forward(1)

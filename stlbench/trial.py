@@ -12,6 +12,7 @@ from typing import cast
 import numpy as np
 
 from stlbench import plugins, problem
+from stlbench.choices import parse_choice
 from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, Training, Unsuitable
 from stlbench.environment import BatchEnvironment, Simulator
 from stlbench.matrix import Cell, derive_seed
@@ -48,8 +49,7 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
 
 def build_method(task: Problem, text: str) -> RewardMethod:
     """The method named `text`, with its parameters, for a task. Raises `Intractable`, `Unsuitable`, `UsageError`."""
-    (choice,) = plugins.parse_choices(text)
-    method = cast(RewardMethod, plugins.build("methods", choice, task.specification))
+    method = cast(RewardMethod, plugins.build("methods", parse_choice(text), task.specification))
     limit = task.specification.input_limit
     if method.memory_size > limit:
         raise Intractable(f"needs {method.memory_size} inputs, limit {limit}")
@@ -58,7 +58,7 @@ def build_method(task: Problem, text: str) -> RewardMethod:
 
 def build_agent(task: Problem, text: str) -> Agent:
     """The agent named `text` with the task's recipe, which parameters in the text override."""
-    (choice,) = plugins.parse_choices(text)
+    choice = parse_choice(text)
     return cast(Agent, plugins.build("agents", choice, defaults=task.recipe(choice.name)))
 
 
@@ -119,7 +119,7 @@ def measure(task: Problem, method: RewardMethod, agent: Agent, cell: Cell) -> tu
     taken = sum(environment.taken for environment in used)
     if taken > budget.steps:
         raise RuntimeError(f"agent {cell.agent} took {taken} environment steps, its budget is {budget.steps}")
-    selected = selection.best or final
+    selected = final if selection.best is None else selection.best
     reported = referee.report(selected)
     last = reported if selected is final else referee.report(final)
     cost = reward_cost(task, method)

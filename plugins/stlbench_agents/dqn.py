@@ -92,7 +92,13 @@ class DQN(Agent):
     def train(self, training: Training) -> Policy:
         """Spend the budget; return the greedy policy at its end."""
         torch.set_num_threads(1)
-        torch.set_flush_denormal(True)
+        torch.set_flush_denormal(True)  # dead ReLUs push Adam's moments into denormals
+        try:
+            return self._train(training)
+        finally:
+            torch.set_flush_denormal(False)
+
+    def _train(self, training: Training) -> Policy:
         environment = training.make(self.copies)
         rounds = max(1, training.steps // (self.copies * environment.hold))
         learner = Learner(self, environment, training.seed, rounds * self.gradient_steps)

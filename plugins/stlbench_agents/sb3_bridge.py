@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -92,7 +92,7 @@ class Checkpoints(BaseCallback):
         self._report()
 
 
-def exported(layers: Sequence[torch.nn.Module], inputs: int, grid: tuple[int, ...]) -> GreedyPolicy:
+def exported(layers: Iterable[torch.nn.Module], inputs: int, grid: tuple[int, ...]) -> GreedyPolicy:
     """The greedy policy of SB3's Q-network, a multi-layer perceptron with ReLU, as it is now.
 
     Args:

@@ -33,6 +33,7 @@ class SB3DQN(Agent):
         learning_starts: Annotated[int, Field(ge=0)] = 100,
         gradient_steps: Count = 1,
         learning_rate: Positive = 1e-3,
+        learning_rate_final: Positive = 3e-5,
         gamma: Share = 0.95,
         n_steps: Count = 3,
         tau: Share = 0.005,
@@ -45,9 +46,9 @@ class SB3DQN(Agent):
         """Names and meanings are SB3's, counts of steps are transitions; `train_freq` is 1, one lock-step.
 
         Where it differs from `dqn`: Huber loss; targets of plain rewards (not weighted by 1 - gamma), so that Q is
-        about 1 / (1 - gamma) as large; the target network chooses the bootstrap action (no double Q-learning); a
-        constant learning rate and no averaged weights; a joint head alone; exploration draws one coin for all
-        copies, so that in a lock-step all act at random or none does.
+        about 1 / (1 - gamma) as large; the target network chooses the bootstrap action (no double Q-learning); no
+        averaged weights; a joint head alone; exploration draws one coin for all copies, so that in a lock-step all
+        act at random or none does.
 
         Args:
             net_arch: widths of the hidden layers.
@@ -56,7 +57,7 @@ class SB3DQN(Agent):
             buffer_size: transitions kept for replay, all copies together.
             learning_starts: transitions, with random actions, before the first update.
             gradient_steps: updates after each lock-step.
-            learning_rate: of Adam.
+            learning_rate: of Adam at the start; falls geometrically to `learning_rate_final` at the end.
             gamma: discount a decision, that is, a span of `hold` steps.
             n_steps: rewards in a return before it bootstraps.
             tau: weight of the online network in an update of the target; 1 copies it.
@@ -72,7 +73,7 @@ class SB3DQN(Agent):
             "learning_starts": learning_starts,
             "train_freq": 1,
             "gradient_steps": gradient_steps,
-            "learning_rate": learning_rate,
+            "learning_rate": lambda left: learning_rate_final * (learning_rate / learning_rate_final) ** left,
             "gamma": gamma,
             "n_steps": n_steps,
             "tau": tau,

@@ -109,7 +109,7 @@ class Funnel(RewardMethod):
     def _curve(self, term: Term, t0: int, variant: Variant, t_star: float, ginf: float) -> Curve:
         rho_min, rho_max = self.specification.range(term.psi)
         gamma_0 = rho_max - rho_min
-        if ginf >= min(gamma_0, rho_max):
+        if ginf > min(gamma_0, rho_max) - 1e-6:  # bounds are rounded outwards
             raise Unsuitable(
                 f"funnel: ginf = {ginf:g} must be less than min(gamma_0, rho_max) = {min(gamma_0, rho_max):.4g} "
                 f"of {term.formula}"

@@ -18,22 +18,23 @@ Value = Callable[[Array, Integers], Array]
 
 Activity = Literal["last-deadline", "literal"]
 """`last-deadline`: term i is active on (t0_i, end_i], t0_i the latest end of a term that ends at or before term i
-starts, else 0; this gives eq. 11 for sequences and the overlap example alike. `literal`: term i is active on its own
-interval alone, as in the piecewise example of sec. III-B, and its funnel starts at 0."""
+starts (the first step that it reads: a, or a + c2 for F[a,c1] G[c2,b]), else 0; this gives eq. 11 for sequences and
+the overlap example alike. `literal`: term i is active on its own interval alone, as in the piecewise example of
+sec. III-B, and its funnel starts at 0."""
 
 
 def active_from(terms: Sequence[Term], activity: Activity) -> list[int]:
     """t0 of each term: the time from which its funnel runs."""
     if activity == "literal":
         return [0 for _ in terms]
-    return [max((other.end for other in terms if other.end <= term.a), default=0) for term in terms]
+    return [max((other.end for other in terms if other.end <= term.start), default=0) for term in terms]
 
 
 def active_table(terms: Sequence[Term], steps: int, activity: Activity) -> NDArray[np.bool_]:
     """Whether term i is active at sample t: (number of terms, steps + 1)."""
     t = np.arange(steps + 1)
     if activity == "literal":
-        return np.array([(term.a <= t) & (t <= term.end) for term in terms])
+        return np.array([(term.start <= t) & (t <= term.end) for term in terms])
     begins = active_from(terms, activity)
     return np.array([((t > t0) | (t0 == 0)) & (t <= term.end) for term, t0 in zip(terms, begins, strict=True)])
 

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Intractable, RewardMethod, Specification
+from stlbench.contract import Array, Integers, Intractable, RewardMethod, Specification, Unsuitable
 
 __all__ = ["TauMdp"]
 
@@ -30,6 +30,7 @@ class TauMdp(RewardMethod):
         beta: sharpness of the approximation; rho_max / beta is the robustness that matters.
 
     Raises:
+        Unsuitable: no sample satisfies phi with positive robustness, so rho_max is no unit.
         Intractable: tau times the number of signals exceeds the limit of inputs.
     """
 
@@ -48,7 +49,9 @@ class TauMdp(RewardMethod):
             raise Intractable(f"needs {self.memory_size} inputs, limit {specification.input_limit}")
         self._form, self._sign = form, 1.0 if self.outer == "F" else -1.0
         low, high = _range(self.phi, specification)
-        self._beta = self._sign * (beta if form == "probability" else beta / max(high, 1e-9))
+        if form == "robustness" and high <= 0:
+            raise Unsuitable(f"tau-mdp: {self.phi} cannot be satisfied robustly, its rho_max is {high:.4g}")
+        self._beta = self._sign * (beta if form == "probability" else beta / high)
         extremes = (0.0, 1.0) if form == "probability" else (low, high)
         self.scale = float(max(np.exp(self._beta * value) for value in extremes))
         self._middle = np.tile((np.array(specification.high) + specification.low) / 2, self.tau)
@@ -90,18 +93,21 @@ def _outer(formula: stl.Formula) -> tuple[Literal["F", "G"], stl.Formula]:
 
 def _range(formula: stl.Formula, specification: Specification) -> tuple[float, float]:
     """Bounds of the robustness of a formula whose samples may be anywhere in the box, each on its own."""
+    if not stl.is_temporal(formula):
+        return specification.range(formula)
     match formula:
-        case stl.Always() | stl.Eventually():
-            return _range(formula.arg, specification)
-        case stl.Not():
-            low, high = _range(formula.arg, specification)
+        case stl.Always(_, _, arg) | stl.Eventually(_, _, arg):
+            return _range(arg, specification)
+        case stl.Not(arg):
+            low, high = _range(arg, specification)
             return -high, -low
-        case stl.And() | stl.Or():
-            lows, highs = zip(*(_range(arg, specification) for arg in formula.args), strict=True)
-            return (min(lows), min(highs)) if isinstance(formula, stl.And) else (max(lows), max(highs))
-        case stl.Implies():
-            return _range(stl.Or((stl.Not(formula.left), formula.right)), specification)
-        case stl.Until():
-            return _range(stl.And((formula.left, formula.right)), specification)
-        case _:
-            return specification.range(formula)
+        case stl.Implies(left, right):
+            return _range(stl.Or((stl.Not(left), right)), specification)
+        case stl.Until(0, _, _, right):  # the left operand need not hold at all
+            return _range(right, specification)
+        case stl.Until(_, _, left, right):
+            parts: tuple[stl.Formula, ...] = (left, right)
+        case stl.And(parts) | stl.Or(parts):
+            pass
+    lows, highs = zip(*(_range(part, specification) for part in parts), strict=True)
+    return (max(lows), max(highs)) if isinstance(formula, stl.Or) else (min(lows), min(highs))

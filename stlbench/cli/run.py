@@ -89,7 +89,7 @@ def run(
 def plan(tasks: str, methods: str, agents: str, seeds: str | None, budget: str) -> tuple[Cell, ...]:
     """The cells that the options name."""
     from stlbench import matrix
-    from stlbench.plugins import parse_choices
+    from stlbench.choices import parse_choices
 
     names = parse_choices(tasks)
     for name in names:
@@ -120,8 +120,9 @@ def _seed_range(item: str, text: str) -> tuple[int, int]:
 def build_executor(text: str, jobs: int) -> Executor:
     """The executor that the options name."""
     from stlbench import plugins
+    from stlbench.choices import parse_choice
 
-    return cast("Executor", plugins.build("executors", plugins.parse_choice(text), defaults={"jobs": jobs}))
+    return cast("Executor", plugins.build("executors", parse_choice(text), defaults={"jobs": jobs}))
 
 
 def run_missing(

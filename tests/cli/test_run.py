@@ -95,7 +95,8 @@ def test_retry_runs_accidents_again(run, monkeypatch):
 
 def test_ctrl_c_keeps_what_is_done_and_the_next_run_goes_on(run, monkeypatch):
     run("toy-raw", "--results", "warm-up")
-    monkeypatch.setattr(importlib.import_module("toy_plugins.agents"), "interrupt_after", 6)  # a cell trains twice: warm-up first
+    # A cell trains twice, as there is a warm-up before the clock.
+    monkeypatch.setattr(importlib.import_module("toy_plugins.agents"), "interrupt_after", 6)
     done = run("toy-raw", "--seeds", "5")
     assert done.exit_code == 130
     message = "interrupted: 3 of 5 cells are recorded in results/; say the same command again to go on"

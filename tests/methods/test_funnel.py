@@ -10,11 +10,11 @@ import pytest
 from episodes import run, specification
 from hypothesis import given
 from hypothesis import strategies as st
-from stlbench_methods.funnel import Curve, Funnel
-from stlbench_methods.raw import Raw
 
 from stlbench import problem
 from stlbench.contract import Unsuitable
+from stlbench_methods.funnel import Curve, Funnel
+from stlbench_methods.raw import Raw
 
 NEAR = 1e-5
 """`Specification.range` is within 1e-6 of the true extremes."""
@@ -152,7 +152,9 @@ class TestAlwaysFromTheStart:
         assert method.curves[0].t_star == 100
 
     def test_code_leaves_other_intervals_alone(self) -> None:
-        assert Funnel(specification(SEQUENCE, BOX), variant="code").curves == Funnel(specification(SEQUENCE, BOX)).curves
+        assert (
+            Funnel(specification(SEQUENCE, BOX), variant="code").curves == Funnel(specification(SEQUENCE, BOX)).curves
+        )
 
     def test_nothing_is_paid_after_it(self) -> None:
         assert paid(Funnel(self.spec), -2.0, 11) == 0
@@ -161,9 +163,7 @@ class TestAlwaysFromTheStart:
 PENDULUM = "G[400,700] ({0}1) & G[1000,1200] ({0}2) & G[1700,2000] ({0}3)"
 
 
-@pytest.mark.parametrize(
-    ("ginf", "printed"), [(1e-9, [0.0103, 0.0138, 0.0083]), (0.01, [0.0109, 0.0145, 0.0087])]
-)
+@pytest.mark.parametrize(("ginf", "printed"), [(1e-9, [0.0103, 0.0138, 0.0083]), (0.01, [0.0109, 0.0145, 0.0087])])
 def test_the_rates_printed_for_the_pendulum(ginf: float, printed: list[float]) -> None:
     """Eq. 15 prints rho_max = .05, gamma_0 = pi and l = .0103, .0138, .0083, which are ln(pi / .05) = 4.1405 over
     400, 1000 - 700 and 1700 - 1200, so gamma_inf = 0; with the gamma_inf = .01 of the text,

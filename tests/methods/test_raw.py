@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 from episodes import run, specification
-from stlbench_methods.raw import Raw
 
 from stlbench import problem
 from stlbench.contract import Unsuitable
+from stlbench_methods.raw import Raw
 
 
 def test_eq_18_on_the_navigation_task() -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from stlbench_methods.schedule import Activity, active_from, active_table, least_active
 
 from stlbench import stl
+from stlbench_methods.schedule import Activity, active_from, active_table, least_active
 
 
 def terms(text: str) -> tuple[stl.Term, ...]:

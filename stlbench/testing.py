@@ -1,0 +1,164 @@
+"""Conformance checks: what the contract asks of a method and of a task, for a plugin author's own tests.
+
+    from stlbench.testing import check_method
+
+    def test_it_keeps_the_contract() -> None:
+        check_method(MyMethod)  # or by name, with parameters: check_method("my-method[beta=2]")
+
+A check runs the plugin and returns nothing. The first rule that is broken is an `AssertionError` that names the rule
+and what was found instead. That a reward is the right one is not checked: compute some by hand.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+
+from stlbench import plugins, problem, starts, stl
+from stlbench.choices import parse_choice
+from stlbench.contract import Array, Intractable, RewardMethod, Specification, Unsuitable
+
+__all__ = ["check_method", "check_task"]
+
+_ROWS = 6
+_SPECIFICATIONS = tuple(
+    Specification(stl.parse(formula), ("x", "y"), (-2.0, -2.0), (2.0, 2.0), steps=15, dt=0.1, nested=nested)
+    for formula, nested in (
+        ("G[0,12] (norm(x, y) <= 1)", stl.parse("G[0,9] G[0,3] (norm(x, y) <= 1)")),
+        ("F[2,5] (x >= 1 | y >= 1) & G[8,12] (abs(x) <= 0.5)", None),
+    )
+)
+
+
+def check_method(method: type[RewardMethod] | str, task: str | None = None) -> None:
+    """Check a reward method on random traces from the box of the signals.
+
+    The rules: `start`, `step` and `inputs` give finite values of the contract's shapes, are pure and leave their
+    arguments alone; a batch is its rows one by one, also where rows are at different times; inputs are about in
+    [-1, 1] and rewards at most about `scale` in size; `describe` gives what JSON can hold.
+
+    Args:
+        method: a class, made with its default parameters, or the name of an installed method with parameters.
+        task: name of an installed task; where left out, two small formulas, of which the method may refuse one.
+
+    Raises:
+        AssertionError: the rule that is broken.
+        Unsuitable, Intractable: the method refuses the task; no rule is broken.
+    """
+    specifications = _SPECIFICATIONS if task is None else (problem.load(task).specification,)
+    refusals = list[Exception]()
+    for specification in specifications:
+        try:
+            made = _made(method, specification)
+        except (Unsuitable, Intractable) as refusal:
+            refusals.append(refusal)
+        else:
+            _check_episode(made)
+    if len(refusals) == len(specifications):
+        raise refusals[0]
+
+
+def check_task(name: str) -> None:
+    """Check an installed task: its system under random actions, its formula on the traces, its agents' recipes.
+
+    The rules: `step`, `signals` and `features` give finite values of the contract's shapes, are pure and leave their
+    arguments alone, and a batch is its rows one by one; the initial states lie in the signals' ranges, and features
+    of states in there within [-5, 5]; the nested form has the formula's robustness; recipes fit their agents.
+
+    Raises:
+        AssertionError: the rule that is broken.
+        UsageError: no such task, a task file with errors, or a recipe that its agent does not understand.
+    """
+    task = problem.load(name)
+    generator, system, file, k = np.random.default_rng(0), task.system, task.file, len(task.signals)
+    low, high = np.array(task.specification.low), np.array(task.specification.high)
+    state = np.concatenate([starts.grid(file.initial, 4), starts.sample(file.training_starts, generator, 4)])
+    trace, n = [system.signals(state)], len(state)
+    _rule(bool(np.all((low <= trace[0]) & (trace[0] <= high))), "initial states lie in the signals' ranges", trace[0])
+    for t in range(file.steps):
+        if t % file.hold == 0:
+            action = task.actions.vectors[generator.integers(task.actions.size, size=n)]
+        if t % max(1, file.steps // 8) == 0:
+            _check_function("step", system.step, (state, action), (n, len(system.state)))
+            _check_function("signals", system.signals, (state,), (n, k))
+            _check_function("signals of (1, N, n)", lambda one: system.signals(one[None])[0], (state,), (n, k))
+            features = _check_function("features", system.features, (state, np.full(n, t)), (n, None))
+            inside = np.all((low <= trace[-1]) & (trace[-1] <= high), axis=1)
+            _rule(bool(np.all(np.abs(features[inside]) <= 5)), "features are about in [-1, 1]", features)
+        state = system.step(state, action)
+        trace.append(system.signals(state))
+    traces = np.stack(trace, axis=1)
+    robustness = stl.robustness(task.formula, traces, task.signals)
+    nested = stl.robustness(task.specification.nested or task.formula, traces, task.signals)
+    _rule(np.allclose(nested, robustness), "the nested form has the formula's robustness", nested - robustness)
+    for agent in plugins.available("agents").keys() & file.agents.keys():
+        plugins.check("agents", parse_choice(agent), task.recipe(agent))
+
+
+def _made(method: type[RewardMethod] | str, specification: Specification) -> RewardMethod:
+    if not isinstance(method, str):
+        return method(specification)
+    made: RewardMethod = plugins.build("methods", parse_choice(method), specification)
+    return made
+
+
+def _check_episode(method: RewardMethod) -> None:
+    m, steps = method.memory_size, method.specification.steps
+    _rule(isinstance(m, int) and m >= 0, "memory_size is a whole number, at least 0", m)
+    _rule(bool(0 < method.scale < np.inf), "scale is positive and finite", method.scale)
+    try:
+        json.dumps(dict(method.describe()))
+    except (TypeError, ValueError) as error:
+        raise AssertionError(f"rule broken: describe gives what JSON can hold; found {error}") from error
+    traces, action = _traces(method.specification), np.zeros((_ROWS, 1))
+    memories, rewards = [_check_function("start", method.start, (traces[:, 0],), (_ROWS, m))], list[Array]()
+    for t in range(steps):
+        arguments = (traces[:, t], action, traces[:, t + 1], np.full(_ROWS, t), memories[-1])
+        reward, memory = method.step(*arguments)
+        _rule(np.shape(reward) == (_ROWS,), "the reward has shape (N,)", np.shape(reward))
+        if t % max(1, steps // 12) == 0 or t == steps - 1:
+            _check_function("step", lambda *given: np.column_stack(method.step(*given)), arguments, (_ROWS, 1 + m))
+            inputs = _check_function("inputs", method.inputs, (memory,), (_ROWS, m))
+            _rule(bool(np.all(np.abs(inputs) <= 2)), "inputs are about in [-1, 1]", inputs)
+        memories.append(memory)
+        rewards.append(reward)
+    largest = float(np.abs(rewards).max())
+    _rule(largest <= 1.5 * method.scale, f"rewards are at most about scale = {method.scale:g} in size", largest)
+    row, at = np.arange(_ROWS), np.linspace(0, steps - 1, _ROWS).astype(np.int64)
+    mixed, _ = method.step(traces[row, at], action, traces[row, at + 1], at, np.stack(memories)[at, row])
+    _rule(np.allclose(mixed, np.stack(rewards)[at, row]), "rows may be at different times", mixed)
+
+
+def _check_function(
+    name: str, function: Callable[..., Array], arguments: tuple[Array, ...], shape: tuple[int | None, ...]
+) -> Array:
+    """Shape (None: any), finite values, purity, and that a batch is its rows one by one."""
+    given = tuple(argument.copy() for argument in arguments)
+    found = np.array(function(*given))
+    fits = found.ndim == len(shape) and all(want in (None, got) for want, got in zip(shape, found.shape, strict=True))
+    _rule(fits, f"{name} has shape {shape}", found.shape)
+    _rule(bool(np.isfinite(found).all()), f"{name} is finite", found)
+    _rule(all(map(np.array_equal, given, arguments)), f"{name} leaves its arguments alone", "one that it changed")
+    _rule(np.array_equal(function(*given), found), f"{name} is pure", "another value for the same arguments")
+    for i in range(len(found)):
+        row = function(*(argument[i : i + 1] for argument in given))
+        _rule(np.allclose(row, found[i : i + 1]), f"{name} of a batch is that of its rows", f"a difference in row {i}")
+    return found
+
+
+def _traces(specification: Specification) -> Array:
+    """(_ROWS, T + 1, k) in the box of the signals: half of the rows jump about, half move slowly."""
+    generator, samples = np.random.default_rng(0), specification.steps + 1
+    share = generator.random((_ROWS, samples, len(specification.signals)))
+    slow = share[: _ROWS // 2]
+    slow[:] = np.clip(slow[:, :1] + np.cumsum((slow - 0.5) / np.sqrt(samples), axis=1), 0, 1)
+    low, high = np.array(specification.low), np.array(specification.high)
+    traces: Array = low + share * (high - low)
+    return traces
+
+
+def _rule(kept: bool, rule: str, found: object) -> None:
+    if not kept:
+        raise AssertionError(f"rule broken: {rule}; found {found}")

@@ -1,0 +1,115 @@
+"""Q-networks against Q written out action by action."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from stlbench.contract import ActionGrid, Array
+from stlbench_agents.network import GreedyPolicy, Head, QNetwork
+
+GRID = ActionGrid(("v", "w", "u"), ((-1.0, 0.0, 1.0, 2.0), (5.0, 7.0), (0.0, 1.0, 2.0)))
+"""4 x 2 x 3 = 24 actions; index 6 i + 3 j + k, the last axis fastest."""
+
+INPUTS, WIDTHS, ROWS = 5, (16, 8), 40
+HEADS: tuple[Head, ...] = ("joint", "additive")
+
+
+def made(head: Head, seed: int = 0) -> tuple[QNetwork, list[torch.Tensor], Array]:
+    """A network, weights of which none is 0, and observations."""
+    network = QNetwork(INPUTS, WIDTHS, GRID.shape, head)
+    generator = torch.Generator().manual_seed(seed)
+    flat = network.initial(generator)
+    flat = flat + 0.3 * torch.randn(flat.shape, generator=generator)
+    return network, network.views(flat), np.random.default_rng(seed).normal(size=(ROWS, INPUTS))
+
+
+def enumerated(head: Head, weights: list[torch.Tensor], observation: Array) -> Array:
+    """Q of every action, (N, 24), in float64, from the definition in the module's docstring."""
+    w1, b1, w2, b2, w3, b3 = (weight.double().numpy() for weight in weights)
+    hidden = np.maximum(np.maximum(observation @ w1 + b1, 0) @ w2 + b2, 0)
+    outputs = hidden @ w3.T + b3
+    if head == "joint":
+        return outputs
+    value, v, w, u = outputs[:, 0], outputs[:, 1:5], outputs[:, 5:7], outputs[:, 7:10]
+    q = np.empty((len(observation), 24))
+    for i in range(4):
+        for j in range(2):
+            for k in range(3):
+                terms = v[:, i] - v.mean(axis=1) + w[:, j] - w.mean(axis=1) + u[:, k] - u.mean(axis=1)
+                q[:, 6 * i + 3 * j + k] = value + terms
+    return q
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_value_and_best_against_an_enumeration_of_all_actions(head: Head) -> None:
+    network, weights, observation = made(head)
+    q = enumerated(head, weights, observation)
+    hidden = network.hidden(weights, torch.from_numpy(observation).float())
+    for action in range(24):
+        value = network.value(weights, hidden, torch.full((ROWS,), action))
+        assert value.numpy() == pytest.approx(q[:, action], abs=1e-5)
+    second, first = np.sort(q, axis=1)[:, -2:].T
+    clear = first - second > 1e-4  # float32 cannot decide the others
+    assert clear.sum() > ROWS / 2
+    assert np.array_equal(network.best(weights, hidden).numpy()[clear], q.argmax(axis=1)[clear])
+    assert len(set(q.argmax(axis=1))) > 5
+
+
+def test_an_index_means_the_same_action_to_the_grid_and_to_the_additive_head() -> None:
+    for index, vector in enumerate(GRID.vectors):
+        i, j, k = index // 6, index % 6 // 3, index % 3
+        assert vector.tolist() == [GRID.axes[0][i], GRID.axes[1][j], GRID.axes[2][k]]
+
+
+@pytest.mark.parametrize(("head", "outputs"), [("joint", 24), ("additive", 1 + 4 + 2 + 3)])
+def test_the_number_of_outputs(head: Head, outputs: int) -> None:
+    network = QNetwork(INPUTS, WIDTHS, GRID.shape, head)
+    assert network.shapes == [(5, 16), (16,), (16, 8), (8,), (outputs, 8), (outputs,)]
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_the_policy_in_numpy_acts_as_the_network_in_torch(head: Head) -> None:
+    network, weights, observation = made(head, seed=1)
+    policy = GreedyPolicy(network, [weight.numpy() for weight in weights])
+    second, first = np.sort(enumerated(head, weights, observation), axis=1)[:, -2:].T
+    clear = first - second > 1e-4
+    torch_says = network.best(weights, network.hidden(weights, torch.from_numpy(observation).float())).numpy()
+    assert np.array_equal(policy.act(observation)[clear], torch_says[clear])
+    assert np.array_equal(policy.act(observation[:1]), policy.act(observation)[:1])
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_a_frozen_policy_does_not_change_with_the_weights(head: Head) -> None:
+    network, weights, observation = made(head)
+    live = GreedyPolicy(network, [weight.numpy() for weight in weights])
+    frozen, before = live.frozen(), live.act(observation)
+    for weight in weights:
+        weight.neg_()
+    assert np.array_equal(frozen.act(observation), before)
+    assert not np.array_equal(live.act(observation), before)
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_fresh_weights(head: Head) -> None:
+    """He: standard deviation sqrt(2 / inputs) in hidden layers, .1 / sqrt(inputs) in the last; biases 0."""
+    network = QNetwork(50, (200, 100), (10, 10), head)
+    flat = network.initial(torch.Generator().manual_seed(3))
+    w1, b1, w2, b2, w3, b3 = network.views(flat)
+    assert not any(bias.any() for bias in (b1, b2, b3))
+    assert float(w1.std()) == pytest.approx(math.sqrt(2 / 50), rel=0.05)
+    assert float(w2.std()) == pytest.approx(math.sqrt(2 / 200), rel=0.05)
+    assert float(w3.std()) == pytest.approx(0.1 / math.sqrt(100), rel=0.1)
+    assert torch.equal(flat, network.initial(torch.Generator().manual_seed(3)))
+    assert not torch.equal(flat, network.initial(torch.Generator().manual_seed(4)))
+
+
+def test_views_share_the_memory_of_the_flat_vector() -> None:
+    network = QNetwork(2, (3,), (4,), "joint")
+    flat = torch.arange(2 * 3 + 3 + 4 * 3 + 4, dtype=torch.float32)
+    weights = network.views(flat)
+    flat += 1
+    assert torch.equal(torch.cat([weight.ravel() for weight in weights]), flat)

@@ -1,0 +1,84 @@
+"""The comparative study of the paper: its numbers, and the robot's motion by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from stlbench import problem, starts, stl
+from stlbench.testing import check_task
+
+TASK = problem.load("hold-disc")
+
+
+def test_the_paper() -> None:
+    """Comparative Study: G[0,200] of the disc at (2,2) of radius 1, with the robot of sec. IV-B."""
+    file = TASK.file
+    assert TASK.formula == stl.parse("G[0,200] (norm(x - 2, y - 2) <= 1)")
+    assert (file.sampling_time, file.steps, file.hold) == (0.01, 200, 1)
+    assert TASK.actions.names == ("v", "omega")
+    assert TASK.actions.axes == (
+        (-5, -4.5, -4, -3.5, -3, -2.5, -2, -1.5, -1, -0.5, 0, 0.5, 1, 1.5, 2, 2.5, 3, 3.5, 4, 4.5, 5),
+        (-3, -2.5, -2, -1.5, -1, -0.5, 0, 0.5, 1, 1.5, 2, 2.5, 3),
+    )
+
+
+def test_the_protocols_measure_what_the_authors_program_prints() -> None:
+    # the minimum over steps 100..200; of one episode under the name `paper`
+    protocols = TASK.file.protocols
+    assert {protocols[name].formula for name in ("paper", "tail")} == {"G[100,200] (norm(x - 2, y - 2) <= 1)"}
+    assert (protocols["paper"].starts, protocols["tail"].starts) == (1, 64)
+    region = protocols["centre"].initial
+    assert region is not None
+    assert np.all(starts.grid(region, 16)[:, :2] == 2)
+
+
+def test_dynamics_by_hand() -> None:
+    """x' = x + .01 v cos, y' = y + .01 v sin, heading' = heading + .01 omega."""
+    state = np.array([[1.0, 2.0, 0.0], [1.0, 2.0, math.pi / 2], [0.0, 0.0, math.pi / 6]])
+    action = np.array([[5.0, -3.0], [-4.0, 0.5], [2.0, 0.0]])
+    expected = [
+        [1.05, 2, -0.03],
+        [1, 1.96, math.pi / 2 + 0.005],
+        [0.02 * math.sqrt(3) / 2, 0.01, math.pi / 6],
+    ]
+    assert TASK.system.step(state, action) == pytest.approx(np.array(expected))
+    assert TASK.system.signals(state).tolist() == [[1, 2], [1, 2], [0, 0]]
+
+
+def test_features_are_the_centre_as_seen_from_the_robot() -> None:
+    # At (2, 1) looking along x, and along y: the centre is 1 m to the left, and 1 m ahead.
+    state = np.array([[2.0, 1.0, 0.0], [2.0, 1.0, math.pi / 2], [2.0, 1.0, math.pi]])
+    near = math.tanh(1 / 0.2)
+    expected = [[0, 1, 0, near], [1, 0, near, 0], [0, -1, 0, -near]]
+    assert TASK.system.features(state, np.zeros(3, dtype=np.int64)) == pytest.approx(np.array(expected))
+
+
+def test_it_can_be_satisfied_from_every_start() -> None:
+    """A robot that stays has robustness 1 - r, the most from a start at radius r; r is at most .9."""
+    states = starts.grid(TASK.file.initial, 64)
+    radius = np.hypot(states[:, 0] - 2, states[:, 1] - 2)
+    traces = np.repeat(states[:, None, :2], 201, axis=1)
+    robustness = stl.robustness(TASK.formula, traces, TASK.signals)
+    assert robustness == pytest.approx(1 - radius)
+    assert robustness.min() >= 0.1 - 1e-9
+
+
+@pytest.mark.parametrize("name", ["hold-disc", "hold-disc-coarse"])
+def test_the_nested_form_is_the_formula(name: str) -> None:
+    """G[0,190] G[0,10] reads samples 0..200, as G[0,200] does: the same robustness and verdict on any trace."""
+    task = problem.load(name)
+    assert task.specification.nested == stl.parse("G[0,190] G[0,10] (norm(x - 2, y - 2) <= 1)")
+    steps = np.random.default_rng(0).normal(size=(300, 201, 2), scale=0.03)
+    traces = 2 + np.cumsum(steps, axis=1)
+    formula, nested = (stl.robustness(f, traces, ("x", "y")) for f in (task.formula, task.specification.nested))
+    assert np.array_equal(formula, nested)
+    verdicts = stl.satisfied(task.formula, traces, ("x", "y"))
+    assert np.array_equal(verdicts, stl.satisfied(task.specification.nested, traces, ("x", "y")))
+    assert 0.1 < verdicts.mean() < 0.9
+
+
+def test_the_contract() -> None:
+    check_task("hold-disc")

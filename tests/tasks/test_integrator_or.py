@@ -1,0 +1,57 @@
+"""The integrator with a disjunction, sec. IV-C of the paper."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stlbench import problem, starts, stl
+from stlbench.testing import check_task
+
+TASK = problem.load("integrator-or")
+
+
+def test_the_paper() -> None:
+    """G[0,2000] (|x - 5| <= 5 or |x - 45| <= 5), v in -3, -2.5, ... 3; tau is .01 in the other case studies."""
+    assert TASK.formula == stl.parse("G[0,2000] (abs(x - 5) <= 5 | abs(x - 45) <= 5)")
+    assert (TASK.file.sampling_time, TASK.file.steps) == (0.01, 2000)
+    assert TASK.actions.names == ("v",)
+    assert TASK.actions.axes == ((-3, -2.5, -2, -1.5, -1, -0.5, 0, 0.5, 1, 1.5, 2, 2.5, 3),)
+
+
+def test_dynamics_by_hand() -> None:
+    state = np.array([[0.0], [25.0]])
+    assert TASK.system.step(state, np.array([[3.0], [-0.5]])) == pytest.approx(np.array([[0.03], [24.995]]))
+    assert TASK.system.signals(state).tolist() == [[0], [25]]
+
+
+def test_features() -> None:
+    features = TASK.system.features(np.array([[5.0], [45.0], [25.0]]), np.zeros(3, dtype=np.int64))
+    assert features[:, 0].tolist() == [-1, 1, 0]
+    assert features[:2, 1:].tolist() == [[0, pytest.approx(-1)], [pytest.approx(1), 0]]
+
+
+def test_it_can_be_satisfied_from_every_start_of_the_referee() -> None:
+    """t = 0 counts, so the start bounds the robustness: at least .2, and staying there reaches it."""
+    states = starts.grid(TASK.file.initial, 64)
+    traces = np.repeat(states[:, None], 2001, axis=1)
+    robustness = stl.robustness(TASK.formula, traces, TASK.signals)
+    assert robustness == pytest.approx(5 - np.minimum(abs(states[:, 0] - 5), abs(states[:, 0] - 45)))
+    assert robustness.min() >= 0.2 - 1e-9
+    assert {bool(x < 25) for x in states[:, 0]} == {True, False}
+
+
+def test_training_starts_between_the_goals_too_and_reach_measures_them() -> None:
+    assert TASK.file.training_starts.low.tolist() == [0]
+    assert TASK.file.training_starts.high.tolist() == [50]
+    reach = TASK.file.protocols["reach"]
+    assert reach.formula is not None
+    assert reach.initial is not None
+    # From the middle, 25, at 3 m/s: at the edge of a goal, 10, after 15 / .03 = 500 steps, well before 1500.
+    x = np.maximum(25 - 0.03 * np.arange(2001), 5)[None, :, None]
+    assert stl.robustness(TASK.file.parsed(reach.formula), x, ("x",)) == pytest.approx(5)
+    assert stl.robustness(TASK.formula, x, ("x",)) == pytest.approx(-15)
+
+
+def test_the_contract() -> None:
+    check_task("integrator-or")

@@ -1,0 +1,72 @@
+"""Mobile robot navigation, sec. IV-B of the paper."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from stlbench import problem, starts, stl
+from stlbench.contract import Array
+from stlbench.testing import check_task
+
+TASK = problem.load("robot-nav")
+
+
+def test_the_paper() -> None:
+    expected = "G[900,1300] (norm(x - 25, y - 25) <= 2) & G[1600,2000] (norm(x - 30, y - 30) <= 2)"
+    assert TASK.formula == stl.parse(expected)
+    assert (TASK.file.sampling_time, TASK.file.steps) == (0.01, 2000)
+    assert TASK.actions.names == ("v", "omega")
+    assert TASK.actions.shape == (21, 13)
+    assert TASK.actions.vectors[[0, 1, 13, -1]].tolist() == [[-5, -3], [-5, -2.5], [-4.5, -3], [5, 3]]
+
+
+def test_dynamics_by_hand() -> None:
+    """tau v = .05 along the heading, tau omega = -.03; 3-4-5: cos = .6, sin = .8."""
+    state = np.array([[1.0, 2.0, math.atan2(4, 3)]])
+    after = TASK.system.step(state, np.array([[5.0, -3.0]]))
+    assert after == pytest.approx(np.array([[1.03, 2.04, math.atan2(4, 3) - 0.03]]))
+
+
+def test_features_speak_of_the_goal_of_now() -> None:
+    """From (22, 21): (25, 25) is 5 m off in the direction of (3, 4), (30, 30) is sqrt(145) m off."""
+    heading = math.atan2(4, 3)
+    state = np.array([[22.0, 21.0, heading], [22.0, 21.0, heading - math.pi / 2], [22.0, 21.0, heading]])
+    features = TASK.system.features(state, np.array([0, 1299, 1300]))
+    near = math.tanh(5)
+    assert features[0] == pytest.approx([5 / 20 - 1, math.tanh(2.5), near, 0, 1, -1])
+    assert features[1] == pytest.approx([5 / 20 - 1, math.tanh(2.5), 0, near, 0, -1])
+    far = math.sqrt(145)
+    # cosine of the angle between (3, 4) / 5 and (8, 9) / sqrt(145), the sine by the cross product
+    assert features[2] == pytest.approx(
+        [far / 20 - 1, math.tanh(far / 2), 60 / 5 / far, (3 * 9 - 4 * 8) / 5 / far, 60 / 5 / far, 1], abs=1e-9
+    )
+
+
+def drive(state: Array, goal: float) -> Array:
+    """Actions for a robot that turns to (goal, goal) and goes there, rounded to the grid."""
+    dx, dy = goal - state[:, 0], goal - state[:, 1]
+    bearing = (np.arctan2(dy, dx) - state[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    speed = np.where(abs(bearing) < 0.5, np.minimum(5, 5 * np.hypot(dx, dy)), 0)
+    turn = np.clip(5 * bearing, -3, 3) * (np.hypot(dx, dy) > 0.2)
+    return np.round(2 * np.stack([speed, turn], axis=1)) / 2
+
+
+def test_it_can_be_satisfied_from_every_start_with_held_actions() -> None:
+    """A hand-made controller on the task's own action grid, each action held as long as an agent's."""
+    state = starts.grid(TASK.file.initial, 64)
+    trace = [TASK.system.signals(state)]
+    for t in range(2000):
+        if t % TASK.file.hold == 0:
+            action = drive(state, 25.0 if t < 1300 else 30.0)
+            assert {tuple(row) for row in action} <= {tuple(row) for row in TASK.actions.vectors}
+        state = TASK.system.step(state, action)
+        trace.append(TASK.system.signals(state))
+    robustness = stl.robustness(TASK.formula, np.stack(trace, axis=1), TASK.signals)
+    assert robustness.min() > 1.5  # of at most 2
+
+
+def test_the_contract() -> None:
+    check_task("robot-nav")

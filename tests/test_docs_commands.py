@@ -1,0 +1,168 @@
+"""What the documentation shows is so: commands parse, tables name what there is, the examples of plugins run."""
+
+from __future__ import annotations
+
+import doctest
+import re
+import shlex
+from collections.abc import Callable, Iterator
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from stlbench import choices, matrix, plugins, problem
+from stlbench.cli import app
+from stlbench.contract import Outcome
+from stlbench.problem import Budget, TaskFile
+from stlbench.testing import check_task
+from stlbench.trial import run_cell
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted([*DOCS.rglob("*.md"), *ROOT.glob("*.md"), *ROOT.glob("plugins/example/*.md")])
+BLOCK = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+ELSEWHERE = {"verdict"}
+"""Methods that pages speak of and that are not installed here."""
+
+
+def blocks(page: Path, *languages: str) -> list[str]:
+    return [text for language, text in BLOCK.findall(page.read_text(encoding="utf-8")) if language in languages]
+
+
+def commands() -> Iterator[tuple[str, str]]:
+    """Page and command of every line "$ stlbench ..."."""
+    for page in PAGES:
+        for text in blocks(page, "console"):
+            for line in text.replace("\\\n", " ").splitlines():
+                if line.startswith("$ stlbench"):
+                    yield str(page.relative_to(ROOT)), line.removeprefix("$ ")
+
+
+def rows(page: str, heading: str) -> dict[str, list[str]]:
+    """The table below a heading: first cell without backquotes -> the other cells."""
+    after = (DOCS / page).read_text(encoding="utf-8").partition(f"\n{heading}\n")[2].splitlines()
+    start = next(number for number, line in enumerate(after) if line.startswith("|"))
+    cells = [re.split(r"(?<!\\)\|", line)[1:-1] for line in takewhile(lambda line: line.startswith("|"), after[start:])]
+    return {first.strip().strip("`"): [cell.strip() for cell in rest] for first, *rest in cells[2:]}
+
+
+def parsed(words: list[str]) -> dict[str, object]:
+    """The parameters of the command that these words would run."""
+    command: Any = typer.main.get_command(app)
+    path = list[str]()
+    while hasattr(command, "commands") and not words[0].startswith("-"):
+        assert words[0] in command.commands, f"no command '{words[0]}'"
+        command, path, words = command.commands[words[0]], [*path, words[0]], words[1:]
+    return dict(command.make_context(" ".join(path), list(words)).params)
+
+
+def test_there_are_commands() -> None:
+    assert len(set(commands())) >= 20
+
+
+@pytest.mark.parametrize(("page", "line"), sorted(set(commands())), ids=lambda text: text.partition("#")[0].strip())
+def test_a_command_parses(page: str, line: str) -> None:
+    words = shlex.split(line, comments=True)[1:]
+    options = parsed(words)
+    if words[0] == "run":
+        for choice in choices.parse_choices(str(options["methods"])):
+            if choice.name not in ELSEWHERE:
+                plugins.check("methods", choice)
+        for choice in choices.parse_choices(str(options["agents"])):
+            plugins.check("agents", choice)
+
+
+def test_every_command_and_option_is_in_the_reference() -> None:
+    text = (DOCS / "reference/command-line.md").read_text(encoding="utf-8")
+    commands: Any = typer.main.get_command(app)
+    for name, command in commands.commands.items():
+        assert f"stlbench {name}" in text
+        for option in (option for parameter in command.params for option in parameter.opts if option.startswith("--")):
+            assert option == "--help" or f"`{option}" in text, f"{name} {option}"
+
+
+@pytest.mark.parametrize(
+    ("page", "heading", "kind", "name"),
+    [
+        ("reference/methods.md", "## funnel", "methods", "funnel"),
+        ("reference/methods.md", "## raw", "methods", "raw"),
+        ("reference/methods.md", "## flag", "methods", "flag"),
+        ("reference/methods.md", "## tau-mdp", "methods", "tau-mdp"),
+        ("reference/agents.md", "## dqn", "agents", "dqn"),
+    ],
+)
+def test_parameters_and_defaults(page: str, heading: str, kind: str, name: str) -> None:
+    text = (DOCS / page).read_text(encoding="utf-8").partition(f"\n{heading}\n")[2].partition("\n## ")[0]
+    table = text[text.index("| parameter | default") :]
+    shown = dict(re.findall(r"^\| `(\w+)` \| (.*?) \|", table, re.MULTILINE))
+    declared = plugins.parameters(plugins.find(kind, name))
+    assert {key: value.strip("`") for key, value in shown.items()} == {
+        key: ", ".join(map(str, default)) if isinstance(default, tuple) else str(default)
+        for key, (_, default) in declared.items()
+    }
+
+
+def test_the_keys_of_a_task_file() -> None:
+    table = rows("howto/task.md", "## The task file")
+    assert set(table) == set(TaskFile.model_fields)
+    for key, field in TaskFile.model_fields.items():
+        assert (table[key][0] == "required") == field.is_required(), key
+        if isinstance(field.default, int):
+            assert table[key][0] == str(field.default), key
+    budget = {key: field.default for key, field in Budget.model_fields.items() if not field.is_required()}
+    for key, default in budget.items():
+        assert f"{key} = {default:g}" in table["budgets"][1]
+
+
+def test_built_in_plugins_are_named() -> None:
+    text = (DOCS / "index.md").read_text(encoding="utf-8")
+    for kind in plugins.KINDS:
+        for name, plugin in plugins.available(kind).items():
+            assert f"`{name}`" in text or plugin.distribution != plugins.OWN
+
+
+def test_the_gymnasium_page() -> None:
+    result = doctest.testfile(str(DOCS / "howto/gymnasium.md"), module_relative=False)
+    assert result.attempted >= 15
+    assert result.failed == 0
+
+
+def test_the_examples_of_task_and_agent_run_together(site: Callable[..., Path]) -> None:
+    system, task, agent = (
+        blocks(DOCS / "howto/task.md", "python")[0],
+        blocks(DOCS / "howto/task.md", "yaml")[0],
+        blocks(DOCS / "howto/agent.md", "python")[0],
+    )
+    entries = blocks(DOCS / "howto/task.md", "toml")[0] + blocks(DOCS / "howto/agent.md", "toml")[0]
+    site(
+        "docs-example",
+        re.sub(r'\[project\.entry-points\."(.*)"\]', r"[\1]", entries).replace('"', ""),
+        {
+            "my_tasks/cart_reach/system.py": system,
+            "my_tasks/cart_reach/task.yaml": task.replace("agents:\n", "agents:\n  random-search: {copies: 8}\n"),
+            "my_agents/random_search.py": agent,
+        },
+    )
+    loaded = problem.load("cart-reach")
+    assert str(loaded.formula) == "F[0,40] G[0,10] abs(x - 1) <= 0.2"
+    check_task("cart-reach")
+    methods, agents = choices.parse_choices("raw"), choices.parse_choices("dqn,random-search[copies=4]")
+    for cell in matrix.plan(["cart-reach"], methods, agents, [0], "smoke"):
+        result = run_cell(cell)
+        assert result.measurement is not None
+        assert result.measurement.env_steps == 3200
+        assert [point.steps for point in result.measurement.curve][-1] == 3200
+        assert set(result.measurement.selected) == {"formula", "rest"}
+
+
+def test_the_example_of_an_executor(site: Callable[..., Path]) -> None:
+    page = DOCS / "howto/executor.md"
+    entries = re.sub(r'\[project\.entry-points\."(.*)"\]', r"[\1]", blocks(page, "toml")[0]).replace('"', "")
+    site("docs-example", entries, {"my_executors/inline.py": blocks(page, "python")[0]})
+    executor = plugins.build("executors", choices.parse_choice("inline"), defaults={"jobs": 2})
+    done, raised = executor.run(int, ["3", "x"], [1, 1])
+    assert done == Outcome(0, "done", 3)
+    assert (raised.status, raised.reason.partition(":")[0]) == ("raised", "ValueError")

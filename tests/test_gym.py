@@ -1,0 +1,324 @@
+"""The tasks as Gymnasium environments: against Gymnasium's and SB3's checkers, by hand, and against each other."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import InvalidAction, ResetNeeded
+from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import stlbench.gym
+from stlbench import plugins, stl
+from stlbench.errors import UsageError
+from stlbench.gym import StlEnv, StlVectorEnv
+
+FORWARD = 20 * 13 + 6
+"""hold-disc's action v = 5, omega = 0: the last of 21 speeds, the middle of 13 turning rates."""
+
+
+def run(code: str) -> str:
+    """What a fresh interpreter prints."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def make(name: str, **options: Any) -> StlEnv:
+    env = gymnasium.make(f"stlbench/{name}-v0", **options).unwrapped
+    assert isinstance(env, StlEnv)
+    return env
+
+
+def make_vec(name: str, count: int, **options: Any) -> StlVectorEnv:
+    envs = gymnasium.make_vec(f"stlbench/{name}-v0", count, vectorization_mode="vector_entry_point", **options)
+    assert isinstance(envs, StlVectorEnv)
+    return envs
+
+
+# ----------------------------------------------------------------------------------------------------- registration
+
+
+def test_every_task_is_registered_and_none_is_imported() -> None:
+    printed = run(
+        "import sys, gymnasium, stlbench.gym\n"
+        "print(*sorted(n for n in gymnasium.registry if n.startswith('stlbench/')))\n"
+        "print(*sorted(n for n in sys.modules if n.split('.')[0] in ('torch', 'stlbench_tasks', 'stlbench_methods')))"
+    )
+    ids, imported = printed.split("\n")[:2]
+    assert {"stlbench/hold-disc-v0", "stlbench/integrator-or-v0", "stlbench/robot-nav-v0"} <= set(ids.split())
+    assert imported == ""
+
+
+def test_the_module_in_the_name_saves_the_import() -> None:
+    code = "import gymnasium; print(gymnasium.make('stlbench.gym:stlbench/hold-disc-v0', method='funnel').spec.id)"
+    assert run(code) == "stlbench/hold-disc-v0\n"
+
+
+def test_a_broken_task_of_a_third_party_leaves_the_others_alone(site: Callable[..., Path]) -> None:
+    site(
+        "broken", "[stlbench.tasks]\nbroken-one = broken_one:Nothing\n", {"broken_one.py": "raise OSError('no disk')\n"}
+    )
+    try:
+        stlbench.gym.register_all()
+        with pytest.raises(plugins.PluginError, match=r"broken 1\.2 .*OSError: no disk"):
+            gymnasium.make("stlbench/broken-one-v0", method="raw")
+        assert make("hold-disc", method="raw").problem.name == "hold-disc"
+    finally:
+        del gymnasium.registry["stlbench/broken-one-v0"]
+
+
+def test_registering_again_changes_nothing() -> None:
+    before = dict(gymnasium.registry)
+    with warnings.catch_warnings(action="error"):
+        stlbench.gym.register_all()
+    assert gymnasium.registry == before
+
+
+@pytest.mark.parametrize(
+    ("method", "message"),
+    [
+        ("funel", "no method 'funel'; did you mean 'funnel'?"),
+        ("funnel[ginf=x]", "funnel[ginf=x]: ginf should be a number, got 'x'"),
+        ("funnel,raw", "'funnel,raw'"),
+    ],
+)
+def test_a_wrong_method_is_one_clear_line(method: str, message: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        gymnasium.make("stlbench/hold-disc-v0", method=method)
+    assert message in str(caught.value)
+
+
+def test_there_is_nothing_to_render() -> None:
+    with pytest.raises(UsageError, match="leave render_mode out, got 'human'"):
+        StlEnv("hold-disc", "funnel", render_mode="human")
+
+
+def test_no_copies_is_no_environment() -> None:
+    with pytest.raises(UsageError, match="at least 1, got 0"):
+        StlVectorEnv(0, "hold-disc", "funnel")
+
+
+# --------------------------------------------------------------------------------------------------------- checkers
+
+
+@pytest.mark.filterwarnings("error", "ignore:.*Box observation space m.*infinity:UserWarning")
+@pytest.mark.parametrize(
+    ("task", "method"),
+    [("hold-disc", "funnel"), ("hold-disc", "tau-mdp"), ("integrator-or", "raw"), ("robot-nav", "flag")],
+)
+def test_gymnasium_and_stable_baselines_accept_it(task: str, method: str) -> None:
+    from stable_baselines3.common.env_checker import check_env as check_for_sb3
+
+    check_env(make(task, method=method))
+    check_for_sb3(make(task, method=method))
+
+
+@pytest.mark.filterwarnings("error")
+def test_through_make_nothing_warns() -> None:
+    env = gymnasium.make("stlbench/hold-disc-v0", method="funnel")
+    env.reset(seed=0)
+    for _ in range(3):
+        env.step(env.action_space.sample())
+
+
+# ------------------------------------------------------------------------------------------------------- one episode
+
+
+def test_a_step_by_hand() -> None:
+    env = make("hold-disc", method="raw")
+    observation, info = env.reset(options={"state": [2.5, 2, 0]})
+    np.testing.assert_allclose(observation, [-0.5, 0, np.tanh(-2.5), 0, -1], rtol=1e-6)
+    np.testing.assert_array_equal(info["signals"], [[2.5, 2]])
+    assert info["t"] == 0
+    observation, reward, terminated, truncated, info = env.step(np.int64(FORWARD))
+    np.testing.assert_allclose(observation, [-0.55, 0, np.tanh(-2.75), 0, -0.99], rtol=1e-6)
+    assert reward == pytest.approx(1 - 0.55)
+    assert (terminated, truncated) == (False, False)
+    np.testing.assert_allclose(info["signals"], [[2.55, 2]])
+    assert info["t"] == 1
+
+
+def test_scaled_divides_by_the_width_of_the_range() -> None:
+    env = make("hold-disc", method="raw", scaled=True)
+    env.reset(options={"state": [2.5, 2, 0]})
+    assert env.step(np.int64(FORWARD))[1] == pytest.approx(0.45 / np.sqrt(8))
+
+
+def test_a_held_action_is_paid_the_mean_and_shows_every_sample() -> None:
+    env = make("robot-nav", method="raw")
+    hold = env.problem.file.hold
+    assert hold > 1
+    _, info = env.reset(seed=5)
+    before = info["signals"][-1]
+    _, reward, _, _, info = env.step(np.int64(0))
+    assert info["signals"].shape == (hold, len(env.problem.signals))
+    assert info["t"] == hold
+    trace = np.concatenate([before[None], info["signals"]])[:, None]
+    rewards = [
+        env.method.step(trace[t], np.zeros((1, 2)), trace[t + 1], np.array([t]), np.zeros((1, 0)))[0]
+        for t in range(hold)
+    ]
+    assert reward == pytest.approx(float(np.mean(rewards)))
+
+
+@pytest.mark.parametrize("task", ["hold-disc", "robot-nav"])
+def test_an_episode_is_a_trace_that_ends_by_truncation(task: str) -> None:
+    env = make(task, method="funnel")
+    _, info = env.reset(seed=1)
+    env.action_space.seed(1)
+    samples = [info["signals"]]
+    ends: list[bool] = []
+    while not any(ends):
+        _, _, terminated, truncated, info = env.step(env.action_space.sample())
+        samples.append(info["signals"])
+        ends.append(truncated)
+        assert terminated is False
+    trace = np.concatenate(samples)
+    steps = env.problem.file.steps
+    assert trace.shape == (steps + 1, len(env.problem.signals))
+    assert (len(ends), info["t"]) == (steps // env.problem.file.hold, steps)
+    robustness = stl.robustness(env.problem.formula, trace, env.problem.signals)
+    if task == "hold-disc":
+        assert robustness == pytest.approx((1 - np.hypot(*(trace - 2).T)).min())
+    with pytest.raises(ResetNeeded):
+        env.step(np.int64(0))
+
+
+def test_seeds_decide_where_episodes_start() -> None:
+    one, other = make("hold-disc", method="funnel"), make("hold-disc", method="flag")
+    firsts = [one.reset(seed=7)[1]["signals"], one.reset()[1]["signals"], one.reset(seed=8)[1]["signals"]]
+    again = [other.reset(seed=7)[1]["signals"], other.reset()[1]["signals"], other.reset(seed=8)[1]["signals"]]
+    np.testing.assert_array_equal(firsts, again)
+    assert len(np.unique(np.array(firsts), axis=0)) == 3
+    assert (np.hypot(*(np.concatenate(firsts) - 2).T) <= 0.9).all()
+
+
+@pytest.mark.parametrize("state", [[2, 2], [2, 2, np.nan], "here", [[2, 2, 0], [2, 2, 0]], [[1], [1, 2]]])
+def test_a_state_that_is_none(state: Any) -> None:
+    with pytest.raises(UsageError, match="finite numbers x, y, heading"):
+        make("hold-disc", method="raw").reset(options={"state": state})
+
+
+def test_an_option_that_is_none() -> None:
+    with pytest.raises(UsageError, match="no option 'sate'; did you mean 'state'"):
+        make("hold-disc", method="raw").reset(options={"sate": [2, 2, 0]})
+
+
+@pytest.mark.parametrize("action", [-1, 273, 1.5])
+def test_an_action_outside_the_grid(action: Any) -> None:
+    env, envs = make("hold-disc", method="raw"), make_vec("hold-disc", 2, method="raw")
+    env.reset()
+    envs.reset()
+    with pytest.raises(InvalidAction, match=r"0\.\.272"):
+        env.step(action)
+    with pytest.raises(InvalidAction, match=r"2 indices in 0\.\.272"):
+        envs.step(np.array([0, action]))
+
+
+def test_a_step_needs_a_reset() -> None:
+    with pytest.raises(ResetNeeded):
+        StlEnv("hold-disc", "raw").step(np.int64(0))
+    with pytest.raises(ResetNeeded):
+        make_vec("hold-disc", 2, method="raw").step(np.zeros(2, dtype=np.int64))
+
+
+# --------------------------------------------------------------------------------------------------------- N copies
+
+CASES = [("hold-disc", "funnel"), ("hold-disc", "tau-mdp"), ("robot-nav", "flag")]
+
+
+@pytest.mark.parametrize(("task", "method"), CASES)
+def test_n_copies_do_what_n_single_environments_do(task: str, method: str) -> None:
+    envs, singles = make_vec(task, 3, method=method), [make(task, method=method) for _ in range(3)]
+    observation, info = envs.reset(seed=10)
+    for i, env in enumerate(singles):
+        alone, said = env.reset(seed=10 + i)
+        np.testing.assert_array_equal(observation[i], alone)
+        np.testing.assert_array_equal(info["signals"][i], said["signals"])
+    envs.action_space.seed(0)
+    for _ in range(20):
+        actions = envs.action_space.sample()
+        observation, reward, _, _, info = envs.step(actions)
+        for i, env in enumerate(singles):
+            alone, paid, _, _, said = env.step(actions[i])
+            np.testing.assert_allclose(observation[i], alone, rtol=1e-6)
+            assert reward[i] == pytest.approx(paid, rel=1e-12)
+            np.testing.assert_allclose(info["signals"][i], said["signals"], rtol=1e-12)
+            assert info["t"][i] == said["t"]
+
+
+@pytest.mark.parametrize(("task", "method"), CASES)
+def test_it_is_gymnasiums_own_vector_environment_only_faster(task: str, method: str) -> None:
+    """Entry by entry, masks and dtypes included, over the end of an episode and a seedless reset."""
+    ours = make_vec(task, 3, method=method)
+    theirs = gymnasium.make_vec(
+        f"stlbench/{task}-v0",
+        3,
+        vectorization_mode="sync",
+        vector_kwargs={"autoreset_mode": AutoresetMode.SAME_STEP},
+        method=method,
+    )
+    assert isinstance(theirs, SyncVectorEnv)
+    assert ours.metadata == theirs.metadata
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    assert data_equivalence(ours.reset(seed=4), theirs.reset(seed=4))
+    ours.action_space.seed(0)
+    decisions = ours.problem.file.steps // ours.problem.file.hold
+    for step in range(decisions + 3):
+        actions = ours.action_space.sample()
+        mine, yours = ours.step(actions), theirs.step(actions)
+        assert data_equivalence(mine, yours), f"at step {step}"
+        assert ("final_obs" in mine[4]) == mine[3].all() == (step == decisions - 1)
+    assert data_equivalence(ours.reset(), theirs.reset())
+    state = ours.problem.file.initial.low.tolist()
+    assert data_equivalence(ours.reset(options={"state": state}), theirs.reset(options={"state": state}))
+
+
+def test_each_copy_may_be_given_its_state() -> None:
+    _, info = make_vec("hold-disc", 2, method="raw").reset(options={"state": [[2, 2, 0], [2.5, 1.5, 1]]})
+    np.testing.assert_array_equal(info["signals"], [[[2, 2]], [[2.5, 1.5]]])
+
+
+def test_what_is_returned_stays_as_it_was() -> None:
+    envs = make_vec("hold-disc", 2, method="tau-mdp")
+    observation, info = envs.reset(seed=0)
+    copies = observation.copy(), info["signals"].copy(), info["t"].copy()
+    for _ in range(envs.problem.file.steps):
+        envs.step(np.array([FORWARD, 0]))
+    for kept, copy in zip((observation, info["signals"], info["t"]), copies, strict=True):
+        np.testing.assert_array_equal(kept, copy)
+
+
+def test_what_is_returned_is_the_users_to_change() -> None:
+    envs, twin = make_vec("hold-disc", 2, method="funnel"), make_vec("hold-disc", 2, method="funnel")
+    twin.reset(seed=0)
+    for array in _arrays(envs.reset(seed=0)):
+        array[...] = 0
+    for _ in range(2):
+        step, expected = envs.step(np.array([FORWARD, 0])), twin.step(np.array([FORWARD, 0]))
+        assert data_equivalence(step, expected)
+        for array in _arrays(step):
+            array[...] = 0
+
+
+def _arrays(returned: tuple[Any, ...]) -> list[np.ndarray[Any, Any]]:
+    *arrays, info = returned
+    return [*arrays, *info.values()]
+
+
+def test_stable_baselines_trains_on_it() -> None:
+    from stable_baselines3 import DQN
+
+    env = gymnasium.make("stlbench/integrator-or-v0", method="funnel", scaled=True)
+    model = DQN("MlpPolicy", env, learning_starts=10, seed=0).learn(60)
+    assert env.action_space.contains(model.predict(env.reset(seed=0)[0], deterministic=True)[0])
