@@ -23,6 +23,7 @@ checks what a user writes (`funnel[variant=code,ginf=0.02]`) against the annotat
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -186,15 +187,15 @@ class ActionGrid:
     names: tuple[str, ...]
     axes: tuple[tuple[float, ...], ...]
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, ...]:
         """Actions along each axis: (21, 13)."""
         return tuple(len(axis) for axis in self.axes)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """The number A of actions: 273."""
-        return int(np.prod(self.shape))
+        return math.prod(self.shape)
 
     @cached_property
     def vectors(self) -> Array:

@@ -9,7 +9,7 @@ from importlib import metadata
 
 __all__ = ["collect"]
 
-PACKAGES = ("numpy", "torch", "stlbench")
+PACKAGES = ("numba", "numpy", "scipy", "stable-baselines3", "stlbench", "torch")
 
 
 def collect(jobs: int) -> dict[str, str]:

@@ -6,15 +6,15 @@ state. One lock-step of all copies is followed by `gradient_steps` updates.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
-import torch
+from numpy.typing import NDArray
 from pydantic import Field
 
 from stlbench.contract import Agent, Environment, Integers, Policy, Training
+from stlbench_agents.engine import Workspace, adam, blend, gradient
 from stlbench_agents.network import GreedyPolicy, Head, QNetwork
 from stlbench_agents.replay import Batch, Replay
 
@@ -91,14 +91,6 @@ class DQN(Agent):
 
     def train(self, training: Training) -> Policy:
         """Spend the budget; return the greedy policy at its end."""
-        torch.set_num_threads(1)
-        torch.set_flush_denormal(True)  # dead ReLUs push Adam's moments into denormals
-        try:
-            return self._train(training)
-        finally:
-            torch.set_flush_denormal(False)
-
-    def _train(self, training: Training) -> Policy:
         environment = training.make(self.copies)
         rounds = max(1, training.steps // (self.copies * environment.hold))
         learner = Learner(self, environment, training.seed, rounds * self.gradient_steps)
@@ -130,79 +122,55 @@ class DQN(Agent):
 
 
 class Learner:
-    """The online and the target network, and one update of them."""
+    """The online, the target and the averaged network, and one update of them."""
 
     def __init__(self, recipe: DQN, environment: Environment, seed: int, updates: int) -> None:
-        grid = environment.actions.shape
         self.recipe = recipe
-        self.network = QNetwork(environment.observation_size, recipe.net_arch, grid, recipe.head)
-        self._flat = self.network.initial(torch.Generator().manual_seed(seed))
-        self._flat_target = self._flat.clone()
-        self._online = [weight.requires_grad_() for weight in self.network.views(self._flat)]
-        self._target = self.network.views(self._flat_target)
-        self.policy = GreedyPolicy(self.network, [weight.detach().numpy() for weight in self._online])
-        self._flat_average = self._flat.clone() if recipe.averaging else self._flat
-        average = self.network.views(self._flat_average)
-        self.reported = GreedyPolicy(self.network, [weight.numpy() for weight in average])
-        self._adam = Adam(self._flat, recipe.learning_rate, recipe.learning_rate_final, updates)
-        self._weight = (1 - recipe.gamma) * recipe.reward_scale
+        self.network = QNetwork(environment.observation_size, recipe.net_arch, environment.actions.shape, recipe.head)
+        self.online = self.network.initial(np.random.default_rng(seed))
+        self.target = self.online.copy()
+        self.average = self.online.copy() if recipe.averaging else self.online
+        self.policy = GreedyPolicy(self.network, self.network.views(self.online))
+        self.reported = GreedyPolicy(self.network, self.network.views(self.average))
+        self._gradient, self._mean, self._square = (np.zeros_like(self.online) for _ in range(3))
+        self._space = Workspace.of(self.network.engine, recipe.batch_size)
+        self._decay = (recipe.learning_rate_final / recipe.learning_rate) ** (1 / max(1, updates - 1))
+        self._weight = np.float32((1 - recipe.gamma) * recipe.reward_scale)
         self._count = 0
 
     def update(self, batch: Batch) -> None:
-        """One step of Adam on the mean squared difference to the targets, and of the target network."""
-        gradient = self.gradient(batch)
-        gradient *= min(1.0, self.recipe.max_grad_norm / (float(gradient.norm()) + 1e-6))
-        self._adam.step(gradient)
+        """One step of Adam on the mean squared difference to the targets, and of the other two networks."""
+        recipe = self.recipe
+        rate = recipe.learning_rate * self._decay**self._count
         self._count += 1
-        if self._count % self.recipe.target_update_interval == 0:
-            self._flat_target.lerp_(self._flat, self.recipe.tau)
-        if self.recipe.averaging:
-            self._flat_average.lerp_(self._flat, max(1 - self.recipe.averaging, 1 / self._count))
+        adam(self.online, self.gradient(batch), self._mean, self._square, rate, self._count, recipe.max_grad_norm)
+        if self._count % recipe.target_update_interval == 0:
+            blend(self.target, self.online, recipe.tau)
+        if recipe.averaging:
+            blend(self.average, self.online, max(1 - recipe.averaging, 1 / self._count))
 
-    def gradient(self, batch: Batch) -> torch.Tensor:
-        """The gradient of half the mean squared difference, as one flat vector."""
-        hidden = self.network.hidden(self._online, torch.from_numpy(batch.observation))
-        q = self.network.value(self._online, hidden, torch.from_numpy(batch.action))
-        difference = q - self._targets(batch)
-        loss = torch.dot(difference, difference) * (0.5 / len(q))
-        return torch.cat([part.reshape(-1) for part in torch.autograd.grad(loss, self._online)])
+    def gradient(self, batch: Batch) -> NDArray[np.float32]:
+        """The gradient of half the mean squared difference between Q(s_t, a_t) and the target, a flat vector.
 
-    @torch.no_grad()
-    def _targets(self, batch: Batch) -> torch.Tensor:
-        """(1 - gamma) sum_i gamma^i r_{t+i} + gamma^n Q_target(s_{t+n}, argmax Q), shape (B,)."""
-        arrived = torch.from_numpy(batch.arrived)
-        later = self.network.hidden(self._target, arrived)
-        if self.recipe.double:
-            chosen = self.network.best(self._online, self.network.hidden(self._online, arrived))
-        else:
-            chosen = self.network.best(self._target, later)
+        The target is (1 - gamma) sum_i gamma^i r_{t+i} + gamma^n Q_target(s_{t+n}, best action there).
+        """
         discount = batch.discount
         if self.recipe.time_limit == "terminal":
             discount = np.where(batch.ended, np.float32(0), discount)
-        bootstrap = torch.from_numpy(discount) * self.network.value(self._target, later, chosen)
-        return torch.from_numpy(batch.returns) * self._weight + bootstrap
-
-
-class Adam:
-    """Adam (Kingma, Ba 2015) on one flat vector; torch.optim's bookkeeping costs seven times the arithmetic here.
-
-    The learning rate falls geometrically from `rate` at the first step to `final_rate` at the last.
-    """
-
-    def __init__(self, weights: torch.Tensor, rate: float, final_rate: float, steps: int) -> None:
-        self._weights, self._rate = weights, rate
-        self._decay = (final_rate / rate) ** (1 / max(1, steps - 1))
-        self._mean, self._square = torch.zeros_like(weights), torch.zeros_like(weights)
-        self._count = 0
-
-    def step(self, gradient: torch.Tensor) -> None:
-        """Change the weights in place."""
-        self._count += 1
-        self._mean.lerp_(gradient, 0.1)
-        self._square.mul_(0.999).addcmul_(gradient, gradient, value=0.001)
-        unbiased = math.sqrt(1 - 0.999**self._count)
-        rate = self._rate * self._decay ** (self._count - 1) * unbiased / (1 - 0.9**self._count)
-        self._weights.addcdiv_(self._mean, self._square.sqrt().add_(1e-8 * unbiased), value=-rate)
+        gradient(
+            self.online,
+            self.target,
+            self.network.engine,
+            batch.observation,
+            batch.action,
+            batch.returns * self._weight,
+            batch.arrived,
+            discount,
+            self.recipe.double,
+            self._space,
+            self._gradient,
+        )
+        return self._gradient
 
 
 def _spread(rounds: int, checkpoints: int) -> set[int]:

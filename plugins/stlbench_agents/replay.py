@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from stlbench.contract import Array, Integers, Transition
@@ -42,7 +43,6 @@ class Replay:
         self._reward = np.zeros(rows * copies, dtype=np.float32)
         self._ended = np.zeros(rows * copies, dtype=np.bool_)
         self._rows, self._copies, self._n = rows, copies, n_steps
-        self._ahead = np.arange(n_steps) * copies
         self._powers = (gamma ** np.arange(n_steps + 1)).astype(np.float32)
         self.count = 0
 
@@ -66,16 +66,7 @@ class Replay:
         oldest = self.count % self._rows if self.count > self._rows else 0
         draw = generator.integers((stored - self._n + 1) * self._copies, size=batch)
         first = (draw + oldest * self._copies) % len(self._reward)
-        if self._n == 1:
-            last, returns, discount = first, self._reward.take(first), np.full(batch, self._powers[1])
-        else:
-            window = (first[:, None] + self._ahead) % len(self._reward)
-            before_end = np.logical_and.accumulate(~self._ended.take(window[:, :-1]), axis=1)
-            more = before_end.sum(axis=1)
-            rewards = self._reward.take(window)
-            rewards[:, 1:] *= before_end
-            returns = rewards @ self._powers[:-1]
-            last, discount = window[np.arange(batch), more], self._powers.take(more + 1)
+        returns, last, discount = _returns(first, self._copies, self._powers, self._reward, self._ended)
         return Batch(
             self._observation.take(first, axis=0),
             self._action.take(first),
@@ -84,3 +75,21 @@ class Replay:
             discount,
             self._ended.take(last),
         )
+
+
+@njit(cache=True)
+def _returns(
+    first: Integers, copies: int, powers: Single, reward: Single, ended: NDArray[np.bool_]
+) -> tuple[Single, Integers, Single]:
+    """From each of the transitions `first`: the return, the last transition that counts, the discount after it."""
+    returns, last, discount = np.empty(len(first), np.float32), first.copy(), np.empty(len(first), np.float32)
+    for i in range(len(first)):
+        total, taken = powers.dtype.type(0), 0
+        while True:
+            total += powers[taken] * reward[last[i]]
+            taken += 1
+            if taken == len(powers) - 1 or ended[last[i]]:
+                break
+            last[i] = (last[i] + copies) % len(reward)
+        returns[i], discount[i] = total, powers[taken]
+    return returns, last, discount
