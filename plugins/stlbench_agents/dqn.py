@@ -31,7 +31,7 @@ class DQN(Agent):
     def __init__(
         self,
         *,
-        net_arch: tuple[Count, ...] = (64, 64),
+        net_arch: Annotated[tuple[Count, ...], Field(min_length=1)] = (64, 64),
         head: Head = "joint",
         copies: Count = 16,
         batch_size: Count = 128,
@@ -139,7 +139,10 @@ class Learner:
         self._count = 0
 
     def update(self, batch: Batch) -> None:
-        """One step of Adam on the mean squared difference to the targets, and of the other two networks."""
+        """One step of Adam on the mean squared difference to the targets, and of the other two networks.
+
+        The batch has the recipe's `batch_size` rows.
+        """
         recipe = self.recipe
         rate = recipe.learning_rate * self._decay**self._count
         self._count += 1

@@ -260,9 +260,9 @@ def adam(
         weights[i] -= step * mean[i] / (np.sqrt(square[i]) + epsilon)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def blend(into: Floats, weights: Floats, share: float) -> None:
-    """into += share * (weights - into): a target network, or averaged weights, one step on."""
-    part = into.dtype.type(share)
+    """into = (1 - share) into + share weights: a target network, or averaged weights, one step on; exact at 0 and 1."""
+    part, rest = into.dtype.type(share), into.dtype.type(1 - share)
     for i in range(len(into)):
-        into[i] += part * (weights[i] - into[i])
+        into[i] = rest * into[i] + part * weights[i]

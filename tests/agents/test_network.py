@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-import torch
 
 from stlbench.contract import ActionGrid, Array
-from stlbench_agents.network import GreedyPolicy, Head, QNetwork
+from stlbench_agents.engine import Workspace, best_actions
+from stlbench_agents.network import GreedyPolicy, Head, QNetwork, Single
 
 GRID = ActionGrid(("v", "w", "u"), ((-1.0, 0.0, 1.0, 2.0), (5.0, 7.0), (0.0, 1.0, 2.0)))
 """4 x 2 x 3 = 24 actions; index 6 i + 3 j + k, the last axis fastest."""
@@ -18,18 +18,17 @@ INPUTS, WIDTHS, ROWS = 5, (16, 8), 40
 HEADS: tuple[Head, ...] = ("joint", "additive")
 
 
-def made(head: Head, seed: int = 0) -> tuple[QNetwork, list[torch.Tensor], Array]:
+def made(head: Head, seed: int = 0) -> tuple[QNetwork, Single, Array]:
     """A network, weights of which none is 0, and observations."""
-    network = QNetwork(INPUTS, WIDTHS, GRID.shape, head)
-    generator = torch.Generator().manual_seed(seed)
+    network, generator = QNetwork(INPUTS, WIDTHS, GRID.shape, head), np.random.default_rng(seed)
     flat = network.initial(generator)
-    flat = flat + 0.3 * torch.randn(flat.shape, generator=generator)
-    return network, network.views(flat), np.random.default_rng(seed).normal(size=(ROWS, INPUTS))
+    flat += 0.3 * generator.standard_normal(len(flat), dtype=np.float32)
+    return network, flat, generator.normal(size=(ROWS, INPUTS))
 
 
-def enumerated(head: Head, weights: list[torch.Tensor], observation: Array) -> Array:
+def enumerated(head: Head, weights: list[Single], observation: Array) -> Array:
     """Q of every action, (N, 24), in float64, from the definition in the module's docstring."""
-    w1, b1, w2, b2, w3, b3 = (weight.double().numpy() for weight in weights)
+    w1, b1, w2, b2, w3, b3 = (weight.astype(np.float64) for weight in weights)
     hidden = np.maximum(np.maximum(observation @ w1 + b1, 0) @ w2 + b2, 0)
     outputs = hidden @ w3.T + b3
     if head == "joint":
@@ -45,18 +44,25 @@ def enumerated(head: Head, weights: list[torch.Tensor], observation: Array) -> A
 
 
 @pytest.mark.parametrize("head", HEADS)
-def test_value_and_best_against_an_enumeration_of_all_actions(head: Head) -> None:
-    network, weights, observation = made(head)
-    q = enumerated(head, weights, observation)
-    hidden = network.hidden(weights, torch.from_numpy(observation).float())
-    for action in range(24):
-        value = network.value(weights, hidden, torch.full((ROWS,), action))
-        assert value.numpy() == pytest.approx(q[:, action], abs=1e-5)
+def test_the_policy_and_the_engine_choose_the_best_of_an_enumeration_of_all_actions(head: Head) -> None:
+    network, flat, observation = made(head)
+    q = enumerated(head, network.views(flat), observation)
     second, first = np.sort(q, axis=1)[:, -2:].T
     clear = first - second > 1e-4  # float32 cannot decide the others
     assert clear.sum() > ROWS / 2
-    assert np.array_equal(network.best(weights, hidden).numpy()[clear], q.argmax(axis=1)[clear])
-    assert len(set(q.argmax(axis=1))) > 5
+    assert len(set(q.argmax(axis=1)[clear])) > 5
+    policy = GreedyPolicy(network, network.views(flat))
+    compiled = best_actions(flat, network.engine, observation.astype(np.float32), Workspace.of(network.engine, ROWS))
+    assert np.array_equal(policy.act(observation)[clear], q.argmax(axis=1)[clear])
+    assert np.array_equal(compiled[clear], q.argmax(axis=1)[clear])
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_the_policy_acts_on_a_row_alone_as_among_others(head: Head) -> None:
+    network, flat, observation = made(head, seed=1)
+    policy = GreedyPolicy(network, network.views(flat))
+    alone = [policy.act(row[None]).item() for row in observation]
+    assert policy.act(observation).tolist() == alone
 
 
 def test_an_index_means_the_same_action_to_the_grid_and_to_the_additive_head() -> None:
@@ -71,24 +77,24 @@ def test_the_number_of_outputs(head: Head, outputs: int) -> None:
     assert network.shapes == [(5, 16), (16,), (16, 8), (8,), (outputs, 8), (outputs,)]
 
 
+@pytest.mark.parametrize("net_arch", [(7,), (16, 8), (6, 9, 4)])
 @pytest.mark.parametrize("head", HEADS)
-def test_the_policy_in_numpy_acts_as_the_network_in_torch(head: Head) -> None:
-    network, weights, observation = made(head, seed=1)
-    policy = GreedyPolicy(network, [weight.numpy() for weight in weights])
-    second, first = np.sort(enumerated(head, weights, observation), axis=1)[:, -2:].T
-    clear = first - second > 1e-4
-    torch_says = network.best(weights, network.hidden(weights, torch.from_numpy(observation).float())).numpy()
-    assert np.array_equal(policy.act(observation)[clear], torch_says[clear])
-    assert np.array_equal(policy.act(observation[:1]), policy.act(observation)[:1])
+def test_the_engine_finds_each_layer_where_the_views_have_it(head: Head, net_arch: tuple[int, ...]) -> None:
+    network = QNetwork(INPUTS, net_arch, GRID.shape, head)
+    views = network.views(np.arange(network.size, dtype=np.float32))
+    assert sum(view.size for view in views) == network.size
+    assert network.engine.additive == (head == "additive")
+    assert network.engine.axes.tolist() == ([24] if head == "joint" else [4, 2, 3])
+    layers = [[int(m.flat[0]), *m.shape, int(b[0])] for m, b in zip(views[::2], views[1::2], strict=True)]
+    assert network.engine.layers.tolist() == layers
 
 
 @pytest.mark.parametrize("head", HEADS)
 def test_a_frozen_policy_does_not_change_with_the_weights(head: Head) -> None:
-    network, weights, observation = made(head)
-    live = GreedyPolicy(network, [weight.numpy() for weight in weights])
+    network, flat, observation = made(head)
+    live = GreedyPolicy(network, network.views(flat))
     frozen, before = live.frozen(), live.act(observation)
-    for weight in weights:
-        weight.neg_()
+    flat *= -1
     assert np.array_equal(frozen.act(observation), before)
     assert not np.array_equal(live.act(observation), before)
 
@@ -97,19 +103,22 @@ def test_a_frozen_policy_does_not_change_with_the_weights(head: Head) -> None:
 def test_fresh_weights(head: Head) -> None:
     """He: standard deviation sqrt(2 / inputs) in hidden layers, .1 / sqrt(inputs) in the last; biases 0."""
     network = QNetwork(50, (200, 100), (10, 10), head)
-    flat = network.initial(torch.Generator().manual_seed(3))
+    flat = network.initial(np.random.default_rng(3))
     w1, b1, w2, b2, w3, b3 = network.views(flat)
+    assert flat.dtype == np.float32
     assert not any(bias.any() for bias in (b1, b2, b3))
     assert float(w1.std()) == pytest.approx(math.sqrt(2 / 50), rel=0.05)
     assert float(w2.std()) == pytest.approx(math.sqrt(2 / 200), rel=0.05)
     assert float(w3.std()) == pytest.approx(0.1 / math.sqrt(100), rel=0.1)
-    assert torch.equal(flat, network.initial(torch.Generator().manual_seed(3)))
-    assert not torch.equal(flat, network.initial(torch.Generator().manual_seed(4)))
+    assert np.array_equal(flat, network.initial(np.random.default_rng(3)))
+    assert not np.array_equal(flat, network.initial(np.random.default_rng(4)))
 
 
 def test_views_share_the_memory_of_the_flat_vector() -> None:
     network = QNetwork(2, (3,), (4,), "joint")
-    flat = torch.arange(2 * 3 + 3 + 4 * 3 + 4, dtype=torch.float32)
+    flat = np.arange(2 * 3 + 3 + 4 * 3 + 4, dtype=np.float32)
     weights = network.views(flat)
     flat += 1
-    assert torch.equal(torch.cat([weight.ravel() for weight in weights]), flat)
+    assert np.array_equal(np.concatenate([weight.ravel() for weight in weights]), flat)
+    weights[2][:] = 0
+    assert flat.tolist() == [*range(1, 10), *[0] * 12, *range(22, 26)]

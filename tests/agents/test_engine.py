@@ -1,0 +1,381 @@
+"""The compiled arithmetic: gradients against torch's autograd, Adam against torch.optim, greedy actions by counting."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+import plain_q
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from stlbench_agents.engine import Network, Workspace, adam, best_actions, blend, gradient
+from stlbench_agents.network import GreedyPolicy, Head, QNetwork
+
+Floats = NDArray[Any]
+
+INPUTS, ROWS = 5, 48
+ARCHITECTURES = [(9,), (12, 7), (6, 14, 10)]
+"""Widths that grow and that shrink, none equal to another."""
+GRIDS = [(6,), (4, 3), (3, 2, 4)]
+SHAPES = [
+    *(plain_q.Shape(INPUTS, net_arch, (4, 3), "joint") for net_arch in ARCHITECTURES),
+    *(plain_q.Shape(INPUTS, net_arch, grid, "additive") for net_arch, grid in product(ARCHITECTURES, GRIDS)),
+]
+
+shapes = pytest.mark.parametrize("shape", SHAPES, ids=lambda s: f"{s.head}-{len(s.net_arch)}-{len(s.grid)}")
+doubles = pytest.mark.parametrize("double", [True, False], ids=["double", "plain"])
+
+
+class Case(NamedTuple):
+    """What `gradient` takes before the workspace, in its order."""
+
+    online: Floats
+    target: Floats
+    network: Network
+    observation: Floats
+    action: NDArray[np.int64]
+    returns: Floats
+    arrived: Floats
+    discount: Floats
+    double: bool
+
+    @property
+    def arrays(self) -> list[Floats]:
+        """All of them that are arrays."""
+        parts = (*self, *self.network)
+        return [part for part in parts if isinstance(part, np.ndarray)]
+
+
+def case(shape: plain_q.Shape, double: bool, rows: int = ROWS, dtype: Any = np.float64, seed: int = 0) -> Case:
+    """Weights, none of them 0, and transitions; some returns do not bootstrap."""
+    generator = np.random.default_rng(seed)
+    network = engine_of(shape)
+    size = sum(math.prod(part) for part in shape.weights)
+
+    def normal(*size: int) -> Floats:
+        return generator.normal(size=size).astype(dtype)
+
+    return Case(
+        0.4 * normal(size),
+        0.4 * normal(size),
+        network,
+        normal(rows, shape.inputs),
+        generator.integers(math.prod(shape.grid), size=rows),
+        normal(rows),
+        normal(rows, shape.inputs),
+        generator.choice(np.array([0.9, 0.5, 0.0], dtype), size=rows),
+        double,
+    )
+
+
+def engine_of(shape: plain_q.Shape) -> Network:
+    return QNetwork(*shape).engine
+
+
+def poisoned(network: Network, rows: int, dtype: Any) -> Workspace:
+    """A workspace of NaN."""
+    space = Workspace.of(network, rows, dtype)
+    for part in space:
+        part[:] = np.nan
+    return space
+
+
+def computed(of: Case, space: Workspace | None = None) -> Floats:
+    """The gradient, written over NaN."""
+    dtype, into = of.online.dtype, np.full_like(of.online, np.nan)
+    gradient(*of, space or poisoned(of.network, len(of.action), dtype), into)
+    return into
+
+
+def plain(shape: plain_q.Shape, of: Case) -> Floats:
+    return plain_q.gradient(shape, of.online, of.target, *of[3:])
+
+
+def furthest(ours: Floats, expected: Floats) -> float:
+    """The largest difference, relative to the largest entry; NaN if there is one."""
+    return float(np.abs(ours - expected).max() / np.abs(expected).max())
+
+
+class TestGradient:
+    @shapes
+    @doubles
+    def test_against_autograd_in_double_precision(self, shape: plain_q.Shape, double: bool) -> None:
+        """Rounding is 1e-16 an operation: 1e-12 leaves room for sums in any order and for nothing else."""
+        for seed in range(3):
+            of = case(shape, double, seed=seed)
+            assert furthest(computed(of), plain(shape, of)) < 1e-12
+
+    @shapes
+    @doubles
+    def test_against_autograd_in_single_precision(self, shape: plain_q.Shape, double: bool) -> None:
+        """Sums of at most 48 products, a layer upon a layer: 1e-5 is a hundred roundings (of 6e-8) and more.
+
+        A bootstrap action that the two precisions choose differently, or a ReLU that one has on and the other off,
+        would differ by more; with these seeds no row is that close.
+        """
+        of = case(shape, double, dtype=np.float32)
+        ours = computed(of)
+        assert ours.dtype == np.float32
+        assert furthest(ours, plain(shape, of)) < 1e-5
+
+    @shapes
+    def test_the_choice_of_the_bootstrap_action_matters_here(self, shape: plain_q.Shape) -> None:
+        """Else the tests above would not tell double Q-learning from plain."""
+        assert furthest(computed(case(shape, True)), computed(case(shape, False))) > 1e-3
+
+    @shapes
+    @doubles
+    @pytest.mark.parametrize("dtype", [np.float64, np.float32])
+    def test_a_batch_of_one(self, shape: plain_q.Shape, double: bool, dtype: type) -> None:
+        for seed in range(3):
+            of = case(shape, double, 1, dtype, seed)
+            assert furthest(computed(of), plain(shape, of)) < (1e-12 if dtype is np.float64 else 1e-5)
+
+    @shapes
+    @doubles
+    def test_of_many_rows_is_the_mean_of_those_of_one(self, shape: plain_q.Shape, double: bool) -> None:
+        of = case(shape, double)
+        rows = [of._replace(**{name: getattr(of, name)[i : i + 1] for name in Case._fields[3:8]}) for i in range(ROWS)]
+        assert furthest(computed(of), np.mean([computed(row) for row in rows], axis=0)) < 1e-12
+
+    @shapes
+    @doubles
+    def test_nothing_else_is_written(self, shape: plain_q.Shape, double: bool) -> None:
+        of = case(shape, double, dtype=np.float32)
+        before = [part.tobytes() for part in of.arrays]
+        computed(of)
+        assert len(before) == 9
+        assert [part.tobytes() for part in of.arrays] == before
+
+    @shapes
+    @doubles
+    def test_what_the_workspace_was_used_for_before_makes_no_difference(
+        self, shape: plain_q.Shape, double: bool
+    ) -> None:
+        of, other = case(shape, double, dtype=np.float32), case(shape, not double, dtype=np.float32, seed=1)
+        fresh = computed(of)
+        assert np.isfinite(fresh).all()
+        space = poisoned(of.network, ROWS, np.float32)
+        computed(other, space)
+        assert np.array_equal(computed(of, space), fresh)
+        assert np.array_equal(computed(of, space), fresh)
+        best_actions(other.online, of.network, other.arrived, space)
+        assert np.array_equal(computed(of, space), fresh)
+
+    def test_by_hand(self) -> None:
+        """One hidden unit, two actions, one row.
+
+        h = relu(2 * 3 - 1) = 5; Q = (5 + .5, -5) at the row, and Q_target = (0, 4) * relu(1 * 1 + 0) = (0, 4) where it
+        arrived, the online network's choice there is relu(2 * 1 - 1) * (1, -1) + (.5, 0) = (1.5, -1): the first. So
+        y = 1 + .5 * 0 with double, 1 + .5 * 4 without; the error is 4.5 or 2.5, and the gradient by (w, b, first row,
+        second row, biases) is error * (3, 1, 5, 0, 1, 0).
+        """
+        network = Network(np.array([[0, 1, 1, 1], [2, 2, 1, 4]]), np.array([2]), False)
+        online, target = np.array([2, -1, 1, -1, 0.5, 0]), np.array([1.0, 0, 0, 4, 0, 0])
+        row, one = np.array([[3.0]]), np.ones(1)
+        of = Case(online, target, network, row, np.array([0]), one, np.array([[1.0]]), 0.5 * one, True)
+        assert computed(of).tolist() == [4.5 * 3, 4.5, 4.5 * 5, 0, 4.5, 0]
+        assert computed(of._replace(double=False)).tolist() == [2.5 * 3, 2.5, 2.5 * 5, 0, 2.5, 0]
+
+    def test_an_action_drawn_often_adds_up_and_one_not_drawn_has_no_gradient(self) -> None:
+        shape = SHAPES[1]
+        of = case(shape, True)
+        of = of._replace(action=np.repeat([5, 2], ROWS // 2))
+        ours = computed(of)
+        assert furthest(ours, plain(shape, of)) < 1e-12
+        matrix, bias = QNetwork(*shape).views(ours)[-2:]
+        assert np.flatnonzero(bias).tolist() == [2, 5]
+        assert np.flatnonzero(matrix.any(axis=1)).tolist() == [2, 5]
+
+    def test_a_workspace_of_another_batch_is_refused(self) -> None:
+        of = case(SHAPES[0], True)
+        with pytest.raises(ValueError, match="output array"):
+            computed(of, poisoned(of.network, ROWS + 1, np.float64))
+
+
+class TestAdam:
+    @pytest.mark.parametrize(
+        ("dtype", "bound"),
+        [(np.float64, 1e-12), (np.float32, 2e-4)],  # 300 sums in single precision
+    )
+    @pytest.mark.parametrize("max_norm", [0.5, 1e9], ids=["clipped", "free"])
+    def test_against_torch(self, dtype: Any, bound: float, max_norm: float) -> None:
+        """A fifth of the weights get no gradient, a fifth gets it only at the start, a fifth only now and then."""
+        steps, size, generator = 300, 200, np.random.default_rng(0)
+        begin = generator.normal(size=size)
+        ours, mean, square = begin.astype(dtype), np.zeros(size, dtype), np.zeros(size, dtype)
+        theirs = torch.tensor(begin.astype(dtype)).double().requires_grad_()
+        reference = torch.optim.Adam([theirs])
+        clipped = 0
+        for count in range(1, steps + 1):
+            slope = generator.normal(size=size) * 10.0 ** (count % 3 - 2)
+            slope[:40] = 0
+            slope[40:80] *= count <= 10
+            slope[80:120] *= generator.random(40) < 0.02
+            rate = 1e-2 * 0.99**count
+            single = slope.astype(dtype)
+            adam(ours, single.copy(), mean, square, rate, count, max_norm)
+            theirs.grad = torch.tensor(single).double()
+            clipped += float(torch.nn.utils.clip_grad_norm_([theirs], max_norm)) > max_norm
+            reference.param_groups[0]["lr"] = rate
+            reference.step()
+        assert clipped == (0 if max_norm > 1 else 200)  # at a hundredth in size they are below .5
+        moved = np.abs(ours - begin)
+        assert moved[40:].mean() > 0.05
+        assert moved[:40].max() < 1e-6
+        assert np.abs(ours - theirs.detach().numpy()).max() < bound
+
+    @pytest.mark.parametrize("dtype", [np.float64, np.float32])
+    def test_the_first_step_is_the_rate_against_the_sign(self, dtype: Any) -> None:
+        """Both moments, unbiased, are those of one sample: rate * g / (|g| + 1e-8)."""
+        weights, slope = np.ones(4, dtype), np.array([3, -0.02, 1e-8, 0], dtype)
+        adam(weights, slope, np.zeros(4, dtype), np.zeros(4, dtype), 0.25, 1, 1e9)
+        assert weights == pytest.approx([0.75, 1.25, 0.875, 1], abs=1e-6)
+
+    def test_every_step_on_a_constant_gradient_is_the_rate(self) -> None:
+        weights, mean, square, places = np.zeros(1), np.zeros(1), np.zeros(1), [0.0]
+        for count in range(1, 50):
+            adam(weights, np.array([-3.0]), mean, square, 0.01 / count, count, 1e9)
+            places.append(float(weights[0]))
+        assert np.diff(places) == pytest.approx([0.01 / count for count in range(1, 50)], rel=1e-7)
+
+    def test_the_norm_is_clipped_and_a_smaller_one_is_not(self) -> None:
+        """After one step the first moment is a tenth of the clipped gradient. (3, 4) has norm 5."""
+        for max_norm, expected in ((10, [0.3, 0.4]), (5.1, [0.3, 0.4]), (2.5, [0.15, 0.2])):
+            mean = np.zeros(2)
+            adam(np.zeros(2), np.array([3.0, 4.0]), mean, np.zeros(2), 0.1, 1, max_norm)
+            assert mean == pytest.approx(expected, rel=1e-6)
+
+    def test_the_gradient_is_not_changed(self) -> None:
+        slope = np.array([3, 4], np.float32)
+        adam(np.zeros(2, np.float32), slope, np.zeros(2, np.float32), np.zeros(2, np.float32), 0.1, 1, 1.0)
+        assert slope.tolist() == [3, 4]
+
+    @pytest.mark.parametrize("first", [1.0, -1.0, 0.0, 1e-12, -5e-18])
+    def test_moments_of_a_weight_without_gradient_do_not_become_denormal(self, first: float) -> None:
+        """.9^850 is 1e-39: without care the first moment is denormal from there on, the second where g is 5e-18."""
+        weights, mean, square = np.zeros(64, np.float32), np.zeros(64, np.float32), np.zeros(64, np.float32)
+        slope, least = np.linspace(0.5, 1, 64, dtype=np.float32) * np.float32(first), np.finfo(np.float32).tiny
+        for count in range(1, 2001):
+            adam(weights, slope, mean, square, 1e-3, count, 1e9)
+            slope[:] = 0
+            for moment in (mean, square):
+                small = (moment != 0) & (np.abs(moment) < least)
+                assert not small.any(), (count, moment[small])
+            if count == 200:
+                settled = weights.copy()
+        assert weights == pytest.approx(settled, rel=0, abs=1e-9)
+
+    def test_a_weight_whose_gradient_comes_back_moves_as_with_torch(self) -> None:
+        weights, mean, square = np.zeros(8, np.float32), np.zeros(8, np.float32), np.zeros(8, np.float32)
+        theirs = torch.zeros(8, dtype=torch.float64, requires_grad=True)
+        reference = torch.optim.Adam([theirs], lr=1e-3)
+        for count in range(1, 1502):
+            slope = np.full(8, 0.1 if count in (1, 1501) else 0, np.float32)
+            adam(weights, slope, mean, square, 1e-3, count, 1e9)
+            theirs.grad = torch.tensor(slope).double()
+            reference.step()
+            if count == 1500:
+                before = weights.copy()
+        assert np.abs(weights - before).min() > 1e-3
+        assert weights == pytest.approx(theirs.detach().numpy(), rel=1e-4)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+class TestBlend:
+    def test_a_step_by_hand(self, dtype: Any) -> None:
+        into, weights = np.array([0, 4, -2], dtype), np.array([8, 4, 2], dtype)
+        blend(into, weights, 0.25)
+        assert into.tolist() == [2, 4, -1]
+        blend(into, weights, 0.5)
+        assert into.tolist() == [5, 4, 0.5]
+        assert weights.tolist() == [8, 4, 2]
+
+    def test_many_steps_are_a_geometric_average(self, dtype: Any) -> None:
+        generator = np.random.default_rng(0)
+        into, history = np.ones(50, dtype), generator.normal(size=(200, 50)).astype(dtype)
+        expected = np.ones(50)
+        for weights in history:
+            blend(into, weights, 0.005)
+            expected = 0.995 * expected + 0.005 * weights
+        assert np.abs(expected - 1).max() > 0.5
+        assert into == pytest.approx(expected, rel=0, abs=1e-13 if dtype is np.float64 else 1e-6)
+
+    def test_a_share_of_1_copies(self, dtype: Any) -> None:
+        generator = np.random.default_rng(1)
+        into, weights = generator.normal(size=(2, 1000)).astype(dtype)
+        weights[:3] = 0, 1e-20, 1e20
+        blend(into, weights, 1.0)
+        assert np.array_equal(into, weights)
+
+    def test_a_share_of_0_changes_nothing(self, dtype: Any) -> None:
+        into, weights = np.random.default_rng(2).normal(size=(2, 100)).astype(dtype)
+        before = into.copy()
+        blend(into, weights, 0.0)
+        assert np.array_equal(into, before)
+
+
+def policy_of(shape: plain_q.Shape, flat: Floats) -> GreedyPolicy:
+    network = QNetwork(*shape)
+    return GreedyPolicy(network, network.views(flat))
+
+
+class TestBestActions:
+    @shapes
+    def test_against_an_enumeration(self, shape: plain_q.Shape) -> None:
+        drawn = set()
+        for seed in range(5):
+            of = case(shape, True, 100, seed=seed)
+            found = best_actions(of.online, of.network, of.observation, poisoned(of.network, 100, np.float64))
+            q = plain_q.all_q(shape, torch.tensor(of.online), torch.tensor(of.observation)).numpy()
+            assert found.dtype == np.int64
+            assert np.array_equal(found, q.argmax(axis=1))
+            drawn |= set(found)
+        assert len(drawn) > 3
+
+    @shapes
+    def test_against_the_policy_in_numpy(self, shape: plain_q.Shape) -> None:
+        """Single precision in both; only rows where two actions are within 1e-5 of each other may differ."""
+        of = case(shape, True, 400, np.float32)
+        found = best_actions(of.online, of.network, of.observation, poisoned(of.network, 400, np.float32))
+        acted = policy_of(shape, of.online).act(of.observation)
+        assert acted.dtype == found.dtype
+        q = plain_q.all_q(shape, torch.tensor(of.online).double(), torch.tensor(of.observation).double()).numpy()
+        second, first = np.sort(q, axis=1)[:, -2:].T
+        clear = first - second > 1e-5
+        assert clear.mean() > 0.99
+        assert np.array_equal(found[clear], acted[clear])
+
+    @pytest.mark.parametrize("grid", GRIDS)
+    @pytest.mark.parametrize("head", ["joint", "additive"])
+    def test_the_first_of_equals_as_numpys_argmax_has_it(self, grid: tuple[int, ...], head: Head) -> None:
+        """Whole numbers from -1 to 1: exact in any order of sums, and equal more often than not."""
+        shape, generator = plain_q.Shape(INPUTS, (4, 3), grid, head), np.random.default_rng(0)
+        flat = generator.integers(-1, 2, size=sum(math.prod(part) for part in shape.weights)).astype(np.float32)
+        x = generator.integers(-1, 2, size=(300, INPUTS)).astype(np.float32)
+        found = best_actions(flat, engine_of(shape), x, Workspace.of(engine_of(shape), 300))
+        # in whole numbers as well: the means that an additive head takes off are the same for all actions
+        w1, b1, w2, b2, w3, b3 = QNetwork(*shape).views(flat)
+        outputs = np.maximum(np.maximum(x @ w1 + b1, 0) @ w2 + b2, 0) @ w3.T + b3
+        q = outputs
+        if head == "additive":
+            ends = np.cumsum(grid)[:-1]
+            branches = np.split(outputs[:, 1:], ends, axis=1)
+            columns = [
+                sum(b[:, i] for b, i in zip(branches, action, strict=True)) for action in product(*map(range, grid))
+            ]
+            q = np.stack(columns, axis=1)
+        assert ((q == q.max(axis=1, keepdims=True)).sum(axis=1) > 1).mean() > 0.2
+        assert np.array_equal(found, q.argmax(axis=1))
+        assert np.array_equal(policy_of(shape, flat).act(x.astype(np.float64)), found)
+
+    @pytest.mark.parametrize("head", ["joint", "additive"])
+    def test_of_nothing_but_equals_the_first(self, head: Head) -> None:
+        shape = plain_q.Shape(INPUTS, (4,), (3, 2), head)
+        flat, x = np.zeros(sum(math.prod(part) for part in shape.weights), np.float32), np.ones((2, 5), np.float32)
+        assert best_actions(flat, engine_of(shape), x, Workspace.of(engine_of(shape), 2)).tolist() == [0, 0]
+        assert policy_of(shape, flat).act(x.astype(np.float64)).tolist() == [0, 0]
