@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test lint types imports unit docs clean
+.PHONY: run test lint types imports unit docs gate clean
 
 ## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
 run: $(VENV)/ready
@@ -29,6 +29,10 @@ unit: $(VENV)/ready-dev
 
 docs: $(VENV)/ready-dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+## Is anything worse than the committed reference? See docs/ci.md.
+gate: $(VENV)/ready
+	$(BIN)/stlbench gate results/reference --budget smoke
 
 clean:
 	rm -rf $(VENV) site dist build

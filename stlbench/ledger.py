@@ -50,6 +50,8 @@ class Ledger:
         self.path = path
         if not create and not path.is_file():
             raise UsageError(f"there is no ledger at {path}; `stlbench run` writes one")
+        if path.is_file() and path.stat().st_size and not _is_sqlite(path):
+            raise UsageError(f"{path} is no ledger of stlbench; it is left as it is")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._database = sqlite3.connect(path, timeout=30, isolation_level=None)
@@ -108,6 +110,12 @@ class Ledger:
     def _create(self) -> None:
         self._database.execute("PRAGMA journal_mode = WAL")
         self._database.executescript(_SCHEMA)
+
+
+def _is_sqlite(path: Path) -> bool:
+    """A file of a byte or two looks empty to SQLite, which would write over it."""
+    with path.open("rb") as file:
+        return file.read(16) == b"SQLite format 3\0"
 
 
 def _row(result: Result) -> tuple[str | int | float | None, ...]:

@@ -117,10 +117,15 @@ class Referee:
             region = protocol.initial or file.initial
             self._protocols[name] = Trial(formula, starts.grid(region, protocol.starts))
 
-    def select(self, policy: Policy) -> Score:
-        """The task's formula from the starts kept for selection, which share no state with the report's."""
+    def select(self, policy: Policy) -> tuple[float, float]:
+        """Satisfaction and mean robustness of the task's formula from the starts kept for selection.
+
+        These share no state with the report's.
+        """
         traces = record(self.problem, self.method, policy, self._selection)
-        return score(self.problem.formula, traces, self.problem.signals)
+        formula, names = self.problem.formula, self.problem.signals
+        satisfied, robustness = stl.satisfied(formula, traces, names), stl.robustness(formula, traces, names)
+        return float(satisfied.mean()), float(robustness.mean())
 
     def report(self, policy: Policy) -> Report:
         """Every protocol's score, from the report's starts."""

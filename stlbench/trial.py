@@ -18,7 +18,7 @@ from stlbench.environment import BatchEnvironment, Simulator
 from stlbench.matrix import Cell, derive_seed
 from stlbench.problem import Budget, Problem
 from stlbench.referee import Referee
-from stlbench.result import CurvePoint, Measurement, Result, Score, Status
+from stlbench.result import CurvePoint, Measurement, Result, Status
 
 __all__ = ["build_agent", "build_method", "reward_cost", "run_cell", "trace_file"]
 
@@ -95,10 +95,10 @@ class _Selection:
 
     def __call__(self, policy: Policy, steps: int) -> None:
         self.clock.pause()
-        found: Score = self.referee.select(policy)
-        self.curve.append(CurvePoint(steps, self.clock.cpu, found.satisfaction, found.mean))
-        if (found.satisfaction, found.mean) > self._rank:
-            self._rank, self.best, self.steps = (found.satisfaction, found.mean), policy, steps
+        satisfaction, mean = self.referee.select(policy)
+        self.curve.append(CurvePoint(steps, self.clock.cpu, satisfaction, mean))
+        if (satisfaction, mean) > self._rank:
+            self._rank, self.best, self.steps = (satisfaction, mean), policy, steps
         self.clock.resume()
 
 
@@ -111,7 +111,7 @@ def measure(task: Problem, method: RewardMethod, agent: Agent, cell: Cell) -> tu
     clock = _Clock()
     selection = _Selection(referee, clock)
     training = _training(task, method, cell, budget, selection, used.append)
-    _warm_up(agent, training)
+    _warm_up(agent, training, task.file.hold)
     used.clear()
     clock.resume()
     final = agent.train(training)
@@ -160,9 +160,9 @@ def _training(
     )
 
 
-def _warm_up(agent: Agent, training: Training) -> None:
+def _warm_up(agent: Agent, training: Training, hold: int) -> None:
     """Train for a moment, unscored: what a library loads at first use would be charged to the first cell otherwise."""
-    few = max(1, training.steps // 200)
+    few = min(training.steps, max(training.steps // 200, 1000 * hold))
     agent.train(replace(training, steps=few, report=lambda policy, steps: None, checkpoints=1))
 
 

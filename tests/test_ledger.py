@@ -130,7 +130,9 @@ def newer_ledger(path):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda path: path.write_text("some text, and no database\n" * 50), "file is not a database"),
+        (lambda path: path.write_text("some text, and no database\n" * 50), "is no ledger of stlbench"),
+        (lambda path: path.write_text("x"), "is no ledger of stlbench"),
+        (lambda path: path.write_bytes(b"SQLite format 3\0 and then nonsense" * 50), "cannot read the ledger"),
         (other_database, "is no ledger of stlbench"),
         (newer_ledger, f"is a ledger of version {VERSION + 1}; this stlbench reads version {VERSION}"),
         (lambda path: path.mkdir(), "unable to open database file"),

@@ -8,6 +8,8 @@ import typer
 
 from stlbench import __version__
 from stlbench.cli.common import Commands
+from stlbench.cli.compare import compare
+from stlbench.cli.gate import gate
 from stlbench.cli.listing import list_plugins
 from stlbench.cli.monitor import monitor
 from stlbench.cli.report import report
@@ -28,6 +30,8 @@ app.command("run", short_help="Train and score methods on tasks, and compare the
 app.command("list")(list_plugins)
 app.add_typer(show, name="show")
 app.command("report")(report)
+app.command("compare")(compare)
+app.command("gate", short_help="Measure the cells of a reference again: are they worse?")(gate)
 app.command("monitor")(monitor)
 
 

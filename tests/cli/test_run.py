@@ -12,6 +12,7 @@ import pytest
 from stlbench.cli.run import parse_seeds
 from stlbench.errors import UsageError
 from stlbench.ledger import Ledger
+from stlbench.provenance import PACKAGES
 
 TOY = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here")
 
@@ -111,7 +112,7 @@ def test_results_say_what_ran_beside_them(run):
     with Ledger(Path("results/ledger.sqlite"), create=False) as ledger:
         (provenance,) = {tuple(sorted(result.provenance.items())) for result in ledger.results()}
     assert dict(provenance)["jobs"] == "3"
-    assert set(dict(provenance)) == {"python", "numpy", "torch", "stlbench", "machine", "jobs", "time"}
+    assert set(dict(provenance)) == {"python", "machine", "jobs", "time", *PACKAGES}
 
 
 def test_numbers_are_those_of_the_task(run):

@@ -1,0 +1,306 @@
+"""`stlbench compare` and `stlbench gate`: every exit code on made-up plugins; what is to be caught, on real cells."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+TOY = ("--tasks", "toy-line", "--agents", "toy-agent", "--budget", "quick")
+HERE = ("--executor", "toy-here")
+GATE = ("gate", "reference", "--budget", "quick", *HERE)
+
+
+@pytest.fixture
+def reference(say, toy):
+    """Make a reference of the methods named, without calibration: toy cells take a millisecond, which says nothing."""
+
+    def make(methods="toy-raw", seeds="3"):
+        done = say("gate", "reference", "--update", *TOY, *HERE, "--methods", methods, "--seeds", seeds)
+        assert done.exit_code == 0, done.output
+        table = Path("reference/cells.csv")
+        kept = rows()
+        table.write_text(re.sub(r",[0-9.]*$", ",", table.read_text(), flags=re.MULTILINE))
+        return done, kept
+
+    return make
+
+
+@pytest.fixture
+def methods(toy):
+    """The module of the toy methods, as the cells see it."""
+    return importlib.import_module("toy_plugins.methods")
+
+
+def rows(path="reference/cells.csv"):
+    with Path(path).open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def summary():
+    return json.loads(Path("results/gate/gate.json").read_text())
+
+
+# --------------------------------------------------------------------------------------------------------- updating
+
+
+def test_update_writes_a_reference(reference):
+    done, kept = reference("toy-raw,toy-large")
+    assert done.stdout == "Written to reference/: cells.csv, provenance.json; 6 cells\n"
+    assert [(row["method"], row["seed"], row["status"]) for row in rows()] == [
+        *(("toy-large", seed, "intractable") for seed in "012"),
+        *(("toy-raw", seed, "done") for seed in "012"),
+    ]
+    assert all(float(row["calibration_seconds"]) > 0 for row in kept)
+    assert {"machine", "numpy", "python", "jobs", "harness"} <= json.loads(
+        Path("reference/provenance.json").read_text()
+    ).keys()
+    assert sorted(path.name for path in Path("reference").iterdir()) == ["cells.csv", "provenance.json"]
+
+
+def test_update_alone_measures_what_it_holds(reference, say):
+    reference()
+    before = rows()
+    done = say(*GATE, "--update", "--results", "another", "--json")
+    assert (done.exit_code, json.loads(done.stdout)) == (0, {"reference": "reference", "cells": 3})
+    assert [row["robustness_mean"] for row in rows()] == [row["robustness_mean"] for row in before]
+
+
+def test_update_writes_no_reference_of_cells_that_failed(say, toy):
+    done = say("gate", "reference", "--update", *TOY, *HERE, "--methods", "toy-raw,toy-wrong", "--seeds", "1")
+    assert done.exit_code == 1
+    assert done.stderr.endswith(
+        "toy-line/toy-wrong/toy-agent/0 raised: ValueError: no [such] luck\n"
+        "1 of 2 cells failed; no reference was written\n"
+    )
+    assert not Path("reference").exists()
+
+
+# ------------------------------------------------------------------------------------------------------ the verdicts
+
+
+def test_equal_code_is_no_worse(reference, say):
+    reference("toy-raw,toy-large")
+    done = say(*GATE)
+    assert done.exit_code == 0
+    assert done.stdout.startswith("# stlbench gate: no worse\n")
+    assert "| toy-line | toy-raw | toy-agent | quick  |     3 |" in done.stdout
+    assert Path("results/gate/gate.md").read_text() == done.stdout
+    found = summary()
+    assert (found["verdict"], found["exit_code"], found["findings"]) == ("no worse", 0, [])
+    assert [(entry["metric"], entry["seeds"], entry["change"]) for entry in found["comparisons"]] == [
+        ("robustness", 3, 0.0),
+        ("satisfaction", 3, 0.0),
+    ]
+    assert (found["base"]["path"], found["base"]["cells"]) == ("reference", 6)
+
+
+def test_it_goes_on_where_it_was(reference, say, monkeypatch):
+    reference()
+    monkeypatch.setattr("stlbench.trial.run_cell", lambda *_, **__: pytest.fail("ran a cell again"))
+    assert say(*GATE).exit_code == 0
+
+
+def test_another_version_of_anything_measures_anew(reference, say, monkeypatch):
+    reference()
+    monkeypatch.setattr("stlbench.fingerprint.fingerprint", lambda module: "edited " * 5)
+    done = say(*GATE)
+    assert (done.exit_code, done.stderr.splitlines()[0]) == (0, "3 cells")
+
+
+def test_worse_is_exit_code_1_and_named(reference, say, monkeypatch):
+    reference()
+    # The agent stands still at each start: moving right at every step instead loses 2 m of robustness.
+    monkeypatch.setattr(importlib.import_module("toy_plugins.agents").Still, "train", moved_right)
+    done = say(*GATE, "--results", "other")
+    assert done.exit_code == 1
+    assert done.stdout.startswith("# stlbench gate: worse\n")
+    table = done.stdout.partition("## What is not fine")[2].partition("## All groups")[0]
+    assert "| worse   | toy-line/toy-raw/toy-agent | robustness" in table
+
+
+def moved_right(self, training):
+    import numpy as np
+
+    environment = training.make(2)
+    environment.reset()
+    for _ in range(training.steps // 2):
+        environment.step(np.array([2, 2]))
+    policy = importlib.import_module("toy_plugins.agents").Always(2)
+    training.report(policy, training.steps)
+    return policy
+
+
+def test_a_cell_that_crashes_now_is_worse_with_its_reason(reference, say, methods, monkeypatch):
+    reference()
+    monkeypatch.setattr(methods.Raw, "step", methods.Wrong.step)
+    done = say(*GATE, "--results", "other")
+    assert done.exit_code == 1
+    assert "| toy-line/toy-raw/toy-agent/0 |" in done.stdout
+    assert "raised, the base says done: ValueError: no [such] luck" in done.stdout
+    found = json.loads(Path("other/gate.json").read_text())
+    assert [entry["verdict"] for entry in found["findings"]] == ["worse"] * 3
+    monkeypatch.undo()
+
+
+def test_a_crashed_cell_is_tried_again(reference, say, methods, monkeypatch):
+    reference()
+    step = methods.Raw.step
+    monkeypatch.setattr(methods.Raw, "step", methods.Wrong.step)
+    assert say(*GATE, "--results", "other").exit_code == 1
+    monkeypatch.setattr(methods.Raw, "step", step)
+    assert say(*GATE, "--results", "other").exit_code == 0
+
+
+def test_too_few_seeds_are_exit_code_3(reference, say, monkeypatch):
+    reference(seeds="2")
+    monkeypatch.setattr(importlib.import_module("toy_plugins.agents").Still, "train", moved_right)
+    done = say(*GATE, "--results", "other")
+    assert (done.exit_code, done.stdout.splitlines()[0]) == (3, "# stlbench gate: cannot tell")
+
+
+def test_nothing_measured_is_exit_code_4(reference, say):
+    reference("toy-large")
+    assert say(*GATE).exit_code == 4
+
+
+def test_options_choose_from_the_reference(reference, say):
+    reference("toy-raw,toy-large")
+    done = say(
+        *GATE, "--methods", "toy-raw", "--seeds", "0,2", "--tasks", "toy-line", "--agents", "toy-agent", "--json"
+    )
+    found = json.loads(done.stdout)
+    assert (done.exit_code, found["base"]["cells"], found["new"]["cells"]) == (0, 2, 2)
+
+
+def test_ctrl_c_keeps_what_is_done(reference, say, monkeypatch):
+    reference()
+    monkeypatch.setattr(importlib.import_module("toy_plugins.agents"), "interrupt_after", 3)
+    done = say(*GATE, "--results", "other")
+    assert done.exit_code == 130
+    assert done.stderr.splitlines()[-1] == "interrupted; the same command goes on with what is recorded in other/"
+    monkeypatch.setattr(importlib.import_module("toy_plugins.agents"), "interrupt_after", None)
+    assert say(*GATE, "--results", "other").stderr.splitlines()[0] == "3 cells, 1 of them done before"
+
+
+# --------------------------------------------------------------------------------------------------------- comparing
+
+
+def test_compare_takes_folders_ledgers_and_references(reference, say):
+    reference()
+    say("run", *TOY, *HERE, "--methods", "toy-raw", "--seeds", "3")
+    for base, new in (("reference", "results"), ("results/ledger.sqlite", "results/gate"), ("results", "reference")):
+        done = say("compare", base, new)
+        assert (done.exit_code, done.stdout.splitlines()[0]) == (0, "# stlbench compare: no worse")
+    assert (
+        "CPU times were not compared: no calibration in base and new." in say("compare", "reference", "results").stdout
+    )
+
+
+def test_compare_misses_cells(reference, say):
+    reference()
+    say("run", *TOY, *HERE, "--methods", "toy-raw", "--seeds", "2")
+    done = say("compare", "reference", "results")
+    assert done.exit_code == 4
+    assert "| missing | toy-line/toy-raw/toy-agent/2 |" in done.stdout
+    assert "there is no result of it, and the base says done" in done.stdout
+    more = say("compare", "results", "reference")
+    assert more.exit_code == 0
+    assert "- Cells of the new recording alone, which were not compared: 1." in more.stdout
+
+
+def test_compare_as_json(reference, say):
+    reference()
+    done = say("compare", "reference", "reference", "--json")
+    assert done.exit_code == 0
+    first = json.loads(done.stdout)["comparisons"][0]
+    assert first == {
+        "task": "toy-line", "method": "toy-raw", "agent": "toy-agent", "budget": "quick",
+        "metric": "robustness", "seeds": 3, "base": first["base"], "new": first["base"],
+        "change": 0.0, "low": 0.0, "high": 0.0, "tolerated": -0.05, "p_value": 1.0, "verdict": "no worse",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["compare", "nowhere", "reference"], "there is no ledger at nowhere; `stlbench run` writes one"),
+        (["compare", ".", "reference"], ". has neither ledger.sqlite nor cells.csv"),
+        (["compare", "reference"], "Missing argument 'NEW'. (see 'stlbench compare --help')"),
+        (["gate", "nowhere"], "there is no reference at nowhere; --update with --tasks and --methods makes one"),
+        (["gate", "reference"], "the reference has no cells of budget 'smoke'; there are: quick"),
+        ([*GATE, "--methods", "toy-rwa"], "the reference has no cells of method 'toy-rwa'; did you mean 'toy-raw'?"),
+        ([*GATE, "--seeds", "4"], "the reference has no cells of seed '3'; there are: 0, 1, 2"),
+        ([*GATE, "--seeds", "x"], "--seeds x: expected a count"),
+        ([*GATE, "--results", "reference"], "--results reference is the reference itself"),
+        ([*GATE, "--jobs", "0"], "'--jobs'"),
+        ([*GATE, "--update", "--tasks", "toy-lane"], "no task 'toy-lane'; did you mean 'toy-line'?"),
+    ],
+)
+def test_bad_input_exits_2_with_one_line(reference, say, words, message):
+    reference()
+    done = say(*words)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: ")
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+# -------------------------------------------------------------------------------------------------- real smoke cells
+
+METHOD = '''
+from stlbench.contract import RewardMethod
+
+class Rho(RewardMethod):
+    """The robustness of the disc."""
+    def __init__(self, specification):
+        super().__init__(specification)
+        self.rho = specification.margin(specification.terms[0].psi)
+    def step(self, signals, action, next_signals, t, memory):
+        return REWARD, memory
+'''
+SMOKE = ("--tasks", "hold-disc", "--methods", "zz-rho", "--agents", "dqn", "--seeds", "5")
+
+
+LOCAL = ("gate", "reference", "--jobs", "1")
+
+
+@pytest.fixture
+def edit(site):
+    """Install the method with this expression for its reward, in place of an earlier one."""
+
+    def install(reward):
+        files = {"zz_plugins.py": METHOD.replace("REWARD", reward)}
+        site("zz-plugins", "[stlbench.methods]\nzz-rho = zz_plugins:Rho\n", files)
+
+    return install
+
+
+def worse(metric):
+    return [entry for entry in summary()["comparisons"] if (entry["metric"], entry["verdict"]) == (metric, "worse")]
+
+
+def test_real_cells(edit, say):
+    """One test, as the reference takes the longest: equal code passes, and each thing broken on purpose is caught."""
+    edit("self.rho(next_signals)")
+    assert say(*LOCAL, "--update", *SMOKE).exit_code == 0
+    again = say(*LOCAL, "--results", "again")
+    assert again.exit_code == 0, again.stdout
+    assert again.stdout.count("(same)") == 2
+
+    edit("-self.rho(next_signals)")
+    flipped = say(*LOCAL)
+    assert flipped.exit_code == 1, flipped.stdout
+    assert worse("robustness")
+    assert worse("satisfaction")
+
+    edit("(self.rho(next_signals) + self.rho(next_signals)) / 2")
+    slow = say(*LOCAL)
+    assert slow.exit_code == 1, slow.stdout
+    (entry,) = worse("reward")
+    assert 1.5 < entry["change"] < 3
+    assert not worse("robustness")
