@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test lint types imports unit docs gate clean
+.PHONY: run test lint types imports unit docs gate bench clean
 
 ## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
 run: $(VENV)/ready
@@ -33,6 +33,13 @@ docs: $(VENV)/ready-dev
 ## Is anything worse than the committed reference? See docs/ci.md.
 gate: $(VENV)/ready
 	$(BIN)/stlbench gate results/reference --budget smoke
+
+## Speed beside that of others, by turns in one run; half an hour. Writes results/bench.json and docs/performance.md.
+bench: $(VENV)/ready-dev
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev,peers]'
+	@mkdir -p results
+	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -q --benchmark-json=results/benchmarks.json
+	$(BIN)/python tests/benchmarks/collect.py results/benchmarks.json --json results/bench.json --page docs/performance.md
 
 clean:
 	rm -rf $(VENV) site dist build

@@ -56,7 +56,8 @@ def interval(
 def _bootstrapped(values: tuple[float, ...], statistic: Statistic, seed: int, level: float) -> tuple[float, float]:
     """Cached, since a report shows an interval on screen, in files and in a figure, and each takes milliseconds."""
     rng = np.random.default_rng(seed)
-    found = stats.bootstrap((values,), statistic, confidence_level=level, method="percentile", rng=rng)
+    batch = max(1, 1_000_000 // len(values))  # resamples held in memory at a time
+    found = stats.bootstrap((values,), statistic, confidence_level=level, method="percentile", batch=batch, rng=rng)
     return float(found.confidence_interval.low), float(found.confidence_interval.high)
 
 

@@ -162,7 +162,7 @@ def _training(
 
 def _warm_up(agent: Agent, training: Training, hold: int) -> None:
     """Train for a moment, unscored: what a library loads at first use would be charged to the first cell otherwise."""
-    few = min(training.steps, max(training.steps // 200, 1000 * hold))
+    few = min(training.steps, 1000 * hold)
     agent.train(replace(training, steps=few, report=lambda policy, steps: None, checkpoints=1))
 
 

@@ -80,14 +80,13 @@ class AbsoluteFlags(Flags):
         self._holds = [specification.holds(term.psi) for term in self._terms]
         self._outer_f = np.array([term.kind != "G" for term in self._terms])
         self.initial, self.full = np.array(initial), np.array(full)
-        self.scale = float(self._active(np.arange(specification.steps + 1)).sum(axis=1).max())
-
-    def _active(self, t: Integers) -> Truth:
-        return np.stack([(term.start <= t) & (t <= term.end) for term in self._terms], axis=1)
+        t = np.arange(specification.steps + 1)
+        self._active = np.stack([(term.start <= t) & (t <= term.end) for term in self._terms], axis=1)
+        self.scale = float(self._active.sum(axis=1).max())
 
     def update(self, signals: Array, t: Integers, flags: Array) -> Array:
         """Latch F, drop G, count and latch F G, each on its own interval alone."""
-        after, active = flags.copy(), self._active(t)
+        after, active = flags.copy(), self._active[t]
         for i, (term, holds, at) in enumerate(zip(self._terms, self._holds, self._columns, strict=True)):
             now, true = active[:, i], holds(signals)
             if term.kind == "G":
@@ -101,7 +100,7 @@ class AbsoluteFlags(Flags):
 
     def reward(self, flags: Array, t: Integers) -> Array:
         """The sum over the terms on whose interval t lies."""
-        paid = np.where(self._active(t), _paid(flags[:, self._columns], self._outer_f, self._beta), 0)
+        paid = np.where(self._active[t], _paid(flags[:, self._columns], self._outer_f, self._beta), 0)
         return np.asarray(paid.sum(axis=1))
 
 

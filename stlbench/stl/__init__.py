@@ -5,6 +5,7 @@
 2.0
 """
 
+from .batch_monitor import BatchMonitor, Intervals
 from .bounds import bounds
 from .errors import (
     FragmentError,
@@ -43,6 +44,7 @@ from .syntax import (
 __all__ = [
     "Always",
     "And",
+    "BatchMonitor",
     "Binary",
     "Call",
     "Eventually",
@@ -51,6 +53,7 @@ __all__ = [
     "FragmentError",
     "Implies",
     "Interval",
+    "Intervals",
     "Monitor",
     "Negative",
     "Not",

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .compiler import ARRAYS, Operand, check_names, compile_margin
+from .compiler import Operand, check_names, compile_margin
 from .errors import UndefinedError
 from .intervals import Proven, Range, expression_range, formula_range, negative
 from .slopes import mean_value_range
@@ -67,7 +67,7 @@ def bounds(
     ends = _ends(psi, box, names)
     with np.errstate(all="ignore"):
         proven = _prove_domains(psi, ends, tolerance, nodes)
-        at = _points(compile_margin(psi, tuple(ends), ARRAYS))
+        at = _points(compile_margin(psi, tuple(ends)))
         return _extremes(_enclosure(psi, proven), at, ends, tolerance, nodes)
 
 
@@ -112,7 +112,7 @@ def _range(
     node: Expression, ends: dict[str, tuple[float, float]], proven: Proven, tolerance: float, nodes: int
 ) -> tuple[float, float]:
     value = Predicate(">=", node, Number(0.0))
-    at = _points(compile_margin(value, tuple(ends), ARRAYS))
+    at = _points(compile_margin(value, tuple(ends)))
     return _extremes(_enclosure(node, proven), at, ends, tolerance, nodes)
 
 

@@ -1,4 +1,4 @@
-"""Formulas without temporal operators to closures over samples, on arrays or on plain floats.
+"""Formulas without temporal operators to closures over arrays of samples, whose last axis is the signals.
 
 The closures run at every environment step, so the tree is walked once here and never again: constants are folded, a
 signal is one C-level `itemgetter`, and each operator is one NumPy call.
@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import reduce
 from operator import itemgetter
 from typing import Any, TypeAlias
@@ -17,7 +16,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from .errors import UndefinedError, UnknownSignalError
-from .structure import is_temporal, signals
+from .sided import zero_side
+from .structure import is_temporal, signals, walk
 from .syntax import (
     And,
     Binary,
@@ -46,45 +46,30 @@ _ARITHMETIC: dict[str, Callable[[Any, Any], Any]] = {
 }
 
 
-@dataclass(frozen=True)
-class Backend:
-    """How samples are read and combined: arrays whose last axis is the signals, or plain lists of floats."""
-
-    signal: Callable[[int], Closure]
-    minimum: Callable[[Any, Any], Any]
-    maximum: Callable[[Any, Any], Any]
-    functions: dict[str, Callable[[Any], Any]]
+_FUNCTIONS: dict[str, Closure] = {"abs": abs, "sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "exp": np.exp}
 
 
-ARRAYS = Backend(
-    signal=lambda index: itemgetter((Ellipsis, index)),
-    minimum=np.minimum,
-    maximum=np.maximum,
-    functions={"abs": abs, "sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "exp": np.exp},
-)
-#: raises ZeroDivisionError, ValueError or OverflowError where arrays give inf or NaN
-SCALARS = Backend(
-    signal=itemgetter,
-    minimum=min,
-    maximum=max,
-    functions={"abs": abs, "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "exp": math.exp},
-)
+def compile_margin(psi: Formula, names: tuple[str, ...]) -> Operand:
+    """The robustness of `psi` as a constant or a closure over samples (..., k)."""
+    compiler = _Compiler(_index(psi, names))
+    return compiler.formula(psi, compiler.margin, operator.neg, math.inf)
 
 
-def compile_margin(psi: Formula, names: tuple[str, ...], backend: Backend) -> Operand:
-    """The robustness of `psi` as a constant or a closure over `backend`'s samples."""
-    compiler = _Compiler(_index(psi, names), backend)
+def compile_sided(psi: Formula, names: tuple[str, ...]) -> Operand:
+    """The robustness of `psi` likewise, but never 0: see `sided`."""
+    compiler = _Compiler(_index(psi, names))
 
     def predicate(node: Predicate) -> Operand:
-        return compiler.margin(node)
+        side = zero_side(node)
+        h = compiler.margin(node)
+        return _apply(lambda value: np.where(value == 0.0, side, value), h) if callable(h) else h or side
 
     return compiler.formula(psi, predicate, operator.neg, math.inf)
 
 
-def compile_holds(psi: Formula, names: tuple[str, ...], backend: Backend, checked: bool = False) -> Operand:
+def compile_holds(psi: Formula, names: tuple[str, ...], checked: bool = False) -> Operand:
     """The verdict of `psi` likewise; `checked` raises UndefinedError on NaN margins."""
-    compiler = _Compiler(_index(psi, names), backend)
-    negate = np.logical_not if backend is ARRAYS else operator.not_
+    compiler = _Compiler(_index(psi, names))
 
     def predicate(node: Predicate) -> Operand:
         test = operator.ge if node.op in ("<=", ">=") else operator.gt
@@ -95,12 +80,19 @@ def compile_holds(psi: Formula, names: tuple[str, ...], backend: Backend, checke
             return lambda x: test(_defined(h(x)), 0.0)
         return lambda x: test(h(x), 0.0)
 
-    return compiler.formula(psi, predicate, negate, True)
+    return compiler.formula(psi, predicate, np.logical_not, True)
+
+
+def constant(node: Expression) -> float | None:
+    """The value of an expression without signals, None for one with signals."""
+    if any(isinstance(part, Signal) for part in walk(node)):
+        return None
+    return float(_Compiler({}).expression(node))  # type: ignore[arg-type]  # nothing in it is a closure
 
 
 class _Compiler:
-    def __init__(self, index: dict[str, int], backend: Backend) -> None:
-        self.index, self.backend = index, backend
+    def __init__(self, index: dict[str, int]) -> None:
+        self.index = index
 
     def formula(
         self, psi: Formula, predicate: Callable[[Predicate], Operand], negate: Closure, true: float | bool
@@ -114,11 +106,11 @@ class _Compiler:
                 case Not(arg):
                     return _apply(negate, compile_(arg))
                 case And(args):
-                    return reduce(lambda x, y: _combine(self.backend.minimum, x, y), map(compile_, args))
+                    return reduce(lambda x, y: _combine(np.minimum, x, y), map(compile_, args))
                 case Or(args):
-                    return reduce(lambda x, y: _combine(self.backend.maximum, x, y), map(compile_, args))
+                    return reduce(lambda x, y: _combine(np.maximum, x, y), map(compile_, args))
                 case Implies(left, right):
-                    return _combine(self.backend.maximum, _apply(negate, compile_(left)), compile_(right))
+                    return _combine(np.maximum, _apply(negate, compile_(left)), compile_(right))
                 case _:
                     raise ValueError(f"expected a formula without temporal operators, got {node}")
 
@@ -133,7 +125,7 @@ class _Compiler:
             case Number(value):
                 return value
             case Signal(name):
-                return self.backend.signal(self.index[name])
+                return itemgetter((Ellipsis, self.index[name]))
             case Negative(arg):
                 return _apply(operator.neg, self.expression(arg))
             case Binary("**", left, Number(value)):
@@ -145,19 +137,18 @@ class _Compiler:
                 return self.call(name, [self.expression(arg) for arg in args])
 
     def call(self, name: str, args: list[Operand]) -> Operand:
-        backend = self.backend
         match name:
             case "min" | "max":
-                pick = backend.minimum if name == "min" else backend.maximum
+                pick = np.minimum if name == "min" else np.maximum
                 return reduce(lambda x, y: _combine(pick, x, y), args)
             case "norm":
                 squares = [_apply(_square, arg) for arg in args]
                 total = reduce(lambda x, y: _combine(operator.add, x, y), squares)
-                return _apply(backend.functions["sqrt"], total)
+                return _apply(_FUNCTIONS["sqrt"], total)
             case "norminf":
-                return reduce(lambda x, y: _combine(backend.maximum, x, y), [_apply(abs, arg) for arg in args])
+                return reduce(lambda x, y: _combine(np.maximum, x, y), [_apply(abs, arg) for arg in args])
             case _:
-                return _apply(backend.functions[name], args[0])
+                return _apply(_FUNCTIONS[name], args[0])
 
 
 def _square(value: Any) -> Any:

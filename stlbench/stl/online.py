@@ -1,155 +1,146 @@
-"""Operators of the online monitor: each takes samples one by one and keeps bounds of its formula's value at t = 0.
-
-They work on plain Python numbers (floats for robustness, bools for verdicts: `min` is "and", `max` is "or"), because
-for one sample at a time that is many times faster than NumPy.
-"""
+"""Operators of the online monitor for one trace, on plain floats: for one sample many times faster than NumPy."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
-Value: TypeAlias = float
-Bounds: TypeAlias = tuple[Value, Value]
-Psi: TypeAlias = Callable[[list[float]], Value]
-#: min or max
-Pick: TypeAlias = Callable[..., Value]
+from .plans import SIDED
+from .robustness import evaluate
+from .scalars import Psi, Sample, compile_scalar
+from .syntax import Formula
+from .tree import Kit, Leaf
 
-
-class Online(Protocol):
-    """One operator: `step` takes the next sample and returns (lower, upper) at t = 0."""
-
-    def step(self, sample: list[float]) -> Bounds:
-        """Bounds over all continuations of the samples so far."""
+Bounds: TypeAlias = tuple[float, float]
 
 
-class Now:
-    """psi at t = 0: known from the first sample on."""
+class Operator(Leaf):
+    """A leaf that takes the samples of one trace."""
 
-    def __init__(self, psi: Psi) -> None:
-        self.psi = psi
-        self.value: Value | None = None
+    def step(self, now: int, sample: Sample) -> bool:
+        """Take the sample of step `now` in start..stop; whether `ends` may have changed."""
+        raise NotImplementedError
 
-    def step(self, sample: list[float]) -> Bounds:
+
+class Lowest(Operator):
+    """G[a,b] psi: one running minimum. `unknown` bounds psi at a sample that has not come yet."""
+
+    def __init__(self, psi: Psi, interval: tuple[int, int], unknown: Bounds, flipped: bool) -> None:
+        super().__init__(*interval, flipped)
+        self.psi, self.unknown = psi, unknown
+        self.least = math.inf
+        self.ends = unknown
+
+    def step(self, now: int, sample: Sample) -> bool:
         """Take the next sample."""
-        if self.value is None:
-            self.value = self.psi(sample)
-        return self.value, self.value
+        value = self.psi(sample)
+        if value < self.least:
+            self.least = value
+        elif now < self.stop:
+            return False
+        least, (lower, upper) = self.least, self.unknown
+        self.ends = (least, least) if now == self.stop else (min(least, lower), min(least, upper))
+        return True
 
 
-class Window:
-    """G[a,b] psi (`pick` = min) or F[a,b] psi (max): one running minimum or maximum, constant work a step.
+class Nested(Operator):
+    """F[a,c] G[d,e] psi: a queue of the samples that can still be a window's minimum, constant amortised work a step.
 
-    `empty` is the value of an empty window, `unknown` the bounds of psi at a sample that has not come yet.
-    """
-
-    def __init__(self, psi: Psi, interval: tuple[int, int], pick: Pick, empty: Value, unknown: Bounds) -> None:
-        self.psi, self.pick, self.unknown = psi, pick, unknown
-        self.a, self.b = interval
-        self.extreme = empty
-        self.now = -1
-
-    def step(self, sample: list[float]) -> Bounds:
-        """Take the next sample."""
-        self.now += 1
-        if self.a <= self.now <= self.b:
-            self.extreme = self.pick(self.extreme, self.psi(sample))
-        if self.now >= self.b:
-            return self.extreme, self.extreme
-        return self.pick(self.extreme, self.unknown[0]), self.pick(self.extreme, self.unknown[1])
-
-
-class Nested:
-    """F[a,c] G[d,e] psi (picks max, min) or G[a,c] F[d,e] psi (min, max): one monotone wedge, constant work a step.
-
-    For F G: windows that are complete count as they are. An incomplete window can only lose what its seen part already
-    lost, and the seen parts shrink as t grows, so of those the last window, t = c, decides alone. `empties` are the
-    values of an empty F and an empty G window, in the order of the operators.
+    Windows that are complete count as they are. An incomplete window can only lose what its seen part already lost,
+    and the seen parts shrink as t grows, so of those the last window, t = c, decides alone.
     """
 
     def __init__(
-        self,
-        psi: Psi,
-        intervals: tuple[tuple[int, int], tuple[int, int]],
-        picks: tuple[Pick, Pick],
-        empties: tuple[Value, Value],
-        unknown: Bounds,
+        self, psi: Psi, outer: tuple[int, int], inner: tuple[int, int], unknown: Bounds, flipped: bool
     ) -> None:
+        (a, c), (d, e) = outer, inner
+        super().__init__(a + d, c + e, flipped)
         self.psi, self.unknown = psi, unknown
-        (self.a, self.c), (self.d, self.e) = intervals
-        self.outer_pick, self.inner_pick = picks
-        self.settled, self.open = empties  # over the complete windows; of the last window as far as seen
-        self.wedge: deque[tuple[int, Value]] = deque()
-        self.now = -1
+        self.first, self.last, self.width = a + e, c + d, e - d
+        self.best, self.open = -math.inf, math.inf  # of the complete windows; of the last one as far as seen
+        self.queue: deque[tuple[int, float]] = deque()  # times and values, both rising
+        self.ends = unknown
 
-    def step(self, sample: list[float]) -> Bounds:
+    def step(self, now: int, sample: Sample) -> bool:
         """Take the next sample."""
-        self.now += 1
-        if self.a + self.d <= self.now <= self.c + self.e:
-            self._observe(self.psi(sample))
-        if self.now >= self.c + self.e:
-            return self.settled, self.settled
-        lower, upper = (self.inner_pick(self.open, end) for end in self.unknown)
-        return self.outer_pick(self.settled, lower), self.outer_pick(self.settled, upper)
+        value = self.psi(sample)
+        queue = self.queue
+        while queue and queue[-1][1] >= value:
+            queue.pop()
+        queue.append((now, value))
+        changed = now == self.stop
+        if now >= self.first:
+            if queue[0][0] < now - self.width:
+                queue.popleft()
+            if queue[0][1] > self.best:
+                self.best = queue[0][1]
+                changed = True
+        if now >= self.last and value < self.open:
+            self.open = value
+            changed = True
+        if changed:
+            best, (lower, upper) = self.best, self.unknown
+            ahead = (best, best) if now == self.stop else (min(self.open, lower), min(self.open, upper))
+            self.ends = max(best, ahead[0]), max(best, ahead[1])
+        return changed
 
-    def _observe(self, value: Value) -> None:
-        while self.wedge and self.inner_pick(value, self.wedge[-1][1]) == value:
-            self.wedge.pop()  # the newer value outlives and beats the older
-        self.wedge.append((self.now, value))
-        start = self.now - self.e  # of the window that this sample completes
-        if start >= self.a:
-            while self.wedge[0][0] < start + self.d:
-                self.wedge.popleft()
-            self.settled = self.outer_pick(self.settled, self.wedge[0][1])
-        if self.now >= self.c + self.d:
-            self.open = self.inner_pick(self.open, value)
 
+class Until(Operator):
+    """left U[a,b] right: the minimum of left so far and the best of right within it."""
 
-class Joined:
-    """Conjunction (`pick` = min) or disjunction (max): bounds combine end by end."""
+    def __init__(
+        self, psis: tuple[Psi, Psi], interval: tuple[int, int], unknowns: tuple[Bounds, Bounds], flipped: bool
+    ) -> None:
+        super().__init__(0, interval[1], flipped)
+        self.left, self.right = psis
+        self.a = interval[0]
+        self.turns = {0, self.a - 1, self.stop}  # where the bounds change of themselves
+        self.lows, self.highs = zip(*unknowns, strict=True)  # of left and of right
+        self.best, self.guard = -math.inf, math.inf
+        self.ends = -math.inf, math.inf
 
-    def __init__(self, parts: list[Online], pick: Pick) -> None:
-        self.parts, self.pick = parts, pick
-
-    def step(self, sample: list[float]) -> Bounds:
+    def step(self, now: int, sample: Sample) -> bool:
         """Take the next sample."""
-        lowers, uppers = zip(*[part.step(sample) for part in self.parts], strict=True)
-        return self.pick(lowers), self.pick(uppers)
+        changed = now in self.turns
+        if now >= self.a:
+            value = self.right(sample)
+            value = value if value < self.guard else self.guard
+            if value > self.best:
+                self.best = value
+                changed = True
+        if now < self.stop:
+            value = self.left(sample)
+            if value < self.guard:
+                self.guard = value
+                changed = True
+        if changed:
+            self.ends = self._end(now, *self.lows), self._end(now, *self.highs)
+        return changed
+
+    def _end(self, now: int, left: float, right: float) -> float:
+        """With the values that left and right take from now on: the next t' is the best of those ahead."""
+        if now == self.stop:
+            return self.best
+        ahead = right if now >= self.a - 1 or right < left else left
+        ahead = ahead if ahead < self.guard else self.guard
+        return ahead if ahead > self.best else self.best
 
 
-class Negated:
-    """Negation swaps the ends."""
+class Replayed(Operator):
+    """Any other formula: keeps at most horizon + 1 samples and evaluates them anew at each step (work: the horizon)."""
 
-    def __init__(self, part: Online, negate: Callable[[Value], Value]) -> None:
-        self.part, self.negate = part, negate
+    def __init__(self, formula: Formula, names: tuple[str, ...], horizon: int) -> None:
+        super().__init__(0, horizon, False)
+        self.formula, self.names = formula, names
+        self.samples: list[Sample] = []
 
-    def step(self, sample: list[float]) -> Bounds:
+    def step(self, now: int, sample: Sample) -> bool:
         """Take the next sample."""
-        lower, upper = self.part.step(sample)
-        return self.negate(upper), self.negate(lower)
+        self.samples.append(tuple(sample))
+        lower, upper = evaluate(SIDED, self.formula, self.samples, self.names, "interval", full=False)
+        self.ends = lower.item(), upper.item()
+        return True
 
 
-class Replayed:
-    """Any other formula: keeps at most horizon + 1 samples and evaluates them anew at each step (work: the horizon).
-
-    `evaluate` maps the samples so far to bounds; from the last of them on the answer stands.
-    """
-
-    def __init__(self, evaluate: Callable[[list[list[float]]], Bounds], horizon: int) -> None:
-        self.evaluate, self.horizon = evaluate, horizon
-        self.samples: list[list[float]] = []
-        self.answer: Bounds = (-math.inf, math.inf)
-
-    def step(self, sample: list[float]) -> Bounds:
-        """Take the next sample."""
-        if len(self.samples) <= self.horizon:
-            self.samples.append(sample)
-            self.answer = self.evaluate(self.samples)
-        return self.answer
-
-
-def is_nan(sample: list[float]) -> bool:
-    """Whether any signal of the sample is NaN."""
-    return any(map(math.isnan, sample))
+ONE = Kit(min, max, compile_scalar, Lowest, Nested, Until, Replayed)

@@ -12,12 +12,12 @@ import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial, reduce
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiler import ARRAYS, Operand, compile_holds, compile_margin
+from .compiler import Operand, compile_holds, compile_margin, compile_sided
 from .structure import is_temporal
 from .syntax import Always, And, Eventually, Formula, Implies, Not, Or, TrueFormula, Until
 from .windows import Values, slide, until
@@ -36,12 +36,13 @@ class Algebra:
     compile: Callable[[Formula, tuple[str, ...]], Operand]
 
 
-ROBUST = Algebra(float, -math.inf, math.inf, operator.neg, partial(compile_margin, backend=ARRAYS))
-BOOLEAN = Algebra(bool, False, True, np.logical_not, partial(compile_holds, backend=ARRAYS, checked=True))
+ROBUST = Algebra(float, -math.inf, math.inf, operator.neg, compile_margin)
+#: robustness and verdict in one number, see `sided`
+SIDED = Algebra(float, -math.inf, math.inf, operator.neg, compile_sided)
+BOOLEAN = Algebra(bool, False, True, np.logical_not, partial(compile_holds, checked=True))
 
 
-@dataclass(frozen=True)
-class Recording:
+class Recording(NamedTuple):
     """Samples (n, T+1, k) of n traces, and how the steps after T are read.
 
     `last` is the last step with a value of its own: T, or T + 1 under `interval`, where that one sample stands for the
@@ -50,12 +51,7 @@ class Recording:
 
     samples: NDArray[np.float64]
     policy: Policy
-
-    @property
-    def last(self) -> int:
-        """The last step that a plan may be asked about."""
-        steps: int = self.samples.shape[1]
-        return steps if self.policy == "interval" else steps - 1
+    last: int
 
 
 #: (recording, lo, hi, worst) -> values (n, hi - lo + 1) at steps lo..hi <= last; `worst` says which end of the values
@@ -131,6 +127,8 @@ def _joined(args: list[Plan], pick: np.ufunc) -> Plan:
 
 def _window_plan(arg: Plan, a: int, b: int, pick: np.ufunc, empty: float | bool) -> Plan:
     def run(recording: Recording, lo: int, hi: int, worst: bool) -> Values:
+        if hi + b <= recording.last:
+            return slide(arg(recording, lo + a, hi + b, worst), b - a + 1, pick)
         start, stop = _capped(recording, a, b, lo)
         ahead = _ahead(arg, recording, lo + start, hi + stop, worst, empty)
         return slide(ahead, stop - start + 1, pick)

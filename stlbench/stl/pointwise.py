@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiler import ARRAYS, Closure, Operand, compile_holds, compile_margin
+from .compiler import Closure, Operand, compile_holds, compile_margin
 from .syntax import Formula
 
 Samples: TypeAlias = NDArray[np.float64]
@@ -43,12 +43,12 @@ def holds(psi: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.
 
 @lru_cache(maxsize=256)
 def _margin(psi: Formula, names: tuple[str, ...]) -> Closure:
-    return _filled(compile_margin(psi, names, ARRAYS), float)
+    return _filled(compile_margin(psi, names), float)
 
 
 @lru_cache(maxsize=256)
 def _holds(psi: Formula, names: tuple[str, ...]) -> Closure:
-    return _filled(compile_holds(psi, names, ARRAYS), bool)
+    return _filled(compile_holds(psi, names), bool)
 
 
 def _filled(compiled: Operand, dtype: type) -> Closure:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal, TypeAlias, overload
 
 import numpy as np
@@ -16,23 +17,32 @@ from numpy.typing import ArrayLike, NDArray
 
 from .compiler import check_names
 from .errors import ShortTraceError, UndefinedError
-from .plans import BOOLEAN, ROBUST, Algebra, Policy, Recording, plan
+from .plans import BOOLEAN, ROBUST, Algebra, Plan, Policy, Recording, plan
 from .structure import horizon, signals
 from .syntax import Formula
 from .windows import Values
 
 Floats: TypeAlias = NDArray[np.float64]
 Bools: TypeAlias = NDArray[np.bool_]
-#: traces evaluated together; small enough for the cache, large enough to hide the interpreter
-CHUNK = 32
+#: samples evaluated together, a signal; few enough for the cache, many enough to hide the interpreter
+SAMPLES = 2**15
 
 
 @dataclass(frozen=True)
 class _Question:
+    """A formula on named signals, with what is worked out once: how far it looks ahead and its plan."""
+
     algebra: Algebra
     formula: Formula
     names: tuple[str, ...]
-    policy: Policy
+    ahead: int
+    plan: Plan
+
+
+@lru_cache(maxsize=128)
+def _question(algebra: Algebra, formula: Formula, names: tuple[str, ...]) -> _Question:
+    check_names(formula, names)
+    return _Question(algebra, formula, names, horizon(formula), plan(formula, names, algebra))
 
 
 @overload
@@ -64,7 +74,7 @@ def robustness(
         UndefinedError: a sample that is read is NaN, or a predicate has no value there.
         ValueError: shapes, names or policy do not fit.
     """
-    answer: Floats | tuple[Floats, Floats] = _answer(ROBUST, formula, trace, names, policy, full=False)
+    answer: Floats | tuple[Floats, Floats] = evaluate(ROBUST, formula, trace, names, policy, full=False)
     return answer
 
 
@@ -80,7 +90,7 @@ def robustness_trace(
     formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Policy = "strict"
 ) -> Floats | tuple[Floats, Floats]:
     """Robustness at every t: (..., T+1-horizon) under `strict`, (..., T+1) under the others; else as `robustness`."""
-    answer: Floats | tuple[Floats, Floats] = _answer(ROBUST, formula, trace, names, policy, full=True)
+    answer: Floats | tuple[Floats, Floats] = evaluate(ROBUST, formula, trace, names, policy, full=True)
     return answer
 
 
@@ -99,7 +109,7 @@ def satisfied(
 
     Returns bool (...,), or for `interval` the pair (certainly, possibly) over all continuations; else as `robustness`.
     """
-    answer: Bools | tuple[Bools, Bools] = _answer(BOOLEAN, formula, trace, names, policy, full=False)
+    answer: Bools | tuple[Bools, Bools] = evaluate(BOOLEAN, formula, trace, names, policy, full=False)
     return answer
 
 
@@ -115,39 +125,44 @@ def satisfied_trace(
     formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Policy = "strict"
 ) -> Bools | tuple[Bools, Bools]:
     """Satisfaction at every t, shapes as `robustness_trace`."""
-    answer: Bools | tuple[Bools, Bools] = _answer(BOOLEAN, formula, trace, names, policy, full=True)
+    answer: Bools | tuple[Bools, Bools] = evaluate(BOOLEAN, formula, trace, names, policy, full=True)
     return answer
 
 
-def _answer(
+def evaluate(
     algebra: Algebra, formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Policy, full: bool
 ) -> Any:
-    names = tuple(names)
+    """The value of `formula` in `algebra` at t = 0 or (`full`) at every t; arguments and errors as `robustness`."""
+    if policy not in ("strict", "clip", "interval"):
+        raise ValueError(f"policy is 'strict', 'clip' or 'interval', got {policy!r}")
+    question = _question(algebra, formula, tuple(names))
     samples = np.asarray(trace)
-    _check(formula, samples, names, policy)
-    question = _Question(algebra, formula, names, policy)
+    _check(question, samples, policy)
     steps = samples.shape[-2]
-    ahead = horizon(formula)
-    count = 1 if not full else steps - ahead if policy == "strict" else steps
-    read = count + ahead if policy == "strict" else steps if full else min(steps, ahead + 1)
+    count = 1 if not full else steps - question.ahead if policy == "strict" else steps
+    read = count + question.ahead if policy == "strict" else steps if full else min(steps, question.ahead + 1)
     flat = samples.reshape(math.prod(samples.shape[:-2]), *samples.shape[-2:])[:, :read]
     shape = (*samples.shape[:-2], count) if full else samples.shape[:-2]
-    ends = (True, False) if policy == "interval" else (True,)
-    answers = tuple(_in_chunks(question, flat, count, worst).reshape(shape) for worst in ends)
-    return answers if policy == "interval" else answers[0]
+    lower = _in_chunks(question, flat, policy, count, True).reshape(shape)
+    if policy != "interval":
+        return lower
+    return lower, _in_chunks(question, flat, policy, count, False).reshape(shape)
 
 
-def _in_chunks(question: _Question, flat: NDArray[Any], count: int, worst: bool) -> Values:
+def _in_chunks(question: _Question, flat: NDArray[Any], policy: Policy, count: int, worst: bool) -> Values:
     """Values at steps 0..count-1 of all traces (n, T+1, k), chunk by chunk: (n, count)."""
-    out: Values = np.empty((flat.shape[0], count), dtype=question.algebra.dtype)
-    evaluate = plan(question.formula, question.names, question.algebra)
-    for start in range(0, flat.shape[0], CHUNK):
-        recording = Recording(np.asarray(flat[start : start + CHUNK], dtype=np.float64), question.policy)
-        part = out[start : start + CHUNK]
+    dtype = question.algebra.dtype
+    out: Values = np.empty((flat.shape[0], count), dtype=dtype)
+    steps = flat.shape[1]
+    last = steps if policy == "interval" else steps - 1
+    chunk = max(1, SAMPLES // max(1, steps))
+    for start in range(0, flat.shape[0], chunk):
+        recording = Recording(np.asarray(flat[start : start + chunk], dtype=np.float64), policy, last)
+        part = out[start : start + chunk]
         try:
             with np.errstate(all="ignore"):
-                part[...] = evaluate(recording, 0, count - 1, worst)
-            undefined = question.algebra is ROBUST and bool(np.isnan(part).any())
+                part[...] = question.plan(recording, 0, count - 1, worst)
+            undefined = dtype is float and bool(np.isnan(part).any())
         except UndefinedError:
             undefined = True
         if undefined:
@@ -155,15 +170,13 @@ def _in_chunks(question: _Question, flat: NDArray[Any], count: int, worst: bool)
     return out
 
 
-def _check(formula: Formula, samples: NDArray[Any], names: tuple[str, ...], policy: str) -> None:
-    if policy not in ("strict", "clip", "interval"):
-        raise ValueError(f"policy is 'strict', 'clip' or 'interval', got {policy!r}")
-    check_names(formula, names)
+def _check(question: _Question, samples: NDArray[Any], policy: Policy) -> None:
+    names = question.names
     if samples.ndim < 2 or samples.shape[-1] != len(names):
         raise ValueError(
             f"a trace has shape (..., T+1, {len(names)}) for signals {', '.join(names)}, got {samples.shape}"
         )
-    needed = 1 if policy == "clip" else 0 if policy == "interval" else horizon(formula) + 1
+    needed = 1 if policy == "clip" else 0 if policy == "interval" else question.ahead + 1
     if samples.shape[-2] < needed:
         raise ShortTraceError(needed, samples.shape[-2])
 

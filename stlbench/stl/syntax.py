@@ -6,10 +6,10 @@ The grammar is the paper's (sec. II-B) plus `until`. Intervals are inclusive and
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar, TypeAlias
 
-from .errors import Position
+from .node import Node
 from .words import (
     BINARY_LEVELS,
     COMPARISONS,
@@ -25,14 +25,6 @@ from .words import (
     LEVEL_UNTIL,
     RESERVED,
 )
-
-
-@dataclass(frozen=True)
-class Node:
-    """What all values share: the place in the text they came from, which never counts in comparisons."""
-
-    level: ClassVar[int] = LEVEL_ATOM
-    position: Position | None = field(default=None, compare=False, repr=False, kw_only=True)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 
 import numpy as np
@@ -18,12 +19,15 @@ from stlbench.stl import (
     Not,
     UndefinedError,
     UnknownSignalError,
+    Until,
+    holds,
     horizon,
+    margin,
     parse,
     robustness,
     satisfied,
 )
-from stlbench.stl.online import Nested, Window
+from stlbench.stl.online import Lowest, Nested
 
 from .generated import LIPSCHITZ, NAMES, SEEDS, formulas, intervals, pointwise, traces
 
@@ -75,20 +79,52 @@ def test_nested_windows_equal_the_interval_policy(
     check(Not(formula) if negated else formula, seed)
 
 
+@quick
+@given(intervals(8), pointwise(LIPSCHITZ), pointwise(LIPSCHITZ), st.booleans(), SEEDS)
+def test_until_equals_the_interval_policy(
+    ends: tuple[int, int], left: Formula, right: Formula, negated: bool, seed: int
+) -> None:
+    formula = Until(*ends, left, right)
+    check(Not(formula) if negated else formula, seed)
+
+
+@quick
+@given(pointwise(), SEEDS)
+def test_formulas_without_temporal_operators_equal_margin_and_holds(psi: Formula, seed: int) -> None:
+    for sample in traces(20, seed):
+        now = Monitor(psi, NAMES).update(sample)
+        np.testing.assert_allclose(now[:2], [margin(psi, NAMES)(sample)] * 2, rtol=1e-12, atol=1e-12)
+        assert now.verdict == holds(psi, NAMES)(sample)
+
+
+def test_a_margin_of_zero_keeps_its_side_through_every_operator() -> None:
+    for text, verdict in [
+        ("x >= 0 & x < 1", True),
+        ("x > 0 & x < 1", False),
+        ("x > 0 | x <= 0", True),
+        ("!(x > 0) & !(x < 0)", True),
+        ("x >= 0 -> x > 0", False),
+        ("F[0,0] G[0,0] !(x > 0)", True),
+        ("!(x >= 0 U[0,0] x > 0)", True),
+        ("x >= 0 * x", True),
+    ]:
+        assert Monitor(parse(text), ["x"]).update([0.0]) == Interval(0.0, 0.0, verdict), text
+
+
 def test_fragment_formulas_keep_no_samples() -> None:
     monitor = Monitor(parse("F[0,9] x >= 0 & G[0,9] x >= 0 & F[0,9] G[3,700] x >= 0"), ["x"])
-    parts = monitor._robust.parts  # type: ignore[attr-defined]
-    assert [type(part) for part in parts] == [Window, Window, Nested]
+    parts = monitor._tree.leaves
+    assert [type(part) for part in parts] == [Lowest, Lowest, Nested]
     for x in np.random.default_rng(0).normal(size=600):
         monitor.update([x])
-    assert len(parts[2].wedge) < 40  # records of a random sequence: about its logarithm
+    assert len(parts[2].queue) < 40  # type: ignore[attr-defined]  # records of a random sequence: about its logarithm
 
 
 def test_general_formulas_keep_at_most_the_horizon() -> None:
-    monitor = Monitor(parse("x >= 0 U[0,5] x >= 1"), ["x"])
+    monitor = Monitor(parse("F[0,2] (x >= 0 U[0,3] x >= 1)"), ["x"])
     for _ in range(50):
         monitor.update([0.5])
-    assert len(monitor._robust.samples) == 6  # type: ignore[attr-defined]
+    assert len(monitor._tree.leaves[0].samples) == 6  # type: ignore[attr-defined]
 
 
 def test_division_by_zero_is_infinite_as_in_arrays() -> None:
@@ -97,6 +133,56 @@ def test_division_by_zero_is_infinite_as_in_arrays() -> None:
     monitor = Monitor(formula, ["x"])
     monitor.update(trace[0])
     assert monitor.update(trace[1]).lower == robustness(formula, trace, ["x"]) == 0
+
+
+def test_samples_of_any_kind_are_read_alike() -> None:
+    formula = parse("x >= y")
+    samples = [
+        [3, 1],
+        (3.0, 1.0),
+        np.array([3, 1]),
+        np.array([3, 1], dtype=np.float32),
+        (np.float64(3), 1.0),
+        ["3", "1"],
+    ]
+    for sample in samples:
+        assert Monitor(formula, ["x", "y"]).update(sample) == Interval(2.0, 2.0, True)
+    assert Monitor(formula, ["x", "y"]).update([math.inf, -math.inf]) == Interval(math.inf, math.inf, True)
+
+
+def test_the_samples_are_not_kept_by_reference() -> None:
+    monitor, sample = Monitor(parse("F[0,2] (x >= 0 U[0,3] x >= 1)"), ["x"]), [2.0]
+    monitor.update(sample)
+    sample[0] = -5.0
+    assert monitor.update(sample).lower == 1.0
+
+
+def test_a_copy_is_a_fork() -> None:
+    monitor = Monitor(parse("F[0,1] G[0,1] x >= 0"), ["x"])
+    monitor.update([2.0])
+    fork = copy.deepcopy(monitor)
+    assert monitor.update([-1.0]) == Interval(-1.0, -1.0, False)  # both windows have this sample
+    assert fork.update([5.0]).lower == 2.0
+    assert fork.update([4.0]) == Interval(4.0, 4.0, True)
+
+
+@pytest.mark.parametrize("sample", [[math.inf], [-1e-320]])
+def test_infinite_and_tiny_samples(sample: list[float]) -> None:
+    now = Monitor(parse("x > 0"), ["x"]).update(sample)
+    assert now.verdict == (sample[0] > 0)
+    np.testing.assert_allclose(now.lower, sample[0], atol=1e-300)
+
+
+def test_a_nan_inside_a_minimum_is_an_error_as_in_arrays() -> None:
+    for text in (
+        "min(0, x - y) <= 1",
+        "min(x - y, 0) <= 1",
+        "max(x - y, 0) <= 1",
+        "max(0, x - y) <= 1",
+        "x - y >= 0 | True & x >= 0",
+    ):
+        with pytest.raises(UndefinedError, match="has no value"):
+            Monitor(parse(text), ["x", "y"]).update([math.inf, math.inf])
 
 
 @pytest.mark.parametrize(("sample", "message"), [([math.nan], "'x' is NaN at sample 0"), ([-1.0], "has no value")])

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from stlbench.stl import (
     Always,
@@ -293,3 +295,30 @@ def test_policy_is_checked() -> None:
 def test_integer_and_strided_traces_are_read() -> None:
     trace = np.arange(40).reshape(10, 4)[::-1, ::2]
     assert robustness(parse("G[0,9] y - x <= 2"), trace, ["x", "y"]) == 0
+
+
+def working_set(batch: NDArray[np.float64]) -> int:
+    formula = parse("F[0,1000] G[0,50] x >= 0.5 & x >= -1 U[100,900] x >= 1")
+    robustness_trace(formula, batch[:1], ["x"], "clip")
+    tracemalloc.start()
+    answer = robustness_trace(formula, batch, ["x"], "clip")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak - answer.nbytes
+
+
+def test_memory_is_linear_in_the_trace_and_bounded_in_the_batch() -> None:
+    batch = np.random.default_rng(0).normal(size=(256, 2001, 1))
+    few, many = working_set(batch[:32]), working_set(batch)
+    assert many < 1.5 * few
+    assert few < 10 * batch[:32].nbytes
+    short, long = working_set(batch.reshape(1, -1, 1)[:, :64_000]), working_set(batch.reshape(1, -1, 1)[:, :512_000])
+    assert long < 1.5 * 8 * short
+
+
+def test_chunks_are_put_together_in_order() -> None:
+    batch = np.random.default_rng(1).normal(size=(70, 1001, 1))  # more samples than are evaluated together
+    formula = parse("F[0,300] G[0,7] x >= 0")
+    together = robustness_trace(formula, batch, ["x"])
+    np.testing.assert_array_equal(together, [robustness_trace(formula, trace, ["x"]) for trace in batch])
+    np.testing.assert_array_equal(robustness(formula, batch, ["x"]), together[:, 0])

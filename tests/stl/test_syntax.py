@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import pickle
+import subprocess
+import sys
 from typing import Any
 
 import pytest
@@ -134,3 +137,16 @@ def test_signals_in_order_of_first_appearance() -> None:
 def test_is_temporal_counts_operators_not_lengths() -> None:
     assert is_temporal(parse("G[0,0] x <= 1"))
     assert not is_temporal(parse("x <= 1 -> !y > 2"))
+
+
+def test_a_formula_from_another_process_hashes_as_here() -> None:
+    code = "import pickle, sys; from stlbench.stl import parse; f = parse('F[0,3] x >= 1'); hash(f); "
+    code += "sys.stdout.buffer.write(pickle.dumps(f))"
+    environment = {**os.environ, "PYTHONHASHSEED": "7"}
+    sent = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, env=environment).stdout
+    assert {parse("F[0,3] x >= 1"): "found"}[pickle.loads(sent)] == "found"
+
+
+def test_nodes_of_different_kinds_hash_apart() -> None:
+    nodes = [Always(0, 3, P), Until(0, 3, P, P), Not(P), parse("F[0,3] x <= 1"), And((P, Q)), Or((P, Q))]
+    assert len({hash(node) for node in nodes}) == len(nodes)

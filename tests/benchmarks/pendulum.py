@@ -1,0 +1,69 @@
+"""The paper's pendulum (sec. IV-A), on which training is timed, with its 61 actions or with a grid of 273."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import yaml
+
+from stlbench import problem
+from stlbench.contract import Array, Integers, System
+from stlbench.problem import Problem
+
+__all__ = ["Pendulum", "pendulum"]
+
+_GRIDS: dict[int, dict[str, dict[str, float]]] = {
+    61: {"a": {"low": -3, "high": 3, "count": 61}},
+    273: {"a": {"low": -3, "high": 3, "count": 21}, "nothing": {"low": -1, "high": 1, "count": 13}},
+}
+
+_FILE: dict[str, Any] = {
+    "title": "Inverted pendulum",
+    "source": "Saxena, Sandeep, Jagtap, Funnel-based Reward Shaping for STL Tasks in RL, sec. IV-A",
+    "formula": (
+        "G[400,700] (abs(theta) <= 0.05 & abs(omega) <= 0.05) & "
+        "G[1000,1200] (abs(1.57 - theta) <= 0.05 & abs(omega) <= 0.05) & "
+        "G[1700,2000] (abs(-1.57 - theta) <= 0.05 & abs(omega) <= 0.05)"
+    ),
+    "sampling_time": 0.01,
+    "steps": 2000,
+    "signals": {"theta": {"low": -3.15, "high": 3.15}, "omega": {"low": -8, "high": 8}},
+    "initial": {"box": {"theta": [-3.14, 3.14], "omega": [-1, 1]}},
+    "agents": {"dqn": {}},
+    "budgets": {"smoke": {"steps": 2000}},
+}
+
+
+class Pendulum(System):
+    """theta' = theta + dt omega, omega' = omega + dt (g/l sin theta - mu/(m l^2) omega + a/(m l^2))."""
+
+    state = ("theta", "omega")
+
+    def step(self, state: Array, action: Array) -> Array:
+        """One sampling time later; only the first axis of the action is a torque."""
+        theta, omega = state[:, 0], state[:, 1]
+        change = 19.6 * np.sin(theta) + (action[:, 0] - 0.05 * omega) / 0.0375
+        return np.stack([theta + self.dt * omega, omega + self.dt * change], axis=1)
+
+    def signals(self, state: Array) -> Array:
+        """The state, the angle in [-pi, pi)."""
+        wrapped = state.copy()
+        wrapped[..., 0] = _wrapped(state[..., 0])
+        return wrapped
+
+    def features(self, state: Array, t: Integers) -> Array:
+        """cos, sin, omega / 5 and the angle's distance from the target of the time, (N, 4)."""
+        theta, omega = state[:, 0], state[:, 1]
+        target = np.where(t <= 700, 0.0, np.where(t <= 1200, 1.57, -1.57))
+        return np.stack([np.cos(theta), np.sin(theta), omega / 5, _wrapped(theta - target) / np.pi], axis=1)
+
+
+def _wrapped(angle: Array) -> Array:
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def pendulum(actions: int) -> Problem:
+    """The task with 61 or 273 actions."""
+    text = yaml.safe_dump(_FILE | {"actions": _GRIDS[actions]}, sort_keys=False)
+    return Problem("pendulum", problem.read(text, "pendulum"), Pendulum(0.01))

@@ -1,0 +1,118 @@
+"""What a reward method costs: its share of a training step, and how it grows with the formula's horizon."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from statistics import median
+
+import numpy as np
+import pytest
+
+from benchmarks.conftest import Race, seconds
+from stlbench import problem
+from stlbench.contract import Array, Integers, Intractable, RewardMethod, Training
+from stlbench.environment import BatchEnvironment, Simulator
+from stlbench.problem import Problem
+from stlbench.trial import build_agent, build_method
+
+pytestmark = pytest.mark.benchmark(timer=time.process_time, group="methods")
+
+METHODS = ("funnel", "flag", "tau-mdp", "raw")
+TASKS = ("hold-disc", "integrator-or", "robot-nav")
+HORIZONS = (10, 30, 100, 300, 1000, 3000, 10_000)
+LOCK_STEPS = 1500
+COPIES = 16
+
+
+class Timed(BatchEnvironment):
+    """An environment that notes the CPU time of the method's steps."""
+
+    spent = 0
+
+    def __init__(self, task: Problem, method: RewardMethod, count: int) -> None:
+        super().__init__(task, method, count, seed=0)
+        self._step = method.step
+        method.step = self._timed  # type: ignore[method-assign]
+
+    def _timed(
+        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
+    ) -> tuple[Array, Array]:
+        begin = time.thread_time_ns()
+        answer = self._step(signals, action, next_signals, t, memory)
+        self.spent += time.thread_time_ns() - begin
+        return answer
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_share_of_training(race: Race, method: str) -> None:
+    """CPU seconds in the method's steps over those of training by the task's own recipe; the headline is the worst."""
+    worst: list[float] = []
+    for task in TASKS:
+        entry = problem.load(task)
+        try:
+            shares = _shares(entry, method)
+        except Intractable as reason:
+            race.note(**{_key("method_share", method, task): f"intractable: {reason}"})
+            continue
+        race.note(**{_key("method_share", method, task): shares})
+        worst = max(worst, shares, key=lambda values: median(values) if values else 0.0)
+    race.run(lambda: None, {}, turns=1)
+    race.note(**{_key("method_share", method): worst})
+
+
+def _shares(entry: Problem, method: str) -> list[float]:
+    agent, made = build_agent(entry, "dqn"), list[Timed]()
+
+    def make(count: int) -> BatchEnvironment:
+        made.append(Timed(entry, build_method(entry, method), count))
+        return made[-1]
+
+    build_method(entry, method)
+    training = Training(make, LOCK_STEPS * COPIES * entry.file.hold, 0, lambda policy, steps: None, 1)
+    agent.train(training)  # to warm up
+    times = [seconds(lambda: agent.train(training)) for _ in range(5)]
+    return [each.spent / 1e9 / whole for each, whole in zip(made[1:], times, strict=True)]
+
+
+def _key(*parts: str) -> str:
+    return "_".join(parts).replace("-", "_")
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("horizon", HORIZONS)
+def test_cost_against_horizon(race: Race, method: str, horizon: int) -> None:
+    """CPU nanoseconds a transition in a batch of 16, and the numbers that the policy is shown more."""
+    entry = _stay(horizon)
+    reward = build_method(entry, method)
+    simulator = Simulator(entry, reward)
+    generator = np.random.default_rng(0)
+    simulator.place(np.column_stack([generator.uniform(1.1, 2.9, (COPIES, 2)), np.zeros(COPIES)]))
+    action = entry.actions.vectors[generator.integers(entry.actions.size, size=COPIES)]
+    after = entry.system.signals(entry.system.step(simulator.state, action))
+    repeats = max(20, 20_000 // horizon)
+    memory = simulator.memory
+
+    def steps() -> None:
+        nonlocal memory
+        for _ in range(repeats):
+            _, memory = reward.step(simulator.signals, action, after, simulator.t, memory)
+
+    times = race.run(steps, {}, turns=5)["ours"]
+    name = _key("reward", method, str(horizon))
+    race.note(**{f"{name}_nanoseconds": [each * 1e9 / repeats / COPIES for each in times]})
+    race.note(**{f"{name}_inputs": reward.memory_size})
+
+
+def _stay(horizon: int) -> Problem:
+    """hold-disc with G[0,H] psi for its formula; tau-mdp reads it as G[0,0] G[0,H] psi, a window of H + 1 samples."""
+    entry = problem.load("hold-disc")
+    psi = "(norm(x - 2, y - 2) <= 1)"
+    changes = {
+        "formula": f"G[0,{horizon}] {psi}",
+        "nested": f"G[0,0] G[0,{horizon}] {psi}",
+        "steps": horizon,
+        "input_limit": 1_000_000,
+        "protocols": {},
+    }
+    return replace(entry, file=entry.file.model_copy(update=changes))
