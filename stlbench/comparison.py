@@ -19,7 +19,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from stlbench.calibration import CALIBRATION
 from stlbench.errors import UsageError
-from stlbench.ledger import Ledger
+from stlbench.ledger import Ledger, is_sqlite
 from stlbench.result import MAIN, Result, Status
 
 __all__ = ["Identity", "Pair", "Recording", "Sample", "load", "pair", "sample", "save"]
@@ -136,8 +136,8 @@ def gather(results: Iterable[Result]) -> Recording:
 
 
 def _ledger(path: Path) -> Recording:
-    if path.is_file() and not path.read_bytes().startswith(b"SQLite format 3\0"):
-        raise UsageError(f"{path} is neither a ledger nor a table of cells (.csv)")  # a tiny file looks empty to SQLite
+    if path.is_file() and not is_sqlite(path):
+        raise UsageError(f"{path} is neither a ledger nor a table of cells (.csv)")
     with Ledger(path, create=False) as ledger:
         return gather(ledger.results())
 

@@ -12,7 +12,7 @@ from typing import Self
 from stlbench.errors import UsageError
 from stlbench.result import ACCIDENTS, MAIN, Result, from_json, to_json
 
-__all__ = ["VERSION", "Ledger"]
+__all__ = ["VERSION", "Ledger", "is_sqlite"]
 
 VERSION = 1
 """Of the tables below, in `PRAGMA user_version`."""
@@ -50,7 +50,7 @@ class Ledger:
         self.path = path
         if not create and not path.is_file():
             raise UsageError(f"there is no ledger at {path}; `stlbench run` writes one")
-        if path.is_file() and path.stat().st_size and not _is_sqlite(path):
+        if path.is_file() and path.stat().st_size and not is_sqlite(path):
             raise UsageError(f"{path} is no ledger of stlbench; it is left as it is")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -112,8 +112,8 @@ class Ledger:
         self._database.executescript(_SCHEMA)
 
 
-def _is_sqlite(path: Path) -> bool:
-    """A file of a byte or two looks empty to SQLite, which would write over it."""
+def is_sqlite(path: Path) -> bool:
+    """Whether a file begins as SQLite's do; one of a byte or two looks empty to SQLite, which would write over it."""
     with path.open("rb") as file:
         return file.read(16) == b"SQLite format 3\0"
 

@@ -14,7 +14,7 @@ from stlbench.choices import Choice, parse_choice
 from stlbench.errors import UsageError
 from stlbench.fingerprint import fingerprint
 from stlbench.problem import Problem
-from stlbench.result import FORMAT
+from stlbench.result import FORMAT, Measurement, Result, Status
 
 __all__ = ["Cell", "check", "derive_seed", "plan"]
 
@@ -37,6 +37,23 @@ class Cell:
     def name(self) -> str:
         """The cell's human name: hold-disc/funnel/dqn/0."""
         return f"{self.task}/{self.method}/{self.agent}/{self.seed}"
+
+    def ended(
+        self, status: Status, reason: str = "", details: str = "", measurement: Measurement | None = None
+    ) -> Result:
+        """The result of this cell, without provenance."""
+        return Result(
+            key=self.key,
+            task=self.task,
+            method=self.method,
+            agent=self.agent,
+            seed=self.seed,
+            budget=self.budget,
+            status=status,
+            reason=reason,
+            details=details,
+            measurement=measurement,
+        )
 
 
 def plan(

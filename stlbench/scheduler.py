@@ -9,7 +9,7 @@ from dataclasses import replace
 from stlbench.contract import Executor, Outcome
 from stlbench.ledger import Ledger
 from stlbench.matrix import Cell
-from stlbench.result import Result, Status
+from stlbench.result import Result
 
 __all__ = ["run"]
 
@@ -48,21 +48,7 @@ def run(
 
 def _result(cell: Cell, outcome: Outcome) -> Result:
     if outcome.status != "done":
-        return _accident(cell, outcome.status, outcome.reason, outcome.details)
+        return cell.ended(outcome.status, outcome.reason, outcome.details)
     if isinstance(outcome.value, Result) and outcome.value.key == cell.key:
         return outcome.value
-    return _accident(cell, "raised", f"the cell's function returned no result of this cell but {outcome.value!r:.200}")
-
-
-def _accident(cell: Cell, status: Status, reason: str, details: str = "") -> Result:
-    return Result(
-        key=cell.key,
-        task=cell.task,
-        method=cell.method,
-        agent=cell.agent,
-        seed=cell.seed,
-        budget=cell.budget,
-        status=status,
-        reason=reason,
-        details=details,
-    )
+    return cell.ended("raised", f"the cell's function returned no result of this cell but {outcome.value!r:.200}")

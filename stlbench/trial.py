@@ -18,7 +18,7 @@ from stlbench.environment import BatchEnvironment, Simulator
 from stlbench.matrix import Cell, derive_seed
 from stlbench.problem import Budget, Problem
 from stlbench.referee import Referee
-from stlbench.result import CurvePoint, Measurement, Result, Status
+from stlbench.result import CurvePoint, Measurement, Result
 
 __all__ = ["build_agent", "build_method", "reward_cost", "run_cell", "trace_file"]
 
@@ -38,13 +38,13 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
     try:
         method = build_method(task, cell.method)
     except Intractable as reason:
-        return _ended(cell, "intractable", str(reason))
+        return cell.ended("intractable", str(reason))
     except Unsuitable as reason:
-        return _ended(cell, "unsuitable", str(reason))
+        return cell.ended("unsuitable", str(reason))
     measurement, traces = measure(task, method, build_agent(task, cell.agent), cell)
     if folder is not None:
         _save(trace_file(folder, cell), traces, task.signals)
-    return Result(cell.key, cell.task, cell.method, cell.agent, cell.seed, cell.budget, "done", measurement=measurement)
+    return cell.ended("done", measurement=measurement)
 
 
 def build_method(task: Problem, text: str) -> RewardMethod:
@@ -181,10 +181,6 @@ def reward_cost(task: Problem, method: RewardMethod, rows: int = 1024, repeats: 
     for _ in range(repeats):
         _, memory = step(memory)
     return (time.process_time_ns() - begin) / (rows * repeats)
-
-
-def _ended(cell: Cell, status: Status, reason: str) -> Result:
-    return Result(cell.key, cell.task, cell.method, cell.agent, cell.seed, cell.budget, status, reason)
 
 
 def _save(path: Path, traces: Array, signals: tuple[str, ...]) -> None:

@@ -89,10 +89,16 @@ class SB3DQN(Agent):
 
         SB3 seeds and uses the process's global generators (random, NumPy, torch).
         """
+        torch.set_num_threads(1)
+        torch.set_flush_denormal(True)  # of the whole process: what runs in it later must not see another arithmetic
+        try:
+            return self._train(training)
+        finally:
+            torch.set_flush_denormal(False)
+
+    def _train(self, training: Training) -> Policy:
         from stlbench_agents.sb3_bridge import Checkpoints, exported
 
-        torch.set_num_threads(1)
-        torch.set_flush_denormal(True)
         environment = training.make(self.copies)
         rounds = max(1, training.steps // (self.copies * environment.hold))
         model = self.model(environment, training.seed)
