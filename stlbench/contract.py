@@ -36,7 +36,9 @@ from numpy.typing import NDArray
 from stlbench import stl
 
 __all__ = [
+    "ActionBox",
     "ActionGrid",
+    "Actions",
     "Agent",
     "Array",
     "Environment",
@@ -50,11 +52,13 @@ __all__ = [
     "System",
     "Training",
     "Transition",
+    "Truth",
     "Unsuitable",
 ]
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Truth = NDArray[np.bool_]
 
 
 class Intractable(Exception):
@@ -106,7 +110,7 @@ class Specification:
         """The robustness of `psi`, free of temporal operators, as a function of signals (..., k) -> (...)."""
         return stl.margin(psi, self.signals)
 
-    def holds(self, psi: stl.Formula) -> Callable[[Array], NDArray[np.bool_]]:
+    def holds(self, psi: stl.Formula) -> Callable[[Array], Truth]:
         """The truth of `psi`, free of temporal operators, as a function of signals (..., k) -> (...)."""
         return stl.holds(psi, self.signals)
 
@@ -147,8 +151,12 @@ class RewardMethod(ABC):
     def __init__(self, specification: Specification) -> None:
         self.specification = specification
 
-    def start(self, signals: Array) -> Array:
-        """The memory at the first sample: signals s_0 (N, k) -> (N, m). Zeros unless a method says otherwise."""
+    def start(self, signals: Array, t: Integers) -> Array:
+        """The memory at the first sample of an episode: signals (N, k) at steps t (N,) -> (N, m). Zeros by default.
+
+        t is 0 in every episode that is scored. Where a task trains with exploring starts (`training.exploring`),
+        some episodes begin at a later time, with nothing known of what was before.
+        """
         return np.zeros((len(signals), self.memory_size))
 
     @abstractmethod
@@ -167,6 +175,32 @@ class RewardMethod(ABC):
         Returns:
             The reward (N,) and the next memory (N, m).
         """
+
+    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        """The rewards while one action is held, the same as by `step` after `step`. Override it to be faster.
+
+        Args:
+            samples: s_t, ..., s_{t+h}, (h + 1, N, k).
+            action: as for `step`, (N, number of action axes).
+            t: step index of the first transition, (N,).
+            memory: at s_t, (N, m).
+
+        Returns:
+            The rewards (h, N) and the memory at s_{t+h}, (N, m).
+        """
+        held, rows, k = len(samples) - 1, len(t), samples.shape[2]
+        if held == 1:
+            reward, memory = self.step(samples[0], action, samples[1], t, memory)
+            return reward[None], memory
+        if not self.memory_size:  # steps do not depend on each other: all in one call
+            before, after = samples[:-1].reshape(-1, k), samples[1:].reshape(-1, k)
+            times = (t + np.arange(held)[:, None]).ravel()
+            reward, _ = self.step(before, np.tile(action, (held, 1)), after, times, np.zeros((len(times), 0)))
+            return reward.reshape(held, rows), memory
+        rewards = np.empty((held, rows))
+        for i in range(held):
+            rewards[i], memory = self.step(samples[i], action, samples[i + 1], t + i, memory)
+        return rewards, memory
 
     def inputs(self, memory: Array) -> Array:
         """What the policy sees of the memory, about in [-1, 1]: (N, m) -> (N, m). The memory as it is by default."""
@@ -188,6 +222,16 @@ class ActionGrid:
     axes: tuple[tuple[float, ...], ...]
 
     @cached_property
+    def low(self) -> tuple[float, ...]:
+        """Least value of each axis."""
+        return tuple(min(axis) for axis in self.axes)
+
+    @cached_property
+    def high(self) -> tuple[float, ...]:
+        """Greatest value of each axis."""
+        return tuple(max(axis) for axis in self.axes)
+
+    @cached_property
     def shape(self) -> tuple[int, ...]:
         """Actions along each axis: (21, 13)."""
         return tuple(len(axis) for axis in self.axes)
@@ -203,6 +247,19 @@ class ActionGrid:
         return np.stack([mesh.ravel() for mesh in np.meshgrid(*self.axes, indexing="ij")], axis=-1)
 
 
+@dataclass(frozen=True)
+class ActionBox:
+    """Continuous actions: every vector between `low` and `high`, in the actions' units."""
+
+    names: tuple[str, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+
+Actions = ActionGrid | ActionBox
+"""The actions of a task: a grid where its task file counts values along each axis, else a box."""
+
+
 class System(ABC):
     """The dynamics of a task, N copies at once. Pure: NumPy in, NumPy out, no random numbers, no hidden state.
 
@@ -213,6 +270,8 @@ class System(ABC):
 
     state: ClassVar[tuple[str, ...]]
     """Names of the n columns of the state."""
+    coordinates: ClassVar[tuple[str, ...] | None] = None
+    """Names of what the boxes of initial states speak of, where that is not the state itself; see `begin`."""
 
     def __init__(self, dt: float) -> None:
         self.dt = dt
@@ -220,6 +279,10 @@ class System(ABC):
     @abstractmethod
     def step(self, state: Array, action: Array) -> Array:
         """One sampling time later: state (N, n), action (N, axes) -> state (N, n). May not change its arguments."""
+
+    def begin(self, coordinates: Array) -> Array:
+        """The states (N, n) at points (N, number of `coordinates`) of a box of initial states. The same by default."""
+        return coordinates
 
     @abstractmethod
     def signals(self, state: Array) -> Array:
@@ -233,6 +296,14 @@ class System(ABC):
         policy sees the same.
         """
 
+    def controller(self, state: Array, t: Integers) -> Array | None:
+        """A controller written by hand: (N, n), t (N,) -> actions (N, axes), or None where a task has none.
+
+        It shows that the formula can be satisfied, and its robustness is what learned policies are compared with.
+        It knows the whole state and the formula; no agent is shown what it does.
+        """
+        return None
+
 
 # ----------------------------------------------------------------------------------------------------------- agents
 
@@ -245,35 +316,42 @@ class Transition(NamedTuple):
     reward: Array
     """(N,): the method's reward, averaged over the steps that the action was held, over the method's `scale`."""
     arrived: Array
-    """(N, D): what the action led to; differs from `observation` only where `ended`. Bootstrap from this."""
-    ended: NDArray[np.bool_]
-    """(N,): the time limit T was reached. The policy knows the time, so this is no terminal state of the task."""
+    """(N, D): what the action led to; differs from `observation` only where `cut`. Bootstrap from this."""
+    cut: Truth
+    """(N,): the return stops here, with the value of `arrived`, though the episode may go on: a phase boundary
+    (`training.cuts`), or one of the two below."""
+    ended: Truth
+    """(N,): the episode is over, by the time limit T or otherwise, and `observation` is of the next one. The policy
+    knows the time, so the time limit is no terminal state of the task."""
+    terminal: Truth
+    """(N,): the episode is over because the formula can no longer be satisfied (`training.violation`). There is
+    nothing to bootstrap from: `reward` counts as if it were paid for ever from here."""
 
 
 class Environment(Protocol):
-    """N copies of a task with a method's reward, in lock-step, restarting by themselves. The agent acts by index."""
+    """N copies of a task with a method's reward, in lock-step, restarting by themselves."""
 
     count: int
     """N."""
     observation_size: int
     """D: features, time t/T scaled to [-1, 1], and the method's inputs."""
-    actions: ActionGrid
+    actions: Actions
     hold: int
     """Steps for which one action is held; the formula still sees every step."""
 
     def reset(self) -> Array:
         """Start N episodes: the first observation, (N, D)."""
 
-    def step(self, action: Integers) -> Transition:
-        """Hold the actions with these indices (N,), each in 0..A-1, for `hold` steps."""
+    def step(self, action: Integers | Array) -> Transition:
+        """Hold actions for `hold` steps: indices (N,) of a grid, or vectors (N, axes), clipped to the actions' ends."""
 
 
 class Policy(ABC):
     """A trained policy, frozen: later training does not change it."""
 
     @abstractmethod
-    def act(self, observation: Array) -> Integers:
-        """The greedy actions' indices: (N, D) -> (N,), without any randomness."""
+    def act(self, observation: Array) -> Integers | Array:
+        """The greedy actions, without any randomness: (N, D) -> indices (N,), or vectors (N, axes)."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stlbench import starts
-from stlbench.contract import Array, Integers, RewardMethod, Transition
+from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Specification, Transition, Truth
 from stlbench.problem import Problem
 
 __all__ = ["BatchEnvironment", "Simulator", "Steps"]
@@ -32,68 +32,87 @@ class Simulator:
     def __init__(self, problem: Problem, method: RewardMethod) -> None:
         self.problem, self.method = problem, method
         self.system, self.horizon, self.hold = problem.system, problem.file.steps, problem.file.hold
-        self._vectors = problem.actions.vectors
+        actions = problem.actions
+        self._vectors = actions.vectors if isinstance(actions, ActionGrid) else np.empty((0, len(actions.names)))
+        self._low, self._high = np.array(actions.low), np.array(actions.high)
 
     def place(self, states: Array) -> Array:
         """Start an episode from each of the states (N, n). Returns the first observation (N, D)."""
         self.state = np.array(states, dtype=np.float64)
         self.signals = self.system.signals(self.state)
-        self.memory = self.method.start(self.signals)
         self.t: Integers = np.zeros(len(states), dtype=np.int64)
+        self.memory = self.method.start(self.signals, self.t)
         return self.observe()
 
-    def replace(self, rows: Integers, states: Array) -> None:
-        """Start new episodes in the given rows, from the states (len(rows), n)."""
+    def replace(self, rows: Integers, states: Array, t: Integers) -> None:
+        """Start new episodes in the given rows, from the states (len(rows), n) at steps t (len(rows),)."""
         self.state[rows] = states
         self.signals[rows] = self.system.signals(states)
-        self.t[rows] = 0
+        self.t[rows] = t
         if self.method.memory_size:
             self.memory = self.memory.copy()
-            self.memory[rows] = self.method.start(self.signals[rows])
+            self.memory[rows] = self.method.start(self.signals[rows], t)
 
-    def observe(self) -> Array:
-        """What a policy sees: the task's features, the time scaled to [-1, 1], the method's inputs: (N, D)."""
-        parts = [self.system.features(self.state, self.t), (self.t * (2.0 / self.horizon) - 1.0)[:, None]]
+    def observe(self, t: Integers | None = None) -> Array:
+        """What a policy sees: the task's features, the time scaled to [-1, 1], the method's inputs: (N, D).
+
+        `t` (N,) stands in place of the copies' own time where it is given.
+        """
+        t = self.t if t is None else t
+        parts = [self.system.features(self.state, t), (t * (2.0 / self.horizon) - 1.0)[:, None]]
         if self.method.memory_size:
             parts.append(self.method.inputs(self.memory))
         return np.concatenate(parts, axis=1)
 
-    def advance(self, action: Integers) -> Steps:
-        """Hold the actions with these indices (N,) for `hold` steps."""
-        vectors = self._vectors[action]
+    def advance(self, action: Integers | Array) -> Steps:
+        """Hold actions for `hold` steps: indices (N,) of the grid, or vectors (N, axes), clipped to their ends."""
+        vectors: Array = self._vectors[action] if action.dtype.kind == "i" else np.clip(action, self._low, self._high)
         states = np.empty((self.hold, *self.state.shape))
         state = self.state
         for i in range(self.hold):
             states[i] = state = self.system.step(state, vectors)
         samples = self.system.signals(states)
-        reward = self._reward(vectors, np.concatenate([self.signals[None], samples]))
+        rewards, self.memory = self.method.along(
+            np.concatenate([self.signals[None], samples]), vectors, self.t, self.memory
+        )
         self.state, self.signals, self.t = state, samples[-1].copy(), self.t + self.hold
-        return Steps(reward, samples.transpose(1, 0, 2))
+        return Steps(rewards.mean(axis=0), samples.transpose(1, 0, 2))
 
-    def _reward(self, vectors: Array, samples: Array) -> Array:
-        """The mean reward (N,) along samples (hold + 1, N, k); `memory` moves on. Without memory, in one call."""
-        if self.hold > 1 and not self.method.memory_size:
-            k = samples.shape[2]
-            times = (self.t + np.arange(self.hold)[:, None]).ravel()
-            memory = np.zeros((len(times), 0))
-            before, after = samples[:-1].reshape(-1, k), samples[1:].reshape(-1, k)
-            reward, _ = self.method.step(before, np.tile(vectors, (self.hold, 1)), after, times, memory)
-            mean: Array = reward.reshape(self.hold, -1).mean(axis=0)
-            return mean
-        total = np.zeros(len(vectors))
-        for i in range(self.hold):
-            reward, self.memory = self.method.step(samples[i], vectors, samples[i + 1], self.t + i, self.memory)
-            total += reward
-        return total / self.hold
+
+class _Violation:
+    """Where a term G[a,b] psi of the formula is lost: psi fails at a sample of [a,b]."""
+
+    def __init__(self, specification: Specification) -> None:
+        terms = [term for term in specification.terms if term.kind == "G"]
+        self._holds = [specification.holds(term.psi) for term in terms]
+        t = np.arange(specification.steps + 1)
+        self._active = np.array([(term.start <= t) & (t <= term.end) for term in terms]).reshape(len(terms), -1)
+
+    def __call__(self, samples: Array, t: Integers) -> Truth:
+        """Samples (N, h, k) whose last are at steps t (N,) -> (N,)."""
+        at = t[:, None] + np.arange(1 - samples.shape[1], 1)
+        lost: Truth = np.zeros(len(samples), dtype=np.bool_)
+        for holds, active in zip(self._holds, self._active, strict=True):
+            now = active[at]
+            if now.any():
+                lost |= (now & ~holds(samples)).any(axis=1)
+        return lost
 
 
 class BatchEnvironment:
-    """N copies that restart by themselves (`contract.Environment`). All randomness is that of the initial states."""
+    """N copies that restart by themselves (`contract.Environment`). All randomness is that of the initial states.
+
+    How training episodes differ from those that the referee scores is the task's, `TaskFile.training`.
+    """
 
     def __init__(self, problem: Problem, method: RewardMethod, count: int, seed: int) -> None:
         self.problem, self.count = problem, count
         self.actions, self.hold = problem.actions, problem.file.hold
         self.simulator = Simulator(problem, method)
+        self._training, horizon = problem.file.training, problem.file.steps
+        self._cut = np.zeros(horizon + 1, dtype=np.bool_)
+        self._cut[[*self._training.cuts, horizon]] = True
+        self._violation = None if self._training.violation is None else _Violation(problem.specification)
         self._generator = np.random.default_rng(seed)
         self.taken = 0
         self.observation_size = self.reset().shape[1]
@@ -101,20 +120,54 @@ class BatchEnvironment:
 
     def reset(self) -> Array:
         """Start N episodes: the first observation, (N, D)."""
-        return self.simulator.place(self._draw(self.count))
+        self._broken_off: Integers = np.full(self.count, self.simulator.horizon)
+        self.simulator.place(self._draw(self.count))
+        if self._training.exploring is not None:
+            self._restart(np.arange(self.count))
+        return self.simulator.observe()
 
-    def step(self, action: Integers) -> Transition:
-        """Hold the actions (N,) for `hold` steps; rows that reach the time limit start anew."""
-        held = self.simulator.advance(action)
+    def step(self, action: Integers | Array) -> Transition:
+        """Hold the actions for `hold` steps (see `contract.Environment`); rows whose episode is over start anew."""
+        simulator = self.simulator
+        held = simulator.advance(action)
         self.taken += self.count * self.hold
-        arrived = self.simulator.observe()
-        ended = self.simulator.t >= self.simulator.horizon
-        observation = arrived
+        reward = held.reward / simulator.method.scale
+        t = simulator.t
+        ended = t >= self._broken_off
+        terminal: Truth = np.zeros(self.count, dtype=np.bool_)
+        if self._violation is not None:
+            terminal = self._violation(held.samples, t)
+            reward[terminal] = self._training.violation
+            ended = ended | terminal
+        cut = self._cut[t] | ended
+        observation = simulator.observe()
+        if not cut.any():
+            return Transition(observation, reward, observation, cut, ended, terminal)
+        # beyond a boundary the reward asks for something else: the value is that of going on as before it
+        boundary = cut & (t < simulator.horizon) & self._cut[t]
+        arrived = simulator.observe(np.where(boundary, t - self.hold, t)) if boundary.any() else observation
         if ended.any():
-            rows = np.flatnonzero(ended)
-            self.simulator.replace(rows, self._draw(len(rows)))
-            observation = self.simulator.observe()
-        return Transition(observation, held.reward / self.simulator.method.scale, arrived, ended)
+            self._restart(np.flatnonzero(ended))
+            observation = simulator.observe()
+        return Transition(observation, reward, arrived, cut, ended, terminal)
+
+    def _restart(self, rows: Integers) -> None:
+        """New episodes in the given rows, some of them at a random time."""
+        simulator, exploring = self.simulator, self._training.exploring
+        states, t = self._draw(len(rows)), np.zeros(len(rows), dtype=np.int64)
+        self._broken_off[rows] = simulator.horizon
+        if exploring is not None:
+            chosen = np.flatnonzero(self._generator.random(len(rows)) < exploring.share)
+            decisions = simulator.horizon // self.hold
+            t[chosen] = self._generator.integers(decisions, size=len(chosen)) * self.hold
+            if exploring.states is None:
+                states[chosen] = simulator.state[rows[chosen]]
+            else:
+                states[chosen] = simulator.system.begin(starts.sample(exploring.states, self._generator, len(chosen)))
+            if exploring.length is not None:
+                length = self._generator.integers(1, 2 * exploring.length, size=len(chosen)) * self.hold
+                self._broken_off[rows[chosen]] = np.minimum(t[chosen] + length, simulator.horizon)
+        simulator.replace(rows, states, t)
 
     def _draw(self, count: int) -> Array:
-        return starts.sample(self.problem.file.training_starts, self._generator, count)
+        return self.simulator.system.begin(starts.sample(self.problem.file.training_starts, self._generator, count))

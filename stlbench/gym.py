@@ -8,9 +8,10 @@
 Gymnasium 1.x looks for no plugins by itself. Without the second import, the module goes into the name:
 `gymnasium.make("stlbench.gym:stlbench/hold-disc-v0", method="funnel")`.
 
-Actions are indices into the task's grid. Observations are what every agent of stlbench sees, as float32, unbounded
-though about in [-1, 1]. An episode has a fixed length and is truncated at its end, never terminated: no state of a
-task is terminal, and a learner may bootstrap there.
+Actions are indices into the task's grid, or vectors where a task's actions are continuous. Observations are what every
+agent of stlbench sees, as float32, unbounded though about in [-1, 1]. An episode has a fixed length and is truncated at
+its end, never terminated: no state of a task is terminal, and a learner may bootstrap there. Of what a task file says
+under `training`, only where episodes start is done here; the rest is for the agents of stlbench.
 
 `info["signals"]` has the samples of the trace that a step added, and `info["t"]` the time in steps. All of an
 episode's samples, in order, are a trace that `stlbench.stl` can score with `env.unwrapped.problem.formula`.
@@ -31,7 +32,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from stlbench import plugins, problem, starts
-from stlbench.contract import Array, Integers
+from stlbench.contract import ActionGrid, Array, Integers
 from stlbench.environment import Simulator
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.trial import build_method
@@ -71,7 +72,12 @@ class _Copies:
         self._running = False
         example = self._simulator.place(self._draw(np.random.default_rng(0)))
         self.observation_space = Box(-np.inf, np.inf, example.shape[1:], np.float32)
-        self.action_space = Discrete(self.problem.actions.size)
+        actions = self.problem.actions
+        self.action_space: Discrete | Box = (
+            Discrete(actions.size)
+            if isinstance(actions, ActionGrid)
+            else Box(np.array(actions.low, np.float32), np.array(actions.high, np.float32))
+        )
 
     def begin(self, generators: Sequence[np.random.Generator], options: Info | None) -> tuple[Single, Info]:
         """Start an episode in each copy: observations (N, D), and signals (N, 1, k) and time of the first sample."""
@@ -88,8 +94,8 @@ class _Copies:
         self._running = True
         return observation.astype(np.float32), self._info(self._simulator.signals[:, None].copy())
 
-    def advance(self, action: Integers) -> tuple[Single, Array, bool, Info]:
-        """Hold the actions (N,): observations (N, D), rewards (N,), whether the episodes end, signals (N, hold, k)."""
+    def advance(self, action: NDArray[Any]) -> tuple[Single, Array, bool, Info]:
+        """Hold the actions (N,) or (N, axes): observations (N, D), rewards (N,), the end, signals."""
         if not self._running:
             raise ResetNeeded(_RESET)
         reward, samples = self._simulator.advance(action)
@@ -101,7 +107,7 @@ class _Copies:
         return {"signals": samples, "t": self._simulator.t.copy()}
 
     def _draw(self, generator: np.random.Generator) -> Array:
-        return starts.sample(self.problem.file.training_starts, generator, 1)
+        return self.problem.system.begin(starts.sample(self.problem.file.training_starts, generator, 1))
 
     def _checked(self, state: Any, count: int) -> Array:
         names = self.problem.system.state
@@ -114,7 +120,7 @@ class _Copies:
         return np.broadcast_to(states, (count, len(names)))
 
 
-class StlEnv(gymnasium.Env[Single, np.int64]):
+class StlEnv(gymnasium.Env[Single, Any]):
     """One copy of a task with a reward method, as `gymnasium.make("stlbench/<task>-v0", method=...)` makes it."""
 
     metadata: Info = {"render_modes": []}  # noqa: RUF012 - declared so by Gymnasium
@@ -146,24 +152,30 @@ class StlEnv(gymnasium.Env[Single, np.int64]):
         observation, info = self._copies.begin([self.np_random], options)
         return observation[0], _first(info)
 
-    def step(self, action: np.int64) -> tuple[Single, float, bool, bool, Info]:
-        """Hold the action with this index for `hold` steps.
+    def step(self, action: np.int64 | NDArray[np.floating]) -> tuple[Single, float, bool, bool, Info]:
+        """Hold an action, an index or a vector (axes,), for `hold` steps.
 
         Returns:
             The observation (D,), the reward, False, whether the time limit is reached; and an info with `signals`
             (hold, k), the samples after each step, and `t`, the time of the last of them in steps.
         """
         if not self.action_space.contains(action):
-            raise InvalidAction(f"an action is an index in 0..{self._copies.action_space.n - 1}, got {action!r}")
-        observation, reward, over, info = self._copies.advance(np.array([action]))
+            raise InvalidAction(f"an action is {_kind(self._copies.action_space)}, got {action!r}")
+        observation, reward, over, info = self._copies.advance(np.asarray(action)[None])
         return observation[0], float(reward[0]), False, over, _first(info)
+
+
+def _kind(space: Discrete | Box) -> str:
+    if isinstance(space, Discrete):
+        return f"an index in 0..{space.n - 1}"
+    return f"a vector between {space.low.tolist()} and {space.high.tolist()}"
 
 
 def _first(info: Info) -> Info:
     return {"signals": info["signals"][0], "t": int(info["t"][0])}
 
 
-class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Integers, NDArray[Any]]):
+class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
     """N copies in lock-step, computed at once. They share the clock, so all episodes end at the same step.
 
     They do what N copies of `StlEnv` in a `gymnasium.vector.SyncVectorEnv` with the same autoreset mode do, number
@@ -201,8 +213,8 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Integers, NDArray[Any]]):
         observation, info = self._copies.begin(self._generators, options)
         return observation, self._masked(info)
 
-    def step(self, actions: Integers) -> tuple[Single, Array, Booleans, Booleans, Info]:
-        """Hold the actions with these indices (N,) for `hold` steps.
+    def step(self, actions: Integers | NDArray[np.floating]) -> tuple[Single, Array, Booleans, Booleans, Info]:
+        """Hold actions, indices (N,) or vectors (N, axes), for `hold` steps.
 
         Returns:
             Observations (N, D), rewards (N,), terminations (N,), truncations (N,), and an info with `signals`
@@ -210,9 +222,7 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Integers, NDArray[Any]]):
             episode, and the last ones of the old are in the info as `final_obs` and `final_info`.
         """
         if not self.action_space.contains(actions):
-            raise InvalidAction(
-                f"actions are {self.num_envs} indices in 0..{self._copies.action_space.n - 1}, got {actions!r}"
-            )
+            raise InvalidAction(f"{self.num_envs} actions, each {_kind(self._copies.action_space)}, got {actions!r}")
         observation, reward, over, info = self._copies.advance(np.asarray(actions))
         if over:
             last = {"final_obs": _objects(observation), "final_info": self._masked(info)}

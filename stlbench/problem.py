@@ -13,7 +13,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from stlbench import plugins, stl
-from stlbench.contract import ActionGrid, Array, Specification, System
+from stlbench.contract import ActionBox, ActionGrid, Actions, Array, Specification, System
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.result import MAIN
 
@@ -43,13 +43,15 @@ class Range(_Strict):
 
 
 class Axis(Range):
-    """One axis of the action grid: `count` evenly spaced values from `low` to `high`, both included."""
+    """One axis of the actions: `count` evenly spaced values from `low` to `high`, both included, or all between."""
 
-    count: Annotated[int, Field(ge=2)]
+    count: Annotated[int, Field(ge=2)] | None = None
+    """Continuous where left out."""
 
     @property
     def values(self) -> tuple[float, ...]:
-        """The axis' values, rounded so that -5, -4.5, ... are exactly that."""
+        """A counted axis' values, rounded so that -5, -4.5, ... are exactly that."""
+        assert self.count is not None
         return tuple(float(value) for value in np.round(np.linspace(self.low, self.high, self.count), 12))
 
 
@@ -97,6 +99,31 @@ class Protocol(_Strict):
     starts: Count = 64
 
 
+class Exploring(_Strict):
+    """Training episodes that begin at a random time of the task, a decision's, instead of at its start."""
+
+    share: Annotated[float, Field(gt=0, le=1)]
+    """Of the training episodes."""
+    states: Region | None = None
+    """Where they begin; where left out, in the state in which the copy's last episode ended."""
+    length: Count | None = None
+    """They are broken off after this many decisions on average; at the end of the task where left out."""
+
+
+class Training(_Strict):
+    """How training episodes differ from those that the referee scores, the same for every method and agent."""
+
+    starts: Region | None = None
+    """Where episodes start; `initial` where left out."""
+    cuts: tuple[Count, ...] = ()
+    """Phase boundaries, steps at which the reward begins to ask for something else. A return stops there, with the
+    value of going on as before: an agent that looks across leaves too early (anticipation)."""
+    violation: Finite | None = None
+    """An episode ends where a term G[a,b] psi is lost, as if this reward, in units of the method's `scale`, were paid
+    for ever after. Episodes go on where left out."""
+    exploring: Exploring | None = None
+
+
 class Budget(_Strict):
     """How much training, on how many seeds."""
 
@@ -117,6 +144,9 @@ class TaskFile(_Strict):
     notes: str = ""
     """What a reader of the results should know, such as a choice that the source leaves open."""
     formula: str
+    rewarded: str | None = None
+    """The formula as reward methods are told it, where predicates on different scales are brought to one by positive
+    factors or capped: satisfied when the formula is. The referee scores `formula`."""
     nested: str | None = None
     """The same task as an outer operator over an inner window, for methods that need that form."""
     time: Literal["steps", "seconds"] = "steps"
@@ -133,8 +163,7 @@ class TaskFile(_Strict):
     actions: Annotated[dict[str, Axis], Field(min_length=1)]
     initial: Region
     """Where the referee's starts lie."""
-    training: Region | None = None
-    """Where training episodes start; `initial` where left out."""
+    training: Training = Training()
     starts: Count = 64
     """Initial states on the report grid; as many others are kept for the selection of checkpoints."""
     protocols: dict[str, Protocol] = {}
@@ -146,7 +175,7 @@ class TaskFile(_Strict):
     @property
     def training_starts(self) -> Region:
         """Where training episodes start."""
-        return self.training or self.initial
+        return self.training.starts or self.initial
 
     @property
     def dt(self) -> float | None:
@@ -159,9 +188,14 @@ class TaskFile(_Strict):
 
     @model_validator(mode="after")
     def _consistent(self) -> TaskFile:
-        problems = [*self._formula_problems(), *self._nested_problems()]
+        problems = [*self._formula_problems(), *self._same_horizon_problems()]
         if self.steps % self.hold:
             problems.append(f"hold: an episode of {self.steps} steps is no multiple of hold = {self.hold}")
+        for cut in self.training.cuts:
+            if cut % self.hold or cut >= self.steps:
+                problems.append(f"training.cuts: {cut} is no multiple of hold = {self.hold} below steps = {self.steps}")
+        if len({axis.count is None for axis in self.actions.values()}) > 1:
+            problems.append("actions: give each axis a count, for a grid, or none, for continuous actions")
         if MAIN in self.protocols:
             problems.append(f"protocols: the name '{MAIN}' is the task's own formula; take another")
         if problems:
@@ -169,7 +203,7 @@ class TaskFile(_Strict):
         return self
 
     def _formula_problems(self) -> list[str]:
-        texts = {"formula": self.formula, "nested": self.nested}
+        texts = {"formula": self.formula, "rewarded": self.rewarded, "nested": self.nested}
         texts |= {f"protocols.{name}.formula": protocol.formula for name, protocol in self.protocols.items()}
         problems = []
         for where, text in texts.items():
@@ -187,14 +221,18 @@ class TaskFile(_Strict):
                 problems.append(f"{where}: its horizon of {stl.horizon(formula)} steps exceeds steps = {self.steps}")
         return problems
 
-    def _nested_problems(self) -> list[str]:
-        if self.nested is None:
-            return []
-        try:
-            ours, other = stl.horizon(self.parsed(self.formula)), stl.horizon(self.parsed(self.nested))
-        except ValueError:
-            return []
-        return [] if ours == other else [f"nested: its horizon is {other} steps, that of the formula {ours}"]
+    def _same_horizon_problems(self) -> list[str]:
+        problems = []
+        for where, text in (("rewarded", self.rewarded), ("nested", self.nested)):
+            if text is None:
+                continue
+            try:
+                ours, other = stl.horizon(self.parsed(self.formula)), stl.horizon(self.parsed(text))
+            except ValueError:
+                continue
+            if ours != other:
+                problems.append(f"{where}: its horizon is {other} steps, that of the formula {ours}")
+        return problems
 
 
 @dataclass(frozen=True)
@@ -216,16 +254,19 @@ class Problem:
         return tuple(self.file.signals)
 
     @cached_property
-    def actions(self) -> ActionGrid:
-        """The grid of actions."""
-        return ActionGrid(tuple(self.file.actions), tuple(axis.values for axis in self.file.actions.values()))
+    def actions(self) -> Actions:
+        """The grid of actions, or their box."""
+        names, axes = tuple(self.file.actions), self.file.actions.values()
+        if any(axis.count is None for axis in axes):
+            return ActionBox(names, tuple(axis.low for axis in axes), tuple(axis.high for axis in axes))
+        return ActionGrid(names, tuple(axis.values for axis in axes))
 
     @cached_property
     def specification(self) -> Specification:
         """What a reward method is told of the task."""
         ranges = self.file.signals.values()
         return Specification(
-            formula=self.formula,
+            formula=self.formula if self.file.rewarded is None else self.file.parsed(self.file.rewarded),
             signals=self.signals,
             low=tuple(entry.low for entry in ranges),
             high=tuple(entry.high for entry in ranges),
@@ -262,6 +303,8 @@ def load(name: str) -> Problem:
         system = kind(file.sampling_time, **file.parameters)
     except TypeError as error:
         raise UsageError(f"task {name}: parameters: {error}") from error
+    except ImportError as error:
+        raise UsageError(f"task {name} cannot be loaded: {error}") from error
     _check_states(name, file, system)
     return Problem(name, file, system)
 
@@ -306,10 +349,12 @@ def _listed(error: ValidationError, content: Any) -> str:
 
 
 def _check_states(name: str, file: TaskFile, system: System) -> None:
-    regions = {"initial": file.initial, "training": file.training_starts}
+    exploring = file.training.exploring
+    regions = {"initial": file.initial, "training.starts": file.training_starts}
+    if exploring is not None and exploring.states is not None:
+        regions["training.exploring.states"] = exploring.states
     regions |= {f"protocols.{key}.initial": entry.initial for key, entry in file.protocols.items() if entry.initial}
-    wrong = [place for place, region in regions.items() if tuple(region.box) != system.state]
+    names = system.state if system.coordinates is None else system.coordinates
+    wrong = [place for place, region in regions.items() if tuple(region.box) != names]
     if wrong:
-        raise UsageError(
-            f"task {name}: {', '.join(wrong)}: the box must name the states {', '.join(system.state)}, in this order"
-        )
+        raise UsageError(f"task {name}: {', '.join(wrong)}: the box must name {', '.join(names)}, in this order")

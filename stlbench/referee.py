@@ -110,12 +110,13 @@ class Referee:
     def __init__(self, problem: Problem, method: RewardMethod) -> None:
         self.problem, self.method = problem, method
         file = problem.file
-        self._selection = starts.grid(file.initial, file.starts, part=1)
-        self._protocols = {MAIN: Trial(problem.formula, starts.grid(file.initial, file.starts))}
+        begin = problem.system.begin
+        self._selection = begin(starts.grid(file.initial, file.starts, part=1))
+        self._protocols = {MAIN: Trial(problem.formula, begin(starts.grid(file.initial, file.starts)))}
         for name, protocol in file.protocols.items():
             formula = problem.formula if protocol.formula is None else file.parsed(protocol.formula)
             region = protocol.initial or file.initial
-            self._protocols[name] = Trial(formula, starts.grid(region, protocol.starts))
+            self._protocols[name] = Trial(formula, begin(starts.grid(region, protocol.starts)))
 
     def select(self, policy: Policy) -> tuple[float, float]:
         """Satisfaction and mean robustness of the task's formula from the starts kept for selection.

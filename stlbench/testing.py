@@ -74,12 +74,13 @@ def check_task(name: str) -> None:
     task = problem.load(name)
     generator, system, file, k = np.random.default_rng(0), task.system, task.file, len(task.signals)
     low, high = np.array(task.specification.low), np.array(task.specification.high)
-    state = np.concatenate([starts.grid(file.initial, 4), starts.sample(file.training_starts, generator, 4)])
+    points = np.concatenate([starts.grid(file.initial, 4), starts.sample(file.training_starts, generator, 4)])
+    state = system.begin(points)
     trace, n = [system.signals(state)], len(state)
     _rule(bool(np.all((low <= trace[0]) & (trace[0] <= high))), "initial states lie in the signals' ranges", trace[0])
     for t in range(file.steps):
         if t % file.hold == 0:
-            action = task.actions.vectors[generator.integers(task.actions.size, size=n)]
+            action = generator.uniform(task.actions.low, task.actions.high, (n, len(task.actions.names)))
         if t % max(1, file.steps // 8) == 0:
             _check_function("step", system.step, (state, action), (n, len(system.state)))
             _check_function("signals", system.signals, (state,), (n, k))
@@ -91,6 +92,9 @@ def check_task(name: str) -> None:
         trace.append(system.signals(state))
     traces = np.stack(trace, axis=1)
     robustness = stl.robustness(task.formula, traces, task.signals)
+    rewarded = stl.satisfied(task.specification.formula, traces, task.signals)
+    same = np.array_equal(rewarded, stl.satisfied(task.formula, traces, task.signals))
+    _rule(same, "the rewarded form is satisfied when the formula is", rewarded)
     nested = stl.robustness(task.specification.nested or task.formula, traces, task.signals)
     _rule(np.allclose(nested, robustness), "the nested form has the formula's robustness", nested - robustness)
     for agent in plugins.available("agents").keys() & file.agents.keys():
@@ -113,7 +117,10 @@ def _check_episode(method: RewardMethod) -> None:
     except (TypeError, ValueError) as error:
         raise AssertionError(f"rule broken: describe gives what JSON can hold; found {error}") from error
     traces, action = _traces(method.specification), np.zeros((_ROWS, 1))
-    memories, rewards = [_check_function("start", method.start, (traces[:, 0],), (_ROWS, m))], list[Array]()
+    memories, rewards = (
+        [_check_function("start", method.start, (traces[:, 0], np.zeros(_ROWS, dtype=np.int64)), (_ROWS, m))],
+        list[Array](),
+    )
     for t in range(steps):
         arguments = (traces[:, t], action, traces[:, t + 1], np.full(_ROWS, t), memories[-1])
         reward, memory = method.step(*arguments)
@@ -129,6 +136,10 @@ def _check_episode(method: RewardMethod) -> None:
     row, at = np.arange(_ROWS), np.linspace(0, steps - 1, _ROWS).astype(np.int64)
     mixed, _ = method.step(traces[row, at], action, traces[row, at + 1], at, np.stack(memories)[at, row])
     _rule(np.allclose(mixed, np.stack(rewards)[at, row]), "rows may be at different times", mixed)
+    held = np.arange(4)[:, None] + np.minimum(at, steps - 3)
+    along, memory = method.along(traces[row, held], action, held[0], np.stack(memories)[held[0], row])
+    same = np.allclose(along, np.stack(rewards)[held[:3], row])
+    _rule(same and np.allclose(memory, np.stack(memories)[held[3], row]), "along is step after step", along)
 
 
 def _check_function(

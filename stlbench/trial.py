@@ -170,9 +170,9 @@ def reward_cost(task: Problem, method: RewardMethod, rows: int = 1024, repeats: 
     """CPU nanoseconds that the method's reward takes a step and copy, in a batch of `rows` under random actions."""
     generator = np.random.default_rng(0)
     simulator = Simulator(task, method)
-    region = task.file.initial
-    simulator.place(generator.uniform(region.low, region.high, (rows, len(region.low))))
-    action = task.actions.vectors[generator.integers(task.actions.size, size=rows)]
+    region, actions = task.file.initial, task.actions
+    simulator.place(task.system.begin(generator.uniform(region.low, region.high, (rows, len(region.low)))))
+    action = generator.uniform(actions.low, actions.high, (rows, len(actions.names)))
     after = task.system.signals(task.system.step(simulator.state, action))
     step = partial(method.step, simulator.signals, action, after, simulator.t)
     step(simulator.memory)

@@ -68,25 +68,34 @@ class TestSimulator:
         simulator = Simulator(task, Probe(task.specification, memory_size=2))
         simulator.place(np.array([[0.0], [1.0], [2.0]]))
         simulator.advance(always(UP, 3))
-        simulator.replace(np.array([0, 2]), np.array([[-1.0], [-2.0]]))
+        simulator.replace(np.array([0, 2]), np.array([[-1.0], [-2.0]]), np.array([0, 0]))
         assert simulator.observe().tolist() == [[-1, 0, -1, 0, -1], [1.5, 1, -0.75, 1, 1], [-2, 0, -1, 0, -2]]
         steps = simulator.advance(always(UP, 3))
         assert steps.samples[:, 0, 0].tolist() == [-0.5, 2, -1.5]
         # 100 t + 10 x_{t+1} + x_t with t = 0, 1, 0
         assert steps.reward.tolist() == [-5 - 1, 100 + 20 + 1.5, -15 - 2]
 
+    def test_rows_may_start_at_another_time_and_vectors_are_clipped(self) -> None:
+        simulator = Simulator(task := line(), Probe(task.specification, memory_size=1))
+        simulator.place(np.zeros((2, 1)))
+        simulator.replace(np.array([1]), np.array([[3.0]]), np.array([6]))
+        assert simulator.observe().tolist() == [[0, 0, -1, 0], [3, 6, 0.5, 0]]
+        steps = simulator.advance(np.array([[0.25], [-7.0]]))  # v is in [-1, 1] m/s
+        assert steps.samples[:, 0, 0].tolist() == [0.125, 2.5]
+        assert steps.reward.tolist() == [1.25, 600 + 25 + 3]
+
     def test_what_is_placed_is_copied(self) -> None:
         task, states = line(), np.array([[1.0], [2.0]])
         simulator = Simulator(task, Probe(task.specification))
         simulator.place(states)
-        simulator.replace(np.array([0]), np.array([[7.0]]))
+        simulator.replace(np.array([0]), np.array([[7.0]]), np.array([0]))
         assert states.tolist() == [[1], [2]]
 
 
 class TestBatchEnvironment:
     def test_an_episode_by_hand(self) -> None:
         """hold 4, T = 8: two decisions an episode. From x_0 = 0: .5 1 1.5 2, then 2 2 2 2."""
-        task = line(hold=4, training={"box": {"x": 0}})
+        task = line(hold=4, training={"starts": {"box": {"x": 0}}})
         method = Probe(task.specification)
         method.scale = 10.0
         environment = BatchEnvironment(task, method, 2, seed=0)
@@ -95,17 +104,18 @@ class TestBatchEnvironment:
         first = environment.step(always(UP, 2))
         assert first.reward.tolist() == [65.3 / 4] * 2  # as above, divided by the scale
         assert first.observation.tolist() == first.arrived.tolist() == [[2, 4, 0]] * 2
-        assert first.ended.tolist() == [False, False]
+        assert first.cut.tolist() == first.ended.tolist() == first.terminal.tolist() == [False, False]
         second = environment.step(always(STAY, 2))
         # 100 t + 20 + 2 at t = 4..7
         assert second.reward == pytest.approx([(100 * 22 + 4 * 22) / 4 / 10] * 2)
-        assert second.ended.tolist() == [True, True]
+        assert second.cut.tolist() == second.ended.tolist() == [True, True]
+        assert second.terminal.tolist() == [False, False]
         assert second.arrived.tolist() == [[2, 8, 1]] * 2  # where the episode ended
         assert second.observation.tolist() == [[0, 0, -1]] * 2  # where the next one begins
         assert environment.step(always(DOWN, 2)).arrived.tolist() == [[-2, 4, 0]] * 2
 
     def test_rewards_are_divided_by_the_methods_scale(self) -> None:
-        task = line(training={"box": {"x": 0}})
+        task = line(training={"starts": {"box": {"x": 0}}})
         method = Probe(task.specification)
         method.scale = 4.0
         environment = BatchEnvironment(task, method, 1, seed=0)
@@ -149,6 +159,82 @@ class TestBatchEnvironment:
         assert all(np.array_equal(entry, features[0]) for entry in features[1:])
 
     def test_training_may_start_elsewhere_than_the_referee(self) -> None:
-        task = line(training={"box": {"x": [5, 6]}})
+        task = line(training={"starts": {"box": {"x": [5, 6]}}})
         starts = BatchEnvironment(task, Probe(task.specification), 50, seed=1).reset()[:, 0]
         assert 5 <= starts.min() < starts.max() <= 6
+
+
+class TestTrainingOptions:
+    """What a task file's `training` changes, with the formula G[0,4] (x <= 1), T = 8, x moving by 0.5 a step."""
+
+    def make(self, count: int = 2, hold: int = 2, x: object = 0, **training: object) -> BatchEnvironment:
+        task = line(hold=hold, training={"starts": {"box": {"x": x}}} | training)
+        return BatchEnvironment(task, Probe(task.specification), count, seed=0)
+
+    def test_a_return_is_cut_at_a_phase_boundary_with_the_time_frozen_in_the_old_phase(self) -> None:
+        environment = self.make(cuts=[4])
+        environment.reset()
+        assert environment.step(always(DOWN, 2)).cut.tolist() == [False] * 2
+        second = environment.step(always(DOWN, 2))
+        assert second.cut.tolist() == [True] * 2
+        assert second.ended.tolist() == [False] * 2
+        assert second.observation.tolist() == [[-2, 4, 0]] * 2  # the episode goes on
+        assert second.arrived.tolist() == [[-2, 2, -0.5]] * 2  # valued as if it were still t = 2
+        third = environment.step(always(DOWN, 2))
+        assert third.arrived.tolist() == third.observation.tolist() == [[-3, 6, 0.5]] * 2
+        last = environment.step(always(DOWN, 2))
+        assert last.cut.tolist() == last.ended.tolist() == [True] * 2
+        assert last.arrived.tolist() == [[-4, 8, 1]] * 2
+
+    def test_a_violation_ends_the_episode_and_is_paid_for_ever(self) -> None:
+        environment = self.make(violation=-0.5)
+        environment.reset()
+        first = environment.step(np.array([UP, DOWN]))  # 1.0 and -1.0: x <= 1 holds with robustness 0
+        assert first.terminal.tolist() == [False, False]
+        second = environment.step(np.array([UP, DOWN]))
+        assert second.terminal.tolist() == second.ended.tolist() == second.cut.tolist() == [True, False]
+        # the other copy, at t = 2 and 3: 200 - 15 - 1 and 300 - 20 - 1.5
+        assert second.reward.tolist() == [-0.5, (184 + 278.5) / 2]
+        assert second.arrived[0].tolist() == [2, 4, 0]
+        assert second.observation.tolist() == [[0, 0, -1], [-2, 4, 0]]
+
+    def test_beyond_the_interval_of_a_term_nothing_is_violated(self) -> None:
+        environment = self.make(violation=-0.5)
+        environment.reset()
+        for action in (DOWN, STAY, UP, UP):  # -1 at t = 4, then up to 1
+            transition = environment.step(always(action, 2))
+            assert not transition.terminal.any()
+        assert transition.ended.all()
+
+    def test_a_violation_within_a_held_action_counts_though_it_is_over_at_its_end(self) -> None:
+        """x = 1.5 at t = 2, the last sample that the formula reads; and at t = 3."""
+        task = line(hold=4, formula="G[0,2] (x <= 1)", training={"violation": -1})
+        environment = BatchEnvironment(task, Probe(task.specification), 2, seed=0)
+        environment.reset()
+        environment.simulator.place(np.array([[0.5], [0.0]]))
+        first = environment.step(always(UP, 2))
+        assert first.terminal.tolist() == [True, False]
+
+    def test_exploring_episodes_begin_at_every_decision_from_their_own_states(self) -> None:
+        environment = self.make(400, exploring={"share": 0.5, "states": {"box": {"x": 7}}})
+        observation = environment.reset()
+        explored = observation[:, 0] == 7
+        assert 0.4 < explored.mean() < 0.6
+        assert set(observation[explored, 1]) == {0, 2, 4, 6}
+        assert observation[~explored].tolist() == [[0, 0, -1]] * (~explored).sum()
+        ended = environment.step(always(STAY, 400)).ended
+        assert np.array_equal(ended, observation[:, 1] == 6)
+
+    def test_exploring_episodes_may_begin_where_the_last_one_ended_and_be_broken_off(self) -> None:
+        environment = self.make(1, exploring={"share": 1, "length": 1})
+        environment.reset()
+        before = 0.0
+        for _ in range(20):  # each lasts one decision: up by 1, then the next begins there
+            transition = environment.step(always(UP, 1))
+            assert transition.cut.tolist() == transition.ended.tolist() == [True]
+            assert transition.arrived[0, 0] == transition.observation[0, 0] == before + 1
+            before += 1
+
+    def test_nothing_else_is_drawn_without_exploring_starts(self) -> None:
+        plain, cut = self.make(3, x=[-1, 1]), self.make(3, x=[-1, 1], cuts=[2], violation=-5)
+        assert plain.reset().tolist() == cut.reset().tolist()

@@ -13,11 +13,13 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import InvalidAction, ResetNeeded
+from gymnasium.spaces import Box
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from line import line
 
 import stlbench.gym
-from stlbench import plugins, stl
+from stlbench import plugins, problem, stl
 from stlbench.errors import UsageError
 from stlbench.gym import StlEnv, StlVectorEnv
 
@@ -220,8 +222,20 @@ def test_an_action_outside_the_grid(action: Any) -> None:
     envs.reset()
     with pytest.raises(InvalidAction, match=r"0\.\.272"):
         env.step(action)
-    with pytest.raises(InvalidAction, match=r"2 indices in 0\.\.272"):
+    with pytest.raises(InvalidAction, match=r"2 actions, each an index in 0\.\.272"):
         envs.step(np.array([0, action]))
+
+
+def test_continuous_actions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(problem, "load", lambda name: line(actions={"v": {"low": -1, "high": 1}}))
+    env, envs = StlEnv("line", "raw"), StlVectorEnv(2, "line", "raw")
+    assert env.action_space == Box(-1, 1, (1,), np.float32)
+    env.reset(options={"state": [0]})
+    envs.reset(options={"state": [0]})
+    assert env.step(np.array([0.5], np.float32))[0][0] == 0.25
+    assert envs.step(np.array([[0.5], [-1]], np.float32))[0][:, 0].tolist() == [0.25, -0.5]
+    with pytest.raises(InvalidAction, match=r"an action is a vector between \[-1\.0\] and \[1\.0\], got array"):
+        env.step(np.array([1.5], np.float32))
 
 
 def test_a_step_needs_a_reset() -> None:

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from line import text
+from line import line, text
 
 from stlbench import problem, stl
+from stlbench.contract import ActionBox
 from stlbench.errors import UsageError
 
 
@@ -64,7 +65,10 @@ class TestMessages:
                 "actions.v.count: Input should be greater than or equal to 2",
             ),
             ({"initial": {"box": {"x": [2, 1]}}}, "initial: x: low must not exceed high, got [2.0, 1.0]"),
-            ({"training": {"box": {"x": [2, 1]}}}, "training: x: low must not exceed high, got [2.0, 1.0]"),
+            (
+                {"training": {"starts": {"box": {"x": [2, 1]}}}},
+                "training.starts: x: low must not exceed high, got [2.0, 1.0]",
+            ),
             (
                 {"initial": {"box": {"x": 1}, "where": "y >= 0"}},
                 "initial: formula uses signal 'y'; the trace has x",
@@ -146,6 +150,34 @@ class TestMessages:
             problem.read("title: !!python/object/apply:os.getcwd []", "line")
 
 
+class TestTraining:
+    @pytest.mark.parametrize(
+        ("changes", "message"),
+        [
+            ({"hold": 2, "training": {"cuts": [2, 3]}}, "training.cuts: 3 is no multiple of hold = 2 below steps = 8"),
+            ({"training": {"cuts": [8]}}, "training.cuts: 8 is no multiple of hold = 1 below steps = 8"),
+            ({"training": {"exploring": {"share": 0}}}, "training.exploring.share: Input should be greater than 0"),
+            ({"training": {"violation": float("nan")}}, "training.violation: Input should be a finite number"),
+            ({"rewarded": "G[0,3] (x <= 1)"}, "rewarded: its horizon is 3 steps, that of the formula 4"),
+            (
+                {"actions": {"v": {"low": 0, "high": 1, "count": 2}, "w": {"low": 0, "high": 1}}},
+                "actions: give each axis a count, for a grid, or none, for continuous actions",
+            ),
+        ],
+    )
+    def test_mistakes_are_named(self, changes: dict[str, Any], message: str) -> None:
+        assert errors(**changes) == [message]
+
+    def test_methods_are_told_the_rewarded_form(self) -> None:
+        task = line(rewarded="G[0,4] (0.5 * x <= 0.5)")
+        assert task.specification.formula == stl.parse("G[0,4] (0.5 * x <= 0.5)")
+        assert task.formula == stl.parse("G[0,4] (x <= 1)")
+
+    def test_actions_without_counts_are_a_box(self) -> None:
+        actions = {"v": {"low": -1, "high": 2}, "w": {"low": 0, "high": 1}}
+        assert line(actions=actions).actions == ActionBox(("v", "w"), (-1, 0), (2, 1))
+
+
 class TestProblem:
     def test_the_specification_is_what_a_method_needs(self) -> None:
         task = problem.load("hold-disc")
@@ -196,10 +228,10 @@ class TestProblem:
         self.install(
             site,
             initial={"box": {"x": 0, "y": 0}},
-            training={"box": box},
+            training={"starts": {"box": box}},
             protocols={"far": {"title": "t", "initial": {"box": box}}},
         )
         with pytest.raises(UsageError) as caught:
             problem.load("zz-line")
-        expected = "task zz-line: training, protocols.far.initial: the box must name the states x, y, in this order"
+        expected = "task zz-line: training.starts, protocols.far.initial: the box must name x, y, in this order"
         assert str(caught.value) == expected

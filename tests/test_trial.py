@@ -50,14 +50,14 @@ class TestResult:
         assert (result.reason, result.details) == ("", "")
 
     def test_the_budget_was_spent_and_no_more(self, measured: Measurement) -> None:
-        assert measured.env_steps == 6400
-        assert [point.steps for point in measured.curve] == [3200, 6400]
-        assert measured.selected_steps in (3200, 6400)
+        assert measured.env_steps == 16000
+        assert [point.steps for point in measured.curve] == [8000, 16000]
+        assert measured.selected_steps in (8000, 16000)
 
     def test_the_selected_checkpoint_is_the_best_of_the_curve(self, measured: Measurement) -> None:
         best = max(measured.curve, key=lambda point: (point.satisfaction, point.robustness_mean))
         assert measured.selected_steps == best.steps
-        if best.steps == 6400:
+        if best.steps == 16000:
             assert measured.selected == measured.final
 
     def test_every_protocol_is_scored_from_its_starts(self, measured: Measurement) -> None:

@@ -1,22 +1,24 @@
 """Time-aware deep Q-learning: Algorithm 2 of Saxena et al., with batched environments.
 
 The observation contains the time, so Q(s, a, t) is an ordinary Q-function of it, and the time limit is no terminal
-state. One lock-step of all copies is followed by `gradient_steps` updates.
+state. One lock-step of all copies is followed by `gradient_steps` updates, all in one compiled call.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numba import njit
 from pydantic import Field
 
-from stlbench.contract import Agent, Environment, Integers, Policy, Training
-from stlbench_agents.engine import Workspace, adam, blend, gradient
-from stlbench_agents.network import GreedyPolicy, Head, QNetwork
-from stlbench_agents.replay import Batch, Replay
+from stlbench.contract import Agent, Array, Environment, Integers, Policy, Training
+from stlbench_agents.engine import Network, Workspace, best_actions, gradient
+from stlbench_agents.grid import grid_of
+from stlbench_agents.marks import spread
+from stlbench_agents.network import GreedyPolicy, Head, QNetwork, Single
+from stlbench_agents.optimizer import Weights, step
+from stlbench_agents.replay import Batch, Memory, Replay, gather
 
 __all__ = ["DQN"]
 
@@ -67,7 +69,7 @@ class DQN(Agent):
             gradient_steps: updates after each lock-step.
             learning_rate: of Adam at the first update; falls geometrically to `learning_rate_final` at the last.
             gamma: discount a decision, that is, a span of `hold` steps. Rewards are weighted by 1 - gamma in the
-                targets, so that Q keeps the scale of the reward whatever gamma is.
+                targets, so that Q keeps the scale of the reward whatever gamma is; with gamma = 1 they are not.
             n_steps: rewards in a return before it bootstraps.
             double: choose the bootstrap action with the online network (van Hasselt et al. 2016); False is the paper.
             tau: weight of the online network in an update of the target; 1 copies it, as the paper does.
@@ -95,88 +97,120 @@ class DQN(Agent):
         rounds = max(1, training.steps // (self.copies * environment.hold))
         learner = Learner(self, environment, training.seed, rounds * self.gradient_steps)
         generator = np.random.default_rng([training.seed, 1])
-        rows = max(self.n_steps + 1, self.buffer_size // self.copies)
-        replay = Replay(rows, self.copies, environment.observation_size, self.n_steps, self.gamma)
-        reports = _spread(rounds, training.checkpoints)
+        reports = spread(rounds, training.checkpoints)
         observation = environment.reset()
         for done in range(1, rounds + 1):
-            action = self._explore(learner.policy.act(observation), environment, generator, (done - 1) / rounds)
+            action = learner.act(observation, self._epsilon((done - 1) / rounds), generator)
             transition = environment.step(action)
-            replay.add(observation, action, transition)
+            learner.replay.add(observation, action, transition)
             observation = transition.observation
-            if replay.ready:
-                for _ in range(self.gradient_steps):
-                    learner.update(replay.sample(generator, self.batch_size))
+            if learner.replay.ready:
+                learner.update(learner.replay.draw(generator, self.gradient_steps, self.batch_size))
             if done in reports:
-                final = learner.reported.frozen()
+                final = learner.policy()
                 training.report(final, done * self.copies * environment.hold)
         return final
 
-    def _explore(
-        self, greedy: Integers, environment: Environment, generator: np.random.Generator, progress: float
-    ) -> Integers:
+    def _epsilon(self, progress: float) -> float:
         first, last, share = self.eps
-        epsilon = last if progress >= share else first + (last - first) * progress / share
-        anything = generator.integers(environment.actions.size, size=len(greedy))
-        return np.where(generator.random(len(greedy)) < epsilon, anything, greedy)
+        return last if progress >= share else first + (last - first) * progress / share
+
+
+class Schedule(NamedTuple):
+    """What the updates need of the recipe."""
+
+    rate: float
+    decay: float
+    """Of the learning rate, from one update to the next."""
+    max_norm: float
+    tau: float
+    interval: int
+    averaging: float
+    double: bool
 
 
 class Learner:
-    """The online, the target and the averaged network, and one update of them."""
+    """The networks and the replay of one training."""
 
     def __init__(self, recipe: DQN, environment: Environment, seed: int, updates: int) -> None:
         self.recipe = recipe
-        self.network = QNetwork(environment.observation_size, recipe.net_arch, environment.actions.shape, recipe.head)
-        self.online = self.network.initial(np.random.default_rng(seed))
-        self.target = self.online.copy()
-        self.average = self.online.copy() if recipe.averaging else self.online
-        self.policy = GreedyPolicy(self.network, self.network.views(self.online))
-        self.reported = GreedyPolicy(self.network, self.network.views(self.average))
-        self._gradient, self._mean, self._square = (np.zeros_like(self.online) for _ in range(3))
-        self._space = Workspace.of(self.network.engine, recipe.batch_size)
-        self._decay = (recipe.learning_rate_final / recipe.learning_rate) ** (1 / max(1, updates - 1))
-        self._weight = np.float32((1 - recipe.gamma) * recipe.reward_scale)
-        self._count = 0
-
-    def update(self, batch: Batch) -> None:
-        """One step of Adam on the mean squared difference to the targets, and of the other two networks.
-
-        The batch has the recipe's `batch_size` rows.
-        """
-        recipe = self.recipe
-        rate = recipe.learning_rate * self._decay**self._count
-        self._count += 1
-        adam(self.online, self.gradient(batch), self._mean, self._square, rate, self._count, recipe.max_grad_norm)
-        if self._count % recipe.target_update_interval == 0:
-            blend(self.target, self.online, recipe.tau)
-        if recipe.averaging:
-            blend(self.average, self.online, max(1 - recipe.averaging, 1 / self._count))
-
-    def gradient(self, batch: Batch) -> NDArray[np.float32]:
-        """The gradient of half the mean squared difference between Q(s_t, a_t) and the target, a flat vector.
-
-        The target is (1 - gamma) sum_i gamma^i r_{t+i} + gamma^n Q_target(s_{t+n}, best action there).
-        """
-        discount = batch.discount
-        if self.recipe.time_limit == "terminal":
-            discount = np.where(batch.ended, np.float32(0), discount)
-        gradient(
-            self.online,
-            self.target,
-            self.network.engine,
-            batch.observation,
-            batch.action,
-            batch.returns * self._weight,
-            batch.arrived,
-            discount,
-            self.recipe.double,
-            self._space,
-            self._gradient,
+        size, copies, grid = environment.observation_size, environment.count, grid_of(environment)
+        self.network = QNetwork(size, recipe.net_arch, grid.shape, recipe.head)
+        self.weights = Weights.of(self.network.initial(np.random.default_rng(seed)))
+        self.replay = Replay(
+            max(recipe.n_steps + 1, recipe.buffer_size // copies),
+            copies,
+            size,
+            recipe.n_steps,
+            recipe.gamma,
+            recipe.reward_scale * ((1 - recipe.gamma) or 1),
+            recipe.time_limit == "terminal",
         )
-        return self._gradient
+        self.schedule = Schedule(
+            recipe.learning_rate,
+            (recipe.learning_rate_final / recipe.learning_rate) ** (1 / max(1, updates - 1)),
+            recipe.max_grad_norm,
+            recipe.tau,
+            recipe.target_update_interval,
+            recipe.averaging,
+            recipe.double,
+        )
+        self._actions, self._copies, self._count = grid.size, copies, 0
+        self._batch = Batch.of(recipe.batch_size, size)
+        self._space = Workspace.of(self.network.engine, recipe.batch_size)
+
+    def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
+        """Actions (N,) at observations (N, D): each with probability `epsilon` any, else the current best."""
+        chance = generator.random((2, len(observation)))
+        action: Integers = _explore(
+            self.weights.online, self.network.engine, observation, epsilon, chance, self._actions
+        )
+        return action
+
+    def update(self, first: Integers) -> None:
+        """One update for each row of `first` (updates, batch size), from the transitions that begin there."""
+        _update(
+            self.weights, self.network.engine, self.replay.memory, first, self._copies, self.schedule, self._count,
+            self._batch, self._space,
+        )  # fmt: skip
+        self._count += len(first)
+
+    def policy(self) -> GreedyPolicy:
+        """What is reported: the greedy policy of the averaged weights, or of the current ones without averaging."""
+        flat = self.weights.average if self.schedule.averaging else self.weights.online
+        return GreedyPolicy(self.network, self.network.views(flat))
 
 
-def _spread(rounds: int, checkpoints: int) -> set[int]:
-    """The rounds after which a checkpoint is reported: evenly spaced, the last among them."""
-    marks: Sequence[float] = np.linspace(0, rounds, min(checkpoints, rounds) + 1)[1:].tolist()
-    return {round(mark) for mark in marks}
+@njit(cache=True)
+def _explore(
+    flat: Single, network: Network, observation: Array, epsilon: float, chance: Array, actions: int
+) -> Integers:
+    """Epsilon-greedy actions; `chance` (2, N) is uniform in [0, 1): whether to explore, and which action."""
+    chosen = best_actions(flat, network, observation)
+    for i in range(len(chosen)):
+        if chance[0, i] < epsilon:
+            chosen[i] = int(chance[1, i] * actions)
+    return chosen
+
+
+@njit(cache=True)
+def _update(
+    weights: Weights, network: Network, memory: Memory, first: Integers, copies: int, schedule: Schedule, count: int,
+    batch: Batch, space: Workspace,
+) -> None:  # fmt: skip
+    """For each row of `first` a step of Adam on the mean squared difference to the targets, and of both averages.
+
+    The target is (1 - gamma) sum_i gamma^i r_{t+i} + gamma^n Q_target(s_{t+n}, best action there). `count` updates
+    have been before.
+    """
+    for row in range(len(first)):
+        gather(memory, first[row], copies, batch)
+        gradient(
+            weights.online, weights.target, network, batch.observation, batch.action, batch.returns, batch.arrived,
+            batch.discount, schedule.double, space, weights.gradient,
+        )  # fmt: skip
+        rate = schedule.rate * schedule.decay**count
+        count += 1
+        tau = schedule.tau if count % schedule.interval == 0 else 0.0
+        share = max(1 - schedule.averaging, 1 / count) if schedule.averaging > 0 else 0.0
+        step(weights, rate, count, schedule.max_norm, tau, share)

@@ -1,10 +1,10 @@
-"""The arithmetic of deep Q-learning, compiled by numba: the gradient of the loss, Adam, moving averages.
+"""The arithmetic of deep Q-learning, compiled by numba: acting, and the gradient of the loss.
 
 Why not a framework: at these sizes (batch 128, layers of 64 to 128) an update is 150 microseconds of matrix products,
 and dispatch, bookkeeping and unfused elementwise work cost more than that again; docs/performance.md compares. Here
-matrix products go to BLAS and the loops in between are fused. Everything works in place on weights that lie in one
-flat vector, in whatever floating-point type that has: the tests check the gradient against torch's autograd in double
-precision.
+matrix products go to BLAS, but for the few inputs of the first layer, and the loops in between are fused. Everything
+works in place on weights that lie in one flat vector, in whatever floating-point type that has: the tests check the
+gradient against torch's autograd in double precision.
 
 Layers lie in the flat vector as `layers` says, a row a layer: (offset of the matrix, rows, columns, offset of the
 bias). Hidden matrices are (inputs, outputs); the last one is (outputs, inputs), so that the row of an action lies in
@@ -20,10 +20,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["Network", "Workspace", "adam", "best_actions", "blend", "gradient"]
+__all__ = ["Network", "Workspace", "best_actions", "gradient"]
 
 Floats = NDArray[Any]
 Indices = NDArray[np.int64]
+
+_THIN = 16
+"""Up to so many inputs the gradient by the first matrix is faster as a loop than by BLAS."""
 
 
 class Network(NamedTuple):
@@ -48,6 +51,8 @@ class Workspace(NamedTuple):
     """(2, B * widest): gradients by activations."""
     outputs: Floats
     """(B, outputs)."""
+    chosen: Indices
+    """(B,): the actions to bootstrap from."""
 
     @staticmethod
     def of(network: Network, batch: int, dtype: Any = np.float32) -> Workspace:
@@ -55,7 +60,7 @@ class Workspace(NamedTuple):
         layers = network.layers
         size = (len(layers) - 1, batch * int(layers[:-1, 2].max()))
         hidden = (np.zeros(size, dtype), np.zeros(size, dtype), np.zeros((2, size[1]), dtype))
-        return Workspace(*hidden, np.zeros((batch, int(layers[-1, 1])), dtype))
+        return Workspace(*hidden, np.zeros((batch, int(layers[-1, 1])), dtype), np.zeros(batch, np.int64))
 
 
 @njit(cache=True)
@@ -92,31 +97,37 @@ def _outputs(flat: Floats, layers: Indices, hidden: Floats, into: Floats) -> Non
             into[i, j] += bias[j]
 
 
-@njit(cache=True)
-def _argmax(row: Floats) -> int:
-    best = 0
+@njit(cache=True, fastmath=True)
+def _max(row: Floats) -> Any:
+    best = row[0]
     for j in range(1, len(row)):
-        if row[j] > row[best]:
-            best = j
+        best = max(best, row[j])
     return best
 
 
 @njit(cache=True)
 def _greedy(row: Floats, network: Network) -> int:
+    """The action of the largest Q, the first of equals, of a row of outputs."""
     action, begin = 0, 1 if network.additive else 0
     for count in network.axes:
-        action = action * count + _argmax(row[begin : begin + count])
+        best, first = _max(row[begin : begin + count]), 0
+        while first < count - 1 and row[begin + first] != best:
+            first += 1
+        action = action * count + first
         begin += count
     return action
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _additive(row: Floats, action: int, axes: Indices) -> Any:
     """V + sum_i (A_i(a_i) - mean A_i) of a row of outputs."""
     q, begin, rest = row[0], len(row), action
     for i in range(len(axes) - 1, -1, -1):
         begin -= axes[i]
-        q += row[begin + rest % axes[i]] - row[begin : begin + axes[i]].mean()
+        total = row.dtype.type(0)
+        for j in range(begin, begin + axes[i]):  # not .mean(), which would not be vectorised
+            total += row[j]
+        q += row[begin + rest % axes[i]] - total / row.dtype.type(axes[i])
         rest //= axes[i]
     return q
 
@@ -124,14 +135,34 @@ def _additive(row: Floats, action: int, axes: Indices) -> Any:
 @njit(cache=True, fastmath=True)
 def _single(flat: Floats, layers: Indices, hidden: Floats, action: int) -> Any:
     """Q of one action of a joint head: one row of the last layer is all it needs."""
-    return np.dot(hidden, _matrix(flat, layers[-1])[action]) + flat[layers[-1, 3] + action]
+    row, q = _matrix(flat, layers[-1])[action], flat[layers[-1, 3] + action]
+    for j in range(len(hidden)):  # a BLAS dot product would take as long as ten of these
+        q += hidden[j] * row[j]
+    return q
 
 
 @njit(cache=True)
-def best_actions(flat: Floats, network: Network, x: Floats, space: Workspace) -> Indices:
-    """Greedy actions at x (B, D): (B,)."""
-    _outputs(flat, network.layers, _hidden(flat, network.layers, x, space.there), space.outputs)
-    return np.array([_greedy(space.outputs[i], network) for i in range(len(x))])
+def best_actions(flat: Floats, network: Network, observation: Floats) -> Indices:
+    """Greedy actions at observations (B, D) of any floating-point type: (B,). Of equals the first."""
+    size, layers, widest = len(observation), network.layers, 0
+    for layer in range(len(layers) - 1):
+        widest = max(widest, layers[layer, 2])
+    x = np.empty((size, observation.shape[1]), flat.dtype)
+    for i in range(size):
+        for j in range(observation.shape[1]):
+            x[i, j] = observation[i, j]
+    hidden = np.empty((len(layers) - 1, size * widest), flat.dtype)
+    outputs = np.empty((size, layers[-1, 1]), flat.dtype)
+    chosen = np.empty(size, np.int64)
+    _choose(flat, network, x, hidden, outputs, chosen)
+    return chosen
+
+
+@njit(cache=True)
+def _choose(flat: Floats, network: Network, x: Floats, hidden: Floats, outputs: Floats, into: Indices) -> None:
+    _outputs(flat, network.layers, _hidden(flat, network.layers, x, hidden), outputs)
+    for i in range(len(x)):
+        into[i] = _greedy(outputs[i], network)
 
 
 @njit(cache=True, fastmath=True)
@@ -146,21 +177,18 @@ def gradient(
     """
     layers, size = network.layers, len(observation)
     if double:
-        chosen = best_actions(online, network, arrived, space)
-        later = _hidden(target, layers, arrived, space.there)
-        if network.additive:
-            _outputs(target, layers, later, space.outputs)
-    else:
-        chosen = best_actions(target, network, arrived, space)
-        later = _rows(space.there[-1], size, layers[-1, 2])
-    goal = np.empty_like(returns)
+        _choose(online, network, arrived, space.there, space.outputs, space.chosen)
+    later, goal = _hidden(target, layers, arrived, space.there), np.empty_like(returns)
+    if network.additive or not double:
+        _outputs(target, layers, later, space.outputs)
     for i in range(size):
         if network.additive:
-            value = _additive(space.outputs[i], chosen[i], network.axes)
+            action_there = space.chosen[i] if double else _greedy(space.outputs[i], network)
+            value = _additive(space.outputs[i], action_there, network.axes)
         elif double:
-            value = _single(target, layers, later[i], chosen[i])
+            value = _single(target, layers, later[i], space.chosen[i])
         else:
-            value = space.outputs[i, chosen[i]]
+            value = _max(space.outputs[i])
         goal[i] = returns[i] + discount[i] * value
     hidden = _hidden(online, layers, observation, space.here)
     back = _rows(space.back[0], size, layers[-1, 2])
@@ -171,7 +199,7 @@ def gradient(
     _back_hidden(online, layers, observation, space, into)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _back_joint(
     flat: Floats, layers: Indices, hidden: Floats, action: Indices, goal: Floats, back: Floats, into: Floats
 ) -> None:
@@ -192,7 +220,7 @@ def _back_joint(
             back[i, j] = error * matrix[row, j]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _back_additive(
     flat: Floats, network: Network, hidden: Floats, action: Indices, goal: Floats, outputs: Floats, back: Floats,
     into: Floats,
@@ -221,15 +249,32 @@ def _back_hidden(flat: Floats, layers: Indices, x: Floats, space: Workspace, int
     for layer in range(len(layers) - 2, -1, -1):
         rows, columns = layers[layer, 1], layers[layer, 2]
         back, active = _rows(space.back[now], size, columns), _rows(space.here[layer], size, columns)
+        by_matrix, by_bias = _matrix(into, layers[layer]), into[layers[layer, 3] :]
+        by_bias[:columns] = 0
         for i in range(size):
             for j in range(columns):
                 back[i, j] = back[i, j] if active[i, j] > 0 else flat.dtype.type(0)
+            for j in range(columns):
+                by_bias[j] += back[i, j]
         below = _rows(space.here[layer - 1], size, rows) if layer else x
-        np.dot(below.T, back, _matrix(into, layers[layer]))
-        _column_sums(back, into[layers[layer, 3] :])
+        if rows > _THIN:
+            np.dot(below.T, back, by_matrix)
+        else:
+            _thin(below, back, by_matrix)
         if layer:
             now = 1 - now
             np.dot(back, _matrix(flat, layers[layer]).T, _rows(space.back[now], size, rows))
+
+
+@njit(cache=True, fastmath=True)
+def _thin(x: Floats, back: Floats, into: Floats) -> None:
+    """into = x.T back, for few columns of x."""
+    into[:] = 0
+    for i in range(x.shape[0]):
+        for k in range(x.shape[1]):
+            share = x[i, k]
+            for j in range(back.shape[1]):
+                into[k, j] += share * back[i, j]
 
 
 @njit(cache=True, fastmath=True)
@@ -238,36 +283,3 @@ def _column_sums(values: Floats, into: Floats) -> None:
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
             into[j] += values[i, j]
-
-
-# Without error_model="numpy" the test for a division by 0 keeps the loop scalar, four times slower; with "arcp" among
-# the fastmath flags the reciprocal is refined by a step whose residual is denormal where moments are tiny.
-@njit(cache=True, fastmath={"nnan", "ninf", "nsz", "reassoc", "contract"}, error_model="numpy")
-def adam(
-    weights: Floats, gradient: Floats, mean: Floats, square: Floats, rate: float, count: int, max_norm: float
-) -> None:
-    """Step `count` (from 1) of Adam (Kingma, Ba 2015; betas 0.9, 0.999, epsilon 1e-8), the gradient's norm clipped.
-
-    A weight without gradient (a dead ReLU, an action not drawn) would push its moments into denormal numbers, which
-    are a hundred times slower: adding 1e-30 keeps them out.
-    """
-    kind = weights.dtype.type
-    total = kind(0)
-    for i in range(len(gradient)):
-        total += gradient[i] * gradient[i]
-    clip = kind(min(1.0, max_norm / (np.sqrt(total) + 1e-6)))
-    unbiased = np.sqrt(1 - 0.999**count)
-    step, epsilon, tiny = kind(rate * unbiased / (1 - 0.9**count)), kind(1e-8 * unbiased), kind(1e-30)
-    for i in range(len(weights)):
-        slope = gradient[i] * clip
-        mean[i] = kind(0.9) * mean[i] + kind(0.1) * slope + tiny
-        square[i] = kind(0.999) * square[i] + kind(0.001) * slope * slope + tiny
-        weights[i] -= step * mean[i] / (np.sqrt(square[i]) + epsilon)
-
-
-@njit(cache=True)
-def blend(into: Floats, weights: Floats, share: float) -> None:
-    """into = (1 - share) into + share weights: a target network, or averaged weights, one step on; exact at 0 and 1."""
-    part, rest = into.dtype.type(share), into.dtype.type(1 - share)
-    for i in range(len(into)):
-        into[i] = rest * into[i] + part * weights[i]

@@ -1,4 +1,4 @@
-"""The shape of a Q-network with ReLU layers, and its greedy policy in NumPy.
+"""The shape of a Q-network with ReLU layers, and its greedy policy.
 
 joint:     one output an action, Q(s, .) in R^A.
 additive:  V(s) + sum_i (A_i(s, a_i) - mean A_i(s, .)) over the axes of the action grid: 1 + 21 + 13 outputs where a
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import Array, Integers, Policy
-from stlbench_agents.engine import Network
+from stlbench_agents.engine import Network, best_actions
 
 __all__ = ["GreedyPolicy", "Head", "QNetwork"]
 
@@ -66,28 +66,18 @@ class QNetwork:
 
 
 class GreedyPolicy(Policy):
-    """The greedy policy of a Q-network."""
+    """The greedy policy of a Q-network, with a copy of its weights."""
 
     def __init__(self, network: QNetwork, weights: Sequence[Single]) -> None:
-        """Args: `weights` as `QNetwork` lays them out; shared, not copied (see `frozen`)."""
-        self.network, self.weights = network, list(weights)
+        """Args: `weights` as `QNetwork.views` gives them back."""
+        self.network, self.flat = network, np.concatenate([weight.ravel() for weight in weights])
 
-    def frozen(self) -> GreedyPolicy:
-        """A copy that further training does not change."""
-        return GreedyPolicy(self.network, [weight.copy() for weight in self.weights])
+    @property
+    def weights(self) -> list[Single]:
+        """Matrix, bias, matrix, bias, ... as `QNetwork` lays them out."""
+        return self.network.views(self.flat)
 
     def act(self, observation: Array) -> Integers:
         """The greedy actions' indices: (N, D) -> (N,)."""
-        x: Single = observation.astype(np.float32)
-        for i in range(0, len(self.weights) - 2, 2):
-            x = x @ self.weights[i]
-            x += self.weights[i + 1]
-            np.maximum(x, 0, out=x)
-        outputs = x @ self.weights[-2].T
-        outputs += self.weights[-1]
-        action = np.zeros(len(outputs), dtype=np.int64)
-        end = self.network.first
-        for count in self.network.axes:
-            begin, end = end, end + count
-            action = action * count + outputs[:, begin:end].argmax(1)
-        return action
+        actions: Integers = best_actions(self.flat, self.network.engine, np.ascontiguousarray(observation))
+        return actions

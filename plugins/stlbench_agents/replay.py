@@ -1,8 +1,8 @@
-"""A ring of transitions of N copies in lock-step, sampled as n-step returns."""
+"""A ring of transitions of N copies in lock-step, read as n-step returns."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -10,49 +10,101 @@ from numpy.typing import NDArray
 
 from stlbench.contract import Array, Integers, Transition
 
-__all__ = ["Batch", "Replay"]
+__all__ = ["Batch", "Memory", "Replay", "gather"]
 
 Single = NDArray[np.float32]
 
+_STOP, _END = 1, 2
+"""What becomes of a return after a transition, if it does not go on: it bootstraps, or there is nothing beyond."""
+
 
 class Batch(NamedTuple):
-    """B sampled transitions of up to n decisions."""
+    """B transitions of up to n decisions."""
 
     observation: Single
     """(B, D), x_t."""
-    action: Integers
-    """(B,), a_t."""
+    action: NDArray[Any]
+    """(B,), a_t, or (B, axes) where actions are vectors."""
     returns: Single
-    """(B,), r_t + gamma r_{t+1} + ... up to n rewards, fewer where the episode ended."""
+    """(B,), r_t + gamma r_{t+1} + ... up to n rewards, fewer where the return stops."""
     arrived: Single
     """(B, D), what to bootstrap from."""
     discount: Single
-    """(B,), gamma to the number of rewards in `returns`: the weight of the bootstrap value."""
-    ended: NDArray[np.bool_]
-    """(B,), whether `arrived` is the end of its episode."""
+    """(B,), the weight of the bootstrap value: gamma to the number of rewards in `returns`, 0 where nothing follows."""
+
+    @staticmethod
+    def of(rows: int, size: int, axes: int = 0) -> Batch:
+        """Room for B = `rows` transitions with D = `size`."""
+        wide = (rows, size)
+        floats = (np.zeros(part, np.float32) for part in (rows, wide, rows))
+        return Batch(np.zeros(wide, np.float32), _actions(rows, axes), *floats)
+
+
+class Memory(NamedTuple):
+    """What is stored of each transition, that of lock-step i and copy c at i * copies + c."""
+
+    observation: Single
+    arrived: Single
+    action: NDArray[Any]
+    reward: Single
+    """With its weight; of a terminal transition the sum of such a reward paid for ever."""
+    after: NDArray[np.uint8]
+    """0, `_STOP` or `_END`."""
+    powers: Single
+    """(n + 1,), gamma^0 to gamma^n."""
+
+
+def _actions(rows: int, axes: int) -> NDArray[Any]:
+    return np.zeros((rows, axes), np.float32) if axes else np.zeros(rows, np.int64)
 
 
 class Replay:
     """The last `rows` lock-steps of `copies` environments: about rows * copies transitions."""
 
-    def __init__(self, rows: int, copies: int, size: int, n_steps: int, gamma: float) -> None:
-        """Args: `size` D; `n_steps` n; `gamma` the discount a decision."""
-        self._observation = np.zeros((rows * copies, size), dtype=np.float32)
-        self._arrived = np.zeros((rows * copies, size), dtype=np.float32)
-        self._action = np.zeros(rows * copies, dtype=np.int64)
-        self._reward = np.zeros(rows * copies, dtype=np.float32)
-        self._ended = np.zeros(rows * copies, dtype=np.bool_)
-        self._rows, self._copies, self._n = rows, copies, n_steps
-        self._powers = (gamma ** np.arange(n_steps + 1)).astype(np.float32)
+    def __init__(
+        self,
+        rows: int,
+        copies: int,
+        size: int,
+        n_steps: int,
+        gamma: float,
+        weight: float = 1.0,
+        limit: bool = False,
+        axes: int = 0,
+    ) -> None:
+        """Args: `size` D; `n_steps` n; `gamma` the discount a decision; `weight` a factor on all rewards; `limit`
+        whether every end of an episode, the time limit too, leaves nothing to bootstrap from; `axes` of the actions
+        where they are vectors, 0 where they are indices.
+        """
+        count = rows * copies
+        self.memory = Memory(
+            np.zeros((count, size), np.float32),
+            np.zeros((count, size), np.float32),
+            _actions(count, axes),
+            np.zeros(count, np.float32),
+            np.zeros(count, np.uint8),
+            (gamma ** np.arange(n_steps + 1)).astype(np.float32),
+        )
+        self._rows, self._copies, self._n, self._limit, self._axes = rows, copies, n_steps, limit, axes
+        self._weight, self._for_ever = weight, weight if gamma == 1 else weight / (1 - gamma)
         self.count = 0
 
-    def add(self, observation: Array, action: Integers, transition: Transition) -> None:
-        """Store one lock-step: what was seen (N, D), what was done (N,), what came of it."""
+    def add(self, observation: Array, action: Integers | Array, transition: Transition) -> None:
+        """Store one lock-step: what was seen (N, D), what was done (N,), what came of it.
+
+        A return stops at `cut`, and bootstraps there. At `terminal` it does not: the reward counts as if it were paid
+        for ever, r / (1 - gamma), or once with gamma = 1.
+        """
         begin = self.count % self._rows * self._copies
-        row = slice(begin, begin + self._copies)
-        self._observation[row], self._action[row] = observation, action
-        self._reward[row], self._arrived[row] = transition.reward, transition.arrived
-        self._ended[row] = transition.ended
+        row, memory = slice(begin, begin + self._copies), self.memory
+        memory.observation[row], memory.action[row] = observation, action
+        memory.arrived[row] = transition.arrived
+        np.multiply(transition.reward, self._weight, out=memory.reward[row], casting="same_kind")
+        memory.after[row] = transition.cut
+        last = transition.ended if self._limit else transition.terminal
+        if last.any():
+            memory.after[row][last] = _END
+            memory.reward[row][transition.terminal] = self._for_ever * transition.reward[transition.terminal]
         self.count += 1
 
     @property
@@ -60,36 +112,37 @@ class Replay:
         """Whether there are n consecutive lock-steps to sample from."""
         return self.count >= self._n
 
-    def sample(self, generator: np.random.Generator, batch: int) -> Batch:
-        """Draw `batch` transitions uniformly, with replacement."""
+    def draw(self, generator: np.random.Generator, updates: int, batch: int) -> Integers:
+        """Draw transitions uniformly, with replacement: where they lie in `memory`, (updates, batch)."""
         stored = min(self.count, self._rows)
         oldest = self.count % self._rows if self.count > self._rows else 0
-        draw = generator.integers((stored - self._n + 1) * self._copies, size=batch)
-        first = (draw + oldest * self._copies) % len(self._reward)
-        returns, last, discount = _returns(first, self._copies, self._powers, self._reward, self._ended)
-        return Batch(
-            self._observation.take(first, axis=0),
-            self._action.take(first),
-            returns,
-            self._arrived.take(last, axis=0),
-            discount,
-            self._ended.take(last),
-        )
+        drawn: Integers = generator.integers((stored - self._n + 1) * self._copies, size=(updates, batch))
+        if oldest:
+            drawn += oldest * self._copies
+            drawn %= len(self.memory.reward)
+        return drawn
+
+    def batch(self, first: Integers) -> Batch:
+        """The transitions that begin at the places `first` (B,) of `memory`."""
+        batch = Batch.of(len(first), self.memory.observation.shape[1], self._axes)
+        gather(self.memory, first, self._copies, batch)
+        return batch
 
 
 @njit(cache=True)
-def _returns(
-    first: Integers, copies: int, powers: Single, reward: Single, ended: NDArray[np.bool_]
-) -> tuple[Single, Integers, Single]:
-    """From each of the transitions `first`: the return, the last transition that counts, the discount after it."""
-    returns, last, discount = np.empty(len(first), np.float32), first.copy(), np.empty(len(first), np.float32)
+def gather(memory: Memory, first: Integers, copies: int, into: Batch) -> None:
+    """Write the transitions of up to n decisions that begin at the places `first` (B,) into a batch of B rows."""
+    reward, powers = memory.reward, memory.powers
     for i in range(len(first)):
-        total, taken = powers.dtype.type(0), 0
-        while True:
-            total += powers[taken] * reward[last[i]]
+        last, taken, total = first[i], 1, reward[first[i]]
+        while taken < len(powers) - 1 and memory.after[last] == 0:
+            last += copies
+            if last >= len(reward):
+                last -= len(reward)
+            total += powers[taken] * reward[last]
             taken += 1
-            if taken == len(powers) - 1 or ended[last[i]]:
-                break
-            last[i] = (last[i] + copies) % len(reward)
-        returns[i], discount[i] = total, powers[taken]
-    return returns, last, discount
+        into.action[i], into.returns[i] = memory.action[first[i]], total
+        into.discount[i] = 0 if memory.after[last] == _END else powers[taken]
+        for j in range(memory.observation.shape[1]):
+            into.observation[i, j] = memory.observation[first[i], j]
+            into.arrived[i, j] = memory.arrived[last, j]

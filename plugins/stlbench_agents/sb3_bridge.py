@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
-from stlbench.contract import Environment, Integers
+from stlbench.contract import ActionGrid, Array, Environment, Integers
 from stlbench_agents.network import GreedyPolicy, QNetwork
 
 __all__ = ["Checkpoints", "CopiesVecEnv", "exported"]
@@ -24,31 +24,39 @@ Info = dict[str, Any]
 class CopiesVecEnv(VecEnv):
     """An `Environment` of the contract as SB3's `VecEnv`. It restarts by itself, as SB3 expects.
 
-    Episodes end by the time limit alone; SB3 is told so, and bootstraps from the last observation.
+    SB3 bootstraps from the last observation of an episode that ends by the time limit. Where a violation ended it, SB3
+    does not, and is paid what the reward for ever is worth. It knows no return that is cut while the episode goes on:
+    such a step is given to it as an end by the time limit, which its replay treats alike.
     """
 
-    def __init__(self, environment: Environment) -> None:
-        self._environment = environment
-        size = (environment.observation_size,)
-        super().__init__(environment.count, Box(-np.inf, np.inf, size, np.float32), Discrete(environment.actions.size))
+    def __init__(self, environment: Environment, gamma: float) -> None:
+        """Args: `gamma` the discount, which says what a reward is worth that is paid for ever."""
+        self._environment, self._for_ever = environment, 1 / (1 - gamma) if gamma < 1 else 1.0
+        size, actions = (environment.observation_size,), environment.actions
+        space = (
+            Discrete(actions.size)
+            if isinstance(actions, ActionGrid)
+            else Box(np.array(actions.low, np.float32), np.array(actions.high, np.float32))
+        )
+        super().__init__(environment.count, Box(-np.inf, np.inf, size, np.float32), space)
 
     def reset(self) -> Single:
         """The first observations, (N, D)."""
         return self._environment.reset().astype(np.float32)
 
-    def step_async(self, actions: Integers) -> None:
-        """Take note of the actions (N,)."""
+    def step_async(self, actions: Integers | Array) -> None:
+        """Take note of the actions (N,) or (N, axes)."""
         self._actions = actions
 
     def step_wait(self) -> tuple[Single, Single, NDArray[np.bool_], list[Info]]:
         """Observations (N, D), rewards (N,), whether an episode ended (N,), and an info for each copy."""
         transition = self._environment.step(self._actions)
         infos: list[Info] = [{} for _ in range(self.num_envs)]
-        for row in np.flatnonzero(transition.ended):
+        for row in np.flatnonzero(transition.cut):
             last = transition.arrived[row].astype(np.float32)
-            infos[row] = {"TimeLimit.truncated": True, "terminal_observation": last}
-        observation = transition.observation.astype(np.float32)
-        return observation, transition.reward.astype(np.float32), transition.ended, infos
+            infos[row] = {"TimeLimit.truncated": not transition.terminal[row], "terminal_observation": last}
+        reward = transition.reward * np.where(transition.terminal, self._for_ever, 1)
+        return transition.observation.astype(np.float32), reward.astype(np.float32), transition.cut, infos
 
     def close(self) -> None:
         """Nothing to do."""
@@ -106,4 +114,4 @@ def exported(layers: Iterable[torch.nn.Module], inputs: int, grid: tuple[int, ..
     for layer in linear:
         matrix, bias = layer.weight.detach().numpy(), layer.bias.detach().numpy()
         weights += [matrix if layer is linear[-1] else np.ascontiguousarray(matrix.T), bias]
-    return GreedyPolicy(network, weights).frozen()
+    return GreedyPolicy(network, weights)

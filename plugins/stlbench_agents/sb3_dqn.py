@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
-import torch
 from pydantic import Field
 
-from stlbench.contract import Agent, Environment, Policy, Training
+from stlbench.contract import Environment, Policy
+from stlbench_agents.grid import grid_of
+from stlbench_agents.sb3_agent import SB3Agent, falling
 
 if TYPE_CHECKING:
     from stable_baselines3 import DQN
@@ -20,7 +20,7 @@ Count = Annotated[int, Field(ge=1)]
 Positive = Annotated[float, Field(gt=0)]
 
 
-class SB3DQN(Agent):
+class SB3DQN(SB3Agent):
     """Deep Q-learning as Stable-Baselines3 implements it: a cross-check of `dqn` by code that others wrote."""
 
     def __init__(
@@ -73,7 +73,7 @@ class SB3DQN(Agent):
             "learning_starts": learning_starts,
             "train_freq": 1,
             "gradient_steps": gradient_steps,
-            "learning_rate": lambda left: learning_rate_final * (learning_rate / learning_rate_final) ** left,
+            "learning_rate": falling(learning_rate, learning_rate_final),
             "gamma": gamma,
             "n_steps": n_steps,
             "tau": tau,
@@ -84,50 +84,16 @@ class SB3DQN(Agent):
             "max_grad_norm": max_grad_norm,
         }
 
-    def train(self, training: Training) -> Policy:
-        """Spend the budget; return the greedy policy at its end.
-
-        SB3 seeds and uses the process's global generators (random, NumPy, torch).
-        """
-        torch.set_num_threads(1)
-        torch.set_flush_denormal(True)  # of the whole process: what runs in it later must not see another arithmetic
-        try:
-            return self._train(training)
-        finally:
-            torch.set_flush_denormal(False)
-
-    def _train(self, training: Training) -> Policy:
-        from stlbench_agents.sb3_bridge import Checkpoints, exported
-
-        environment = training.make(self.copies)
-        rounds = max(1, training.steps // (self.copies * environment.hold))
-        model = self.model(environment, training.seed)
-        final: Policy
-
-        def report() -> None:
-            nonlocal final
-            final = exported(model.q_net.q_net, environment.observation_size, environment.actions.shape)
-            training.report(final, model.num_timesteps * environment.hold)
-
-        marks = np.linspace(0, rounds, min(training.checkpoints, rounds) + 1)[1:-1].round().astype(int) * self.copies
-        never = training.steps + 1
-        model.learn(rounds * self.copies, callback=Checkpoints(marks.tolist(), report), log_interval=never)
-        return final
-
     def model(self, environment: Environment, seed: int) -> DQN:
-        """SB3's model, untrained; silent, and nothing of it is written to disk."""
+        """SB3's DQN, untrained."""
         from stable_baselines3 import DQN
-        from stable_baselines3.common.logger import Logger
 
-        from stlbench_agents.sb3_bridge import CopiesVecEnv
+        grid_of(environment)
+        made: DQN = self.made(DQN, environment, seed, policy_kwargs={"net_arch": list(self.net_arch)}, **self.options)
+        return made
 
-        model = DQN(
-            "MlpPolicy",
-            CopiesVecEnv(environment),
-            policy_kwargs={"net_arch": list(self.net_arch)},
-            device="cpu",
-            seed=seed % 2**32,
-            **self.options,
-        )
-        model.set_logger(Logger(folder=None, output_formats=[]))
-        return model
+    def exported(self, model: DQN, environment: Environment) -> Policy:
+        """The greedy policy of the Q-network."""
+        from stlbench_agents.sb3_bridge import exported
+
+        return exported(model.q_net.q_net, environment.observation_size, grid_of(environment).shape)

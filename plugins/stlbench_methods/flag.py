@@ -42,17 +42,21 @@ class Flag(RewardMethod):
         )
         self.memory_size, self.scale = len(self._flags.full), self._flags.scale
 
-    def start(self, signals: Array) -> Array:
-        """The flags after the first sample, (N, m); they were 0 before it (1 for the absolute G)."""
+    def start(self, signals: Array, t: Integers) -> Array:
+        """The flags after the first sample, (N, m); they were 0 before it (1 for the absolute G), whenever it is."""
         before = np.tile(self._flags.initial, (len(signals), 1))
-        return self._flags.update(signals, np.zeros(len(signals), dtype=np.int64), before)
+        return self._flags.along(signals[None], t, before)[1]
 
     def step(
         self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
     ) -> tuple[Array, Array]:
         """The reward (N,) for the flags that include s_{t+1}, and those flags (N, m)."""
-        flags = self._flags.update(next_signals, t + 1, memory)
-        return self._flags.reward(flags, t + 1), flags
+        rewards, flags = self._flags.along(next_signals[None], t + 1, memory)
+        return rewards[0], flags
+
+    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        """The same for h steps at once: rewards (h, N) and the flags after the last, (N, m)."""
+        return self._flags.along(samples[1:], t + 1, memory)
 
     def inputs(self, memory: Array) -> Array:
         """Each flag over its full value: in [0, 1]."""

@@ -2,24 +2,42 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import reduce
+from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numba import njit
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Specification
+from stlbench.contract import Array, Integers, Specification, Truth
 
 __all__ = ["AbsoluteFlags", "Flags", "WindowFlags", "is_windowed"]
 
-Truth = NDArray[np.bool_]
 Window = stl.Always | stl.Eventually
+_F, _G, _FG = 0, 1, 2
+_KINDS = {"F": _F, "G": _G, "FG": _FG}
+
+
+class Terms(NamedTuple):
+    """The n terms of a conjunction, for compiled code."""
+
+    kinds: Integers
+    """(n,): `_F`, `_G` or `_FG`."""
+    columns: Integers
+    """(n,): where a term's flag is; the counter of F G follows it."""
+    active: Truth
+    """(n, T + 1): the samples of its interval."""
+    paid: Array
+    """(n, 2): for the flag down and up."""
 
 
 class Flags(ABC):
-    """A set of m flags: their values before the first sample and when full, (m,) each; update; reward."""
+    """A set of m flags: their values before the first sample and when full, (m,) each; how they go on."""
 
     form: str
     initial: Array
@@ -27,12 +45,11 @@ class Flags(ABC):
     scale: float = 1.0
 
     @abstractmethod
-    def update(self, signals: Array, t: Integers, flags: Array) -> Array:
-        """The flags (N, m) after the sample `signals` (N, k) at steps t (N,)."""
+    def along(self, samples: Array, t: Integers, flags: Array) -> tuple[Array, Array]:
+        """Take h samples (h, N, k), the first at steps t (N,), one after the other, from flags (N, m).
 
-    @abstractmethod
-    def reward(self, flags: Array, t: Integers) -> Array:
-        """What is paid (N,) for flags that include the sample at t."""
+        Returns what is paid at each sample (h, N), for flags that include it, and the flags after the last (N, m).
+        """
 
 
 class WindowFlags(Flags):
@@ -42,27 +59,20 @@ class WindowFlags(Flags):
 
     def __init__(self, formula: stl.Formula, specification: Specification, beta: float) -> None:
         assert isinstance(formula, Window)
-        self._outer_f, self._beta, self._phi = isinstance(formula, stl.Eventually), beta, formula.arg
-        self._windows = list(_leaves(formula.arg))
-        self._holds = [specification.holds(window.arg) for window in self._windows]
-        self.full = np.array([window.b + 1.0 for window in self._windows])
+        windows = list(_leaves(formula.arg))
+        self._holds = [specification.holds(window.arg) for window in windows]
+        self._eventually = np.array([isinstance(window, stl.Eventually) for window in windows])
+        self._combined = _combined(formula.arg, itertools.count())
+        self._paid = _paid(isinstance(formula, stl.Eventually), beta)
+        self.full = np.array([window.b + 1.0 for window in windows])
         self.initial = np.zeros_like(self.full)
 
-    def update(self, signals: Array, t: Integers, flags: Array) -> Array:
-        """Each counter one sample on."""
-        after = np.empty_like(flags)
-        for i, (window, holds) in enumerate(zip(self._windows, self._holds, strict=True)):
-            count = _count_eventually if isinstance(window, stl.Eventually) else _count_always
-            after[:, i] = count(flags[:, i], holds(signals), self.full[i])
-        return after
-
-    def reward(self, flags: Array, t: Integers) -> Array:
+    def along(self, samples: Array, t: Integers, flags: Array) -> tuple[Array, Array]:
         """F[0,w] is satisfied iff its counter is positive, G[0,w] iff its counter is full."""
-        verdicts = iter(
-            flags[:, i] > 0 if isinstance(window, stl.Eventually) else flags[:, i] == self.full[i]
-            for i, window in enumerate(self._windows)
-        )
-        return _paid(_combined(self._phi, verdicts).astype(np.float64), self._outer_f, self._beta)
+        after = flags.copy()
+        verdicts = _truths(self._holds, samples)
+        _count(verdicts, self._eventually, self.full, after)
+        return self._paid[self._combined(verdicts).view(np.int8)], after
 
 
 class AbsoluteFlags(Flags):
@@ -71,37 +81,28 @@ class AbsoluteFlags(Flags):
     form = "absolute intervals (extension)"
 
     def __init__(self, specification: Specification, beta: float) -> None:
-        self._beta, self._terms = beta, specification.terms
-        initial, full, self._columns = list[float](), list[float](), list[int]()
-        for term in self._terms:
-            self._columns.append(len(full))
+        terms = specification.terms
+        initial, full, columns = list[float](), list[float](), list[int]()
+        for term in terms:
+            columns.append(len(full))
             initial += {"F": [0.0], "G": [1.0], "FG": [0.0, 0.0]}[term.kind]
             full += [1.0, term.b - term.c2 + 1.0] if term.kind == "FG" else [1.0]
-        self._holds = [specification.holds(term.psi) for term in self._terms]
-        self._outer_f = np.array([term.kind != "G" for term in self._terms])
-        self.initial, self.full = np.array(initial), np.array(full)
+        self._holds = [specification.holds(term.psi) for term in terms]
         t = np.arange(specification.steps + 1)
-        self._active = np.stack([(term.start <= t) & (t <= term.end) for term in self._terms], axis=1)
-        self.scale = float(self._active.sum(axis=1).max())
+        active = np.array([(term.start <= t) & (t <= term.end) for term in terms])
+        self._terms = Terms(
+            np.array([_KINDS[term.kind] for term in terms]),
+            np.array(columns),
+            active,
+            np.array([_paid(term.kind != "G", beta) for term in terms]),
+        )
+        self.initial, self.full = np.array(initial), np.array(full)
+        self.scale = float(active.sum(axis=0).max())
 
-    def update(self, signals: Array, t: Integers, flags: Array) -> Array:
-        """Latch F, drop G, count and latch F G, each on its own interval alone."""
-        after, active = flags.copy(), self._active[t]
-        for i, (term, holds, at) in enumerate(zip(self._terms, self._holds, self._columns, strict=True)):
-            now, true = active[:, i], holds(signals)
-            if term.kind == "G":
-                after[now & ~true, at] = 0
-            elif term.kind == "F":
-                after[now & true, at] = 1
-            else:
-                after[:, at + 1] = np.where(now, _count_always(flags[:, at + 1], true, self.full[at + 1]), 0)
-                after[after[:, at + 1] == self.full[at + 1], at] = 1
-        return after
-
-    def reward(self, flags: Array, t: Integers) -> Array:
-        """The sum over the terms on whose interval t lies."""
-        paid = np.where(self._active[t], _paid(flags[:, self._columns], self._outer_f, self._beta), 0)
-        return np.asarray(paid.sum(axis=1))
+    def along(self, samples: Array, t: Integers, flags: Array) -> tuple[Array, Array]:
+        """Latch F, drop G, count and latch F G, each on its own interval alone; pay the sum of those on whose it is."""
+        after = flags.copy()
+        return _latch(_truths(self._holds, samples), self._terms, self.full, t, after), after
 
 
 def is_windowed(formula: stl.Formula) -> bool:
@@ -122,24 +123,69 @@ def _leaves(phi: stl.Formula) -> Iterator[Window]:
         yield phi  # type: ignore[misc]  # checked by is_windowed
 
 
-def _combined(phi: stl.Formula, verdicts: Iterator[Truth]) -> Truth:
-    """The and/or of the leaves' verdicts, given in order of appearance."""
+def _combined(phi: stl.Formula, leaf: Iterator[int]) -> Callable[[Truth], Truth]:
+    """The and/or as a function of its leaves' verdicts (m, ...), in order of appearance; `leaf` counts them."""
     if not isinstance(phi, stl.And | stl.Or):
-        return next(verdicts)
+        return itemgetter(next(leaf))
     combine = np.logical_and if isinstance(phi, stl.And) else np.logical_or
-    return reduce(combine, [_combined(arg, verdicts) for arg in phi.args])
+    parts = [_combined(arg, leaf) for arg in phi.args]
+    return lambda verdicts: reduce(combine, [part(verdicts) for part in parts])
 
 
-def _count_eventually(flag: Array, holds: Truth, full: float) -> Array:
-    """Full at a sample where psi holds, one less at each other: positive iff psi held among the last `full`."""
-    return np.where(holds, full, np.maximum(flag - 1, 0))
+def _truths(predicates: Sequence[Callable[[Array], Truth]], samples: Array) -> Truth:
+    """Which predicates hold at the samples (h, N, k): (number of predicates, h, N)."""
+    truths = np.empty((len(predicates), *samples.shape[:2]), dtype=np.bool_)
+    for i, holds in enumerate(predicates):
+        truths[i] = holds(samples)
+    return truths
 
 
-def _count_always(flag: Array, holds: Truth, full: float) -> Array:
-    """One more at each sample where psi holds, 0 at any other: full iff psi held at each of the last `full`."""
-    return np.where(holds, np.minimum(flag + 1, full), 0)
+@njit(cache=True)
+def _count(truths: Truth, eventually: Truth, full: Array, flags: Array) -> None:
+    """Counters (N, m) of windows go on by h samples; `truths` (m, h, N) become the windows' verdicts after each.
+
+    F: full at a sample where psi holds, one less at each other; positive iff psi held among the last `full`.
+    G: one more at each sample where psi holds, 0 at any other; full iff psi held at each of the last `full`.
+    """
+    for i in range(truths.shape[0]):
+        for sample in range(truths.shape[1]):
+            for row in range(truths.shape[2]):
+                flag, holds = flags[row, i], truths[i, sample, row]
+                if eventually[i]:
+                    flag = full[i] if holds else max(flag - 1, 0.0)
+                    truths[i, sample, row] = flag > 0
+                else:
+                    flag = min(flag + 1, full[i]) if holds else 0.0
+                    truths[i, sample, row] = flag == full[i]
+                flags[row, i] = flag
 
 
-def _paid(sat: Array, outer_f: bool | Truth, beta: float) -> Array:
-    """exp(beta (sat - 1)) for F, -exp(-beta sat) for G."""
-    return np.where(outer_f, np.exp(beta * (sat - 1)), -np.exp(-beta * sat))
+@njit(cache=True)
+def _latch(truths: Truth, terms: Terms, full: Array, t: Integers, flags: Array) -> Array:
+    """Flags (N, m) of terms with absolute intervals go on by h samples, the first at steps t (N,): paid (h, N)."""
+    count, held, rows = truths.shape
+    rewards = np.zeros((held, rows))
+    for i in range(count):
+        kind, at = terms.kinds[i], terms.columns[i]
+        for sample in range(held):
+            for row in range(rows):
+                if not terms.active[i, t[row] + sample]:
+                    if kind == _FG:
+                        flags[row, at + 1] = 0
+                    continue
+                holds = truths[i, sample, row]
+                if kind == _G:
+                    flags[row, at] = flags[row, at] if holds else 0
+                elif kind == _F:
+                    flags[row, at] = 1 if holds else flags[row, at]
+                else:
+                    flags[row, at + 1] = min(flags[row, at + 1] + 1, full[at + 1]) if holds else 0
+                    if flags[row, at + 1] == full[at + 1]:
+                        flags[row, at] = 1
+                rewards[sample, row] += terms.paid[i, int(flags[row, at])]
+    return rewards
+
+
+def _paid(outer_f: bool, beta: float) -> Array:
+    """What is paid for sat = 0 and for sat = 1: exp(beta (sat - 1)) for F, -exp(-beta sat) for G."""
+    return np.array([math.exp(-beta), 1.0] if outer_f else [-1.0, -math.exp(-beta)])

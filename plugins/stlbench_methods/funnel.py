@@ -84,6 +84,7 @@ class Funnel(RewardMethod):
         self.active = active_table(terms, specification.steps, activity)
         rewards = [self._term_reward(term, curve, shape) for term, curve in zip(terms, self.curves, strict=True)]
         self._least = least_active(rewards, self.active)
+        self._steps = np.arange(specification.steps + 1)[:, None]
         self._clip = shape == "clipped"
         widest = max(curve.gamma_0 for curve in self.curves)
         self.scale = math.log1p(widest / ginf) if shape == "normalised" else widest
@@ -92,8 +93,13 @@ class Funnel(RewardMethod):
         self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
     ) -> tuple[Array, Array]:
         """r'(s_{t+1}, t + 1): (N,) in the unit of the predicates. No memory."""
-        reward = self._least(next_signals, t + 1)
-        return (np.minimum(reward, 0.0) if self._clip else reward), memory
+        rewards, memory = self.along(np.stack([signals, next_signals]), action, t, memory)
+        return rewards[0], memory
+
+    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        """The same for h steps at once: (h, N)."""
+        rewards = self._least(samples[1:], t + self._steps[1 : len(samples)])
+        return (np.minimum(rewards, 0.0) if self._clip else rewards), memory
 
     def describe(self) -> Mapping[str, Any]:
         """Each term's funnel."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from stlbench.contract import Array, Integers, RewardMethod, Specification
 from stlbench_methods.schedule import Activity, active_table, least_active, timeless
 
@@ -22,6 +24,7 @@ class Raw(RewardMethod):
         super().__init__(specification)
         terms = specification.terms
         self.scale = max(high - low for low, high in map(specification.range, (term.psi for term in terms)))
+        self._steps = np.arange(specification.steps + 1)[:, None]
         margins = [timeless(specification.margin(term.psi)) for term in terms]
         self._reward = least_active(margins, active_table(terms, specification.steps, activity))
 
@@ -30,3 +33,7 @@ class Raw(RewardMethod):
     ) -> tuple[Array, Array]:
         """rho of the active terms at s_{t+1}: (N,) in the unit of the predicates. No memory."""
         return self._reward(next_signals, t + 1), memory
+
+    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        """The same for h steps at once: (h, N)."""
+        return self._reward(samples[1:], t + self._steps[1 : len(samples)]), memory

@@ -6,15 +6,14 @@ from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stlbench.contract import Array, Integers
+from stlbench.contract import Array, Integers, Truth
 from stlbench.stl import Term
 
 __all__ = ["Activity", "Value", "active_from", "active_table", "least_active", "timeless"]
 
 Value = Callable[[Array, Integers], Array]
-"""A function of signals (N, k) and sample indices (N,), giving (N,)."""
+"""A function of signals (..., k) and sample indices (...), giving (...)."""
 
 Activity = Literal["last-deadline", "literal"]
 """`last-deadline`: term i is active on (t0_i, end_i], t0_i the latest end of a term that ends at or before term i
@@ -30,7 +29,7 @@ def active_from(terms: Sequence[Term], activity: Activity) -> list[int]:
     return [max((other.end for other in terms if other.end <= term.start), default=0) for term in terms]
 
 
-def active_table(terms: Sequence[Term], steps: int, activity: Activity) -> NDArray[np.bool_]:
+def active_table(terms: Sequence[Term], steps: int, activity: Activity) -> Truth:
     """Whether term i is active at sample t: (number of terms, steps + 1)."""
     t = np.arange(steps + 1)
     if activity == "literal":
@@ -44,24 +43,29 @@ def timeless(value: Callable[[Array], Array]) -> Value:
     return lambda signals, t: value(signals)
 
 
-def least_active(values: Sequence[Value], active: NDArray[np.bool_]) -> Value:
+def least_active(values: Sequence[Value], active: Truth) -> Value:
     """The minimum of the active terms' values, and 0 where no term is active (Algorithm 1, read consistently).
 
     Args:
         values: one a term.
         active: (number of terms, steps + 1), see `active_table`.
     """
+    if len(values) == 1 and active.all():
+        return values[0]
+    idle = np.asarray(~active.any(axis=0))
+    ever_idle = bool(idle.any())
 
-    always = values[0] if len(values) == 1 and active.all() else None
-
-    def least(signals: Array, t: Integers) -> Array:
-        if always is not None:
-            return always(signals, t)
-        reward = np.full(len(signals), np.inf)
+    def reward(signals: Array, t: Integers) -> Array:
+        least: Array | None = None
         for value, mask in zip(values, active, strict=True):
             now = mask[t]
-            if now.any():
-                reward = np.where(now, np.minimum(reward, value(signals, t)), reward)
-        return np.where(np.isinf(reward), 0.0, reward)
+            rows = np.count_nonzero(now)
+            if rows:
+                term = value(signals, t)
+                term = term if rows == t.size else np.where(now, term, np.inf)
+                least = term if least is None else np.minimum(least, term)
+        if least is None:
+            return np.zeros(t.shape)
+        return np.where(idle[t], 0.0, least) if ever_idle else least
 
-    return least
+    return reward

@@ -47,17 +47,19 @@ class TauMdp(RewardMethod):
         self.memory_size = self.tau * len(specification.signals)
         if self.memory_size > specification.input_limit:
             raise Intractable(f"needs {self.memory_size} inputs, limit {specification.input_limit}")
-        self._form, self._sign = form, 1.0 if self.outer == "F" else -1.0
+        self._sign = 1.0 if self.outer == "F" else -1.0
         low, high = _range(self.phi, specification)
         if form == "robustness" and high <= 0:
             raise Unsuitable(f"tau-mdp: {self.phi} cannot be satisfied robustly, its rho_max is {high:.4g}")
+        compiled = stl.holds_trace if form == "probability" else stl.margin_trace
+        self._value = compiled(self.phi, specification.signals)
         self._beta = self._sign * (beta if form == "probability" else beta / high)
         extremes = (0.0, 1.0) if form == "probability" else (low, high)
         self.scale = float(max(np.exp(self._beta * value) for value in extremes))
         self._middle = np.tile((np.array(specification.high) + specification.low) / 2, self.tau)
         self._half = np.tile((np.array(specification.high) - specification.low) / 2, self.tau)
 
-    def start(self, signals: Array) -> Array:
+    def start(self, signals: Array, t: Integers) -> Array:
         """z_0: tau copies of s_0."""
         return np.tile(signals, self.tau)
 
@@ -65,14 +67,16 @@ class TauMdp(RewardMethod):
         self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
     ) -> tuple[Array, Array]:
         """The reward (N,), in exp(1), of the history that ends in s_{t+1}; that history (N, tau k), oldest first."""
-        history = np.concatenate([memory[:, signals.shape[1] :], next_signals], axis=1)
-        window = history.reshape(len(history), self.tau, -1)
-        names = self.specification.signals
-        if self._form == "probability":
-            value = stl.satisfied(self.phi, window, names).astype(np.float64)
-        else:
-            value = stl.robustness(self.phi, window, names)
-        return self._sign * np.exp(self._beta * value), history
+        rewards, history = self.along(np.stack([signals, next_signals]), action, t, memory)
+        return rewards[0], history
+
+    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        """The same for h steps at once: rewards (h, N) of the histories in z_t and what follows, and the last one."""
+        rows = len(memory)
+        history = memory.reshape(rows, self.tau, -1)
+        path = np.concatenate([history[:, 1:], samples[1:].transpose(1, 0, 2)], axis=1)  # (N, tau - 1 + h, k)
+        rewards = self._sign * np.exp(self._beta * self._value(path))
+        return rewards.T, path[:, -self.tau :].reshape(rows, -1)
 
     def inputs(self, memory: Array) -> Array:
         """The history, each signal's range scaled to [-1, 1]."""

@@ -7,6 +7,7 @@
 
 from .batch_monitor import BatchMonitor, Intervals
 from .bounds import bounds
+from .compiled import holds_trace, margin_trace
 from .errors import (
     FragmentError,
     Position,
@@ -73,9 +74,11 @@ __all__ = [
     "bounds",
     "fragment",
     "holds",
+    "holds_trace",
     "horizon",
     "is_temporal",
     "margin",
+    "margin_trace",
     "parse",
     "robustness",
     "robustness_trace",

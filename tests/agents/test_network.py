@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stlbench.contract import ActionGrid, Array
-from stlbench_agents.engine import Workspace, best_actions
+from stlbench_agents.engine import best_actions
 from stlbench_agents.network import GreedyPolicy, Head, QNetwork, Single
 
 GRID = ActionGrid(("v", "w", "u"), ((-1.0, 0.0, 1.0, 2.0), (5.0, 7.0), (0.0, 1.0, 2.0)))
@@ -52,7 +52,7 @@ def test_the_policy_and_the_engine_choose_the_best_of_an_enumeration_of_all_acti
     assert clear.sum() > ROWS / 2
     assert len(set(q.argmax(axis=1)[clear])) > 5
     policy = GreedyPolicy(network, network.views(flat))
-    compiled = best_actions(flat, network.engine, observation.astype(np.float32), Workspace.of(network.engine, ROWS))
+    compiled = best_actions(flat, network.engine, observation)
     assert np.array_equal(policy.act(observation)[clear], q.argmax(axis=1)[clear])
     assert np.array_equal(compiled[clear], q.argmax(axis=1)[clear])
 
@@ -90,13 +90,14 @@ def test_the_engine_finds_each_layer_where_the_views_have_it(head: Head, net_arc
 
 
 @pytest.mark.parametrize("head", HEADS)
-def test_a_frozen_policy_does_not_change_with_the_weights(head: Head) -> None:
+def test_a_policy_does_not_change_with_the_weights_it_was_made_of(head: Head) -> None:
     network, flat, observation = made(head)
-    live = GreedyPolicy(network, network.views(flat))
-    frozen, before = live.frozen(), live.act(observation)
+    policy = GreedyPolicy(network, network.views(flat))
+    before = policy.act(observation)
+    assert all(np.array_equal(*pair) for pair in zip(policy.weights, network.views(flat), strict=True))
     flat *= -1
-    assert np.array_equal(frozen.act(observation), before)
-    assert not np.array_equal(live.act(observation), before)
+    assert np.array_equal(policy.act(observation), before)
+    assert not np.array_equal(GreedyPolicy(network, network.views(flat)).act(observation), before)
 
 
 @pytest.mark.parametrize("head", HEADS)

@@ -5,11 +5,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stlbench.contract import Transition
+from stlbench.contract import Array, Transition, Truth
 from stlbench_agents.replay import Batch, Replay
 
 EPISODE = 4
 """Decisions an episode, in the histories below."""
+
+
+def came(
+    arrived: Array, reward: Array, cut: Truth, ended: Truth | None = None, terminal: Truth | None = None
+) -> Transition:
+    """Where nothing is said of `ended` it is `cut`; nothing is terminal."""
+    ended = cut if ended is None else ended
+    return Transition(
+        observation=arrived,
+        reward=reward,
+        arrived=arrived,
+        cut=cut,
+        ended=ended,
+        terminal=np.zeros_like(cut) if terminal is None else terminal,
+    )
 
 
 def filled(steps: int, rows: int, copies: int, n_steps: int, gamma: float) -> Replay:
@@ -24,27 +39,20 @@ def filled(steps: int, rows: int, copies: int, n_steps: int, gamma: float) -> Re
         ended = (t + copy) % EPISODE == EPISODE - 1
         arrived = np.stack([np.full(copies, t + 1.0), copy], axis=1)
         reward = 2.0 ** (t % EPISODE) * 10.0**copy
-        replay.add(
-            np.stack([np.full(copies, float(t)), copy], axis=1),
-            7 * t + copy,
-            Transition(arrived, reward, arrived, ended),
-        )
+        replay.add(np.stack([np.full(copies, float(t)), copy], axis=1), 7 * t + copy, came(arrived, reward, ended))
     return replay
 
 
 def drawn(replay: Replay, batch: int = 4000) -> Batch:
-    return replay.sample(np.random.default_rng(0), batch)
+    return replay.batch(replay.draw(np.random.default_rng(0), 1, batch)[0])
 
 
-def sample_of(batch: Batch, t: int, copy: int) -> tuple[float, list[float], float, bool]:
-    """Return, arrived, discount and end of the samples that begin at (t, copy), which must all be equal."""
+def sample_of(batch: Batch, t: int, copy: int) -> tuple[float, list[float], float]:
+    """Return, arrived and discount of the samples that begin at (t, copy), which must all be equal."""
     rows = np.flatnonzero((batch.observation == [t, copy]).all(axis=1))
-    found = {
-        (float(batch.returns[i]), tuple(batch.arrived[i].tolist()), float(batch.discount[i]), bool(batch.ended[i]))
-        for i in rows
-    }
-    ((returns, arrived, discount, ended),) = found
-    return returns, list(arrived), discount, ended
+    found = {(float(batch.returns[i]), tuple(batch.arrived[i].tolist()), float(batch.discount[i])) for i in rows}
+    ((returns, arrived, discount),) = found
+    return returns, list(arrived), discount
 
 
 def test_three_step_returns_by_hand() -> None:
@@ -54,19 +62,19 @@ def test_three_step_returns_by_hand() -> None:
     after two rewards, with 1/4. From 3: 8, with 1/2. From 4 as from 0. From 5 as from 1.
     """
     batch = drawn(filled(8, rows=20, copies=1, n_steps=3, gamma=0.5))
-    assert sample_of(batch, 0, 0) == (3, [3, 0], 1 / 8, False)
-    assert sample_of(batch, 1, 0) == (6, [4, 0], 1 / 8, True)
-    assert sample_of(batch, 2, 0) == (8, [4, 0], 1 / 4, True)
-    assert sample_of(batch, 3, 0) == (8, [4, 0], 1 / 2, True)
-    assert sample_of(batch, 4, 0) == (3, [7, 0], 1 / 8, False)
-    assert sample_of(batch, 5, 0) == (6, [8, 0], 1 / 8, True)
+    assert sample_of(batch, 0, 0) == (3, [3, 0], 1 / 8)
+    assert sample_of(batch, 1, 0) == (6, [4, 0], 1 / 8)
+    assert sample_of(batch, 2, 0) == (8, [4, 0], 1 / 4)
+    assert sample_of(batch, 3, 0) == (8, [4, 0], 1 / 2)
+    assert sample_of(batch, 4, 0) == (3, [7, 0], 1 / 8)
+    assert sample_of(batch, 5, 0) == (6, [8, 0], 1 / 8)
     assert set(batch.observation[:, 0]) == {0, 1, 2, 3, 4, 5}
 
 
 def test_one_step_returns() -> None:
     batch = drawn(filled(6, rows=20, copies=2, n_steps=1, gamma=0.5))
-    assert sample_of(batch, 2, 1) == (40, [3, 1], 0.5, True)
-    assert sample_of(batch, 2, 0) == (4, [3, 0], 0.5, False)
+    assert sample_of(batch, 2, 1) == (40, [3, 1], 0.5)
+    assert sample_of(batch, 2, 0) == (4, [3, 0], 0.5)
     assert set(batch.action[(batch.observation == [5, 1]).all(axis=1)]) == {36}
 
 
@@ -86,10 +94,10 @@ def test_every_sample_is_a_piece_of_the_history_and_all_are_equally_likely(
         while used < n_steps:
             returns += gamma**used * 2.0 ** ((t + used) % EPISODE) * 10.0**copy
             used += 1
-            if ended := (t + used - 1 + copy) % EPISODE == EPISODE - 1:
+            if (t + used - 1 + copy) % EPISODE == EPISODE - 1:
                 break
-        expected = (pytest.approx(returns), [t + used, copy], pytest.approx(gamma**used), ended)
-        assert (batch.returns[i], batch.arrived[i].tolist(), batch.discount[i], batch.ended[i]) == expected
+        expected = (pytest.approx(returns), [t + used, copy], pytest.approx(gamma**used))
+        assert (batch.returns[i], batch.arrived[i].tolist(), batch.discount[i]) == expected
     beginnings = range(max(0, steps - rows), steps - n_steps + 1)
     pairs, often = np.unique(batch.observation, axis=0, return_counts=True)
     assert pairs.tolist() == [[t, copy] for t in beginnings for copy in range(copies)]
@@ -103,10 +111,102 @@ def test_it_is_ready_when_it_holds_one_window() -> None:
 
 
 def test_what_was_stored_does_not_change_with_the_callers_arrays() -> None:
-    replay, observation = Replay(4, 1, 2, 1, 0.9), np.array([[1.0, 2.0]])
-    reward, ended = np.array([3.0]), np.array([False])
-    replay.add(observation, np.array([5]), Transition(observation, reward, observation, ended))
-    observation[:], reward[:], ended[:] = 0, 0, True
+    replay, observation = Replay(4, 1, 2, 1, 0.5), np.array([[1.0, 2.0]])
+    action, reward, cut = np.array([5]), np.array([3.0]), np.array([False])
+    replay.add(observation, action, came(observation, reward, cut))
+    observation[:], action[:], reward[:], cut[:] = 0, 0, 0, True
     batch = drawn(replay, 1)
     assert batch.observation.tolist() == batch.arrived.tolist() == [[1, 2]]
-    assert (batch.returns[0], batch.ended[0]) == (3, False)
+    assert (batch.action[0], batch.returns[0], batch.discount[0]) == (5, 3, 0.5)
+
+
+def one_copy(kinds: str, n_steps: int = 3, gamma: float = 0.5, weight: float = 1.0, limit: bool = False) -> Batch:
+    """All windows into steps of one copy, a letter each: - goes on, c cut, e ended, t terminal; rewards 1 2 4 8 ...
+
+    What step i arrives at is (i + 1).
+    """
+    replay = Replay(len(kinds), 1, 1, n_steps, gamma, weight, limit)
+    for i, kind in enumerate(kinds):
+        here, flags = np.array([[float(i)]]), [np.array([kind in which]) for which in ("cet", "et", "t")]
+        replay.add(here, np.array([i]), came(here + 1, np.array([2.0**i]), *flags))
+    return replay.batch(np.arange(len(kinds) - n_steps + 1))
+
+
+@pytest.mark.parametrize(
+    ("kinds", "returns", "arrived", "discount"),
+    [
+        # nothing stops: 1 + 2/2 + 4/4, 2 + 4/2 + 8/4, 4 + 8/2 + 16/4
+        ("-----", [3, 6, 12], [3, 4, 5], [1 / 8, 1 / 8, 1 / 8]),
+        # a phase boundary after step 1: 1 + 2/2 and 2, with the value of what step 1 arrived at
+        ("-c---", [2, 2, 12], [2, 2, 5], [1 / 4, 1 / 2, 1 / 8]),
+        # the time limit there: the same
+        ("-e---", [2, 2, 12], [2, 2, 5], [1 / 4, 1 / 2, 1 / 8]),
+        # a violation there: 2 is worth 2 / (1 - 1/2) = 4, so 1 + 4/2 and 4, and nothing beyond
+        ("-t---", [3, 4, 12], [2, 2, 5], [0, 0, 1 / 8]),
+        # after step 2, the last of the first window: 1 + 2/2 + 8/4, 2 + 8/2, 8
+        ("--t--", [4, 6, 8], [3, 3, 3], [0, 0, 0]),
+        # one at the first and another at the third: 1, 2 + 4/2, 4
+        ("c-c--", [1, 4, 4], [1, 3, 3], [1 / 2, 1 / 4, 1 / 2]),
+    ],
+)
+def test_returns_that_stop(kinds: str, returns: list[float], arrived: list[float], discount: list[float]) -> None:
+    batch = one_copy(kinds)
+    assert (batch.returns.tolist(), batch.discount.tolist()) == (returns, discount)
+    assert batch.arrived[:, 0].tolist() == arrived
+
+
+def test_one_step_returns_that_stop() -> None:
+    batch = one_copy("-cet-", n_steps=1)
+    assert batch.returns.tolist() == [1, 2, 4, 16, 16]
+    assert batch.discount.tolist() == [0.5, 0.5, 0.5, 0, 0.5]
+
+
+def test_where_the_time_limit_is_terminal_nothing_follows_any_end_but_a_cut_still_bootstraps() -> None:
+    """The reward at the time limit counts once, that of a violation for ever."""
+    batch = one_copy("-cet-", n_steps=1, limit=True)
+    assert batch.returns.tolist() == [1, 2, 4, 16, 16]
+    assert batch.discount.tolist() == [0.5, 0.5, 0, 0, 0.5]
+
+
+def test_without_a_discount_the_reward_of_a_violation_counts_once() -> None:
+    batch = one_copy("-t-", n_steps=2, gamma=1)
+    assert (batch.returns.tolist(), batch.discount.tolist()) == ([3, 2], [0, 0])
+
+
+def test_the_weight_multiplies_every_reward_and_no_discount() -> None:
+    batch = one_copy("--t--", weight=10)
+    assert (batch.returns.tolist(), batch.discount.tolist()) == ([40, 60, 80], [0, 0, 0])
+    assert one_copy("-----", weight=10).returns.tolist() == [30, 60, 120]
+
+
+def test_a_place_in_the_ring_that_was_terminal_is_forgotten_when_it_is_written_again() -> None:
+    replay, here = Replay(2, 1, 1, 1, 0.5), np.zeros((1, 1))
+    for yes in (True, True, False, False):
+        flag = np.array([yes])
+        replay.add(here, np.array([0]), came(here, np.ones(1), flag, flag, flag))
+    batch = replay.batch(np.arange(2))
+    assert (batch.returns.tolist(), batch.discount.tolist()) == ([1, 1], [0.5, 0.5])
+
+
+def test_copies_stop_each_by_itself() -> None:
+    """gamma = .5, n = 2, rewards 1 everywhere: copy 0 goes on, copy 1 is cut, copy 2 is lost at the first step."""
+    replay, here, one = Replay(3, 3, 1, 2, 0.5), np.zeros((3, 1)), np.ones(3)
+    nothing = np.zeros(3, np.bool_)
+    replay.add(here, np.arange(3), came(here, one, *np.array([[0, 1, 1], [0, 0, 1], [0, 0, 1]], np.bool_)))
+    replay.add(here, np.arange(3), came(here, one, nothing))
+    batch = replay.batch(np.arange(3))
+    assert batch.returns.tolist() == [1.5, 1, 2]
+    assert batch.discount.tolist() == [0.25, 0.5, 0]
+
+
+def test_updates_of_one_lock_step_draw_different_rows() -> None:
+    first = filled(8, rows=20, copies=2, n_steps=1, gamma=0.5).draw(np.random.default_rng(0), 3, 50)
+    assert first.shape == (3, 50)
+    assert len({row.tobytes() for row in first}) == 3
+
+
+def test_actions_that_are_vectors() -> None:
+    replay, here, nothing = Replay(4, 2, 1, 1, 0.5, axes=3), np.zeros((2, 1)), np.zeros(2, np.bool_)
+    for i in range(4):
+        replay.add(here, i + np.array([[0, 0.5, 1], [10, 10.5, 11]]), came(here, np.ones(2), nothing))
+    assert replay.batch(np.array([5, 0])).action.tolist() == [[12, 12.5, 13], [0, 0.5, 1]]

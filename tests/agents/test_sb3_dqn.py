@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from line import Probe, line
 from stable_baselines3.common.vec_env import VecEnv
 
 from stlbench import problem
-from stlbench.contract import Policy, Training
+from stlbench.contract import Policy, Training, Unsuitable
 from stlbench.environment import BatchEnvironment
 from stlbench.trial import build_agent, build_method
+from stlbench_agents.grid import grid_of
 from stlbench_agents.network import GreedyPolicy
 from stlbench_agents.sb3_bridge import CopiesVecEnv, exported
 from stlbench_agents.sb3_dqn import SB3DQN
@@ -117,7 +119,7 @@ def test_it_is_silent_and_writes_nothing(
 
 def test_the_last_observation_is_bootstrapped_from() -> None:
     """At the time limit SB3 must be told what was seen last, and that this is no terminal state."""
-    copies, twin = CopiesVecEnv(environment(2)), environment(2)
+    copies, twin = CopiesVecEnv(environment(2), 0.5), environment(2)
     assert isinstance(copies, VecEnv)
     np.testing.assert_array_equal(copies.reset(), twin.reset().astype(np.float32))
     action = np.array([266, 0])
@@ -149,6 +151,28 @@ def test_sb3s_replay_takes_no_time_limit_for_the_end_of_the_task() -> None:
     assert sample.discounts is not None
     np.testing.assert_allclose(sample.discounts.numpy(), 0.25)
     np.testing.assert_allclose(sample.next_observations.numpy()[:, 4], 1)
+
+
+def test_a_violation_is_paid_for_ever_and_a_cut_goes_on() -> None:
+    """From x = 0, up by 1 m a decision: a boundary at t = 4; x <= 2 is lost at t = 6, for -0.5 / (1 - gamma)."""
+    training = {"starts": {"box": {"x": 0}}, "cuts": [4], "violation": -0.5}
+    task = line(hold=2, formula="G[0,6] (x <= 2)", training=training)
+    copies = CopiesVecEnv(BatchEnvironment(task, Probe(task.specification), 1, seed=0), 0.9)
+    copies.reset()
+    steps = [copies.step(np.array([2])) for _ in range(3)]
+    assert [bool(done[0]) for _, _, done, _ in steps] == [False, True, True]
+    assert [info[0].get("TimeLimit.truncated") for *_, info in steps] == [None, True, False]
+    assert steps[1][0].tolist() == [[2, 4, 0]]  # the episode goes on, and is valued as if it were still t = 2
+    assert steps[1][3][0]["terminal_observation"].tolist() == [2, 2, -0.5]
+    assert steps[2][1].tolist() == pytest.approx([-5])
+    assert steps[2][0].tolist() == [[0, 0, -1]]
+
+
+def test_continuous_actions_are_refused() -> None:
+    task = line(actions={"v": {"low": -1, "high": 1}})
+    environment = BatchEnvironment(task, Probe(task.specification), 1, seed=0)
+    with pytest.raises(Unsuitable, match="the task's actions v are continuous, and this agent chooses from a grid"):
+        grid_of(environment)
 
 
 def test_the_learning_rate_falls_geometrically() -> None:

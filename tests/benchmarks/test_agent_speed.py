@@ -13,7 +13,6 @@ from stlbench import problem
 from stlbench.environment import BatchEnvironment
 from stlbench.trial import build_method
 from stlbench_agents.dqn import DQN, Learner
-from stlbench_agents.replay import Replay
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, group="agent")
 
@@ -37,12 +36,12 @@ def test_update(race: Race, recipe: str, width: int) -> None:
         head="additive" if recipe == "additive" else "joint",
         **(plain if recipe == "joint_plain" else {}),
     )
-    learner, replay, _ = _trained(agent)
+    learner, _ = _trained(agent)
     generator = np.random.default_rng(0)
 
     def updates() -> None:
         for _ in range(REPEATS):
-            learner.update(replay.sample(generator, agent.batch_size))
+            learner.update(learner.replay.draw(generator, 1, agent.batch_size))
 
     times = race.run(updates, {})["ours"]
     race.note(**{f"update_{recipe}_{width}_microseconds": [each / REPEATS * 1e6 for each in times]})
@@ -50,28 +49,27 @@ def test_update(race: Race, recipe: str, width: int) -> None:
 
 @pytest.mark.parametrize("rows", [1, 16, 64])
 def test_acting(race: Race, rows: int) -> None:
-    """Microseconds of one call of the policy of hold-disc's recipe."""
-    learner, _, observation = _trained(DQN(net_arch=(64, 64), head="additive"))
-    some = np.resize(observation, (rows, observation.shape[1]))
+    """Microseconds of one choice of actions, exploration included, by hold-disc's recipe."""
+    learner, observation = _trained(DQN(net_arch=(64, 64), head="additive"))
+    some, generator = np.resize(observation, (rows, observation.shape[1])), np.random.default_rng(0)
 
     def acts() -> None:
         for _ in range(REPEATS):
-            learner.policy.act(some)
+            learner.act(some, 0.05, generator)
 
     times = race.run(acts, {})["ours"]
     race.note(**{f"act_{rows}_microseconds": [each / REPEATS * 1e6 for each in times]})
 
 
-def _trained(agent: DQN) -> tuple[Learner, Replay, Any]:
+def _trained(agent: DQN) -> tuple[Learner, Any]:
     """A learner with a thousand lock-steps of hold-disc in its replay, and an observation."""
     entry = problem.load("hold-disc")
     environment = BatchEnvironment(entry, build_method(entry, "funnel"), COPIES, seed=0)
     learner = Learner(agent, environment, 0, 100_000)
-    replay = Replay(1000, COPIES, environment.observation_size, agent.n_steps, agent.gamma)
     generator, observation = np.random.default_rng(0), environment.reset()
     for _ in range(1000):
         action = generator.integers(entry.actions.size, size=COPIES)
         came = environment.step(action)
-        replay.add(observation, action, came)
+        learner.replay.add(observation, action, came)
         observation = came.observation
-    return learner, replay, observation
+    return learner, observation

@@ -91,7 +91,10 @@ class TestWindows:
 
     def test_the_flag_counts_the_first_sample(self) -> None:
         method = Flag(specification(f"G[0,4] (F[0,2] {P} & G[0,3] {P})", BOX))
-        assert method.start(np.array([[1.0, 0.0], [-1.0, 0.0]])).tolist() == [[3, 1], [0, 0]]
+        assert method.start(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2, dtype=np.int64)).tolist() == [
+            [3, 1],
+            [0, 0],
+        ]
 
     def test_the_nested_form_of_a_task_is_read(self) -> None:
         """G[0,4] G[0,2] p: reward -exp(-beta) from the third p in a row, beta = 50; else -1."""
@@ -126,7 +129,7 @@ class TestAbsoluteIntervals:
     spec = specification(formula, BOX, steps=7)
 
     @given(bits=st.lists(st.booleans(), min_size=16, max_size=16))
-    @settings(max_examples=200)
+    @settings(max_examples=200, deadline=None)
     def test_flags_against_the_definition(self, bits: list[bool]) -> None:
         traces = np.where(bits, 1.0, -1.0).reshape(1, 8, 2)
         _, flags = run(Flag(self.spec), traces)
@@ -166,11 +169,14 @@ class TestAbsoluteIntervals:
         assert inputs.min() == 0
         assert inputs.max(axis=0).tolist() == [1, 1, 1, 1]
         # no interval includes step 0, so the flags are as they were: G true until it fails
-        assert method.start(np.array([[1.0, -1.0]])).tolist() == [[0, 1, 0, 0]]
+        assert method.start(np.array([[1.0, -1.0]]), np.zeros(1, dtype=np.int64)).tolist() == [[0, 1, 0, 0]]
 
     def test_the_first_sample_counts_where_an_interval_includes_it(self) -> None:
         method = Flag(specification(f"F[0,2] {P} & G[0,2] {Q}", BOX))
-        assert method.start(np.array([[1.0, 1.0], [-1.0, -1.0]])).tolist() == [[1, 1], [0, 0]]
+        assert method.start(np.array([[1.0, 1.0], [-1.0, -1.0]]), np.zeros(2, dtype=np.int64)).tolist() == [
+            [1, 1],
+            [0, 0],
+        ]
 
 
 @pytest.mark.parametrize("formula", [f"{P} U[0,3] {Q}", f"F[0,3] {P} | G[0,3] {Q}", f"G[0,3] F[1,2] {P}"])

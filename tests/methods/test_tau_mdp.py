@@ -35,7 +35,10 @@ class TestHistory:
         method = TauMdp(specification(ALWAYS, BOX))
         assert method.tau == 3
         assert method.memory_size == 6
-        assert method.start(np.array([[2.0, 0.5], [1.0, 0.0]])).tolist() == [[2, 0.5] * 3, [1, 0] * 3]
+        assert method.start(np.array([[2.0, 0.5], [1.0, 0.0]]), np.zeros(2, dtype=np.int64)).tolist() == [
+            [2, 0.5] * 3,
+            [1, 0] * 3,
+        ]
 
     def test_it_is_ordered_oldest_first(self) -> None:
         trace = np.array([[[1.0, 0.1], [2.0, 0.2], [3.0, 0.3], [4.0, 0.4]]])

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from controlled import all_starts, trace
 
 from stlbench import problem, starts, stl
 from stlbench.testing import check_task
@@ -64,6 +65,19 @@ def test_it_can_be_satisfied_from_every_start() -> None:
     robustness = stl.robustness(TASK.formula, traces, TASK.signals)
     assert robustness == pytest.approx(1 - radius)
     assert robustness.min() >= 0.1 - 1e-9
+
+
+@pytest.mark.parametrize(("name", "settled"), [("hold-disc", 0.98), ("hold-disc-coarse", 0.97)])
+def test_the_controller_never_leaves_its_start_and_settles_at_the_centre(name: str, settled: float) -> None:
+    """1 - r, the most from a start at radius r, and over steps 100..200 what the grid of speeds leaves of 1."""
+    task = problem.load(name)
+    states = all_starts(task)
+    traces = trace(task, states)
+    best = 1 - np.hypot(states[:, 0] - 2, states[:, 1] - 2)
+    assert stl.robustness(task.formula, traces, task.signals) == pytest.approx(best)
+    tail = task.file.protocols["tail"].formula
+    assert tail is not None
+    assert stl.robustness(task.file.parsed(tail), traces, task.signals).min() > settled
 
 
 @pytest.mark.parametrize("name", ["hold-disc", "hold-disc-coarse"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from controlled import all_starts, trace
 
 from stlbench import problem, starts, stl
 from stlbench.testing import check_task
@@ -39,6 +40,31 @@ def test_it_can_be_satisfied_from_every_start_of_the_referee() -> None:
     assert robustness == pytest.approx(5 - np.minimum(abs(states[:, 0] - 5), abs(states[:, 0] - 45)))
     assert robustness.min() >= 0.2 - 1e-9
     assert {bool(x < 25) for x in states[:, 0]} == {True, False}
+
+
+def test_the_controller_reaches_the_bound_of_every_start() -> None:
+    """5 less the distance of the start from the nearer point: it never goes away from it."""
+    states = all_starts(TASK)
+    traces = trace(TASK, states)
+    best = 5 - np.minimum(abs(states[:, 0] - 5), abs(states[:, 0] - 45))
+    assert stl.robustness(TASK.formula, traces, TASK.signals) == pytest.approx(best)
+    assert abs(traces[:, -1, 0] - np.where(states[:, 0] < 25, 5, 45)).max() <= 0.025 + 1e-9
+
+
+def test_the_controller_goes_to_the_nearer_point_as_fast_as_it_may() -> None:
+    """.2 off: 2 m/s for a tenth of a second."""
+    state = np.array([[24.0], [26.0], [5.2]])
+    action = TASK.system.controller(state, np.zeros(3, dtype=np.int64))
+    assert action is not None
+    assert action == pytest.approx(np.array([[-3.0], [3.0], [-2.0]]))
+
+
+def test_the_controller_reaches_a_point_from_between() -> None:
+    reach = TASK.file.protocols["reach"]
+    assert reach.formula is not None
+    assert reach.initial is not None
+    traces = trace(TASK, starts.grid(reach.initial, reach.starts))
+    assert stl.robustness(TASK.file.parsed(reach.formula), traces, TASK.signals).min() > 4.97
 
 
 def test_training_starts_between_the_goals_too_and_reach_measures_them() -> None:

@@ -9,3 +9,5 @@ __all__ = ["HoldDiscCoarse"]
 
 class HoldDiscCoarse(HoldDisc):
     """Comparative study at 0.1 s, the sampling time of the authors' program, where the paper says 0.01 s."""
+
+    turn_step = 0.75

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stlbench.contract import Array, Integers, System
+from stlbench_tasks.steering import nearest
 
 __all__ = ["IntegratorOr"]
 
@@ -26,3 +27,7 @@ class IntegratorOr(System):
         """Position from the middle between the goals over 20, and from each goal as tanh over 3: (N, 3)."""
         x = state[:, 0]
         return np.stack([(x - 25) / 20, np.tanh((x - 5) / 3), np.tanh((x - 45) / 3)], axis=1)
+
+    def controller(self, state: Array, t: Integers) -> Array:
+        """To the nearer one of the two points, within a held action's 0.1 s where it can: (N, 1)."""
+        return nearest((np.where(state < 25, 5.0, 45.0) - state) / 0.1, 3.0, 0.5)

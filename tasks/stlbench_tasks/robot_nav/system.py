@@ -6,11 +6,13 @@ import numpy as np
 
 from stlbench.contract import Array, Integers
 from stlbench_tasks.differential_drive import DifferentialDrive
+from stlbench_tasks.steering import Steering
 
 __all__ = ["RobotNav"]
 
 _SWITCH = 1300
 """The last step of the first region's interval: the robot heads for the second one after it."""
+_steer = Steering(speed=5.0, speed_step=0.5, turn=3.0, turn_step=0.5, held=0.1)
 
 
 class RobotNav(DifferentialDrive):
@@ -31,3 +33,8 @@ class RobotNav(DifferentialDrive):
         cosine, sine = np.cos(bearing), np.sin(bearing)
         columns = [distance / 20 - 1, np.tanh(distance / 2), cosine * near, sine * near, cosine, second * 2.0 - 1]
         return np.stack(columns, axis=1)
+
+    def controller(self, state: Array, t: Integers) -> Array:
+        """Straight to the centre of the region of now: (N, 2)."""
+        goal = np.where(t >= _SWITCH, 30.0, 25.0)
+        return _steer(state, goal, goal)

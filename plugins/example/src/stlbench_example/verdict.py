@@ -30,10 +30,10 @@ class Verdict(RewardMethod):
         self._begin, self._end = np.array([(term.start, term.end) for term in terms]).T
         self._due = self._end if pay == "deadline" else np.full(len(terms), specification.steps)
 
-    def start(self, signals: Array) -> Array:
+    def start(self, signals: Array, t: Integers) -> Array:
         """The flags after the first sample, (N, n)."""
         fresh = np.tile(self._always.astype(float), (len(signals), 1))
-        return self._updated(fresh, signals, np.zeros(len(signals), dtype=np.int64))
+        return self._updated(fresh, signals, t)
 
     def step(
         self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array

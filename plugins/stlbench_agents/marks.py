@@ -1,0 +1,12 @@
+"""When an agent reports a policy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["spread"]
+
+
+def spread(rounds: int, checkpoints: int) -> set[int]:
+    """The rounds, 1..rounds, after which a checkpoint is reported: evenly spaced, the last among them."""
+    return set(np.linspace(0, rounds, min(checkpoints, rounds) + 1)[1:].round().astype(int).tolist())

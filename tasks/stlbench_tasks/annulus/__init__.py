@@ -1,0 +1,1 @@
+"""The paper's convex predicate: stay in a ring."""

@@ -1,0 +1,1 @@
+"""The paper's task on the ball-in-cup of the DeepMind control suite: catch, let go, catch."""

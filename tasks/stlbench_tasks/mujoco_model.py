@@ -1,0 +1,109 @@
+"""Tasks on MuJoCo models: N copies stepped one by one in one model, each from its own row of numbers.
+
+The rows hold all that a step depends on, so the memory that MuJoCo computes in is scratch. `mj_step` is called without
+the environments around it, of which the steps are the same bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from stlbench.contract import Array, System
+
+__all__ = ["MujocoSystem", "columns"]
+
+_MISSING = "it needs the extra mujoco: pip install 'stlbench[mujoco]'"
+
+
+def columns(joints: Sequence[str], *derived: str) -> tuple[str, ...]:
+    """Names of a state's columns: of each joint the position, the velocity, the warm start; then the derived ones."""
+    return tuple(f"{kind}{joint}" for kind in ("", "d_", "warm_") for joint in joints) + derived
+
+
+class MujocoSystem(System):
+    """A model whose joints all have one degree of freedom, moved in substeps of the model's own time step.
+
+    State: positions and velocities of the joints, in m or rad and seconds, and the accelerations that MuJoCo's solver
+    starts its search from (without them a step would not be repeated to the last bit); after these, what `derived`
+    reads from the model, for signals and features.
+    """
+
+    model_file: ClassVar[tuple[str, str]]
+    """An installed package, and the path of the model's XML in it."""
+
+    def __init__(self, dt: float) -> None:
+        """Load the model.
+
+        Raises:
+            ImportError: the extra is not installed.
+            ValueError: dt is no multiple of the model's time step.
+        """
+        super().__init__(dt)
+        self.mujoco = _mujoco()
+        self.model = self.mujoco.MjModel.from_xml_path(_path(*self.model_file))
+        self.data = self.mujoco.MjData(self.model)
+        parts = self.mujoco.mjtState
+        self._parts = int(parts.mjSTATE_PHYSICS | parts.mjSTATE_WARMSTART)
+        self._size = self.mujoco.mj_stateSize(self.model, self._parts)
+        self._substeps = round(dt / self.model.opt.timestep)
+        if not np.isclose(self._substeps * self.model.opt.timestep, dt):
+            raise ValueError(f"sampling_time: {dt} s is no multiple of the model's {self.model.opt.timestep} s")
+
+    def step(self, state: Array, action: Array) -> Array:
+        """One sampling time later: (N, n), (N, axes) -> (N, n)."""
+        mujoco, model, data, parts, size = self.mujoco, self.model, self.data, self._parts, self._size
+        before, after = np.ascontiguousarray(state), np.empty(state.shape)
+        for old, control, new in zip(before, action, after, strict=True):
+            mujoco.mj_setState(model, data, old[:size], parts)
+            self.drive(control)
+            mujoco.mj_step(model, data, self._substeps)
+            self.arrive()
+            mujoco.mj_getState(model, data, new[:size], parts)
+            new[size:] = self.derived()
+        return after
+
+    def placed(self, positions: Array, velocities: Array) -> Array:
+        """The states (N, n) at joint positions and velocities, both (N, joints)."""
+        mujoco, model, data = self.mujoco, self.model, self.data
+        states = np.empty((len(positions), len(self.state)))
+        for row, position, velocity in zip(states, positions, velocities, strict=True):
+            mujoco.mj_resetData(model, data)
+            data.qpos[:], data.qvel[:] = position, velocity
+            mujoco.mj_forward(model, data)
+            mujoco.mj_getState(model, data, row[: self._size], self._parts)
+            row[self._size :] = self.derived()
+        return states
+
+    def drive(self, control: Array) -> None:
+        """Apply an action (axes,) to `data`, whose state is set. The motors' controls by default."""
+        self.data.ctrl[:] = control
+
+    def arrive(self) -> None:
+        """Called when `data` has been stepped: by default, find where the bodies are now."""
+        self.mujoco.mj_kinematics(self.model, self.data)
+
+    def derived(self) -> Array:
+        """The columns after MuJoCo's own, read from `data`. None by default."""
+        return np.empty(0)
+
+
+def _mujoco() -> Any:
+    """The module, imported when a system is made: `stlbench list` works without it."""
+    try:
+        import mujoco
+    except ImportError as error:
+        raise ImportError(_MISSING) from error
+    return mujoco
+
+
+def _path(package: str, path: str) -> str:
+    """Of a file of a package that is not imported: the environments of both packages take long and print advice."""
+    found = find_spec(package)
+    if found is None or found.origin is None:
+        raise ImportError(_MISSING)
+    return str(Path(found.origin).parent / path)

@@ -1,0 +1,48 @@
+"""What the tests of the three tasks on MuJoCo models have in common."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stlbench import starts
+from stlbench.contract import ActionBox, Array
+from stlbench.problem import Problem
+
+
+def controlled(task: Problem) -> Array:
+    """The traces (starts, T + 1, k) of the report's starts under the controller, its actions held and in the box."""
+    assert isinstance(task.actions, ActionBox)
+    low, high = task.actions.low, task.actions.high
+    states = task.system.begin(starts.grid(task.file.initial, task.file.starts))
+    samples = [task.system.signals(states)]
+    for t in range(task.file.steps):
+        if t % task.file.hold == 0:
+            action = task.system.controller(states, np.full(len(states), t))
+            assert action is not None
+            assert np.all((low <= action) & (action <= high))
+        states = task.system.step(states, action)
+        samples.append(task.system.signals(states))
+    return np.stack(samples, axis=1)
+
+
+def rollout(task: Problem, state: Array, actions: Array) -> Array:
+    """The states (steps, n) to which the actions (steps, axes) lead from one state (n,), a copy at a time."""
+    states = list[Array]()
+    for action in actions:
+        state = task.system.step(state[None], action[None])[0]
+        states.append(state)
+    return np.array(states)
+
+
+def check_no_memory(task: Problem, steps: int = 60) -> None:
+    """Trajectories from different starts do not disturb each other, to the last bit, by turns and in a batch."""
+    generator = np.random.default_rng(1)
+    first = task.system.begin(starts.sample(task.file.initial, generator, 3))
+    actions = generator.uniform(task.actions.low, task.actions.high, (steps, 3, len(task.actions.names)))
+    alone = np.stack([rollout(task, state, actions[:, i]) for i, state in enumerate(first)], axis=1)
+    turns, batch = [row[None] for row in first], first
+    for i in range(steps):
+        turns = [task.system.step(row, actions[i, j : j + 1]) for j, row in enumerate(turns)]
+        batch = task.system.step(batch, actions[i])
+        assert np.array_equal(np.concatenate(turns), alone[i])
+        assert np.array_equal(batch, alone[i])

@@ -1,0 +1,132 @@
+"""Overlapping intervals among obstacles, sec. IV-B of the paper."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from controlled import all_starts, trace
+
+from stlbench import problem, referee, starts, stl
+from stlbench.contract import Array
+from stlbench.testing import check_task
+
+TASK = problem.load("overlap")
+GOAL_1, GOAL_2, ASIDE = (3.0, 1.0), (1.0, 3.0), (1.0, 1.0)
+
+
+def test_the_paper() -> None:
+    """The formula in steps of .05 s: 100 s are 2000, 50 s 1000, 90 s 1800."""
+    safe = " & ".join(
+        [
+            "norminf(x - 2, y - 2) <= 2",
+            *(f"norminf(x - {cx}, y - {cy}) >= 0.5" for cx, cy in ((2, 2), (2, 0.5), (3, 3))),
+        ]
+    )
+    goals = "F[0,1000] (norm(x - 3, y - 1) <= 0.3) & F[1000,1800] (norm(x - 1, y - 3) <= 0.3)"
+    assert TASK.formula == stl.parse(f"G[0,2000] ({safe}) & {goals}")
+    assert TASK.file.steps * TASK.file.sampling_time == 100
+    assert TASK.actions.shape == (21, 13)
+    assert TASK.file.hold * TASK.file.sampling_time == 0.5
+
+
+def stays(*stops: tuple[int, tuple[float, float]]) -> Array:
+    """A trace that is at each point from the step before it on."""
+    trace = np.empty((1, 2001, 2))
+    for step, point in stops:
+        trace[0, step:] = point
+    return trace
+
+
+@pytest.mark.parametrize(
+    ("trace", "robustness"),
+    [
+        (stays((0, ASIDE), (900, GOAL_1), (1100, GOAL_2)), 0.3),  # the goals' radius; safety allows .5
+        (stays((0, ASIDE), (1000, GOAL_1), (1001, ASIDE), (1800, (1.0, 2.8)), (1801, ASIDE)), 0.1),
+        (stays((0, ASIDE), (1001, GOAL_1), (1100, GOAL_2)), 0.3 - 2),  # a step late
+        (stays((0, ASIDE), (900, GOAL_1), (1000, ASIDE), (1801, GOAL_2)), 0.3 - 2),
+        (stays((0, GOAL_1), (500, (2.0, 1.6)), (501, GOAL_1), (1100, GOAL_2)), -0.1),  # .1 inside an obstacle
+        (stays((0, GOAL_1), (1100, GOAL_2), (2000, (4.25, 3.0))), -0.25),  # out of the room at the end
+    ],
+)
+def test_robustness_by_hand(trace: Array, robustness: float) -> None:
+    assert stl.robustness(TASK.formula, trace, TASK.signals) == pytest.approx(robustness)
+
+
+def test_what_is_rewarded() -> None:
+    """Three times the clearance, up to .15 m of it; the distance of a goal over 4.3."""
+    safety, goal, _ = TASK.specification.terms
+    points = np.array([[1.0, 1.0], [2.0, 1.1], [2.0, 1.6], [2.5, 2.5], [3.0, 1.25]])
+    assert TASK.specification.margin(safety.psi)(points) == pytest.approx([0.45, 0.3, -0.3, 0, 0.45])
+    assert TASK.specification.margin(goal.psi)(points)[[0, 4]] == pytest.approx([-1.7 / 4.3, 0.05 / 4.3])
+    random = np.random.default_rng(0).uniform(0, 4, (300, 2))
+    robust = [stl.margin(term.psi, TASK.signals)(random) for term in stl.fragment(TASK.formula)]
+    rewarded = [TASK.specification.margin(term.psi)(random) for term in TASK.specification.terms]
+    assert rewarded[0] == pytest.approx(3 * np.minimum(robust[0], 0.15))
+    assert rewarded[1:] == [pytest.approx(value / 4.3) for value in robust[1:]]
+
+
+def test_the_pinch_cannot_be_jumped() -> None:
+    """Across (2.5, 2.5), .02 m aside: steps of 15 mm see the obstacle that steps of 150 mm can straddle."""
+    fine = np.linspace(-0.45, 0.45, 61)
+    across = np.stack([2.5 + (fine + 0.03) / math.sqrt(2), 2.5 - (fine - 0.03) / math.sqrt(2)], axis=-1)
+    clearance = stl.margin(stl.fragment(TASK.formula)[0].psi, TASK.signals)
+    assert clearance(across[5::10]).min() > 0.01
+    assert clearance(across).min() < -0.01
+    assert TASK.file.actions["v"].high * TASK.file.sampling_time == pytest.approx(0.015)
+
+
+def test_dynamics_by_hand() -> None:
+    """.05 s at .3 m/s and 1 rad/s; 3-4-5: cos = .6, sin = .8."""
+    after = TASK.system.step(np.array([[1.0, 2.0, math.atan2(4, 3)]]), np.array([[0.3, -1.0]]))
+    assert after == pytest.approx(np.array([[1.009, 2.012, math.atan2(4, 3) - 0.05]]))
+
+
+def test_features_by_hand() -> None:
+    """At (1, 1.25) looking up: the goal (3, 1) is aside to the right, (1, 3) ahead, the passage to the right."""
+    features = TASK.system.features(np.tile([1.0, 1.25, math.pi / 2], (2, 1)), np.array([999, 1000]))
+    assert features[:, :4] == pytest.approx(np.tile([-0.5, -0.375, 0, 1], (2, 1)))
+    assert features[:, 4].tolist() == [-1, 1]
+    first, near = math.hypot(2, 0.25), math.tanh(math.hypot(2, 0.25) / 0.3)
+    assert features[0, 5:9] == pytest.approx([first / 2 - 1, near, -0.25 / first * near, -2 / first * near])
+    assert features[1, 5:9] == pytest.approx([1.75 / 2 - 1, math.tanh(1.75 / 0.3), math.tanh(1.75 / 0.3), 0])
+    # .5 m to the obstacles' left edge, x = 1.5, here, ahead and behind; .7 m to the wall from .3 m to the left; on the
+    # right y = 1.25 is .25 m from both obstacles' corners
+    around = [math.tanh(4 * margin) for margin in (0.5, 0.7, 0.5, 0.25)]
+    assert features[0, 9:] == pytest.approx([1, math.tanh(2.5), *around])
+
+
+def test_the_clearance_that_the_policy_sees_is_the_margin_of_the_safety_term() -> None:
+    states = np.random.default_rng(0).uniform(-0.5, 4.5, (300, 3))
+    clearance = stl.margin(stl.fragment(TASK.formula)[0].psi, TASK.signals)(states[:, :2])
+    assert TASK.system.features(states, np.zeros(300, dtype=np.int64))[:, 9] == pytest.approx(2 * clearance)
+
+
+def test_exploring_starts_are_off_the_obstacles() -> None:
+    exploring = TASK.file.training.exploring
+    assert exploring is not None
+    assert exploring.states is not None
+    points = starts.sample(exploring.states, np.random.default_rng(0), 500)[:, :2]
+    assert stl.holds(stl.fragment(TASK.formula)[0].psi, TASK.signals)(points).all()
+    assert (points.min() < 0.2, points.max() > 3.8) == (True, True)
+
+
+def test_the_controller_by_hand() -> None:
+    """Below the passage: turn to it. In it: drive on. After 50 s, at the first goal: back to the passage."""
+    state = np.array([[1.15, 0.8, 0.2], [2.0, 1.25, 0.0], [2.0, 1.25, 0.0], [0.8, 2.0, math.pi / 2]])
+    action = TASK.system.controller(state, np.array([0, 999, 1000, 1000]))
+    assert action is not None
+    assert action == pytest.approx(np.array([[0, 1], [0.3, 0], [-0.3, 0], [0.3, 0]]))
+
+
+def test_the_controller_satisfies_from_every_start() -> None:
+    """The passages are .5 m wide, so at most .25; a start at (1.3, 1) has .2."""
+    score = referee.score(TASK.formula, trace(TASK, all_starts(TASK)), TASK.signals)
+    assert all(score.satisfied)
+    assert min(score.robustness) > 0.19
+    assert np.mean(score.robustness) > 0.22
+
+
+def test_the_contract() -> None:
+    check_task("overlap")
