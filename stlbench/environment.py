@@ -6,12 +6,13 @@ ended; agents train on it. `stlbench.gym` shows the same through Gymnasium's int
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from stlbench import starts
-from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Specification, Transition, Truth
+from stlbench import starts, stl
+from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Transition, Truth
 from stlbench.problem import Problem
 
 __all__ = ["BatchEnvironment", "Simulator", "Steps"]
@@ -35,6 +36,7 @@ class Simulator:
         actions = problem.actions
         self._vectors = actions.vectors if isinstance(actions, ActionGrid) else np.empty((0, len(actions.names)))
         self._low, self._high = np.array(actions.low), np.array(actions.high)
+        self._times = np.arange(self.horizon + 1)[:, None] * (2.0 / self.horizon) - 1.0
 
     def place(self, states: Array) -> Array:
         """Start an episode from each of the states (N, n). Returns the first observation (N, D)."""
@@ -59,7 +61,7 @@ class Simulator:
         `t` (N,) stands in place of the copies' own time where it is given.
         """
         t = self.t if t is None else t
-        parts = [self.system.features(self.state, t), (t * (2.0 / self.horizon) - 1.0)[:, None]]
+        parts = [self.system.features(self.state, t), self._times[t]]
         if self.method.memory_size:
             parts.append(self.method.inputs(self.memory))
         return np.concatenate(parts, axis=1)
@@ -67,36 +69,48 @@ class Simulator:
     def advance(self, action: Integers | Array) -> Steps:
         """Hold actions for `hold` steps: indices (N,) of the grid, or vectors (N, axes), clipped to their ends."""
         vectors: Array = self._vectors[action] if action.dtype.kind == "i" else np.clip(action, self._low, self._high)
-        states = np.empty((self.hold, *self.state.shape))
-        state = self.state
+        states = np.empty((self.hold + 1, *self.state.shape))
+        states[0] = state = self.state
         for i in range(self.hold):
-            states[i] = state = self.system.step(state, vectors)
+            states[i + 1] = state = self.system.step(state, vectors)
         samples = self.system.signals(states)
-        rewards, self.memory = self.method.along(
-            np.concatenate([self.signals[None], samples]), vectors, self.t, self.memory
-        )
+        rewards, self.memory = self.method.along(samples, vectors, self.t, self.memory)
         self.state, self.signals, self.t = state, samples[-1].copy(), self.t + self.hold
-        return Steps(rewards.mean(axis=0), samples.transpose(1, 0, 2))
+        reward = rewards[0] if self.hold == 1 else rewards.mean(axis=0)
+        return Steps(reward, samples[1:].transpose(1, 0, 2))
 
 
-class _Violation:
-    """Where a term G[a,b] psi of the formula is lost: psi fails at a sample of [a,b]."""
+class _Endings:
+    """Where training episodes end before their time: a term G[a,b] psi is violated, or all is lost."""
 
-    def __init__(self, specification: Specification) -> None:
-        terms = [term for term in specification.terms if term.kind == "G"]
-        self._holds = [specification.holds(term.psi) for term in terms]
+    def __init__(self, problem: Problem) -> None:
+        training, specification = problem.file.training, problem.specification
         t = np.arange(specification.steps + 1)
-        self._active = np.array([(term.start <= t) & (t <= term.end) for term in terms]).reshape(len(terms), -1)
+        self._ends: list[tuple[Callable[[Array], Truth], bool, Truth, float]] = []
+        """A predicate, the verdict that ends the episode, the steps at which it does, and what is paid."""
+        if training.violation is not None:
+            for term in specification.terms:
+                if term.kind == "G":
+                    active = (term.start <= t) & (t <= term.end)
+                    self._ends.append((specification.holds(term.psi), False, active, training.violation))
+        if training.lost is not None:
+            where = specification.holds(stl.parse(training.lost.where))
+            self._ends.append((where, True, np.ones_like(t, dtype=np.bool_), training.lost.reward))
 
-    def __call__(self, samples: Array, t: Integers) -> Truth:
-        """Samples (N, h, k) whose last are at steps t (N,) -> (N,)."""
+    def __bool__(self) -> bool:
+        return bool(self._ends)
+
+    def __call__(self, samples: Array, t: Integers) -> tuple[Truth, Array]:
+        """Samples (N, h, k) whose last are at steps t (N,) -> whether it is over (N,), and what is paid then (N,)."""
         at = t[:, None] + np.arange(1 - samples.shape[1], 1)
-        lost: Truth = np.zeros(len(samples), dtype=np.bool_)
-        for holds, active in zip(self._holds, self._active, strict=True):
+        over, paid = np.zeros(len(samples), dtype=np.bool_), np.zeros(len(samples))
+        for holds, verdict, active, reward in self._ends:
             now = active[at]
             if now.any():
-                lost |= (now & ~holds(samples)).any(axis=1)
-        return lost
+                here = (now & (holds(samples) == verdict)).any(axis=1) & ~over
+                over |= here
+                paid[here] = reward
+        return over, paid
 
 
 class BatchEnvironment:
@@ -112,8 +126,9 @@ class BatchEnvironment:
         self._training, horizon = problem.file.training, problem.file.steps
         self._cut = np.zeros(horizon + 1, dtype=np.bool_)
         self._cut[[*self._training.cuts, horizon]] = True
-        self._violation = None if self._training.violation is None else _Violation(problem.specification)
+        self._endings = _Endings(problem)
         self._generator = np.random.default_rng(seed)
+        self._never: Truth = np.zeros(count, dtype=np.bool_)
         self.taken = 0
         self.observation_size = self.reset().shape[1]
         self._generator = np.random.default_rng(seed)
@@ -133,15 +148,14 @@ class BatchEnvironment:
         self.taken += self.count * self.hold
         reward = held.reward / simulator.method.scale
         t = simulator.t
-        ended = t >= self._broken_off
-        terminal: Truth = np.zeros(self.count, dtype=np.bool_)
-        if self._violation is not None:
-            terminal = self._violation(held.samples, t)
-            reward[terminal] = self._training.violation
+        ended, terminal = t >= self._broken_off, self._never
+        if self._endings:
+            terminal, paid = self._endings(held.samples, t)
+            reward[terminal] = paid[terminal]
             ended = ended | terminal
         cut = self._cut[t] | ended
         observation = simulator.observe()
-        if not cut.any():
+        if not np.count_nonzero(cut):
             return Transition(observation, reward, observation, cut, ended, terminal)
         # beyond a boundary the reward asks for something else: the value is that of going on as before it
         boundary = cut & (t < simulator.horizon) & self._cut[t]

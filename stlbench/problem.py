@@ -110,6 +110,15 @@ class Exploring(_Strict):
     """They are broken off after this many decisions on average; at the end of the task where left out."""
 
 
+class Lost(_Strict):
+    """States from which no training episode goes on, such as a pole that fell."""
+
+    where: str
+    """A formula without temporal operators over the signals."""
+    reward: Finite
+    """As if it were paid for ever after, in units of the method's `scale`."""
+
+
 class Training(_Strict):
     """How training episodes differ from those that the referee scores, the same for every method and agent."""
 
@@ -121,6 +130,7 @@ class Training(_Strict):
     violation: Finite | None = None
     """An episode ends where a term G[a,b] psi is lost, as if this reward, in units of the method's `scale`, were paid
     for ever after. Episodes go on where left out."""
+    lost: Lost | None = None
     exploring: Exploring | None = None
 
 
@@ -194,6 +204,11 @@ class TaskFile(_Strict):
         for cut in self.training.cuts:
             if cut % self.hold or cut >= self.steps:
                 problems.append(f"training.cuts: {cut} is no multiple of hold = {self.hold} below steps = {self.steps}")
+        if self.training.lost is not None:
+            try:
+                stl.holds(stl.parse(self.training.lost.where), tuple(self.signals))
+            except ValueError as error:
+                problems.append(f"training.lost.where: {error}")
         if len({axis.count is None for axis in self.actions.values()}) > 1:
             problems.append("actions: give each axis a count, for a grid, or none, for continuous actions")
         if MAIN in self.protocols:

@@ -215,6 +215,22 @@ class TestTrainingOptions:
         first = environment.step(always(UP, 2))
         assert first.terminal.tolist() == [True, False]
 
+    def test_what_is_lost_ends_the_episode_at_any_time(self) -> None:
+        environment = self.make(violation=-0.5, lost={"where": "x <= -2", "reward": -3})
+        environment.reset()
+        environment.step(always(STAY, 2))
+        environment.step(always(STAY, 2))
+        assert not environment.step(np.array([UP, DOWN])).terminal.any()  # 1 and -1 at t = 6, where no term counts
+        last = environment.step(np.array([UP, DOWN]))
+        assert last.terminal.tolist() == [False, True]
+        assert last.reward[1] == -3
+
+    def test_a_violation_and_a_loss_at_once_are_paid_as_the_violation(self) -> None:
+        environment = self.make(1, violation=-0.5, lost={"where": "x >= 1.5", "reward": -3})
+        environment.reset()
+        environment.simulator.place(np.array([[1.0]]))
+        assert environment.step(always(UP, 1)).reward.tolist() == [-0.5]
+
     def test_exploring_episodes_begin_at_every_decision_from_their_own_states(self) -> None:
         environment = self.make(400, exploring={"share": 0.5, "states": {"box": {"x": 7}}})
         observation = environment.reset()

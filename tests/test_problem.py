@@ -158,6 +158,10 @@ class TestTraining:
             ({"training": {"cuts": [8]}}, "training.cuts: 8 is no multiple of hold = 1 below steps = 8"),
             ({"training": {"exploring": {"share": 0}}}, "training.exploring.share: Input should be greater than 0"),
             ({"training": {"violation": float("nan")}}, "training.violation: Input should be a finite number"),
+            (
+                {"training": {"lost": {"where": "y <= 1", "reward": -1}}},
+                "training.lost.where: formula uses signal 'y'; the trace has x",
+            ),
             ({"rewarded": "G[0,3] (x <= 1)"}, "rewarded: its horizon is 3 steps, that of the formula 4"),
             (
                 {"actions": {"v": {"low": 0, "high": 1, "count": 2}, "w": {"low": 0, "high": 1}}},
