@@ -75,7 +75,7 @@ def _methods() -> Iterator[Line]:
     for method in METHODS:
         words = method.replace("_", "-")
         yield Line(f"Reward {words}: worst share of training", f"method_share_{method}", "{:.1%}", "10 %")
-        for task in ("hold_disc", "integrator_or", "robot_nav"):
+        for task in ("hold_disc", "hold_disc_coarse", "integrator_or", "robot_nav"):
             yield Line(f"... on {task.replace('_', '-')}", f"method_share_{method}_{task}", "{:.1%}")
 
 
