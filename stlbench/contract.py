@@ -28,6 +28,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -41,11 +42,13 @@ __all__ = [
     "Actions",
     "Agent",
     "Array",
+    "Band",
     "Environment",
     "Executor",
     "Integers",
     "Intractable",
     "Outcome",
+    "Pixels",
     "Policy",
     "RewardMethod",
     "Specification",
@@ -59,6 +62,7 @@ __all__ = [
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Truth = NDArray[np.bool_]
+Pixels = NDArray[np.uint8]
 
 
 class Intractable(Exception):
@@ -118,6 +122,20 @@ class Specification:
         """Sound bounds (rho_min, rho_max) of the robustness of `psi` over the box of the signals."""
         box = {name: (low, high) for name, low, high in zip(self.signals, self.low, self.high, strict=True)}
         return stl.bounds(psi, box)
+
+
+@dataclass(frozen=True)
+class Band:
+    """Between which bounds a method wants the margin of a term in the course of time, to be drawn in figures."""
+
+    term: stl.Term
+    """One of `Specification.terms`."""
+    start: int
+    """The step of the first entry of both bounds."""
+    lower: Array
+    """(n,): at steps start, start + 1, ..., in the unit of the term's predicates."""
+    upper: Array
+    """(n,)."""
 
 
 class RewardMethod(ABC):
@@ -210,6 +228,10 @@ class RewardMethod(ABC):
         """What the method makes of the task, for `stlbench show task`: short names to numbers, texts or lists."""
         return {}
 
+    def band(self) -> Sequence[Band]:
+        """The bounds that the method puts on the robustness of terms, at most one a term. None by default."""
+        return ()
+
 
 # ------------------------------------------------------------------------------------------------------------ tasks
 
@@ -220,6 +242,16 @@ class ActionGrid:
 
     names: tuple[str, ...]
     axes: tuple[tuple[float, ...], ...]
+    robots: tuple[int, ...] = ()
+    """How many of the axes, in their order, are each robot's: (2, 2, 2). Empty where the task has one robot."""
+
+    @cached_property
+    def parts(self) -> tuple[ActionGrid, ...]:
+        """Each robot's own grid, in the order of the axes; the index of a joint action is `np.ravel_multi_index` of
+        the robots' own indices, as the last robot's runs fastest.
+        """
+        ends = np.cumsum([0, *(self.robots or [len(self.axes)])]).tolist()
+        return tuple(ActionGrid(self.names[i:j], self.axes[i:j]) for i, j in pairwise(ends))
 
     @cached_property
     def low(self) -> tuple[float, ...]:
@@ -301,6 +333,14 @@ class System(ABC):
 
         It shows that the formula can be satisfied, and its robustness is what learned policies are compared with.
         It knows the whole state and the formula; no agent is shown what it does.
+        """
+        return None
+
+    def frame(self, state: Array) -> Pixels | None:
+        """A picture of the system in one state (n,), for films: (height, width, 3), always of one size.
+
+        None by default: the film shows signals. Raises `RuntimeError`, in one line, where this machine lacks what it
+        takes to draw.
         """
         return None
 

@@ -30,8 +30,10 @@ class Steps(NamedTuple):
 class Simulator:
     """N copies of a task with a method's memory, all at their own time, without restarts."""
 
-    def __init__(self, problem: Problem, method: RewardMethod) -> None:
+    def __init__(self, problem: Problem, method: RewardMethod, rewarded: bool = True) -> None:
+        """Args: `rewarded` whether rewards are wanted; without, those of a method without memory are NaN."""
         self.problem, self.method = problem, method
+        self._rewarded = rewarded or method.memory_size > 0
         self.system, self.horizon, self.hold = problem.system, problem.file.steps, problem.file.hold
         actions = problem.actions
         self._vectors = actions.vectors if isinstance(actions, ActionGrid) else np.empty((0, len(actions.names)))
@@ -74,10 +76,14 @@ class Simulator:
         for i in range(self.hold):
             states[i + 1] = state = self.system.step(state, vectors)
         samples = self.system.signals(states)
-        rewards, self.memory = self.method.along(samples, vectors, self.t, self.memory)
+        reward = self._reward(samples, vectors) if self._rewarded else np.full(len(vectors), np.nan)
         self.state, self.signals, self.t = state, samples[-1].copy(), self.t + self.hold
-        reward = rewards[0] if self.hold == 1 else rewards.mean(axis=0)
         return Steps(reward, samples[1:].transpose(1, 0, 2))
+
+    def _reward(self, samples: Array, vectors: Array) -> Array:
+        rewards, self.memory = self.method.along(samples, vectors, self.t, self.memory)
+        mean: Array = rewards[0] if self.hold == 1 else rewards.mean(axis=0)
+        return mean
 
 
 class _Endings:

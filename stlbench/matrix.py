@@ -113,8 +113,8 @@ def derive_seed(*parts: str | int) -> int:
 
 
 def _task_part(entry: Problem, budget: str) -> str:
-    """Words for people do not change a result, nor do other budgets, deadlines and the recipes of other agents."""
-    content = entry.file.model_dump(mode="json", exclude={"title", "source", "notes", "agents", "budgets"})
+    """Words and pictures for people change no result, nor do other budgets, deadlines, recipes of other agents."""
+    content = entry.file.model_dump(mode="json", exclude={"title", "source", "notes", "plane", "agents", "budgets"})
     numbers = entry.budget(budget).model_dump(mode="json", include={"steps", "checkpoints"})
     return _digest([entry.name, content, numbers, _plugin_part("tasks", entry.name)])
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import resources
 from typing import Annotated, Any, Literal
 
@@ -13,7 +13,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from stlbench import plugins, stl
-from stlbench.contract import ActionBox, ActionGrid, Actions, Array, Specification, System
+from stlbench.contract import ActionBox, ActionGrid, Actions, Array, Specification, System, Truth
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.result import MAIN
 
@@ -85,7 +85,12 @@ class Region(_Strict):
         """Those of the states (N, n) that fulfil `where`."""
         if self.where is None:
             return states
-        return states[stl.holds(stl.parse(self.where), tuple(self.box))(states)]
+        return states[_predicate(self.where, tuple(self.box))(states)]
+
+
+@cache
+def _predicate(text: str, names: tuple[str, ...]) -> Callable[[Array], Truth]:
+    return stl.holds(stl.parse(text), names)
 
 
 class Protocol(_Strict):
@@ -155,8 +160,8 @@ class TaskFile(_Strict):
     """What a reader of the results should know, such as a choice that the source leaves open."""
     formula: str
     rewarded: str | None = None
-    """The formula as reward methods are told it, where predicates on different scales are brought to one by positive
-    factors or capped: satisfied when the formula is. The referee scores `formula`."""
+    """The formula as reward methods are told it, where predicates are brought to one scale, capped or stretched:
+    satisfied when the formula is. The referee scores `formula`."""
     nested: str | None = None
     """The same task as an outer operator over an inner window, for methods that need that form."""
     time: Literal["steps", "seconds"] = "steps"
@@ -168,9 +173,13 @@ class TaskFile(_Strict):
     hold: Count = 1
     """Steps for which an agent's action is held."""
     signals: Annotated[dict[str, Range], Field(min_length=1)]
+    plane: tuple[str, str] | None = None
+    """The two signals, across and up, in whose plane figures and films show trajectories."""
     parameters: dict[str, Any] = {}
     """Keyword arguments of the system."""
     actions: Annotated[dict[str, Axis], Field(min_length=1)]
+    robots: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = {}
+    """Robot -> its actions, where there is more than one robot; together all actions, in their order."""
     initial: Region
     """Where the referee's starts lie."""
     training: Training = Training()
@@ -209,8 +218,17 @@ class TaskFile(_Strict):
                 stl.holds(stl.parse(self.training.lost.where), tuple(self.signals))
             except ValueError as error:
                 problems.append(f"training.lost.where: {error}")
+        for name in self.plane or ():
+            if name not in self.signals:
+                problems.append(f"plane: no signal '{name}'{did_you_mean(name, self.signals)}")
+        if self.plane is not None and self.plane[0] == self.plane[1]:
+            problems.append(f"plane: two different signals are needed, got '{self.plane[0]}' twice")
         if len({axis.count is None for axis in self.actions.values()}) > 1:
             problems.append("actions: give each axis a count, for a grid, or none, for continuous actions")
+        owned = [name for names in self.robots.values() for name in names]
+        if self.robots and owned != list(self.actions):
+            wanted = f"they should have each of {', '.join(self.actions)} once, in this order"
+            problems.append(f"robots: together they have {', '.join(owned)}; {wanted}")
         if MAIN in self.protocols:
             problems.append(f"protocols: the name '{MAIN}' is the task's own formula; take another")
         if problems:
@@ -274,7 +292,8 @@ class Problem:
         names, axes = tuple(self.file.actions), self.file.actions.values()
         if any(axis.count is None for axis in axes):
             return ActionBox(names, tuple(axis.low for axis in axes), tuple(axis.high for axis in axes))
-        return ActionGrid(names, tuple(axis.values for axis in axes))
+        robots = tuple(len(owned) for owned in self.file.robots.values())
+        return ActionGrid(names, tuple(axis.values for axis in axes), robots)
 
     @cached_property
     def specification(self) -> Specification:

@@ -21,15 +21,23 @@ from stlbench.result import MAIN, Score
 __all__ = ["Referee", "Report", "record", "score"]
 
 
-def record(problem: Problem, method: RewardMethod, policy: Policy, states: Array) -> Array:
-    """The traces (N, T + 1, k) of the signals when `policy` acts from `states` (N, n) to the end of the episode."""
-    simulator = Simulator(problem, method)
+def record(
+    problem: Problem, method: RewardMethod, policy: Policy, states: Array, visited: list[Array] | None = None
+) -> Array:
+    """The traces (N, T + 1, k) of the signals when `policy` acts from `states` (N, n) to the end of the episode.
+
+    The states at each decision and at the end, (N, n) each, are appended to `visited`, where it is given.
+    """
+    simulator = Simulator(problem, method, rewarded=False)
     observation = simulator.place(states)
     trace = np.empty((len(states), problem.file.steps + 1, len(problem.signals)))
     trace[:, 0] = simulator.signals
+    visited = [] if visited is None else visited
+    visited.append(simulator.state)
     for t in range(0, problem.file.steps, simulator.hold):
         trace[:, t + 1 : t + 1 + simulator.hold] = simulator.advance(policy.act(observation)).samples
         observation = simulator.observe()
+        visited.append(simulator.state)
     return trace
 
 
@@ -97,6 +105,8 @@ class Report(NamedTuple):
     """Protocol -> score."""
     traces: Array
     """(N, T + 1, k): the traces behind the main score."""
+    states: Array
+    """(N, decisions + 1, n): the states behind them, at each decision and at the end."""
 
 
 class Referee:
@@ -130,8 +140,9 @@ class Referee:
 
     def report(self, policy: Policy) -> Report:
         """Every protocol's score, from the report's starts."""
-        scores, traces = {}, {}
+        scores, traces, visited = {}, {}, list[Array]()
         for name, trial in self._protocols.items():
-            traces[name] = record(self.problem, self.method, policy, trial.states)
+            states = visited if name == MAIN else None
+            traces[name] = record(self.problem, self.method, policy, trial.states, states)
             scores[name] = score(trial.formula, traces[name], self.problem.signals)
-        return Report(scores, traces[MAIN])
+        return Report(scores, traces[MAIN], np.stack(visited, axis=1))

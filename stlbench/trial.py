@@ -13,12 +13,12 @@ import numpy as np
 
 from stlbench import plugins, problem
 from stlbench.choices import parse_choice
-from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, Training, Unsuitable
+from stlbench.contract import Agent, Intractable, Policy, RewardMethod, Training, Unsuitable
 from stlbench.environment import BatchEnvironment, Simulator
 from stlbench.matrix import Cell, derive_seed
 from stlbench.problem import Budget, Problem
-from stlbench.referee import Referee
-from stlbench.result import CurvePoint, Measurement, Result
+from stlbench.referee import Referee, Report
+from stlbench.result import MAIN, CurvePoint, Measurement, Result
 
 __all__ = ["build_agent", "build_method", "reward_cost", "run_cell", "trace_file"]
 
@@ -41,9 +41,9 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         return cell.ended("intractable", str(reason))
     except Unsuitable as reason:
         return cell.ended("unsuitable", str(reason))
-    measurement, traces = measure(task, method, build_agent(task, cell.agent), cell)
+    measurement, reported = measure(task, method, build_agent(task, cell.agent), cell)
     if folder is not None:
-        _save(trace_file(folder, cell), traces, task.signals)
+        _save(trace_file(folder, cell), reported, task.signals)
     return cell.ended("done", measurement=measurement)
 
 
@@ -62,8 +62,12 @@ def build_agent(task: Problem, text: str) -> Agent:
     return cast(Agent, plugins.build("agents", choice, defaults=task.recipe(choice.name)))
 
 
-def trace_file(folder: Path, cell: Cell) -> Path:
-    """Where a cell's traces are saved: an .npz with `traces` (N, T + 1, k) and `signals` (k,)."""
+def trace_file(folder: Path, cell: Cell | Result) -> Path:
+    """Where a cell's traces are saved: an .npz with `traces` (N, T + 1, k) and `signals` (k,), their names.
+
+    For films, `extremes` (2,) says which starts were the best and the worst, and `states` (2, decisions + 1, n) what
+    states these went through.
+    """
     return folder / f"{cell.name.replace('/', '_')}_{cell.key[:12]}.npz"
 
 
@@ -102,8 +106,8 @@ class _Selection:
         self.clock.resume()
 
 
-def measure(task: Problem, method: RewardMethod, agent: Agent, cell: Cell) -> tuple[Measurement, Array]:
-    """Train, and score the selected and the final policy: the measurement and the selected policy's traces."""
+def measure(task: Problem, method: RewardMethod, agent: Agent, cell: Cell) -> tuple[Measurement, Report]:
+    """Train, and score the selected and the final policy: the measurement and the selected policy's report."""
     whole = _Clock()
     referee = Referee(task, method)
     budget = task.budget(cell.budget)
@@ -137,7 +141,7 @@ def measure(task: Problem, method: RewardMethod, agent: Agent, cell: Cell) -> tu
         reward_nanoseconds=cost,
         inputs_added=method.memory_size,
     )
-    return measurement, reported.traces
+    return measurement, reported
 
 
 def _training(
@@ -183,6 +187,10 @@ def reward_cost(task: Problem, method: RewardMethod, rows: int = 1024, repeats: 
     return (time.process_time_ns() - begin) / (rows * repeats)
 
 
-def _save(path: Path, traces: Array, signals: tuple[str, ...]) -> None:
+def _save(path: Path, report: Report, signals: tuple[str, ...]) -> None:
+    robustness = report.scores[MAIN].robustness
+    extremes = np.array([np.argmax(robustness), np.argmin(robustness)])
     path.parent.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(path, traces=traces, signals=np.array(signals))
+    np.savez_compressed(
+        path, traces=report.traces, signals=np.array(signals), extremes=extremes, states=report.states[extremes]
+    )

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import pytest
 
-from stlbench import matrix
+from stlbench import matrix, problem
 from stlbench.choices import parse_choices
 from stlbench.errors import UsageError
 from stlbench.matrix import derive_seed
@@ -227,3 +228,17 @@ def test_seeds_are_derived_from_named_parts():
     assert 0 <= derive_seed() < 2**63
     assert derive_seed("a", 1) != derive_seed("a", "1") != derive_seed("a1")
     assert derive_seed("ab", "c") != derive_seed("a", "bc")
+
+
+def test_which_signals_figures_show_is_not_part_of_the_key(monkeypatch):
+    task = problem.load("hold-disc")
+
+    def key():
+        (cell,) = matrix.plan(["hold-disc"], parse_choices("raw"), parse_choices("dqn"), [0], "smoke")
+        return cell.key
+
+    before = key()
+    other = replace(task, file=task.file.model_copy(update={"plane": None}))
+    monkeypatch.setattr(problem, "load", lambda name: other)
+    assert task.file.plane == ("x", "y")
+    assert key() == before

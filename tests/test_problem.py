@@ -99,6 +99,11 @@ class TestMessages:
                 "protocols: the name 'formula' is the task's own formula; take another",
             ),
             ({"protocols": {"late": {"title": "t", "starts": 0}}}, "protocols.late.starts: Input should be greater"),
+            ({"robots": {"a": []}}, "robots.a: Tuple should have at least 1 item"),
+            (
+                {"robots": {"a": ["v"], "b": ["v"]}},
+                "robots: together they have v, v; they should have each of v once, in this order",
+            ),
             ({"agents": {}}, "agents: Dictionary should have at least 1 item"),
             ({"budgets": {"smoke": {"seeds": 2}}}, "budgets.smoke.steps: Field required"),
             ({"budgets": {"smoke": {"steps": 10, "deadline": -1}}}, "budgets.smoke.deadline: Input should be greater"),

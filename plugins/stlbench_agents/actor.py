@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionBox, Array, Environment, Policy, Unsuitable
+
+if TYPE_CHECKING:
+    import torch
 
 __all__ = ["ActorPolicy", "box_of", "linear_layers"]
 
@@ -60,5 +62,7 @@ def box_of(environment: Environment) -> ActionBox:
 
 def linear_layers(modules: Iterable[torch.nn.Module]) -> list[Layer]:
     """The matrices (inputs, outputs) and biases of the linear layers among some modules, sharing their memory."""
-    linear = [module for module in modules if isinstance(module, torch.nn.Linear)]
+    from torch.nn import Linear
+
+    linear = [module for module in modules if isinstance(module, Linear)]
     return [(layer.weight.detach().numpy().T, layer.bias.detach().numpy()) for layer in linear]

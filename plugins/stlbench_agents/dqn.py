@@ -6,13 +6,14 @@ state. One lock-step of all copies is followed by `gradient_steps` updates, all 
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, NamedTuple
+from collections.abc import Sequence
+from typing import Annotated, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numba import njit
 from pydantic import Field
 
-from stlbench.contract import Agent, Array, Environment, Integers, Policy, Training
+from stlbench.contract import ActionGrid, Agent, Array, Environment, Integers, Policy, Training, Transition
 from stlbench_agents.engine import Network, Workspace, best_actions, gradient
 from stlbench_agents.grid import grid_of
 from stlbench_agents.marks import spread
@@ -20,7 +21,7 @@ from stlbench_agents.network import GreedyPolicy, Head, QNetwork, Single
 from stlbench_agents.optimizer import Weights, step
 from stlbench_agents.replay import Batch, Memory, Replay, gather
 
-__all__ = ["DQN"]
+__all__ = ["DQN", "Learner", "Learning"]
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1)]
@@ -95,25 +96,42 @@ class DQN(Agent):
         """Spend the budget; return the greedy policy at its end."""
         environment = training.make(self.copies)
         rounds = max(1, training.steps // (self.copies * environment.hold))
-        learner = Learner(self, environment, training.seed, rounds * self.gradient_steps)
+        learner = self.learner(environment, training.seed, rounds * self.gradient_steps)
         generator = np.random.default_rng([training.seed, 1])
         reports = spread(rounds, training.checkpoints)
         observation = environment.reset()
         for done in range(1, rounds + 1):
             action = learner.act(observation, self._epsilon((done - 1) / rounds), generator)
             transition = environment.step(action)
-            learner.replay.add(observation, action, transition)
+            learner.learn(observation, action, transition, generator)
             observation = transition.observation
-            if learner.replay.ready:
-                learner.update(learner.replay.draw(generator, self.gradient_steps, self.batch_size))
             if done in reports:
                 final = learner.policy()
                 training.report(final, done * self.copies * environment.hold)
         return final
 
+    def learner(self, environment: Environment, seed: int, updates: int) -> Learning:
+        """What is trained, with fresh networks, for as many updates in all."""
+        return Learner(self, environment, seed, updates)
+
     def _epsilon(self, progress: float) -> float:
         first, last, share = self.eps
         return last if progress >= share else first + (last - first) * progress / share
+
+
+class Learning(Protocol):
+    """What the loop of training asks for: a learner, or several that act together."""
+
+    def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
+        """Epsilon-greedy actions (N,) at observations (N, D)."""
+
+    def learn(
+        self, observation: Array, action: Integers, transition: Transition, generator: np.random.Generator
+    ) -> None:
+        """Store one lock-step of all copies, and update."""
+
+    def policy(self) -> Policy:
+        """The greedy policy of now, frozen."""
 
 
 class Schedule(NamedTuple):
@@ -132,9 +150,17 @@ class Schedule(NamedTuple):
 class Learner:
     """The networks and the replay of one training."""
 
-    def __init__(self, recipe: DQN, environment: Environment, seed: int, updates: int) -> None:
+    def __init__(
+        self,
+        recipe: DQN,
+        environment: Environment,
+        seed: int | Sequence[int],
+        updates: int,
+        grid: ActionGrid | None = None,
+    ) -> None:
+        """Args: `grid` the actions to choose among, where these are not the environment's."""
         self.recipe = recipe
-        size, copies, grid = environment.observation_size, environment.count, grid_of(environment)
+        size, copies, grid = environment.observation_size, environment.count, grid or grid_of(environment)
         self.network = QNetwork(size, recipe.net_arch, grid.shape, recipe.head)
         self.weights = Weights.of(self.network.initial(np.random.default_rng(seed)))
         self.replay = Replay(
@@ -166,6 +192,14 @@ class Learner:
             self.weights.online, self.network.engine, observation, epsilon, chance, self._actions
         )
         return action
+
+    def learn(
+        self, observation: Array, action: Integers, transition: Transition, generator: np.random.Generator
+    ) -> None:
+        """Store one lock-step of all copies, and update once there is enough to draw from."""
+        self.replay.add(observation, action, transition)
+        if self.replay.ready:
+            self.update(self.replay.draw(generator, self.recipe.gradient_steps, self.recipe.batch_size))
 
     def update(self, first: Integers) -> None:
         """One update for each row of `first` (updates, batch size), from the transitions that begin there."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import torch
-
 __all__ = ["one_thread"]
 
 
@@ -14,6 +12,8 @@ __all__ = ["one_thread"]
 def one_thread() -> Iterator[None]:
     """Dead ReLUs push Adam's moments into denormal numbers, which are slow; flushing them is put back at the end, as
     what runs in the process later must not see another arithmetic."""
+    import torch  # takes seconds: here, where something trains, and not where parameters of an agent are checked
+
     torch.set_num_threads(1)
     torch.set_flush_denormal(True)
     try:

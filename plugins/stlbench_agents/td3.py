@@ -17,7 +17,6 @@ from stlbench_agents.actor import box_of
 from stlbench_agents.marks import spread
 from stlbench_agents.one_thread import one_thread
 from stlbench_agents.replay import Replay
-from stlbench_agents.td3_learner import Learner
 
 __all__ = ["TD3"]
 
@@ -86,6 +85,8 @@ class TD3(Agent):
             return self._train(training)
 
     def _train(self, training: Training) -> Policy:
+        from stlbench_agents.td3_learner import Learner  # imports PyTorch, which takes seconds
+
         environment = training.make(self.copies)
         box = box_of(environment)
         low, high = np.array(box.low), np.array(box.high)

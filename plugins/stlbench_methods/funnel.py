@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
+from stlbench.contract import Array, Band, Integers, RewardMethod, Specification, Unsuitable
 from stlbench.stl import Term
 from stlbench_methods.schedule import Activity, Value, active_from, active_table, least_active
 
@@ -111,6 +111,14 @@ class Funnel(RewardMethod):
             )
             for term, curve in zip(terms, self.curves, strict=True)
         }
+
+    def band(self) -> Sequence[Band]:
+        """The funnel of each term, rho_max - gamma(t) < rho < rho_max (eq. 5), from t0 to the term's last step."""
+        bands = []
+        for term, curve in zip(self.specification.terms, self.curves, strict=True):
+            t = np.arange(curve.t0, term.end + 1, dtype=np.float64)
+            bands.append(Band(term, int(curve.t0), curve.rho_max - curve(t), np.full(len(t), curve.rho_max)))
+        return tuple(bands)
 
     def _curve(self, term: Term, t0: int, variant: Variant, t_star: float, ginf: float) -> Curve:
         rho_min, rho_max = self.specification.range(term.psi)

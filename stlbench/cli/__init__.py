@@ -12,6 +12,8 @@ from stlbench.cli.compare import compare
 from stlbench.cli.gate import gate
 from stlbench.cli.listing import list_plugins
 from stlbench.cli.monitor import monitor
+from stlbench.cli.plot import plot
+from stlbench.cli.render import render
 from stlbench.cli.report import report
 from stlbench.cli.run import run
 from stlbench.cli.show import app as show
@@ -30,6 +32,8 @@ app.command("run", short_help="Train and score methods on tasks, and compare the
 app.command("list")(list_plugins)
 app.add_typer(show, name="show")
 app.command("report")(report)
+app.command("plot", short_help="Draw a run: learning, robustness in time, trajectories.")(plot)
+app.command("render", short_help="Film the best and the worst start of a cell.")(render)
 app.command("compare")(compare)
 app.command("gate", short_help="Measure the cells of a reference again: are they worse?")(gate)
 app.command("monitor")(monitor)

@@ -28,7 +28,8 @@ class Progress:
         self.total, self.before, self.done = total, done, done
         self.console = Console(stderr=True, highlight=False, soft_wrap=True)
         columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-        self.bar = Bar(*columns, console=self.console, disable=not self.console.is_terminal or done == total)
+        quiet = not self.console.is_terminal or done == total
+        self.bar = Bar(*columns, console=self.console, disable=quiet, refresh_per_second=2)
         self.begin = time.monotonic()
 
     def __enter__(self) -> Self:

@@ -13,9 +13,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from stlbench.contract import Array, System
+from stlbench.contract import Array, Pixels, System
 
 __all__ = ["MujocoSystem", "columns"]
+
+_WIDTH, _HEIGHT = 480, 360
+"""Of a picture; the models draw into at most 640 by 480."""
 
 _MISSING = "it needs the extra mujoco: pip install 'stlbench[mujoco]'"
 
@@ -50,6 +53,7 @@ class MujocoSystem(System):
         parts = self.mujoco.mjtState
         self._parts = int(parts.mjSTATE_PHYSICS | parts.mjSTATE_WARMSTART)
         self._size = self.mujoco.mj_stateSize(self.model, self._parts)
+        self._view: _View | None = None
         self._substeps = round(dt / self.model.opt.timestep)
         if not np.isclose(self._substeps * self.model.opt.timestep, dt):
             raise ValueError(f"sampling_time: {dt} s is no multiple of the model's {self.model.opt.timestep} s")
@@ -79,6 +83,17 @@ class MujocoSystem(System):
             row[self._size :] = self.derived()
         return states
 
+    def frame(self, state: Array) -> Pixels:
+        """The model as the first camera that stands still in it sees it, or from where MuJoCo looks by default.
+
+        State (n,) -> (360, 480, 3), by EGL, which needs no display. Raises `RuntimeError` where there is no EGL.
+        """
+        if self._view is None:
+            self._view = _View(self.mujoco, self.model)
+        self.mujoco.mj_setState(self.model, self.data, np.ascontiguousarray(state[: self._size]), self._parts)
+        self.mujoco.mj_forward(self.model, self.data)
+        return self._view.draw(self.data)
+
     def drive(self, control: Array) -> None:
         """Apply an action (axes,) to `data`, whose state is set. The motors' controls by default."""
         self.data.ctrl[:] = control
@@ -90,6 +105,40 @@ class MujocoSystem(System):
     def derived(self) -> Array:
         """The columns after MuJoCo's own, read from `data`. None by default."""
         return np.empty(0)
+
+
+class _View:
+    """A camera and a place in memory that it draws into; made when the first picture is asked for."""
+
+    def __init__(self, mujoco: Any, model: Any) -> None:
+        self.mujoco, self.model = mujoco, model
+        try:
+            from mujoco.egl import GLContext
+
+            self.context = GLContext(_WIDTH, _HEIGHT)
+            self.context.make_current()
+            self.drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        except Exception as error:  # of the driver, and of the library above it, there are many kinds
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise RuntimeError(f"MuJoCo draws by EGL, which does not work here: {reason}") from error
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self.drawing)
+        self.scene, self.options = mujoco.MjvScene(model, maxgeom=2000), mujoco.MjvOption()
+        self.camera = mujoco.MjvCamera()
+        still = np.flatnonzero(model.cam_bodyid == 0)
+        if len(still):
+            self.camera.type, self.camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, int(still[0])
+        else:
+            mujoco.mjv_defaultFreeCamera(model, self.camera)
+
+    def draw(self, data: Any) -> Pixels:
+        """A picture of `data`, whose bodies are where its state says."""
+        mujoco, everything = self.mujoco, self.mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(self.model, data, self.options, None, self.camera, everything, self.scene)
+        size, upwards = mujoco.MjrRect(0, 0, _WIDTH, _HEIGHT), np.empty((_HEIGHT, _WIDTH, 3), dtype=np.uint8)
+        self.context.make_current()
+        mujoco.mjr_render(size, self.scene, self.drawing)
+        mujoco.mjr_readPixels(upwards, None, size, self.drawing)
+        return np.ascontiguousarray(upwards[::-1])
 
 
 def _mujoco() -> Any:

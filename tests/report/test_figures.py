@@ -7,6 +7,8 @@ from factory import result
 
 from stlbench.errors import UsageError
 from stlbench.report import condense, figures
+from stlbench.report.drawing import MOST
+from stlbench.report.learning import learning_curves
 from stlbench.result import CurvePoint
 
 
@@ -35,46 +37,17 @@ def test_every_seed_is_a_point_and_the_iqm_stands_under_it():
 def test_a_method_without_a_result_keeps_its_place():
     (axes,) = figures.robustness_by_method(GROUPS).axes
     labels = [label.get_text() for label in axes.get_yticklabels()]
-    assert labels == ["flag\n(1 of 1)", "funnel\n(2 of 2)", "tau-mdp\n(0 of 1, 1 intractable)"]
+    assert labels == ["flag\n1 of 1 seeds", "funnel\n2 of 2 seeds", "tau-mdp\nintractable"]
     assert [(text.get_text(), text.get_position()[1]) for text in axes.texts] == [("no result", 2)]
-
-
-def test_learning_curves_are_the_median_over_seeds():
-    left, right = figures.learning_curves(GROUPS).axes
-    flag, funnel = left.lines
-    assert list(funnel.get_xdata()) == [100, 200]
-    assert list(funnel.get_ydata()) == pytest.approx([10, 80])
-    assert list(flag.get_ydata()) == pytest.approx([50, 50])
-    assert list(right.lines[1].get_ydata()) == pytest.approx([-0.5, 0.4])
-
-
-def test_bands_reach_from_the_lowest_to_the_highest_seed():
-    left, _ = figures.learning_curves(GROUPS).axes
-    box = left.collections[1].get_paths()[0].get_extents()
-    assert (box.y0, box.y1) == pytest.approx((0, 100))
-
-
-def test_axes_say_what_they_show_in_which_unit():
-    left, right = figures.learning_curves(GROUPS).axes
-    assert left.get_xlabel() == right.get_xlabel() == "environment steps"
-    assert left.get_ylabel() == "starts that satisfy [%]"
-    assert right.get_ylabel() == "mean robustness [unit of the predicates]"
 
 
 def test_a_method_has_one_colour_in_both_figures():
     points = {
         line.get_color() for line in figures.robustness_by_method(GROUPS).axes[0].lines if line.get_marker() == "D"
     }
-    curves = [line.get_color() for line in figures.learning_curves(GROUPS).axes[0].lines]
+    curves = [line.get_color() for line in learning_curves(GROUPS).axes[0].lines]
     assert len(set(curves)) == 2
     assert set(curves) == points
-
-
-def test_checkpoints_at_other_steps_are_interpolated_where_all_seeds_have_some():
-    curves = [((0, 0.0, 0.0), (100, 1.0, 10.0)), ((50, 0.0, 0.0), (150, 1.0, 10.0))]
-    steps, values = figures.aligned(curves, lambda point: point[2])
-    assert list(steps) == [50, 100]
-    assert values.tolist() == [[5.0, 10.0], [0.0, 5.0]]
 
 
 def test_two_figures_a_task_as_png_and_svg(tmp_path):
@@ -104,13 +77,7 @@ def test_a_task_cannot_leave_the_folder(tmp_path):
 
 
 def test_groups_that_do_not_fit_into_one_figure_go_into_the_next(tmp_path):
-    results = [result(f"method-{i:02}", curve=curve((100, 1.0, 0.1))) for i in range(figures.MOST + 1)]
+    results = [result(f"method-{i:02}", curve=curve((100, 1.0, 0.1))) for i in range(MOST + 1)]
     names = {path.name for path in figures.draw(condense(results), tmp_path)}
     assert {"robustness-hold-disc.png", "robustness-hold-disc_2.png", "learning-hold-disc_2.svg"} <= names
     assert len(names) == 8
-
-
-def test_groups_of_one_figure_all_look_different():
-    groups = condense(result(f"method-{i:02}") for i in range(figures.MOST))
-    lines = figures.learning_curves(groups).axes[0].lines
-    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == figures.MOST

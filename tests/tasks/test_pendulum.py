@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,8 +26,20 @@ def test_the_paper() -> None:
     assert (TASK.file.sampling_time, TASK.file.steps, TASK.file.hold) == (0.01, 2000, 1)
     assert TASK.actions.names == ("torque",)
     assert TASK.actions.axes == (tuple(round(-3 + 0.1 * i, 12) for i in range(61)),)
-    low, high = TASK.specification.range(TASK.specification.terms[0].psi)
+    low, high = replace(TASK.specification, formula=TASK.formula).range(stl.fragment(TASK.formula)[0].psi)
     assert high - low == pytest.approx(math.pi)
+
+
+def test_what_methods_are_told() -> None:
+    """Fourth roots: 0.1 is 2^(1/4) times the tolerance, 0.8 is twice it, and the sign is that of the formula."""
+    margins = [TASK.specification.margin(term.psi) for term in TASK.specification.terms]
+    root = 0.05**0.25
+    states = np.array([[0.0, 0.0], [0.8, 0.0], [0.0, -0.1], [0.05 - 1e-9, 0.0], [0.0, 0.05 + 1e-9]])
+    expected = np.array([root, -root, root * (1 - 2**0.25), 0, 0])
+    for margin, target in zip(margins, (0, 1.57, -1.57), strict=True):
+        found = margin(states + np.array([target, 0.0]))
+        assert found == pytest.approx(expected, abs=1e-8)
+        assert (found >= 0).tolist() == [True, False, False, True, False]
 
 
 def test_the_reward_changes_where_returns_are_cut() -> None:

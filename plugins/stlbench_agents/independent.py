@@ -1,0 +1,69 @@
+"""Deep Q-learning robot by robot: independent Q-learning (Tan, ICML 1993) with `stlbench_agents.dqn`'s learner.
+
+Every robot sees what all see and is paid what all are paid, but chooses and learns about its own actions alone: what
+the others do is part of its world. Three robots with 25 actions each have 75 outputs to learn where their joint actions
+are 15,625.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stlbench.contract import Array, Environment, Integers, Policy, Transition
+from stlbench_agents.dqn import DQN, Learner, Learning
+from stlbench_agents.grid import grid_of
+from stlbench_agents.network import GreedyPolicy
+
+__all__ = ["DQNPerRobot", "Team", "TeamPolicy"]
+
+
+class DQNPerRobot(DQN):
+    """Deep Q-learning robot by robot, each of its own actions alone; `dqn` itself where a task has one robot."""
+
+    def learner(self, environment: Environment, seed: int, updates: int) -> Learning:
+        """One learner a robot, each with its own weights, replay and exploration; as many updates each."""
+        grid = grid_of(environment)
+        if not grid.robots:
+            return super().learner(environment, seed, updates)
+        return Team(
+            [Learner(self, environment, [seed, 2 + i], updates, part) for i, part in enumerate(grid.parts)],
+            [part.size for part in grid.parts],
+        )
+
+
+class Team:
+    """R learners that act together."""
+
+    def __init__(self, learners: Sequence[Learner], sizes: Sequence[int]) -> None:
+        """Args: `sizes` how many actions each of them has."""
+        self.learners, self.sizes = learners, tuple(sizes)
+
+    def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
+        """Joint actions (N,) at observations (N, D); each robot explores on its own, with probability `epsilon`."""
+        own = [learner.act(observation, epsilon, generator) for learner in self.learners]
+        return np.ravel_multi_index(own, self.sizes)
+
+    def learn(
+        self, observation: Array, action: Integers, transition: Transition, generator: np.random.Generator
+    ) -> None:
+        """Every robot stores the lock-step with its own part of the joint actions (N,), and updates."""
+        for learner, own in zip(self.learners, np.unravel_index(action, self.sizes), strict=True):
+            learner.learn(observation, own, transition, generator)
+
+    def policy(self) -> TeamPolicy:
+        """Every robot's greedy policy of now, frozen."""
+        return TeamPolicy([learner.policy() for learner in self.learners], self.sizes)
+
+
+class TeamPolicy(Policy):
+    """Robots that act at the same time, each by its own policy."""
+
+    def __init__(self, robots: Sequence[GreedyPolicy], sizes: Sequence[int]) -> None:
+        """Args: the policy of each robot, and how many actions it has."""
+        self.robots, self.sizes = tuple(robots), tuple(sizes)
+
+    def act(self, observation: Array) -> Integers:
+        """The joint action's index: (N, D) -> (N,)."""
+        return np.ravel_multi_index([robot.act(observation) for robot in self.robots], self.sizes)

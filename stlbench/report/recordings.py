@@ -1,0 +1,85 @@
+"""The traces of a run, found again: what the referee recorded of each finished cell, and of the cells of a group."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from stlbench.contract import Array, Integers
+from stlbench.errors import UsageError
+from stlbench.problem import Problem
+from stlbench.result import Result
+from stlbench.trial import trace_file
+
+__all__ = ["Film", "Recording", "gather", "load", "newest"]
+
+
+@dataclass(frozen=True)
+class Film:
+    """The states that the best and the worst start of a cell went through."""
+
+    starts: Integers
+    """(2,): which starts they are."""
+    states: Array
+    """(2, decisions + 1, n): at each decision and at the end."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Traces of one policy, or of several seeds' policies in turn, from the report's starts."""
+
+    traces: Array
+    """(N, T + 1, k)."""
+    seeds: int
+    film: Film | None = None
+    """Of a single cell; None where an older version recorded it."""
+
+    def evenly(self, count: int) -> Array:
+        """At most `count` of the traces, evenly spread over starts and seeds."""
+        chosen = np.unique(np.linspace(0, len(self.traces) - 1, count).round().astype(np.int64))
+        return self.traces[chosen]
+
+
+def newest(results: Iterable[Result]) -> list[Result]:
+    """The results, without those that a newer one of the same cell replaces, such as of a plugin edited since."""
+    latest = dict[tuple[str, str], Result]()
+    for result in results:
+        named = result.name, result.budget
+        if named not in latest or _time(latest[named]) <= _time(result):
+            latest[named] = result
+    return list(latest.values())
+
+
+def _time(result: Result) -> str:
+    return result.provenance.get("time", "")
+
+
+def load(task: Problem, result: Result, run: Path) -> Recording:
+    """What was recorded of one finished cell.
+
+    Raises:
+        UsageError: there is no file, it is damaged, or it is of another version of the task.
+    """
+    path = trace_file(run / "traces", result)
+    try:
+        with np.load(path) as saved:
+            traces, names = saved["traces"], tuple(saved["signals"].tolist())
+            film = Film(saved["extremes"], saved["states"]) if "states" in saved else None
+    except FileNotFoundError:
+        raise UsageError(
+            f"{result.name} has no traces at {path}; `stlbench run` records them when it trains a cell"
+        ) from None
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
+        raise UsageError(f"cannot read the traces {path}: {error}") from error
+    if names != task.signals or traces.ndim != 3 or traces.shape[1:] != (task.file.steps + 1, len(names)):
+        raise UsageError(f"the traces {path} are of another version of the task {task.name}")
+    return Recording(traces, 1, film)
+
+
+def gather(recordings: Sequence[Recording]) -> Recording:
+    """Several seeds' traces as one."""
+    return Recording(np.concatenate([entry.traces for entry in recordings]), len(recordings))

@@ -1,0 +1,68 @@
+"""Pictures as a film: GIF by Pillow, MP4 by the program ffmpeg."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from PIL import Image
+
+from stlbench.contract import Pixels
+from stlbench.errors import UsageError
+
+__all__ = ["FRAMES_A_SECOND", "Format", "check_format", "write"]
+
+Format = Literal["gif", "mp4"]
+
+FRAMES_A_SECOND = 12.5
+"""GIF counts in hundredths of a second: 8 of them a frame."""
+
+
+def check_format(form: Format) -> None:
+    """Raise `UsageError` where this machine cannot write such a file."""
+    if form == "mp4":
+        _ffmpeg()
+
+
+def write(pictures: Iterable[Pixels], path: Path) -> None:
+    """Write pictures (height, width, 3) of one size as a film; the path's ending says as what.
+
+    Raises:
+        UsageError: there is no ffmpeg, or it fails.
+        OSError: the file cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".mp4":
+        _mp4(pictures, path)
+    else:
+        _gif(pictures, path)
+
+
+def _gif(pictures: Iterable[Pixels], path: Path) -> None:
+    """Each frame has 256 colours of its own: those of the first may lack what moves into the picture later."""
+    first, *others = [Image.fromarray(picture).quantize(256) for picture in pictures]
+    first.save(path, save_all=True, append_images=others, duration=round(1000 / FRAMES_A_SECOND), loop=0)
+
+
+def _mp4(pictures: Iterable[Pixels], path: Path) -> None:
+    # its usual encoding wants even sizes
+    even = [picture[: len(picture) // 2 * 2, : picture.shape[1] // 2 * 2] for picture in pictures]
+    height, width = even[0].shape[:2]
+    given = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(FRAMES_A_SECOND), "-i", "-")
+    command = [_ffmpeg(), "-y", "-loglevel", "error", *given, "-pix_fmt", "yuv420p", str(path.absolute())]
+    content = np.stack(even).tobytes()
+    done = subprocess.run(command, input=content, capture_output=True, check=False)  # noqa: S603
+    if done.returncode:
+        said = " ".join(done.stderr.decode(errors="replace").split()) or f"exit code {done.returncode}"
+        raise UsageError(f"ffmpeg could not write {path}: {said}")
+
+
+def _ffmpeg() -> str:
+    found = shutil.which("ffmpeg")
+    if found is None:
+        raise UsageError("mp4 needs the program ffmpeg, which is not on the PATH; --format gif does without")
+    return found

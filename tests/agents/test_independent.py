@@ -1,0 +1,156 @@
+"""dqn-per-robot: who learns what from whose actions, training as a whole, and one robot, with which it is dqn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from pair import pair
+
+from stlbench import problem
+from stlbench.contract import ActionGrid, Array, Environment, Integers, Policy, Training, Transition
+from stlbench.environment import BatchEnvironment
+from stlbench.referee import Referee
+from stlbench.trial import build_method
+from stlbench_agents.dqn import DQN
+from stlbench_agents.independent import DQNPerRobot, Team, TeamPolicy
+from stlbench_agents.network import GreedyPolicy
+
+COPIES = 16
+
+
+def training(
+    steps: int = 1600,
+    seed: int = 0,
+    method: str = "raw",
+    report: Callable[[Policy, int], None] = lambda policy, steps: None,
+    made: Callable[[BatchEnvironment], None] = lambda environment: None,
+) -> Training:
+    task = pair()
+
+    def make(count: int) -> BatchEnvironment:
+        environment = BatchEnvironment(task, build_method(task, method), count, 5)
+        made(environment)
+        return environment
+
+    return Training(make, steps, seed, report, 4)
+
+
+def team(**recipe: Any) -> Team:
+    """Two robots with 3 and 5 actions, that see 4 numbers."""
+    grid = ActionGrid(("v", "w"), ((-1.0, 0.0, 1.0), (0.0, 1.0, 2.0, 3.0, 4.0)), (1, 1))
+    shape = cast(Environment, SimpleNamespace(observation_size=4, actions=grid, count=COPIES))
+    made = DQNPerRobot(net_arch=(8,), batch_size=8, **recipe).learner(shape, 0, 100)
+    assert isinstance(made, Team)
+    return made
+
+
+def weights(policy: Policy) -> list[bytes]:
+    return [cast(GreedyPolicy, robot).flat.tobytes() for robot in cast(TeamPolicy, policy).robots]
+
+
+def lock_step(generator: np.random.Generator, reward: Array) -> tuple[Array, Transition]:
+    wide, never = generator.normal(size=(COPIES, 4)), np.zeros(COPIES, np.bool_)
+    return wide, Transition(wide, reward, wide, never, never, never)
+
+
+def test_every_robot_learns_from_its_own_part_of_the_joint_action() -> None:
+    made, generator = team(n_steps=1), np.random.default_rng(0)
+    joint = np.arange(COPIES) % 15
+    observation, transition = lock_step(generator, np.arange(COPIES) * 1.0)
+    made.learn(observation, joint, transition, generator)
+    first, second = (learner.replay.batch(np.arange(COPIES)) for learner in made.learners)
+    assert first.action.tolist() == [index // 5 for index in joint]
+    assert second.action.tolist() == [index % 5 for index in joint]
+    assert np.array_equal(first.returns, second.returns)
+    assert first.returns.std() > 0
+    assert np.array_equal(first.observation, second.observation)
+
+
+def test_the_joint_action_is_that_of_all_robots_and_each_explores_on_its_own() -> None:
+    made, generator = team(), np.random.default_rng(1)
+    seen = generator.normal(size=(20_000, 4))
+    own = [learner.policy().act(seen) for learner in made.learners]
+    assert np.array_equal(made.act(seen, 0.0, generator), own[0] * 5 + own[1])
+    assert np.array_equal(made.policy().act(seen), own[0] * 5 + own[1])
+    explored = made.act(seen, 0.3, generator)
+    strayed = explored // 5 != own[0], explored % 5 != own[1]
+    # .3 * 2/3 and .3 * 4/5; at the same time only by chance
+    assert [part.mean() for part in strayed] == pytest.approx([0.2, 0.24], abs=0.02)
+    assert (strayed[0] & strayed[1]).mean() == pytest.approx(0.2 * 0.24, abs=0.01)
+    counts = np.bincount(made.act(seen, 1.0, generator), minlength=15)
+    assert np.abs(counts / len(seen) - 1 / 15).max() < 0.01
+
+
+def test_each_robot_finds_the_action_that_pays_whatever_the_other_does() -> None:
+    """A reward of two parts, one a robot: best is 2 for the one and 1 for the other."""
+    made = team(gamma=0.0, n_steps=1, learning_rate=0.01, learning_rate_final=0.01, averaging=0.9)
+    generator = np.random.default_rng(0)
+    for _ in range(300):
+        seen, _ = lock_step(generator, np.zeros(COPIES))
+        joint = made.act(seen, 1.0, generator)
+        _, transition = lock_step(generator, -abs(joint // 5 - 2.0) - abs(joint % 5 - 1.0))
+        made.learn(seen, joint, transition, generator)
+    assert made.policy().act(generator.normal(size=(50, 4))).tolist() == [2 * 5 + 1] * 50
+
+
+def test_robots_begin_with_weights_of_their_own() -> None:
+    grid = ActionGrid(("v", "w"), ((-1.0, 1.0), (-1.0, 1.0)), (1, 1))
+    shape = cast(Environment, SimpleNamespace(observation_size=4, actions=grid, count=COPIES))
+    first, second = cast(Team, DQNPerRobot().learner(shape, 0, 100)).learners
+    assert first.weights.online.shape == second.weights.online.shape
+    assert not np.array_equal(first.weights.online, second.weights.online)
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not() -> None:
+    one, again, other = (weights(DQNPerRobot().train(training(seed=seed))) for seed in (3, 3, 4))
+    assert one == again
+    assert len(one) == 2
+    assert not set(one) & set(other)
+
+
+def test_the_budget_is_spent_exactly_and_reports_are_frozen() -> None:
+    environments: list[BatchEnvironment] = []
+    seen: list[tuple[int, Policy, list[bytes]]] = []
+    final = DQNPerRobot().train(
+        training(report=lambda policy, steps: seen.append((steps, policy, weights(policy))), made=environments.append)
+    )
+    assert [environment.taken for environment in environments] == [1600]
+    assert [steps for steps, _, _ in seen] == [400, 800, 1200, 1600]
+    assert seen[-1][1] is final
+    assert all(weights(policy) == kept for _, policy, kept in seen)
+    assert seen[0][2] != seen[-1][2]
+
+
+def test_with_one_robot_it_is_dqn() -> None:
+    task = problem.load("hold-disc")
+
+    def train(agent: DQN) -> Policy:
+        return agent.train(
+            Training(
+                lambda count: BatchEnvironment(task, build_method(task, "funnel"), count, 0),
+                800, 1, lambda policy, steps: None, 1,
+            )
+        )  # fmt: skip
+
+    ours, theirs = train(DQNPerRobot()), train(DQN())
+    assert isinstance(ours, GreedyPolicy)
+    assert ours.flat.tobytes() == cast(GreedyPolicy, theirs).flat.tobytes()
+
+
+class _Still(Policy):
+    def act(self, observation: Array) -> Integers:
+        return np.full(len(observation), 1 * 5 + 2)
+
+
+@pytest.mark.parametrize("method", ["raw", "funnel"])
+def test_two_robots_learn_to_be_where_each_should(method: str) -> None:
+    task = pair()
+    referee = Referee(task, build_method(task, method))
+    policy = DQNPerRobot().train(training(24_000, method=method))
+    learnt, still = referee.select(policy), referee.select(_Still())
+    assert still == (0, pytest.approx(-1, abs=0.5))
+    assert learnt[0] > 0.8

@@ -1,0 +1,139 @@
+"""`stlbench plot` and `stlbench render`, on made-up plugins, from the words to the files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+RUN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here", "--methods")
+CELL = "toy-line/toy-raw/toy-agent/0"
+
+
+@pytest.fixture
+def run(say, toy):
+    """Say `run` with these methods."""
+    return lambda methods: say(*RUN, methods)
+
+
+def refused(done):
+    assert (done.exit_code, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    return line
+
+
+@pytest.mark.parametrize("command", ["plot", "render"])
+def test_help_has_an_example(say, command):
+    done = say(command, "--help")
+    assert done.exit_code == 0
+    assert f"stlbench {command} results" in done.stdout.partition("Examples")[2]
+
+
+def test_plot_prints_the_files_it_wrote(run, say):
+    run("toy-raw,toy-large")
+    done = say("plot", "results", "--out", "pictures")
+    assert done.exit_code == 0
+    kinds = ("time", "trajectories")
+    names = ["learning-toy-line", *(f"{kind}-toy-line-toy-raw-toy-agent-quick" for kind in kinds)]
+    written = [f"pictures/{name}.{end}" for name in names for end in ("png", "svg")]
+    assert done.stdout.splitlines() == written
+    assert {str(path) for path in Path("pictures").iterdir()} == set(written)
+    assert done.stderr.splitlines() == [
+        "[1/2] toy-line/toy-large/toy-agent quick: 0 files",
+        "[2/2] toy-line/toy-raw/toy-agent quick: 4 files",
+    ]
+
+
+def test_plot_draws_what_is_asked_for_beside_the_report(run, say):
+    run("toy-raw,toy-raw[weight=2]")
+    done = say("plot", "results", "--methods", "toy-raw[weight=2]", "--tasks", "toy-line")
+    assert done.exit_code == 0
+    assert len(done.stdout.splitlines()) == 6
+    assert "results/figures/time-toy-line-toy-raw[weight=2]-toy-agent-quick.svg" in done.stdout
+    assert "toy-raw-toy-agent" not in done.stdout
+
+
+def test_a_method_that_cannot_be_scored_leaves_no_figure(run, say):
+    run("toy-wrong")
+    done = say("plot", "results", "--out", "pictures")
+    assert (done.exit_code, done.stdout) == (0, "")
+    assert not Path("pictures").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("plot", "resluts"), "error: there is no ledger at resluts/ledger.sqlite; `stlbench run` writes one"),
+        (
+            ("plot", "results", "--methods", "toy-rew"),
+            "error: results has no method 'toy-rew'; did you mean 'toy-raw'?",
+        ),
+        (("plot", "results", "--tasks", "line"), "error: results has no task 'line'; did you mean 'toy-line'?"),
+        (("render", "resluts", CELL), "error: there is no ledger at resluts/ledger.sqlite; `stlbench run` writes one"),
+        (
+            ("render", "results", "toy-lime/toy-raw/0"),
+            "has no cell 'toy-lime/toy-raw/0'; did you mean 'toy-line/toy-raw/",
+        ),
+        (("render", "results", "toy-line/toy-large/toy-agent/0"), "has no policy to film: intractable: needs 6003"),
+        (("render", "results", CELL, "--budget", "quikc"), "has no budget 'quikc' in results; did you mean 'quick'?"),
+        (("render", "results", CELL, "--format", "avi"), "'avi' is not one of 'gif', 'mp4'"),
+    ],
+)
+def test_bad_input_is_one_line(run, say, words, message):
+    run("toy-raw,toy-large")
+    assert message in refused(say(*words))
+
+
+def test_render_writes_a_film_of_the_cell(run, say):
+    run("toy-raw")
+    done = say("render", "results", CELL)
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert done.stdout == "results/films/film-toy-line-toy-raw-toy-agent-0-quick.gif\n"
+    with Image.open(done.stdout.strip()) as image:
+        assert image.format == "GIF"
+        assert image.n_frames > 1
+
+
+def test_the_states_of_the_best_and_the_worst_start_are_saved(run):
+    """v = 0 throughout, so the robustness of G[0,4] (x <= 1) is 1 - x_0, and the states are the signals."""
+    run("toy-raw")
+    path = sorted(Path("results/traces").iterdir())[0]
+    with np.load(path) as saved:
+        traces, extremes, states = saved["traces"], saved["extremes"], saved["states"]
+    begin = traces[:, 0, 0]
+    assert extremes.tolist() == [np.argmin(begin), np.argmax(begin)]
+    assert states.shape == (2, 5, 1)
+    assert np.array_equal(states, traces[extremes])
+
+
+def test_a_cell_whose_traces_are_gone(run, say):
+    run("toy-raw")
+    for path in Path("results/traces").iterdir():
+        path.unlink()
+    assert f"error: {CELL} has no traces at results/traces/" in refused(say("render", "results", CELL))
+    done = say("plot", "results")
+    assert done.exit_code == 0
+    assert [line.partition(" has no traces")[0] for line in done.stderr.splitlines()[:2]] == [
+        f"warning: toy-line/toy-raw/toy-agent/{seed}" for seed in (0, 1)
+    ]
+
+
+def test_mp4_without_ffmpeg(run, say, monkeypatch):
+    run("toy-raw")
+    monkeypatch.setenv("PATH", "")
+    line = refused(say("render", "results", CELL, "--format", "mp4"))
+    assert line == "error: mp4 needs the program ffmpeg, which is not on the PATH; --format gif does without"
+    assert not Path("results/films").exists()
+
+
+def test_two_budgets_of_one_cell_are_told_apart(run, say, toy):
+    run("toy-raw")
+    task = toy / "toy_plugins/line/task.yaml"
+    quick = "  quick: {steps: 8, seeds: 2, deadline: 60, checkpoints: 2}\n"
+    task.write_text(task.read_text().replace(quick, quick + quick.replace("quick: {steps: 8", "other: {steps: 16")))
+    say(*RUN, "toy-raw", "--budget", "other")
+    assert refused(say("render", "results", CELL)).endswith("with the budgets other, quick; say which by --budget")
+    done = say("render", "results", CELL, "--budget", "other")
+    assert done.stdout == "results/films/film-toy-line-toy-raw-toy-agent-0-other.gif\n"
