@@ -177,14 +177,16 @@ def reward_cost(task: Problem, method: RewardMethod, rows: int = 1024, repeats: 
     region, actions = task.file.initial, task.actions
     simulator.place(task.system.begin(generator.uniform(region.low, region.high, (rows, len(region.low)))))
     action = generator.uniform(actions.low, actions.high, (rows, len(actions.names)))
-    after = task.system.signals(task.system.step(simulator.state, action))
-    step = partial(method.step, simulator.signals, action, after, simulator.t)
-    step(simulator.memory)
+    states = [simulator.state]
+    for _ in range(task.file.hold):
+        states.append(task.system.step(states[-1], action))
+    along = partial(method.along, task.system.signals(np.stack(states)), action, simulator.t)
+    along(simulator.memory)
     begin = time.process_time_ns()
     memory = simulator.memory
     for _ in range(repeats):
-        _, memory = step(memory)
-    return (time.process_time_ns() - begin) / (rows * repeats)
+        _, memory = along(memory)
+    return (time.process_time_ns() - begin) / (rows * repeats * task.file.hold)
 
 
 def _save(path: Path, report: Report, signals: tuple[str, ...]) -> None:

@@ -93,13 +93,14 @@ class Funnel(RewardMethod):
         self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
     ) -> tuple[Array, Array]:
         """r'(s_{t+1}, t + 1): (N,) in the unit of the predicates. No memory."""
-        rewards, memory = self.along(np.stack([signals, next_signals]), action, t, memory)
-        return rewards[0], memory
+        return self._clipped(self._least(next_signals, t + 1)), memory
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
         """The same for h steps at once: (h, N)."""
-        rewards = self._least(samples[1:], t + self._steps[1 : len(samples)])
-        return (np.minimum(rewards, 0.0) if self._clip else rewards), memory
+        return self._clipped(self._least(samples[1:], t + self._steps[1 : len(samples)])), memory
+
+    def _clipped(self, rewards: Array) -> Array:
+        return np.minimum(rewards, 0.0) if self._clip else rewards
 
     def describe(self) -> Mapping[str, Any]:
         """Each term's funnel."""
