@@ -6,7 +6,7 @@ import numpy as np
 
 from stlbench.contract import Array
 from stlbench.errors import UsageError
-from stlbench.problem import Region
+from stlbench.task_file import Region
 
 __all__ = ["grid", "sample"]
 

@@ -16,9 +16,10 @@ from stlbench.choices import parse_choice
 from stlbench.contract import Agent, Intractable, Policy, RewardMethod, Training, Unsuitable
 from stlbench.environment import BatchEnvironment, Simulator
 from stlbench.matrix import Cell, derive_seed
-from stlbench.problem import Budget, Problem
+from stlbench.problem import Problem
 from stlbench.referee import Referee, Report
 from stlbench.result import MAIN, CurvePoint, Measurement, Result
+from stlbench.task_file import Budget
 
 __all__ = ["build_agent", "build_method", "reward_cost", "run_cell", "trace_file"]
 

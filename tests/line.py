@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from stlbench import problem
+from stlbench import task_file
 from stlbench.contract import Array, Integers, Policy, RewardMethod, System
 from stlbench.problem import Problem
 
@@ -51,7 +51,7 @@ def text(**changes: Any) -> str:
 
 def line(**changes: Any) -> Problem:
     """The task, with some entries of its file replaced."""
-    return Problem("line", problem.read(text(**changes), "line"), Line(FILE["sampling_time"]))
+    return Problem("line", task_file.read(text(**changes), "line"), Line(FILE["sampling_time"]))
 
 
 class Probe(RewardMethod):

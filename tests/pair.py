@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from stlbench import problem
+from stlbench import task_file
 from stlbench.contract import Array, Integers, System
 from stlbench.problem import Problem
 
@@ -46,4 +46,6 @@ FILE: dict[str, Any] = {
 def pair(**changes: Any) -> Problem:
     """The task, with some entries of its file replaced; None removes one."""
     content = {key: value for key, value in (FILE | changes).items() if value is not None}
-    return Problem("pair", problem.read(yaml.safe_dump(content, sort_keys=False), "pair"), Pair(FILE["sampling_time"]))
+    return Problem(
+        "pair", task_file.read(yaml.safe_dump(content, sort_keys=False), "pair"), Pair(FILE["sampling_time"])
+    )

@@ -16,7 +16,7 @@ import typer
 from stlbench import choices, matrix, plugins, problem
 from stlbench.cli import app
 from stlbench.contract import Outcome
-from stlbench.problem import Budget, TaskFile
+from stlbench.task_file import Budget, TaskFile
 from stlbench.testing import check_task
 from stlbench.trial import run_cell
 

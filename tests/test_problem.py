@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from line import line, text
 
-from stlbench import problem, stl
+from stlbench import problem, stl, task_file
 from stlbench.contract import ActionBox
 from stlbench.errors import UsageError
 
@@ -18,7 +18,7 @@ from stlbench.errors import UsageError
 def errors(**changes: Any) -> list[str]:
     """The lines of the message about a task file with some entries replaced."""
     with pytest.raises(UsageError) as caught:
-        problem.read(text(**changes), "line")
+        task_file.read(text(**changes), "line")
     head, *lines = str(caught.value).splitlines()
     assert head == "task line: task.yaml has errors:"
     return [entry.removeprefix("  ") for entry in lines]
@@ -26,22 +26,22 @@ def errors(**changes: Any) -> list[str]:
 
 class TestRead:
     def test_defaults(self) -> None:
-        file = problem.read(text(), "line")
+        file = task_file.read(text(), "line")
         assert (file.steps, file.hold, file.starts, file.input_limit, file.time) == (8, 1, 4, 512, "steps")
         assert file.training_starts is file.initial
         assert file.parsed("G[1,2] x <= 1") == stl.parse("G[1,2] x <= 1")
         assert file.budgets["smoke"].steps == 40
 
     def test_intervals_in_seconds(self) -> None:
-        file = problem.read(text(time="seconds", formula="G[0.5,2] x <= 1"), "line")
+        file = task_file.read(text(time="seconds", formula="G[0.5,2] x <= 1"), "line")
         assert file.parsed(file.formula) == stl.parse("G[1,4] x <= 1")
 
     def test_an_axis_has_round_values(self) -> None:
-        file = problem.read(text(actions={"v": {"low": -0.3, "high": 0.3, "count": 7}}), "line")
+        file = task_file.read(text(actions={"v": {"low": -0.3, "high": 0.3, "count": 7}}), "line")
         assert file.actions["v"].values == (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)
 
     def test_a_region_keeps_what_fulfils_its_condition(self) -> None:
-        region = problem.Region(box={"x": (-1, 1), "y": 2}, where="x >= 0 & y >= 2")
+        region = task_file.Region(box={"x": (-1, 1), "y": 2}, where="x >= 0 & y >= 2")
         assert (region.low.tolist(), region.high.tolist()) == ([-1, 2], [1, 2])
         assert region.keep(np.array([[0.5, 2], [-0.5, 2], [0.5, 1]])).tolist() == [[0.5, 2]]
 
@@ -143,16 +143,16 @@ class TestMessages:
 
     def test_text_that_is_no_yaml(self) -> None:
         with pytest.raises(UsageError, match=r"^task line: task.yaml is no YAML: "):
-            problem.read("title: [", "line")
+            task_file.read("title: [", "line")
 
     @pytest.mark.parametrize("content", ["", "- a\n- b", "words"])
     def test_yaml_that_is_no_mapping(self, content: str) -> None:
         with pytest.raises(UsageError, match=r"has errors:\n  Input should be a valid dictionary"):
-            problem.read(content, "line")
+            task_file.read(content, "line")
 
     def test_yaml_is_read_safely(self) -> None:
         with pytest.raises(UsageError, match=r"task\.yaml is no YAML"):
-            problem.read("title: !!python/object/apply:os.getcwd []", "line")
+            task_file.read("title: !!python/object/apply:os.getcwd []", "line")
 
 
 class TestTraining:

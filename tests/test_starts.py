@@ -7,7 +7,7 @@ import pytest
 
 from stlbench import starts
 from stlbench.errors import UsageError
-from stlbench.problem import Region
+from stlbench.task_file import Region
 
 DISC = Region(box={"x": (-1, 1), "y": (-1, 1), "heading": 0.5}, where="norm(x, y) <= 0.9")
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from stlbench import problem
+from stlbench import task_file
 from stlbench.contract import Array, Integers, System
 from stlbench.problem import Problem
 
@@ -66,4 +66,4 @@ def _wrapped(angle: Array) -> Array:
 def pendulum(actions: int) -> Problem:
     """The task with 61 or 273 actions."""
     text = yaml.safe_dump(_FILE | {"actions": _GRIDS[actions]}, sort_keys=False)
-    return Problem("pendulum", problem.read(text, "pendulum"), Pendulum(0.01))
+    return Problem("pendulum", task_file.read(text, "pendulum"), Pendulum(0.01))
