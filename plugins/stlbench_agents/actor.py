@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.contract import ActionBox, Array, Environment, Policy, Unsuitable
+from stlbench.contract import ActionBox, Array, Policy
 
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["ActorPolicy", "box_of", "linear_layers"]
+__all__ = ["ActorPolicy", "linear_layers"]
 
 Single = NDArray[np.float32]
 Layer = tuple[Single, Single]
@@ -47,17 +47,6 @@ class ActorPolicy(Policy):
             return np.clip(output, self._low, self._high)
         vectors: Array = self._low + (np.tanh(output) + 1) / 2 * (self._high - self._low)
         return vectors
-
-
-def box_of(environment: Environment) -> ActionBox:
-    """The task's continuous actions. Raises `Unsuitable` where it has a grid."""
-    actions = environment.actions
-    if not isinstance(actions, ActionBox):
-        raise Unsuitable(
-            f"the task's actions {', '.join(actions.names)} are a grid, and this agent's are continuous; "
-            "take an agent such as dqn"
-        )
-    return actions
 
 
 def linear_layers(modules: Iterable[torch.nn.Module]) -> list[Layer]:

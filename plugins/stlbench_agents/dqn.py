@@ -14,8 +14,8 @@ from numba import njit
 from pydantic import Field
 
 from stlbench.contract import ActionGrid, Agent, Array, Environment, Integers, Policy, Training, Transition
+from stlbench_agents.actions import grid_of
 from stlbench_agents.engine import Network, Workspace, best_actions, gradient
-from stlbench_agents.grid import grid_of
 from stlbench_agents.marks import spread
 from stlbench_agents.network import GreedyPolicy, Head, QNetwork, Single
 from stlbench_agents.optimizer import Weights, step

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from stlbench.contract import Array, Environment, Integers, Policy, Transition
+from stlbench_agents.actions import grid_of
 from stlbench_agents.dqn import DQN, Learner, Learning
-from stlbench_agents.grid import grid_of
 from stlbench_agents.network import GreedyPolicy
 
 __all__ = ["DQNPerRobot", "Team", "TeamPolicy"]

@@ -8,7 +8,8 @@ import numpy as np
 from pydantic import Field
 
 from stlbench.contract import Environment, Policy
-from stlbench_agents.actor import ActorPolicy, box_of, linear_layers
+from stlbench_agents.actions import box_of
+from stlbench_agents.actor import ActorPolicy, linear_layers
 from stlbench_agents.sb3_agent import SB3Agent, falling
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field
 
 from stlbench.contract import Environment, Policy
-from stlbench_agents.grid import grid_of
+from stlbench_agents.actions import grid_of
 from stlbench_agents.sb3_agent import SB3Agent, falling
 
 if TYPE_CHECKING:

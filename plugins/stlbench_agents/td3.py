@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from stlbench.contract import Agent, Policy, Training
-from stlbench_agents.actor import box_of
+from stlbench_agents.actions import box_of
 from stlbench_agents.marks import spread
 from stlbench_agents.one_thread import one_thread
 from stlbench_agents.replay import Replay

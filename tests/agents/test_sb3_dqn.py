@@ -15,7 +15,7 @@ from stlbench import problem
 from stlbench.contract import Policy, Training, Unsuitable
 from stlbench.environment import BatchEnvironment
 from stlbench.trial import build_agent, build_method
-from stlbench_agents.grid import grid_of
+from stlbench_agents.actions import grid_of
 from stlbench_agents.network import GreedyPolicy
 from stlbench_agents.sb3_bridge import CopiesVecEnv, exported
 from stlbench_agents.sb3_dqn import SB3DQN

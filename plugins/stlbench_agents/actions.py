@@ -1,0 +1,29 @@
+"""The kind of actions that an agent needs of a task: a grid to choose from, or a box."""
+
+from __future__ import annotations
+
+from stlbench.contract import ActionBox, ActionGrid, Environment, Unsuitable
+
+__all__ = ["box_of", "grid_of"]
+
+
+def grid_of(environment: Environment) -> ActionGrid:
+    """The task's grid of actions. Raises `Unsuitable` where its actions are continuous."""
+    actions = environment.actions
+    if not isinstance(actions, ActionGrid):
+        raise Unsuitable(
+            f"the task's actions {', '.join(actions.names)} are continuous, and this agent chooses from a grid; "
+            "give each axis a count, or take an agent such as td3"
+        )
+    return actions
+
+
+def box_of(environment: Environment) -> ActionBox:
+    """The task's continuous actions. Raises `Unsuitable` where it has a grid."""
+    actions = environment.actions
+    if not isinstance(actions, ActionBox):
+        raise Unsuitable(
+            f"the task's actions {', '.join(actions.names)} are a grid, and this agent's are continuous; "
+            "take an agent such as dqn"
+        )
+    return actions
