@@ -32,12 +32,13 @@ def record(
     observation = simulator.place(states)
     trace = np.empty((len(states), problem.file.steps + 1, len(problem.signals)))
     trace[:, 0] = simulator.signals
-    visited = [] if visited is None else visited
-    visited.append(simulator.state)
+    if visited is not None:
+        visited.append(simulator.state)
     for t in range(0, problem.file.steps, simulator.hold):
         trace[:, t + 1 : t + 1 + simulator.hold] = simulator.advance(policy.act(observation)).samples
         observation = simulator.observe()
-        visited.append(simulator.state)
+        if visited is not None:
+            visited.append(simulator.state)
     return trace
 
 

@@ -19,13 +19,10 @@ from stlbench_agents.engine import Network, Workspace, best_actions, gradient
 from stlbench_agents.marks import spread
 from stlbench_agents.network import GreedyPolicy, Head, QNetwork, Single
 from stlbench_agents.optimizer import Weights, step
+from stlbench_agents.parameters import Count, Positive, Share
 from stlbench_agents.replay import Batch, Memory, Replay, gather
 
 __all__ = ["DQN", "Learner", "Learning"]
-
-Share = Annotated[float, Field(ge=0, le=1)]
-Count = Annotated[int, Field(ge=1)]
-Positive = Annotated[float, Field(gt=0)]
 
 
 class DQN(Agent):

@@ -10,6 +10,7 @@ from pydantic import Field
 from stlbench.contract import Environment, Policy
 from stlbench_agents.actions import box_of
 from stlbench_agents.actor import ActorPolicy, linear_layers
+from stlbench_agents.parameters import Count, Positive, Share
 from stlbench_agents.sb3_agent import SB3Agent, falling
 
 if TYPE_CHECKING:
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["SB3PPO", "SB3SAC", "SB3TD3"]
 
-Share = Annotated[float, Field(ge=0, le=1)]
-Count = Annotated[int, Field(ge=1)]
-Positive = Annotated[float, Field(gt=0)]
 Widths = Annotated[tuple[Count, ...], Field(min_length=1)]
 
 

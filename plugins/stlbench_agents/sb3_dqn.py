@@ -8,16 +8,13 @@ from pydantic import Field
 
 from stlbench.contract import Environment, Policy
 from stlbench_agents.actions import grid_of
+from stlbench_agents.parameters import Count, Positive, Share
 from stlbench_agents.sb3_agent import SB3Agent, falling
 
 if TYPE_CHECKING:
     from stable_baselines3 import DQN
 
 __all__ = ["SB3DQN"]
-
-Share = Annotated[float, Field(ge=0, le=1)]
-Count = Annotated[int, Field(ge=1)]
-Positive = Annotated[float, Field(gt=0)]
 
 
 class SB3DQN(SB3Agent):

@@ -16,14 +16,10 @@ from stlbench.contract import Agent, Policy, Training
 from stlbench_agents.actions import box_of
 from stlbench_agents.marks import spread
 from stlbench_agents.one_thread import one_thread
+from stlbench_agents.parameters import Count, NotNegative, Positive, Share
 from stlbench_agents.replay import Replay
 
 __all__ = ["TD3"]
-
-Share = Annotated[float, Field(ge=0, le=1)]
-Count = Annotated[int, Field(ge=1)]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
 
 
 class TD3(Agent):
