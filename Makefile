@@ -32,7 +32,7 @@ docs: $(VENV)/ready-dev
 
 ## Is anything worse than the committed reference? See docs/ci.md.
 gate: $(VENV)/ready
-	$(BIN)/stlbench gate results/reference --budget smoke
+	$(BIN)/stlbench gate results/gate-reference --budget smoke
 
 ## Speed beside that of others, by turns in one run; half an hour. Writes results/bench.json and docs/performance.md.
 bench: $(VENV)/ready-dev

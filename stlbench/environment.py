@@ -180,10 +180,11 @@ class BatchEnvironment:
             chosen = np.flatnonzero(self._generator.random(len(rows)) < exploring.share)
             decisions = simulator.horizon // self.hold
             t[chosen] = self._generator.integers(decisions, size=len(chosen)) * self.hold
-            if exploring.states is None:
-                states[chosen] = simulator.state[rows[chosen]]
-            else:
-                states[chosen] = simulator.system.begin(starts.sample(exploring.states, self._generator, len(chosen)))
+            kept = self._generator.random(len(chosen)) < exploring.kept
+            states[chosen[kept]] = simulator.state[rows[chosen[kept]]]
+            if exploring.states is not None:
+                drawn = chosen[~kept]
+                states[drawn] = simulator.system.begin(starts.sample(exploring.states, self._generator, len(drawn)))
             if exploring.length is not None:
                 length = self._generator.integers(1, 2 * exploring.length, size=len(chosen)) * self.hold
                 self._broken_off[rows[chosen]] = np.minimum(t[chosen] + length, simulator.horizon)

@@ -57,7 +57,11 @@ class Cell:
 
 
 def plan(
-    tasks: Sequence[str], methods: Sequence[Choice], agents: Sequence[Choice], seeds: Sequence[int] | None, budget: str
+    tasks: Sequence[str],
+    methods: Sequence[Choice],
+    agents: Sequence[Choice] | None,
+    seeds: Sequence[int] | None,
+    budget: str,
 ) -> tuple[Cell, ...]:
     """All cells of a comparison, the first seed of everything first.
 
@@ -66,7 +70,7 @@ def plan(
     Args:
         tasks: names of tasks.
         methods: what to compare.
-        agents: what to train with; each task has a recipe for it.
+        agents: what to train with; each task has a recipe for it. None for the first that each task has a recipe for.
         seeds: which; None for 0..n-1 with the number n that the task's budget names.
         budget: name of a budget that each task has.
 
@@ -79,14 +83,18 @@ def plan(
     wanted = {entry.name: seeds or range(entry.budget(budget).seeds) for entry in problems}
     method_parts = {str(choice): _choice_part("methods", choice) for choice in methods}
     task_parts = {entry.name: _task_part(entry, budget) for entry in problems}
-    agent_parts = {(p.name, str(choice)): _agent_part(p, choice) for p in problems for choice in agents}
+    agent_parts = {
+        entry.name: {str(choice): _agent_part(entry, choice) for choice in agents or (Choice(entry.own_agent),)}
+        for entry in problems
+    }
     cells = []
-    for seed, (task, own), (method, part), agent in product(
-        sorted(set().union(*wanted.values())), wanted.items(), method_parts.items(), dict.fromkeys(map(str, agents))
+    for seed, (task, own), (method, part) in product(
+        sorted(set().union(*wanted.values())), wanted.items(), method_parts.items()
     ):
         if seed in own:
-            key = _digest([FORMAT, task_parts[task], part, agent_parts[task, agent], seed])
-            cells.append(Cell(task, method, agent, seed, budget, key))
+            for agent, recipe in agent_parts[task].items():
+                key = _digest([FORMAT, task_parts[task], part, recipe, seed])
+                cells.append(Cell(task, method, agent, seed, budget, key))
     return tuple(cells)
 
 

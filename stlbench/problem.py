@@ -58,6 +58,11 @@ class Problem:
             input_limit=self.file.input_limit,
         )
 
+    @property
+    def own_agent(self) -> str:
+        """The agent that the task is trained with unless another is named: the first that it has a recipe for."""
+        return next(iter(self.file.agents))
+
     def budget(self, name: str) -> Budget:
         """The named budget."""
         if name not in self.file.budgets:

@@ -107,8 +107,10 @@ class Exploring(_Strict):
 
     share: Annotated[float, Field(gt=0, le=1)]
     """Of the training episodes."""
+    kept: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Of these, the share that begins in the state in which the copy's last episode ended."""
     states: Region | None = None
-    """Where they begin; where left out, in the state in which the copy's last episode ended."""
+    """Where the others begin; among the states from which episodes start where left out."""
     length: Count | None = None
     """They are broken off after this many decisions on average; at the end of the task where left out."""
 
@@ -186,7 +188,7 @@ class TaskFile(_Strict):
     protocols: dict[str, Protocol] = {}
     input_limit: Count = 512
     agents: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
-    """Agent -> recipe, the same for every method."""
+    """Agent -> recipe, the same for every method. The first is the task's own agent."""
     budgets: Annotated[dict[str, Budget], Field(min_length=1)]
 
     @property

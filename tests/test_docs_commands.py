@@ -71,7 +71,7 @@ def test_a_command_parses(page: str, line: str) -> None:
         for choice in choices.parse_choices(str(options["methods"])):
             if choice.name not in ELSEWHERE:
                 plugins.check("methods", choice)
-        for choice in choices.parse_choices(str(options["agents"])):
+        for choice in choices.parse_choices(str(options["agents"] or "dqn")):
             plugins.check("agents", choice)
 
 

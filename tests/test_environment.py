@@ -242,7 +242,7 @@ class TestTrainingOptions:
         assert np.array_equal(ended, observation[:, 1] == 6)
 
     def test_exploring_episodes_may_begin_where_the_last_one_ended_and_be_broken_off(self) -> None:
-        environment = self.make(1, exploring={"share": 1, "length": 1})
+        environment = self.make(1, exploring={"share": 1, "kept": 1, "length": 1})
         environment.reset()
         before = 0.0
         for _ in range(20):  # each lasts one decision: up by 1, then the next begins there
@@ -250,6 +250,19 @@ class TestTrainingOptions:
             assert transition.cut.tolist() == transition.ended.tolist() == [True]
             assert transition.arrived[0, 0] == transition.observation[0, 0] == before + 1
             before += 1
+
+    def test_some_exploring_episodes_keep_the_last_state_and_the_others_are_drawn(self) -> None:
+        environment = self.make(400, exploring={"share": 1, "kept": 0.5, "length": 1, "states": {"box": {"x": 7}}})
+        environment.reset()
+        environment.simulator.state[:] = 3.0
+        begun = environment.step(always(UP, 400)).observation[:, 0]
+        assert set(begun) == {4, 7}
+        assert 0.4 < (begun == 4).mean() < 0.6
+
+    def test_exploring_episodes_begin_like_all_others_where_no_states_are_named(self) -> None:
+        observation = self.make(400, exploring={"share": 1}).reset()
+        assert observation[:, 0].tolist() == [0] * 400
+        assert set(observation[:, 1]) == {0, 2, 4, 6}
 
     def test_nothing_else_is_drawn_without_exploring_starts(self) -> None:
         plain, cut = self.make(3, x=[-1, 1]), self.make(3, x=[-1, 1], cuts=[2], violation=-5)

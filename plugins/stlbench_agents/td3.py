@@ -39,6 +39,7 @@ class TD3(Agent):
         n_steps: Count = 1,
         tau: Share = 0.01,
         policy_delay: Count = 2,
+        averaging: Annotated[float, Field(ge=0, lt=1)] = 0.995,
         target_policy_noise: NotNegative = 0.1,
         target_noise_clip: NotNegative = 0.25,
         exploration_noise: NotNegative = 0.2,
@@ -59,6 +60,8 @@ class TD3(Agent):
             n_steps: rewards in a return before it bootstraps.
             tau: weight of the online networks in an update of the targets, one for each `policy_delay` updates.
             policy_delay: updates of the critics for one of the actor.
+            averaging: the policy that is reported has an exponential average of the actor's weights, this close to 1
+                an update of the actor; 0 takes the weights as they are. Actions in training are those of the actor.
             target_policy_noise: standard deviation of the noise on target actions, which lie in [-1, 1].
             target_noise_clip: its limit.
             exploration_noise: standard deviation of the noise on actions in training, in [-1, 1] units; from copy to
@@ -71,12 +74,13 @@ class TD3(Agent):
         self.net_arch, self.copies, self.batch_size, self.buffer_size = net_arch, copies, batch_size, buffer_size
         self.gradient_steps, self.gamma, self.n_steps = gradient_steps, gamma, n_steps
         self.learning_rate, self.learning_rate_final = learning_rate, learning_rate_final
-        self.tau, self.policy_delay, self.action_penalty = tau, policy_delay, action_penalty
+        self.tau, self.policy_delay, self.averaging = tau, policy_delay, averaging
+        self.action_penalty = action_penalty
         self.target_noise = (target_policy_noise, target_noise_clip)
         self.exploration_noise, self.random_steps, self.reward_scale = exploration_noise, random_steps, reward_scale
 
     def train(self, training: Training) -> Policy:
-        """Spend the budget; return the actor at its end."""
+        """Spend the budget; return the policy at its end."""
         with one_thread():
             return self._train(training)
 
@@ -119,5 +123,6 @@ class TD3(Agent):
                     learner.update(replay.batch(first), generator.standard_normal((self.batch_size, len(box.names))))
                 policy = learner.policy()
             if done in reports:
-                training.report(policy, done * self.copies * environment.hold)
-        return policy
+                final = learner.averaged()
+                training.report(final, done * self.copies * environment.hold)
+        return final

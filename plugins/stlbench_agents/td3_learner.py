@@ -28,6 +28,7 @@ class Recipe(Protocol):
     learning_rate_final: float
     tau: float
     policy_delay: int
+    averaging: float
     action_penalty: float
     target_noise: tuple[float, float]
     reward_scale: float
@@ -67,13 +68,18 @@ class Learner:
         self.critic = TwinCritic((inputs + axes, *hidden, 1))
         _initialise(self.actor, self.critic, generator)
         self.target_actor, self.target_critic = copy.deepcopy(self.actor), copy.deepcopy(self.critic)
+        self.average = copy.deepcopy(self.actor)
         self._adams = [
             torch.optim.Adam(module.parameters(), recipe.learning_rate, fused=True)
             for module in (self.actor, self.critic)
         ]
-        self._pairs: list[tuple[list[Tensor], list[Tensor]]] = [
-            ([*target.parameters()], [*module.parameters()])
-            for target, module in ((self.target_actor, self.actor), (self.target_critic, self.critic))
+        self._followers: list[tuple[list[Tensor], list[Tensor], float]] = [
+            ([*follower.parameters()], [*module.parameters()], weight)
+            for follower, module, weight in (
+                (self.target_actor, self.actor, recipe.tau),
+                (self.target_critic, self.critic, recipe.tau),
+                (self.average, self.actor, 1 - recipe.averaging),
+            )
         ]
         self._decay = (recipe.learning_rate_final / recipe.learning_rate) ** (1 / max(1, updates - 1))
         self._least, self._most = math.inf, -math.inf
@@ -83,13 +89,17 @@ class Learner:
         """The actor as it is now."""
         return ActorPolicy(linear_layers(self.actor), self.box, "relu", squashed=True)
 
+    def averaged(self) -> ActorPolicy:
+        """The actor with the average of its weights."""
+        return ActorPolicy(linear_layers(self.average), self.box, "relu", squashed=True)
+
     def saw(self, reward: np.ndarray) -> None:
         """Take note of rewards: a value is a mean of rewards, weighted by powers of gamma, and lies among them."""
         self._least = min(self._least, self.recipe.reward_scale * float(reward.min()))
         self._most = max(self._most, self.recipe.reward_scale * float(reward.max()))
 
     def update(self, batch: Batch, noise: np.ndarray) -> None:
-        """One step of Adam for the critics, and every `policy_delay` one for the actor, and of the targets.
+        """One step of Adam for the critics, and every `policy_delay` one for the actor; its followers move.
 
         Args:
             batch: B transitions, actions in [-1, 1].
@@ -104,8 +114,8 @@ class Learner:
         if self._count % self.recipe.policy_delay == 0:
             _descend(actor_adam, self.actor_loss(observation))
             with torch.no_grad():
-                for target, module in self._pairs:
-                    torch._foreach_lerp_(target, module, self.recipe.tau)
+                for follower, module, weight in self._followers:
+                    torch._foreach_lerp_(follower, module, weight)
 
     @torch.no_grad()
     def targets(self, batch: Batch, noise: np.ndarray) -> Tensor:

@@ -34,7 +34,7 @@ def compare(
     \b
     Examples:
       stlbench compare results-before results-after
-      stlbench compare results/reference results/gate/ledger.sqlite --json
+      stlbench compare results/gate-reference results/gate/ledger.sqlite --json
     """
     from stlbench import comparison, gate
 

@@ -78,7 +78,7 @@ def gate(
 
     \b
     Examples:
-      stlbench gate results/reference --budget smoke
+      stlbench gate results/gate-reference --budget smoke
       stlbench gate reference --update --tasks hold-disc --methods funnel,flag --seeds 10
     """
     if results.resolve() == reference.resolve():
@@ -186,7 +186,7 @@ def _named(wanted: Selection) -> tuple[Cell, ...]:
     return plan(
         wanted.tasks or "hold-disc",
         wanted.methods or "funnel,flag",
-        wanted.agents or "dqn",
+        wanted.agents,
         wanted.seeds or SEEDS,
         wanted.budget,
     )

@@ -30,8 +30,13 @@ def run(
         str, typer.Option(metavar="LIST", help="Reward methods, a comma list; parameters in brackets.")
     ] = "funnel,flag",
     agents: Annotated[
-        str, typer.Option(metavar="LIST", help="Agents, a comma list; parameters override the task's recipe.")
-    ] = "dqn",
+        str | None,
+        typer.Option(
+            metavar="LIST",
+            help="Agents, a comma list; parameters override the task's recipe.",
+            show_default="each task's own",
+        ),
+    ] = None,
     seeds: Annotated[
         str | None,
         typer.Option(
@@ -86,7 +91,7 @@ def run(
         raise typer.Exit(1)
 
 
-def plan(tasks: str, methods: str, agents: str, seeds: str | None, budget: str) -> tuple[Cell, ...]:
+def plan(tasks: str, methods: str, agents: str | None, seeds: str | None, budget: str) -> tuple[Cell, ...]:
     """The cells that the options name."""
     from stlbench import matrix
     from stlbench.choices import parse_choices
@@ -96,7 +101,8 @@ def plan(tasks: str, methods: str, agents: str, seeds: str | None, budget: str) 
         if name.parameters:
             raise UsageError(f"'{name}': a task takes no parameters; they are in its task.yaml")
     wanted = None if seeds is None else parse_seeds(seeds)
-    return matrix.plan([name.name for name in names], parse_choices(methods), parse_choices(agents), wanted, budget)
+    trained = None if agents is None else parse_choices(agents)
+    return matrix.plan([name.name for name in names], parse_choices(methods), trained, wanted, budget)
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:

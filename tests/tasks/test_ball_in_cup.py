@@ -95,7 +95,7 @@ def test_features_by_hand() -> None:
     state = np.array([[0.1, -0.2, 0, 0, 1, -2, 3, -4, 0, 0, 0, 0, 0.05, -0.25]] * 4)
     features = TASK.system.features(state, np.array([299, 300, 599, 600]))
     assert features[:, :8] == pytest.approx(np.tile([0.3, -0.6, 0.2, -1, 0.5, -1, 1.5, -2], (4, 1)))
-    assert features[:, 8:].tolist() == [[1, -1, -1], [-1, 1, -1], [-1, 1, -1], [-1, -1, 1]]
+    assert features[:, 8:].tolist() == [[1], [-1], [-1], [1]]
 
 
 def test_the_controller_satisfies_from_every_start() -> None:

@@ -57,14 +57,13 @@ class BallInCup(MujocoSystem):
         return np.hypot(state[..., -2:-1], state[..., -1:])
 
     def features(self, state: Array, t: Integers) -> Array:
-        """Where the cup is, where the ball is from it, their speeds, and what is asked for at t: (N, 11).
+        """Where the cup is, where the ball is from it, their speeds, and what is asked for at t: (N, 9).
 
-        Places of the cup over 0.33 m and of the ball over 0.25 m, speeds over 2 m/s; for each of the three terms, 1
-        where it counts and -1 where it does not.
+        Places of the cup over 0.33 m and of the ball over 0.25 m, speeds over 2 m/s; 1 where the ball is to be caught
+        and -1 where it is to be let go.
         """
-        phase = np.searchsorted(_SWITCHES, t, side="right")
-        counts = 2.0 * (phase[:, None] == np.arange(3)) - 1
-        return np.concatenate([state[:, :2] * 3, state[:, -2:] * 4, state[:, 4:8] / 2, counts], axis=1)
+        caught = 1.0 - 2.0 * (np.searchsorted(_SWITCHES, t, side="right") == 1)
+        return np.concatenate([state[:, :2] * 3, state[:, -2:] * 4, state[:, 4:8] / 2, caught[:, None]], axis=1)
 
     def controller(self, state: Array, t: Integers) -> Array:
         """Let the cup follow the ball until it hangs or lies still, and swing at three fixed times: (N, 2).
