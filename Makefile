@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test lint types imports unit docs gate bench clean
+.PHONY: run test lint types imports unit docs gate bench reference clean
 
 ## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
 run: $(VENV)/ready
@@ -40,6 +40,14 @@ bench: $(VENV)/ready-dev
 	@mkdir -p results
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -q --benchmark-json=results/benchmarks.json
 	$(BIN)/python tests/benchmarks/collect.py results/benchmarks.json --json results/bench.json --page docs/performance.md
+
+## All tasks x all methods x 5 seeds, some hours of CPU time; goes on where it was interrupted. Tables and figures in
+## results/reference/, see docs/reproduction.md.
+METHODS := funnel,flag,raw,tau-mdp
+TASKS := hold-disc,hold-disc-coarse,integrator-or,reach-stay,annulus,robot-nav,pendulum,overlap,formation,cartpole,fetch-reach,ball-in-cup
+reference: $(VENV)/ready
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[mujoco]'
+	$(BIN)/stlbench run --tasks $(TASKS) --methods $(METHODS) --seeds 5 --jobs 2 --results results/reference
 
 clean:
 	rm -rf $(VENV) site dist build

@@ -24,6 +24,7 @@ class Cell:
     """One training run and its evaluation."""
 
     task: str
+    """Canonical text of the choice: overlap, or overlap[without=cuts]."""
     method: str
     """Canonical text of the choice: funnel[ginf=0.02,variant=code]."""
     agent: str
@@ -68,7 +69,7 @@ def plan(
     No method or agent is imported, so that a run that is already done is answered at once; see `check`.
 
     Args:
-        tasks: names of tasks.
+        tasks: names of tasks, or ablations of them (`problem.load`).
         methods: what to compare.
         agents: what to train with; each task has a recipe for it. None for the first that each task has a recipe for.
         seeds: which; None for 0..n-1 with the number n that the task's budget names.
@@ -124,7 +125,7 @@ def _task_part(entry: Problem, budget: str) -> str:
     """Words and pictures for people change no result, nor do other budgets, deadlines, recipes of other agents."""
     content = entry.file.model_dump(mode="json", exclude={"title", "source", "notes", "plane", "agents", "budgets"})
     numbers = entry.budget(budget).model_dump(mode="json", include={"steps", "checkpoints"})
-    return _digest([entry.name, content, numbers, _plugin_part("tasks", entry.name)])
+    return _digest([entry.plugin, content, numbers, _plugin_part("tasks", entry.plugin)])
 
 
 def _agent_part(entry: Problem, choice: Choice) -> str:

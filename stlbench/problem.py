@@ -9,6 +9,7 @@ from importlib import resources
 from typing import Any
 
 from stlbench import plugins, stl
+from stlbench.choices import Choice, parse_choice
 from stlbench.contract import ActionBox, ActionGrid, Actions, Specification, System
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.task_file import Budget, TaskFile, read
@@ -21,8 +22,14 @@ class Problem:
     """A task that is ready: file, formulas in steps, system."""
 
     name: str
+    """Canonical text of the choice: overlap, or overlap[without=cuts]."""
     file: TaskFile
     system: System
+
+    @property
+    def plugin(self) -> str:
+        """The name of its entry point."""
+        return parse_choice(self.name).name
 
     @cached_property
     def formula(self) -> stl.Formula:
@@ -77,15 +84,21 @@ class Problem:
         return self.file.agents[agent]
 
 
-def load(name: str) -> Problem:
+def load(text: str) -> Problem:
     """Find, read and check a task.
 
+    Args:
+        text: its name; for an ablation with what it is to do without, joined by +: overlap[without=cuts+violation].
+
     Raises:
-        UsageError: no such task, or a task file with errors; the message lists all of them.
+        UsageError: no such task, a task file with errors (the message lists all of them), or without a thing that the
+            task does not have.
     """
+    choice = parse_choice(text)
+    name = choice.name
     plugin = plugins.find("tasks", name)
     kind = plugin.load()
-    file = read(_text(name, kind), name)
+    file = _without(read(_text(name, kind), name), choice)
     try:
         system = kind(file.sampling_time, **file.parameters)
     except TypeError as error:
@@ -93,7 +106,20 @@ def load(name: str) -> Problem:
     except ImportError as error:
         raise UsageError(f"task {name} cannot be loaded: {error}") from error
     _check_states(name, file, system)
-    return Problem(name, file, system)
+    return Problem(str(choice), file, system)
+
+
+def _without(file: TaskFile, choice: Choice) -> TaskFile:
+    """The file without what the choice names."""
+    for key, value in choice.parameters:
+        if key != "without":
+            raise UsageError(f"{choice}: a task has no parameter '{key}', only without, as in without=cuts+hold")
+        for part in value.split("+"):
+            try:
+                file = file.without(part)
+            except ValueError as error:
+                raise UsageError(f"{choice}: {error}") from error
+    return file
 
 
 def _text(name: str, kind: type) -> str:

@@ -6,6 +6,7 @@ enters a score: a method is there only to give the policy the inputs that it was
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,12 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench import starts, stl
-from stlbench.contract import Array, Policy, RewardMethod
+from stlbench.contract import Array, Integers, Policy, RewardMethod
 from stlbench.environment import Simulator
 from stlbench.problem import Problem
 from stlbench.result import MAIN, Score
 
-__all__ = ["Referee", "Report", "record", "score"]
+__all__ = ["Referee", "Report", "follow", "record", "score", "start_states"]
+
+
+def start_states(problem: Problem, part: int = 0) -> Array:
+    """The states (starts, n) behind the main score of the report; with `part` 1, those that selection is on."""
+    file = problem.file
+    return problem.system.begin(starts.grid(file.initial, file.starts, part))
 
 
 def record(
@@ -28,15 +35,25 @@ def record(
 
     The states at each decision and at the end, (N, n) each, are appended to `visited`, where it is given.
     """
+    return follow(problem, method, lambda simulator: policy.act(simulator.observe()), states, visited)
+
+
+def follow(
+    problem: Problem,
+    method: RewardMethod,
+    act: Callable[[Simulator], Integers | Array],
+    states: Array,
+    visited: list[Array] | None = None,
+) -> Array:
+    """As `record`, where `act` says at each decision what to do: indices (N,) of the grid, or vectors (N, axes)."""
     simulator = Simulator(problem, method, rewarded=False)
-    observation = simulator.place(states)
+    simulator.place(states)
     trace = np.empty((len(states), problem.file.steps + 1, len(problem.signals)))
     trace[:, 0] = simulator.signals
     if visited is not None:
         visited.append(simulator.state)
     for t in range(0, problem.file.steps, simulator.hold):
-        trace[:, t + 1 : t + 1 + simulator.hold] = simulator.advance(policy.act(observation)).samples
-        observation = simulator.observe()
+        trace[:, t + 1 : t + 1 + simulator.hold] = simulator.advance(act(simulator)).samples
         if visited is not None:
             visited.append(simulator.state)
     return trace
@@ -121,13 +138,12 @@ class Referee:
     def __init__(self, problem: Problem, method: RewardMethod) -> None:
         self.problem, self.method = problem, method
         file = problem.file
-        begin = problem.system.begin
-        self._selection = begin(starts.grid(file.initial, file.starts, part=1))
-        self._protocols = {MAIN: Trial(problem.formula, begin(starts.grid(file.initial, file.starts)))}
+        self._selection = start_states(problem, part=1)
+        self._protocols = {MAIN: Trial(problem.formula, start_states(problem))}
         for name, protocol in file.protocols.items():
             formula = problem.formula if protocol.formula is None else file.parsed(protocol.formula)
             region = protocol.initial or file.initial
-            self._protocols[name] = Trial(formula, begin(starts.grid(region, protocol.starts)))
+            self._protocols[name] = Trial(formula, problem.system.begin(starts.grid(region, protocol.starts)))
 
     def select(self, policy: Policy) -> tuple[float, float]:
         """Satisfaction and mean robustness of the task's formula from the starts kept for selection.

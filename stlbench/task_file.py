@@ -150,6 +150,10 @@ class Budget(_Strict):
     checkpoints: Count = 20
 
 
+OPTIONAL = ("rewarded", "hold", "cuts", "violation", "lost", "exploring")
+"""What a task can be trained without, to learn what it is worth."""
+
+
 class TaskFile(_Strict):
     """The content of a `task.yaml`."""
 
@@ -204,6 +208,17 @@ class TaskFile(_Strict):
     def parsed(self, text: str) -> stl.Formula:
         """A formula of this file, its intervals in steps."""
         return stl.parse(text, dt=self.dt)
+
+    def without(self, part: str) -> TaskFile:
+        """This file without one of OPTIONAL, for an ablation. Raises `ValueError` where it is without it already."""
+        if part not in OPTIONAL:
+            raise ValueError(f"a task is never without '{part}', but perhaps without {', '.join(OPTIONAL)}")
+        owner: BaseModel = self.training if part in Training.model_fields else self
+        plain = type(owner).model_fields[part].default
+        if getattr(owner, part) == plain:
+            raise ValueError(f"the task is without {part} as it is")
+        changed = owner.model_copy(update={part: plain})
+        return changed if isinstance(changed, TaskFile) else self.model_copy(update={"training": changed})
 
     @model_validator(mode="after")
     def _consistent(self) -> TaskFile:

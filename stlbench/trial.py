@@ -156,12 +156,12 @@ def _training(
     agent = cell.agent.partition("[")[0]
 
     def make(count: int) -> BatchEnvironment:
-        environment = BatchEnvironment(task, method, count, derive_seed(cell.task, "initial states", cell.seed))
+        environment = BatchEnvironment(task, method, count, derive_seed(task.plugin, "initial states", cell.seed))
         made(environment)
         return environment
 
     return Training(
-        make, budget.steps, derive_seed(cell.task, agent, "training", cell.seed), report, budget.checkpoints
+        make, budget.steps, derive_seed(task.plugin, agent, "training", cell.seed), report, budget.checkpoints
     )
 
 

@@ -140,6 +140,20 @@ def test_what_the_user_says_is_part_of_the_key_however_it_is_written():
     assert keys(agents="zz-agent[rate=0.2]") == keys(agents=" zz-agent[ rate=0.2 ]")
 
 
+@pytest.mark.usefixtures("lab")
+def test_a_task_for_which_no_agent_is_named_is_trained_with_the_first_that_it_has_a_recipe_for():
+    assert matrix.plan(["zz-line"], parse_choices("zz-pay"), None, None, "smoke") == plan()
+
+
+def test_an_ablation_is_a_task_of_its_own(lab):
+    edit(lab, "line/task.yaml", "initial:", "training: {cuts: [2]}\ninitial:")
+    whole, ablated = plan(tasks="zz-line,zz-line[without=cuts]", seeds=[0])
+    assert ablated.name == "zz-line[without=cuts]/zz-pay/zz-agent/0"
+    assert whole.key != ablated.key
+    edit(lab, "line/task.yaml", "training: {cuts: [2]}\n", "")
+    assert keys(seeds=[0]) == [ablated.key]
+
+
 def edit(root, file, old, new):
     text = (root / "zz_lab" / file).read_text()
     assert old in text

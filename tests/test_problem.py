@@ -46,6 +46,40 @@ class TestRead:
         assert region.keep(np.array([[0.5, 2], [-0.5, 2], [0.5, 1]])).tolist() == [[0.5, 2]]
 
 
+class TestWithout:
+    FULL = text(
+        rewarded="G[0,4] (0.5 * x <= 0.5)",
+        hold=2,
+        training={
+            "cuts": [4],
+            "violation": -1,
+            "lost": {"where": "x >= 5", "reward": -1},
+            "exploring": {"share": 0.5},
+        },
+    )
+
+    @pytest.mark.parametrize("part", task_file.OPTIONAL)
+    def test_everything_optional_can_be_left_out_once(self, part: str) -> None:
+        full = task_file.read(self.FULL, "line")
+        plain, less = task_file.read(text(), "line"), full.without(part)
+        for other in task_file.OPTIONAL:
+            owner = (lambda file: file) if other in ("rewarded", "hold") else (lambda file: file.training)
+            expected = plain if other == part else full
+            assert getattr(owner(less), other) == getattr(owner(expected), other)
+        with pytest.raises(ValueError, match=f"the task is without {part} as it is"):
+            less.without(part)
+
+    def test_nothing_is_left_of_a_recipe_without_all_of_it(self) -> None:
+        file = task_file.read(self.FULL, "line")
+        for part in task_file.OPTIONAL:
+            file = file.without(part)
+        assert file == task_file.read(text(), "line")
+
+    def test_other_parts_stay(self) -> None:
+        with pytest.raises(ValueError, match="a task is never without 'formula', but perhaps without rewarded, hold"):
+            task_file.read(self.FULL, "line").without("formula")
+
+
 class TestMessages:
     @pytest.mark.parametrize(
         ("changes", "expected"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +13,7 @@ from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
     from stlbench.report import Group
+    from stlbench.result import Score
 
 
 def report(
@@ -22,7 +23,7 @@ def report(
     """Rebuild the tables and figures from a ledger.
 
     Covers all cells that are recorded in DIR, prints the tables and rewrites the files. --json prints an object with
-    the lists robustness, time and cells.
+    the lists robustness, controllers, time and cells.
 
     \b
     Examples:
@@ -37,8 +38,9 @@ def report(
     if not groups:
         raise UsageError(f"{folder / LEDGER} holds no result yet")
     if as_json:
-        write(groups, folder)
-        print_json(_content(groups))
+        scores = _controllers(groups)
+        write(groups, scores, folder)
+        print_json(_content(groups, scores))
     else:
         show_report(groups, folder)
 
@@ -47,18 +49,27 @@ def show_report(groups: Sequence[Group], folder: Path) -> None:
     """Print the tables, write all files, and say where they lie."""
     from stlbench.report import summary, to_screen, write
 
-    out = console()
-    for table in summary(groups):
+    out, scores = console(), _controllers(groups)
+    for table in summary(groups, scores):
         to_screen(table, out)
-    write(groups, folder)
-    typer.echo(f"Written to {folder}/: report.md, robustness and time (.csv, .tex), cells.csv, figures/")
+    write(groups, scores, folder)
+    files = "report.md, robustness, controllers and time (.csv, .tex), cells.csv, figures/"
+    typer.echo(f"Written to {folder}/: {files}")
 
 
-def _content(groups: Sequence[Group]) -> dict[str, Any]:
-    from stlbench.report import cells, cost, robustness, to_records
+def _controllers(groups: Sequence[Group]) -> dict[str, Score]:
+    """Task -> the score of its controller by hand. Some seconds for a task on a MuJoCo model."""
+    from stlbench import controlled
+
+    return controlled.scores(group.task for group in groups)
+
+
+def _content(groups: Sequence[Group], scores: Mapping[str, Score]) -> dict[str, Any]:
+    from stlbench.report import cells, controllers, cost, robustness, to_records
 
     return {
         "robustness": to_records(robustness(groups)),
+        "controllers": to_records(controllers(scores)),
         "time": to_records(cost(groups)),
         "cells": to_records(cells(row for group in groups for row in group.rows)),
     }

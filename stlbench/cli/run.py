@@ -96,13 +96,9 @@ def plan(tasks: str, methods: str, agents: str | None, seeds: str | None, budget
     from stlbench import matrix
     from stlbench.choices import parse_choices
 
-    names = parse_choices(tasks)
-    for name in names:
-        if name.parameters:
-            raise UsageError(f"'{name}': a task takes no parameters; they are in its task.yaml")
     wanted = None if seeds is None else parse_seeds(seeds)
     trained = None if agents is None else parse_choices(agents)
-    return matrix.plan([name.name for name in names], parse_choices(methods), trained, wanted, budget)
+    return matrix.plan([*map(str, parse_choices(tasks))], parse_choices(methods), trained, wanted, budget)
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:

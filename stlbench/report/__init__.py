@@ -1,15 +1,15 @@
-"""Results, shown: tables (Markdown, CSV, LaTeX, terminal) and figures, from `stlbench.result.Result` alone."""
+"""Results, shown: tables (Markdown, CSV, LaTeX, terminal) and figures, from `stlbench.result` alone."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from stlbench.errors import UsageError
 from stlbench.report.formats import to_csv, to_latex, to_markdown, to_records, to_screen
 from stlbench.report.rows import Group, Row, group, row
-from stlbench.report.tables import Column, Table, cells, cost, robustness, summary, unfinished
-from stlbench.result import Result
+from stlbench.report.tables import Column, Table, cells, controllers, cost, robustness, summary, unfinished
+from stlbench.result import Result, Score
 
 __all__ = [
     "Column",
@@ -18,6 +18,7 @@ __all__ = [
     "Table",
     "cells",
     "condense",
+    "controllers",
     "cost",
     "group",
     "robustness",
@@ -38,17 +39,18 @@ def condense(results: Iterable[Result]) -> tuple[Group, ...]:
     return group(row(result) for result in results)
 
 
-def write(groups: Sequence[Group], folder: Path) -> list[Path]:
+def write(groups: Sequence[Group], scores: Mapping[str, Score], folder: Path) -> list[Path]:
     """Write every table and figure into `folder`, over those of an earlier report; the files' paths.
 
-    report.md has all tables; robustness and time (.csv, .tex) and cells.csv one each; figures/ a few of each task.
+    report.md has all tables; robustness, controllers and time (.csv, .tex) and cells.csv one each; figures/ a few of
+    each task. `scores` are those of the controllers, by task; where there are none, their files have no row.
     Raises `UsageError` where the folder cannot be written.
     """
     from stlbench.report import figures  # matplotlib takes a second to import, and the tables do without
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        texts = {folder / name: text for name, text in _texts(groups).items()}
+        texts = {folder / name: text for name, text in _texts(groups, scores).items()}
         for path, text in texts.items():
             path.write_text(text, encoding="utf-8")
         return [*texts, *figures.draw(groups, folder / "figures")]
@@ -56,13 +58,15 @@ def write(groups: Sequence[Group], folder: Path) -> list[Path]:
         raise UsageError(f"cannot write the report: {error}") from error
 
 
-def _texts(groups: Sequence[Group]) -> dict[str, str]:
+def _texts(groups: Sequence[Group], scores: Mapping[str, Score]) -> dict[str, str]:
     """File name -> content."""
-    robust, price = robustness(groups), cost(groups)
+    robust, hand, price = robustness(groups), controllers(scores), cost(groups)
     return {
-        "report.md": "# stlbench report\n\n" + "\n".join(to_markdown(table) for table in summary(groups)),
+        "report.md": "# stlbench report\n\n" + "\n".join(to_markdown(table) for table in summary(groups, scores)),
         "robustness.csv": to_csv(robust),
         "robustness.tex": to_latex(robust),
+        "controllers.csv": to_csv(hand),
+        "controllers.tex": to_latex(hand),
         "time.csv": to_csv(price),
         "time.tex": to_latex(price),
         "cells.csv": to_csv(cells(row for group in groups for row in group.rows)),

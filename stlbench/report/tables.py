@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 
 from stlbench.report.rows import Group, Numbers, Row
-from stlbench.result import ACCIDENTS
+from stlbench.result import ACCIDENTS, Score
 from stlbench.statistics import Statistic, interval, iqm
 
-__all__ = ["NOTHING", "Column", "Table", "cells", "cost", "robustness", "summary", "unfinished"]
+__all__ = ["NOTHING", "Column", "Table", "cells", "controllers", "cost", "robustness", "summary", "unfinished"]
 
 NOTHING = "-"
 """What a cell shows where there is nothing to show."""
@@ -108,6 +108,22 @@ def _notes(further: Sequence[str]) -> tuple[str, ...]:
     return tuple(notes)
 
 
+def controllers(scores: Mapping[str, Score]) -> Table:
+    """How well the tasks' controllers by hand satisfy the formula: one row a task, from its score."""
+    columns = (
+        Column("task", right=False, shared=True),
+        Column("mean robustness", "mean"),
+        Column("worst start"),
+        Column("satisfied [%]"),
+    )
+    rows = tuple(
+        (task, _number(score.mean), _number(score.minimum), _percent(score.satisfaction))
+        for task, score in scores.items()
+    )
+    note = "What a controller written for the task gets from the same starts, for comparison; no bound."
+    return Table("Hand controllers", columns, rows, (note,))
+
+
 def cost(groups: Sequence[Group]) -> Table:
     """What training took: one row a group."""
     columns = (
@@ -156,10 +172,13 @@ def unfinished(groups: Iterable[Group]) -> Table:
     return Table("Cells without a result", columns, cells, ("`stlbench run --retry` runs them again.",))
 
 
-def summary(groups: Sequence[Group]) -> tuple[Table, ...]:
-    """What a reader is shown: robustness, cost and, if there are any, the cells without a result."""
-    accidents = unfinished(groups)
-    return (robustness(groups), cost(groups), *((accidents,) if accidents.rows else ()))
+def summary(groups: Sequence[Group], scores: Mapping[str, Score]) -> tuple[Table, ...]:
+    """What a reader is shown: robustness, cost and, if there are any, controllers and the cells without a result.
+
+    `scores` are those of the controllers, by task.
+    """
+    tables = (robustness(groups), controllers(scores), cost(groups), unfinished(groups))
+    return tuple(table for table in tables if table.rows)
 
 
 CELL = ("task", "method", "agent", "seed", "budget", "status", "reason")

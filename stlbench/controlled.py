@@ -1,0 +1,82 @@
+"""A task's controller by hand in the place of a trained policy: the reference that policies are compared with.
+
+The referee runs and scores it as it does a policy: from the same starts, its actions held as long.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+
+import numpy as np
+
+from stlbench import referee
+from stlbench.contract import ActionGrid, Array, Integers, RewardMethod
+from stlbench.environment import Simulator
+from stlbench.errors import UsageError
+from stlbench.plugins import PluginWarning
+from stlbench.problem import Problem, load
+from stlbench.result import Score
+
+__all__ = ["record", "score", "scores"]
+
+
+def record(problem: Problem, states: Array) -> Array | None:
+    """The traces (N, T + 1, k) when the controller acts from `states` (N, n); None where the task has none.
+
+    It does only what an agent could do: its actions are clipped, and on a grid the nearest of each axis is taken.
+    """
+    control, actions = problem.system.controller, problem.actions
+    if control(states, np.zeros(len(states), dtype=np.int64)) is None:
+        return None
+
+    def act(simulator: Simulator) -> Integers | Array:
+        vectors = np.asarray(control(simulator.state, simulator.t), dtype=np.float64)
+        return _nearest(actions, vectors) if isinstance(actions, ActionGrid) else vectors
+
+    return referee.follow(problem, _Unpaid(problem.specification), act, states)
+
+
+def score(problem: Problem) -> Score | None:
+    """The controller's score by the task's formula, from the report's starts; None where the task has none."""
+    traces = record(problem, referee.start_states(problem))
+    return None if traces is None else referee.score(problem.formula, traces, problem.signals)
+
+
+def scores(tasks: Iterable[str]) -> dict[str, Score]:
+    """Task -> score, each once, in the order of the names.
+
+    Left out are tasks without a controller, and those that are not installed or cannot be loaded: results may come
+    from another machine. One whose controller fails is left out with a `PluginWarning`.
+    """
+    found = dict[str, Score]()
+    for name in dict.fromkeys(tasks):
+        try:
+            scored = score(load(name))
+        except (UsageError, ImportError):
+            continue
+        except Exception as error:
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            warnings.warn(f"task {name}: its controller cannot be scored: {reason}", PluginWarning, stacklevel=2)
+            continue
+        if scored is not None:
+            found[name] = scored
+    return found
+
+
+class _Unpaid(RewardMethod):
+    """No reward and no memory: a controller needs neither."""
+
+    def step(
+        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
+    ) -> tuple[Array, Array]:
+        """Nothing is paid: zeros (N,)."""
+        return np.zeros(len(t)), memory
+
+
+def _nearest(grid: ActionGrid, vectors: Array) -> Integers:
+    """The index (N,) of the action that is nearest to each of the vectors (N, axes), axis by axis."""
+    places = [
+        np.abs(np.subtract.outer(column, axis)).argmin(axis=1) for column, axis in zip(vectors.T, grid.axes, strict=True)
+    ]
+    return np.ravel_multi_index(places, grid.shape)
