@@ -44,13 +44,13 @@ def score(problem: Problem) -> Score | None:
 
 
 def scores(tasks: Iterable[str]) -> dict[str, Score]:
-    """Task -> score, each once, in the order of the names.
+    """Task -> score, each once, in the order given; an ablation counts as the task that it is one of.
 
     Left out are tasks without a controller, and those that are not installed or cannot be loaded: results may come
     from another machine. One whose controller fails is left out with a `PluginWarning`.
     """
     found = dict[str, Score]()
-    for name in dict.fromkeys(tasks):
+    for name in dict.fromkeys(task.partition("[")[0] for task in tasks):
         try:
             scored = score(load(name))
         except (UsageError, ImportError):

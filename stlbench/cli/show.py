@@ -1,7 +1,8 @@
-"""`stlbench show task`: what a task asks, and what each method makes of it."""
+"""`stlbench show task`: what a task asks, what its controller gets, and what each method makes of it."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -12,6 +13,7 @@ from stlbench.errors import UsageError
 if TYPE_CHECKING:
     from stlbench.problem import Problem
     from stlbench.report import Table
+    from stlbench.result import Score
 
 app = typer.Typer(rich_markup_mode=None)
 
@@ -30,7 +32,7 @@ def show() -> None:
 def task(
     name: Annotated[str, typer.Argument(metavar="NAME", help="As `stlbench list tasks` says.")], as_json: Json = False
 ) -> None:
-    """Show a task: its formula, signals and their ranges, budgets, and what each method makes of it.
+    """Show a task: formula, signals, actions, training, budgets, what its controller gets, what methods make of it.
 
     \b
     Examples:
@@ -50,7 +52,7 @@ def task(
 
 def facts(problem: Problem) -> dict[str, Any]:
     """All that is shown, as plain values. Intervals of formulas are in steps."""
-    from stlbench import stl
+    from stlbench import controlled, stl
 
     file = problem.file
     return {
@@ -63,9 +65,12 @@ def facts(problem: Problem) -> dict[str, Any]:
         "sampling_time": file.sampling_time,
         "hold": file.hold,
         "starts": file.starts,
+        "controller": _scored(controlled.score(problem)),
         "signals": {key: entry.model_dump() for key, entry in file.signals.items()},
         "terms": _terms(problem),
-        "actions": {key: entry.model_dump() for key, entry in file.actions.items()},
+        "actions": {key: entry.model_dump(exclude_none=True) for key, entry in file.actions.items()},
+        "robots": file.robots,
+        "training": file.training.model_dump(exclude_none=True),
         "budgets": {key: entry.model_dump() for key, entry in file.budgets.items()},
         "protocols": {
             key: {
@@ -75,9 +80,17 @@ def facts(problem: Problem) -> dict[str, Any]:
             }
             for key, entry in file.protocols.items()
         },
+        "own_agent": problem.own_agent,
         "agents": file.agents,
         "methods": _methods(problem),
     }
+
+
+def _scored(score: Score | None) -> dict[str, float] | None:
+    """What the hand controller gets from the report's starts, None without one; satisfaction in [0, 1]."""
+    if score is None:
+        return None
+    return {"robustness_mean": score.mean, "robustness_min": score.minimum, "satisfaction": score.satisfaction}
 
 
 def _terms(problem: Problem) -> list[dict[str, Any]] | str:
@@ -135,6 +148,9 @@ def _print(found: dict[str, Any]) -> None:
         f"episode:  {found['steps']} steps ({seconds:g} s), each action held for {found['hold']}",
         f"starts:   {found['starts']} for the report, as many others for the selection of checkpoints",
     ]
+    if found["controller"] is not None:
+        mean, least, share = found["controller"].values()
+        lines.append(f"by hand:  robustness {mean:.3f}, worst start {least:.3f}, satisfied {100 * share:.1f} %")
     if found["notes"]:
         lines.append(f"notes:    {found['notes']}")
     if isinstance(found["terms"], str):
@@ -149,16 +165,41 @@ def _print(found: dict[str, Any]) -> None:
 
 def _tables(found: dict[str, Any]) -> list[Table]:
     terms = found["terms"] if isinstance(found["terms"], list) else []
+    counted = any("count" in entry for entry in found["actions"].values())
     tables = [
         _table("Terms and the range of their robustness", terms),
         _table("Signals", _named("signal", found["signals"])),
-        _table("Actions", _named("action", found["actions"])),
+        _table("Actions" if counted else "Actions, continuous", _named("action", found["actions"])),
+        _table("Robots", [{"robot": key, "actions": ", ".join(names)} for key, names in found["robots"].items()]),
+        _table("Training episodes, where they differ from those that are scored", _training(found["training"])),
         _table("Budgets", _named("budget", found["budgets"])),
         _table("Further protocols", _named("protocol", found["protocols"])),
-        _table("Recipes", [{"agent": key, "parameters": _listed(entry)} for key, entry in found["agents"].items()]),
+        _table("Recipes, the task's own agent first", [{"agent": key, "parameters": _listed(entry)} for key, entry in found["agents"].items()]),
         _table("Methods", [{"method": key} | _summary(entry) for key, entry in found["methods"].items()]),
     ]
     return [table for table in tables if table.rows]
+
+
+def _training(training: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A row for each way in which training episodes differ."""
+    said = {
+        "starts": _region,
+        "cuts": lambda steps: f"a return stops at {', '.join(map(str, steps))}" if steps else "",
+        "violation": lambda reward: f"a term G[a,b] is lost: reward {reward:g} for ever after",
+        "lost": lambda lost: f"{lost['where']}: reward {lost['reward']:g} for ever after",
+        "exploring": lambda entry: _listed(entry | {"states": _region(entry["states"])} if "states" in entry else entry),
+    }
+    rows = {key: say(training[key]) for key, say in said.items() if key in training}
+    return [{"": key, "what": text} for key, text in rows.items() if text]
+
+
+def _region(region: Mapping[str, Any]) -> str:
+    """x in [-1, 1], v = 0, where abs(x) >= 0.2."""
+    ends = [
+        f"{name} in [{value[0]:g}, {value[1]:g}]" if isinstance(value, tuple) else f"{name} = {value:g}"
+        for name, value in region["box"].items()
+    ]
+    return ", ".join([*ends, *([f"where {region['where']}"] if "where" in region else [])])
 
 
 def _named(title: str, entries: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
