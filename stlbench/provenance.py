@@ -6,10 +6,11 @@ import os
 import platform
 from datetime import UTC, datetime
 from importlib import metadata
+from pathlib import Path
 
 __all__ = ["collect"]
 
-PACKAGES = ("numba", "numpy", "scipy", "stable-baselines3", "stlbench", "torch")
+PACKAGES = ("mujoco", "numba", "numpy", "scipy", "stable-baselines3", "stlbench", "torch")
 
 
 def collect(jobs: int) -> dict[str, str]:
@@ -17,10 +18,20 @@ def collect(jobs: int) -> dict[str, str]:
     return {
         "python": platform.python_version(),
         **{name: _version(name) for name in PACKAGES},
-        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs, {_processor()}",
         "jobs": str(jobs),
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
     }
+
+
+def _processor() -> str:
+    """The processor's name, which Linux says in a file and `platform` does not."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(named, platform.processor() or "unknown processor")
 
 
 def _version(distribution: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import re
 import subprocess
 import sys
 from datetime import UTC, datetime, timedelta
@@ -17,6 +18,7 @@ def test_names_versions_jobs_and_the_time():
     assert found["python"] == platform.python_version()
     assert found["numpy"] == np.__version__
     assert found["jobs"] == "3"
+    assert re.fullmatch(r"\w+ \w+, \d+ CPUs, \S.*", found["machine"])
     assert datetime.now(UTC) - datetime.fromisoformat(found["time"]) < timedelta(minutes=1)
 
 
