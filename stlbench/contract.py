@@ -332,7 +332,8 @@ class System(ABC):
         """A controller written by hand: (N, n), t (N,) -> actions (N, axes), or None where a task has none.
 
         It shows that the formula can be satisfied, and its robustness is what learned policies are compared with.
-        It knows the whole state and the formula; no agent is shown what it does.
+        It knows the whole state and the formula; no agent is shown what it does. It is asked every `hold` steps, and
+        its actions are clipped, or on a grid rounded to the nearest value of each axis.
         """
         return None
 

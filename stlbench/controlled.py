@@ -76,7 +76,7 @@ class _Unpaid(RewardMethod):
 
 def _nearest(grid: ActionGrid, vectors: Array) -> Integers:
     """The index (N,) of the action that is nearest to each of the vectors (N, axes), axis by axis."""
-    places = [
-        np.abs(np.subtract.outer(column, axis)).argmin(axis=1) for column, axis in zip(vectors.T, grid.axes, strict=True)
-    ]
-    return np.ravel_multi_index(places, grid.shape)
+    axes = zip(vectors.T, grid.axes, strict=True)
+    places = [np.abs(np.subtract.outer(column, axis)).argmin(axis=1) for column, axis in axes]
+    index: Integers = np.ravel_multi_index(places, grid.shape)
+    return index

@@ -59,7 +59,7 @@ def test_a_ledger_a_folder_and_the_table_of_a_report(tmp_path: Path) -> None:
             ledger.record(result)
     found = load(tmp_path)
     assert found == load(tmp_path / "ledger.sqlite") == gather(results())
-    report.write(report.condense(results()[:1]), tmp_path)
+    report.write(report.condense(results()[:1]), {}, tmp_path)
     assert load(tmp_path) == found  # the ledger goes before the table
     (entry,) = load(tmp_path / "cells.csv").samples.values()
     assert entry == replace(sample(results()[0]), calibration_seconds=None)

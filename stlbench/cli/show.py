@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -14,6 +13,13 @@ if TYPE_CHECKING:
     from stlbench.problem import Problem
     from stlbench.report import Table
     from stlbench.result import Score
+
+_TRAINING_NOTES = (
+    "Cuts are steps. The reward of violation or lost counts as if paid for ever after, in units of a method's scale.",
+    "Exploring: this share of the episodes begins at a random time and lasts about length decisions, or to the end.",
+    "Of these, the share kept begins in the state in which the last episode ended, the others in states, or as all do.",
+)
+"""Below the table of `training`, whose words are those of the task file."""
 
 app = typer.Typer(rich_markup_mode=None)
 
@@ -41,9 +47,9 @@ def task(
     """
     from stlbench import plugins, problem
 
-    found = facts(problem.load(name))
-    plugin = plugins.find("tasks", name)
-    found = {"name": name, "distribution": plugin.distribution, "version": plugin.version} | found
+    loaded = problem.load(name)
+    plugin = plugins.find("tasks", loaded.plugin)
+    found = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | facts(loaded)
     if as_json:
         print_json(found)
     else:
@@ -171,35 +177,21 @@ def _tables(found: dict[str, Any]) -> list[Table]:
         _table("Signals", _named("signal", found["signals"])),
         _table("Actions" if counted else "Actions, continuous", _named("action", found["actions"])),
         _table("Robots", [{"robot": key, "actions": ", ".join(names)} for key, names in found["robots"].items()]),
-        _table("Training episodes, where they differ from those that are scored", _training(found["training"])),
+        _table("Training episodes", _training(found["training"]), *_TRAINING_NOTES),
         _table("Budgets", _named("budget", found["budgets"])),
         _table("Further protocols", _named("protocol", found["protocols"])),
-        _table("Recipes, the task's own agent first", [{"agent": key, "parameters": _listed(entry)} for key, entry in found["agents"].items()]),
+        _table("Recipes, the task's own agent first", _recipes(found["agents"])),
         _table("Methods", [{"method": key} | _summary(entry) for key, entry in found["methods"].items()]),
     ]
     return [table for table in tables if table.rows]
 
 
-def _training(training: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """A row for each way in which training episodes differ."""
-    said = {
-        "starts": _region,
-        "cuts": lambda steps: f"a return stops at {', '.join(map(str, steps))}" if steps else "",
-        "violation": lambda reward: f"a term G[a,b] is lost: reward {reward:g} for ever after",
-        "lost": lambda lost: f"{lost['where']}: reward {lost['reward']:g} for ever after",
-        "exploring": lambda entry: _listed(entry | {"states": _region(entry["states"])} if "states" in entry else entry),
-    }
-    rows = {key: say(training[key]) for key, say in said.items() if key in training}
-    return [{"": key, "what": text} for key, text in rows.items() if text]
+def _training(training: dict[str, Any]) -> list[dict[str, Any]]:
+    return [{"part": key, "how they differ": _text(entry)} for key, entry in training.items() if entry != ()]
 
 
-def _region(region: Mapping[str, Any]) -> str:
-    """x in [-1, 1], v = 0, where abs(x) >= 0.2."""
-    ends = [
-        f"{name} in [{value[0]:g}, {value[1]:g}]" if isinstance(value, tuple) else f"{name} = {value:g}"
-        for name, value in region["box"].items()
-    ]
-    return ", ".join([*ends, *([f"where {region['where']}"] if "where" in region else [])])
+def _recipes(agents: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{"agent": key, "parameters": _listed(entry)} for key, entry in agents.items()]
 
 
 def _named(title: str, entries: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
@@ -218,12 +210,25 @@ def _listed(values: dict[str, Any]) -> str:
     return "\n".join(f"{key}: {_text(value)}" for key, value in values.items())
 
 
-def _table(title: str, entries: list[dict[str, Any]]) -> Table:
+def _table(title: str, entries: list[dict[str, Any]], *notes: str) -> Table:
     from stlbench.report import Column, Table
 
     columns = tuple(Column(key, right=isinstance(value, int | float)) for key, value in (entries or [{}])[0].items())
-    return Table(title, columns, tuple(tuple(map(_text, entry.values())) for entry in entries))
+    return Table(title, columns, tuple(tuple(map(_text, entry.values())) for entry in entries), notes)
 
 
 def _text(value: Any) -> str:
+    if isinstance(value, tuple):
+        return ", ".join(map(_text, value))
+    if isinstance(value, dict):
+        return _region(value) if "box" in value else _listed(value)
     return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _region(region: dict[str, Any]) -> str:
+    """x in [-1, 1], v = 0, where abs(x) >= 0.2."""
+    parts = [
+        f"{name} in [{_text(ends)}]" if isinstance(ends, tuple) else f"{name} = {_text(ends)}"
+        for name, ends in region["box"].items()
+    ]
+    return ", ".join([*parts, f"where {region['where']}"] if "where" in region else parts)

@@ -6,9 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from stlbench.errors import UsageError
+from stlbench.report.circumstances import circumstances
 from stlbench.report.formats import to_csv, to_latex, to_markdown, to_records, to_screen
 from stlbench.report.rows import Group, Row, group, row
-from stlbench.report.tables import Column, Table, cells, controllers, cost, robustness, summary, unfinished
+from stlbench.report.table import Column, Table
+from stlbench.report.tables import cells, controllers, cost, robustness, summary, unfinished
 from stlbench.result import Result, Score
 
 __all__ = [
@@ -42,8 +44,9 @@ def condense(results: Iterable[Result]) -> tuple[Group, ...]:
 def write(groups: Sequence[Group], scores: Mapping[str, Score], folder: Path) -> list[Path]:
     """Write every table and figure into `folder`, over those of an earlier report; the files' paths.
 
-    report.md has all tables; robustness, controllers and time (.csv, .tex) and cells.csv one each; figures/ a few of
-    each task. `scores` are those of the controllers, by task; where there are none, their files have no row.
+    report.md has all tables, and how they came about; robustness, controllers and time (.csv, .tex) and cells.csv one
+    each; figures/ a few of each task. `scores` are those of the controllers, by task; where there are none, their files
+    have no row.
     Raises `UsageError` where the folder cannot be written.
     """
     from stlbench.report import figures  # matplotlib takes a second to import, and the tables do without
@@ -61,8 +64,9 @@ def write(groups: Sequence[Group], scores: Mapping[str, Score], folder: Path) ->
 def _texts(groups: Sequence[Group], scores: Mapping[str, Score]) -> dict[str, str]:
     """File name -> content."""
     robust, hand, price = robustness(groups), controllers(scores), cost(groups)
+    tables = (*summary(groups, scores), circumstances(groups))
     return {
-        "report.md": "# stlbench report\n\n" + "\n".join(to_markdown(table) for table in summary(groups, scores)),
+        "report.md": "# stlbench report\n\n" + "\n".join(map(to_markdown, tables)),
         "robustness.csv": to_csv(robust),
         "robustness.tex": to_latex(robust),
         "controllers.csv": to_csv(hand),

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from stlbench.report.tables import NOTHING, Column, Table
+from stlbench.report.table import NOTHING, Column, Table
 
 __all__ = ["to_csv", "to_latex", "to_markdown", "to_records", "to_screen"]
 

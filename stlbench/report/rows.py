@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from stlbench.result import MAIN, Measurement, Result, Status
 
@@ -50,9 +50,14 @@ class Row:
     budget: str
     status: Status
     reason: str
-    jobs: str
-    """How many cells ran at a time, from the provenance; empty where it does not say."""
+    provenance: Mapping[str, str]
+    """How the result came about (`stlbench.provenance`)."""
     numbers: Numbers | None
+
+    @property
+    def jobs(self) -> str:
+        """How many cells ran at a time; empty where the provenance does not say."""
+        return self.provenance.get("jobs", "")
 
     @property
     def name(self) -> str:
@@ -114,9 +119,15 @@ def row(result: Result) -> Row:
         budget=result.budget,
         status=result.status,
         reason=" ".join(result.reason.split()),
-        jobs=result.provenance.get("jobs", ""),
+        provenance=_shared(tuple(result.provenance.items())),
         numbers=None if result.measurement is None else _numbers(result.measurement),
     )
+
+
+@lru_cache(maxsize=64)
+def _shared(items: tuple[tuple[str, str], ...]) -> Mapping[str, str]:
+    """A mapping of these items, the same object for all the cells of one run."""
+    return dict(items)
 
 
 def group(rows: Iterable[Row]) -> tuple[Group, ...]:

@@ -2,53 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 
+from stlbench.report.overview import overview
 from stlbench.report.rows import Group, Numbers, Row
+from stlbench.report.table import NOTHING, Column, Table, decimal
 from stlbench.result import ACCIDENTS, Score
 from stlbench.statistics import Statistic, interval, iqm
 
-__all__ = ["NOTHING", "Column", "Table", "cells", "controllers", "cost", "robustness", "summary", "unfinished"]
-
-NOTHING = "-"
-"""What a cell shows where there is nothing to show."""
-
-
-@dataclass(frozen=True)
-class Column:
-    """A column: its header with the unit, and how a narrow screen may treat it."""
-
-    title: str
-    short: str = ""
-    """The header on screen, where it may be shorter."""
-    right: bool = True
-    """Aligned to the right, as numbers are."""
-    drop: int = 0
-    """On a narrow screen columns go from the highest number down; 0 always stays. Files have all columns."""
-    shared: bool = False
-    """On screen, moves into the title where all rows say the same."""
-    below: bool = False
-    """Long text: on screen it is a line under the table."""
-
-    @property
-    def header(self) -> str:
-        """The header on screen."""
-        return self.short or self.title
-
-
-@dataclass(frozen=True)
-class Table:
-    """Text in rows, each as long as `columns`."""
-
-    title: str
-    columns: tuple[Column, ...]
-    rows: tuple[tuple[str, ...], ...]
-    notes: tuple[str, ...] = ()
-
+__all__ = ["cells", "controllers", "cost", "robustness", "summary", "unfinished"]
 
 IDENTITY = (
     Column("task", right=False, shared=True),
@@ -82,13 +47,13 @@ def _robustness_row(group: Group, further: Sequence[str]) -> tuple[str, ...]:
     values = group.values(lambda numbers: numbers.robustness_mean)
     return (
         *_identity(group),
-        _number(_mean(values)),
-        _number(_mean(values, iqm)),
+        decimal(_mean(values)),
+        decimal(_mean(values, iqm)),
         _interval(values, iqm, 3),
-        _number(min(group.values(lambda numbers: numbers.robustness_min), default=None)),
+        decimal(min(group.values(lambda numbers: numbers.robustness_min), default=None)),
         _percent(_mean(group.values(lambda numbers: numbers.satisfaction))),
-        *(_number(_mean([found.further[name] for found in group.done if name in found.further])) for name in further),
-        _number(_mean(group.values(lambda numbers: numbers.final_robustness_mean))),
+        *(decimal(_mean([found.further[name] for found in group.done if name in found.further])) for name in further),
+        decimal(_mean(group.values(lambda numbers: numbers.final_robustness_mean))),
         _percent(_mean(group.values(lambda numbers: numbers.final_satisfaction))),
         _lost_first(group),
         group.remarks or NOTHING,
@@ -117,10 +82,10 @@ def controllers(scores: Mapping[str, Score]) -> Table:
         Column("satisfied [%]"),
     )
     rows = tuple(
-        (task, _number(score.mean), _number(score.minimum), _percent(score.satisfaction))
+        (task, decimal(score.mean), decimal(score.minimum), _percent(score.satisfaction))
         for task, score in scores.items()
     )
-    note = "What a controller written for the task gets from the same starts, for comparison; no bound."
+    note = "What a controller written by hand gets from the same starts, for comparison; it is no upper bound."
     return Table("Hand controllers", columns, rows, (note,))
 
 
@@ -151,14 +116,14 @@ def _cost_row(group: Group) -> tuple[str, ...]:
     cpu = group.values(lambda numbers: numbers.training_cpu_seconds)
     return (
         *_identity(group),
-        _number(_mean(wall), 1),
+        decimal(_mean(wall), 1),
         _interval(wall, np.mean, 1),
-        _number(_mean(cpu), 1),
+        decimal(_mean(cpu), 1),
         _interval(cpu, np.mean, 1),
-        _number(_mean(group.values(lambda numbers: numbers.cpu_seconds)), 1),
-        _number(_mean(group.values(lambda numbers: numbers.env_steps)), 0),
-        _number(_mean(group.values(lambda numbers: numbers.reward_nanoseconds)), 1),
-        _number(_mean(group.values(lambda numbers: numbers.inputs_added)), 0),
+        decimal(_mean(group.values(lambda numbers: numbers.cpu_seconds)), 1),
+        decimal(_mean(group.values(lambda numbers: numbers.env_steps)), 0),
+        decimal(_mean(group.values(lambda numbers: numbers.reward_nanoseconds)), 1),
+        decimal(_mean(group.values(lambda numbers: numbers.inputs_added)), 0),
         ", ".join(sorted({row.jobs for row in group.rows if row.jobs and row.numbers})) or NOTHING,
         group.remarks or NOTHING,
     )
@@ -173,11 +138,12 @@ def unfinished(groups: Iterable[Group]) -> Table:
 
 
 def summary(groups: Sequence[Group], scores: Mapping[str, Score]) -> tuple[Table, ...]:
-    """What a reader is shown: robustness, cost and, if there are any, controllers and the cells without a result.
+    """What a reader is shown: robustness and cost; an overview of several tasks; controllers and accidents, if any.
 
     `scores` are those of the controllers, by task.
     """
-    tables = (robustness(groups), controllers(scores), cost(groups), unfinished(groups))
+    first = (overview(groups, scores),) if len({group.task for group in groups}) > 1 else ()
+    tables = (*first, robustness(groups), controllers(scores), cost(groups), unfinished(groups))
     return tuple(table for table in tables if table.rows)
 
 
@@ -204,20 +170,13 @@ def _mean(values: Sequence[float], statistic: Callable[..., float] = np.mean) ->
     return float(statistic(values)) if values else None
 
 
-def _number(value: float | None, digits: int = 3) -> str:
-    if value is None:
-        return NOTHING
-    text = f"{value:.{digits}f}"
-    return text.removeprefix("-") if math.isfinite(value) and float(text) == 0 else text
-
-
 def _percent(share: float | None) -> str:
-    return NOTHING if share is None else _number(100 * share, 1)
+    return NOTHING if share is None else decimal(100 * share, 1)
 
 
 def _interval(values: Sequence[float], statistic: Statistic, digits: int) -> str:
     ends = interval(values, statistic)
-    return NOTHING if ends is None else f"[{_number(ends[0], digits)}, {_number(ends[1], digits)}]"
+    return NOTHING if ends is None else f"[{decimal(ends[0], digits)}, {decimal(ends[1], digits)}]"
 
 
 def _lost_first(group: Group) -> str:
@@ -225,4 +184,4 @@ def _lost_first(group: Group) -> str:
         return NOTHING
     formula, count = group.failures[0]
     total = sum(count for _, count in group.failures)
-    return f"{formula} ({_number(100 * count / total, 0)} % of {total} failing starts)"
+    return f"{formula} ({decimal(100 * count / total, 0)} % of {total} failing starts)"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner, Result
@@ -129,6 +131,19 @@ def toy(site: Callable[..., Path]) -> Path:
     files = {"__init__": "", "line/__init__": "", "line/system": SYSTEM, "methods": METHODS, "agents": AGENTS}
     files = {f"toy_plugins/{name}.py": text for name, text in (files | {"executors": EXECUTORS}).items()}
     return site("toy-plugins", ENTRIES, files | {"toy_plugins/line/task.yaml": TASK})
+
+
+@pytest.fixture
+def down(toy: Path, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Give toy-line a controller that always goes down, so that robustness is 1 - x_0; at which steps it was asked."""
+    asked = list[int]()
+
+    def controller(self: object, state: Any, t: Any) -> Any:
+        asked.append(int(t[0]))
+        return 0 * state - 1
+
+    monkeypatch.setattr(importlib.import_module("toy_plugins.line.system").Line, "controller", controller)
+    return asked
 
 
 @pytest.fixture

@@ -54,7 +54,9 @@ def test_a_task_in_full(say, toy):
     assert found["signals"] == {"x": {"low": -2.0, "high": 3.0, "unit": "m"}}
     (term,) = found["terms"]
     assert (term["formula"], term["rho_min"], term["rho_max"]) == ("G[0,4] x <= 1", pytest.approx(-2), pytest.approx(3))
-    assert found["actions"]["v"]["count"] == 3
+    assert found["actions"]["v"] == {"low": -1.0, "high": 1.0, "unit": "", "count": 3}
+    assert (found["controller"], found["robots"], found["training"]) == (None, {}, {"cuts": []})
+    assert found["own_agent"] == "toy-agent"
     assert found["budgets"]["quick"] == {"steps": 8, "seeds": 2, "deadline": 60.0, "checkpoints": 2}
     assert found["protocols"]["end"]["formula"] == "F[4,4] x <= 1"
     assert found["agents"] == {"toy-agent": {"action": 1}}
@@ -76,6 +78,88 @@ def test_a_task_on_screen(say, toy):
     assert "formula:  G[0,4] x <= 1" in done.stdout
     assert "horizon:  4 steps of 0.5 s" in done.stdout
     assert "intractable: needs 6003 inputs, limit 512" in done.stdout
+
+
+def test_what_its_controller_gets(say, down):
+    found = json.loads(say("show", "task", "toy-line", "--json").stdout)["controller"]
+    assert found["satisfaction"] == 1
+    assert 0.1 <= found["robustness_min"] < found["robustness_mean"] < 2  # 1 - x_0 with x_0 in [-1, 0.9]
+    mean, least = found["robustness_mean"], found["robustness_min"]
+    line = f"by hand:  robustness {mean:.3f}, worst start {least:.3f}, satisfied 100.0 %"
+    assert line in say("show", "task", "toy-line").stdout.splitlines()
+
+
+TRAINING = """
+robots: {left: [v], right: [w]}
+training:
+  starts: {box: {x: [-0.5, 0.5]}}
+  cuts: [2, 3]
+  violation: -0.25
+  lost: {where: x >= 2, reward: -1}
+  exploring: {share: 0.5, kept: 0.25, states: {box: {x: [0, 2]}, where: x <= 1}, length: 2}
+"""
+
+
+@pytest.fixture
+def richer(toy):
+    """toy-line with two robots, continuous actions, all that training may have, and a second agent before its own."""
+    path = toy / "toy_plugins/line/task.yaml"
+    text = path.read_text().replace(
+        "  v: {low: -1, high: 1, count: 3}", "  v: {low: -1, high: 1}\n  w: {low: 0, high: 2}"
+    )
+    path.write_text(text.replace("agents:", "agents:\n  z-first: {rate: 0.5}") + TRAINING)
+
+
+def test_robots_and_training_as_json(say, richer):
+    found = json.loads(say("show", "task", "toy-line", "--json").stdout)
+    assert found["actions"]["w"] == {"low": 0.0, "high": 2.0, "unit": ""}
+    assert found["robots"] == {"left": ["v"], "right": ["w"]}
+    assert found["training"] == {
+        "starts": {"box": {"x": [-0.5, 0.5]}},
+        "cuts": [2, 3],
+        "violation": -0.25,
+        "lost": {"where": "x >= 2", "reward": -1.0},
+        "exploring": {"share": 0.5, "kept": 0.25, "states": {"box": {"x": [0.0, 2.0]}, "where": "x <= 1"}, "length": 2},
+    }
+    assert (found["own_agent"], list(found["agents"])) == ("z-first", ["z-first", "toy-agent"])
+
+
+def test_robots_and_training_on_screen(say, richer):
+    text = say("show", "task", "toy-line").stdout
+    assert "None" not in text
+    lines = [" ".join(line.split()) for line in text.splitlines()]
+    for shown in (
+        "Actions, continuous",
+        "action low high unit",
+        "left v",
+        "right w",
+        "starts x in [-0.5, 0.5]",
+        "cuts 2, 3",
+        "violation -0.25",
+        "lost where: x >= 2",
+        "reward: -1",
+        "exploring share: 0.5",
+        "kept: 0.25",
+        "states: x in [0, 2], where x <= 1",
+        "length: 2",
+    ):
+        assert shown in lines
+    first = lines.index("Recipes, the task's own agent first") + 3
+    assert lines[first : first + 2] == ["z-first rate: 0.5", "toy-agent action: 1"]
+
+
+def test_a_task_that_trains_as_it_is_scored_has_no_table_of_it(say, toy):
+    text = say("show", "task", "toy-line").stdout
+    assert "Training" not in text
+    assert "Robots" not in text
+    assert "by hand" not in text
+    assert [line.split() for line in text.splitlines() if line.startswith("v ")] == [["v", "-1", "1", "3"]]
+
+
+def test_an_ablation(say, richer):
+    found = json.loads(say("show", "task", "toy-line[without=exploring]", "--json").stdout)
+    assert (found["name"], found["distribution"]) == ("toy-line[without=exploring]", "toy-plugins")
+    assert "exploring" not in found["training"]
 
 
 def test_an_unknown_task(say, toy):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from stlbench import plugins
 from stlbench.cli.run import parse_seeds
 from stlbench.errors import UsageError
 from stlbench.ledger import Ledger
@@ -134,11 +135,49 @@ def json_report():
 def test_report_as_json(run):
     run("toy-raw,toy-large")
     found = json_report()
-    assert set(found) == {"robustness", "time", "cells"}
+    assert set(found) == {"robustness", "controllers", "time", "cells"}
+    assert found["controllers"] == []
     large, raw = found["robustness"]
     assert (large["mean robustness"], large["remarks"]) == (None, "intractable: needs 6003 inputs, limit 512")
     assert (raw["satisfied [%]"], raw["seeds"]) == (100.0, "2 of 2")
     assert raw["mean robustness"] == raw["end"]
+
+
+def test_the_controller_is_scored_once_however_many_cells_there_are(run, say, down):
+    """From the starts of the report, on which the policy that stands still also gets 1 - x_0."""
+    done = run("toy-raw,toy-raw[weight=2],toy-large", "--seeds", "3")
+    assert "Hand controllers: task toy-line" in done.stdout
+    assert down == [0, 0, 1, 2, 3]
+    (row,) = json_report()["controllers"]
+    shown = json_report()["robustness"][1]
+    assert row == {"task": "toy-line"} | {
+        key: shown[key] for key in ("mean robustness", "worst start", "satisfied [%]")
+    }
+    assert Path("results/controllers.csv").read_text().splitlines()[1].startswith("toy-line,")
+    assert "## Hand controllers" in Path("results/report.md").read_text()
+
+
+def test_a_task_without_a_controller_has_no_such_table(run):
+    assert "Hand controllers" not in run("toy-raw").stdout
+
+
+def test_a_ledger_whose_tasks_are_unknown_is_reported_without_controllers(run, say, down, monkeypatch):
+    run("toy-raw")
+    monkeypatch.setattr(plugins, "available", lambda kind: {})
+    done = say("report", "results")
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert "Robustness: task toy-line" in done.stdout
+    assert "Hand controllers" not in done.stdout
+    assert "Hand controllers" not in Path("results/report.md").read_text()
+
+
+def test_a_controller_that_fails_is_a_warning(run, say, down, monkeypatch):
+    monkeypatch.setattr(importlib.import_module("toy_plugins.line.system").Line, "controller", lambda *_: 1 / 0)
+    done = run("toy-raw")
+    assert done.exit_code == 0
+    last = "warning: task toy-line: its controller cannot be scored: ZeroDivisionError: division by zero"
+    assert done.stderr.splitlines()[-1] == last
+    assert "Robustness: task toy-line" in done.stdout
 
 
 def test_report_says_where_it_looked(say):
@@ -184,7 +223,10 @@ def test_seeds_that_mean_nothing(text):
         (["--methods", "toy-raw[weight=x]"], "toy-raw[weight=x]: weight should be a number, got 'x'"),
         (["--methods", "toy-broken"], "toy-plugins 1.2"),
         (["--tasks", "toy-lane"], "no task 'toy-lane'; did you mean 'toy-line'?"),
-        (["--tasks", "toy-line[a=1]"], "toy-line[a=1]: a task has no parameter 'a', only without, as in without=cuts+hold"),
+        (
+            ["--tasks", "toy-line[a=1]"],
+            "toy-line[a=1]: a task has no parameter 'a', only without, as in without=cuts+hold",
+        ),
         (["--tasks", "toy-line[without=hold]"], "toy-line[without=hold]: the task is without hold as it is"),
         (["--agents", "toy-agnt"], "no agent 'toy-agnt'"),
         (["--budget", "quik"], "did you mean 'quick'?"),

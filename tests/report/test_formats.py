@@ -7,10 +7,21 @@ import io
 import re
 
 import pytest
-from factory import result
+from factory import result, score
 from rich.console import Console
 
-from stlbench.report import Column, Table, condense, summary, to_csv, to_latex, to_markdown, to_records, to_screen
+from stlbench.report import (
+    Column,
+    Table,
+    condense,
+    robustness,
+    summary,
+    to_csv,
+    to_latex,
+    to_markdown,
+    to_records,
+    to_screen,
+)
 
 TABLE = Table(
     "Scores",
@@ -90,38 +101,38 @@ RESULTS = [
 
 @pytest.mark.parametrize("width", [80, 100, 120, 200])
 def test_tables_fit_the_screen(width):
-    for table in summary(condense(RESULTS)):
+    for table in summary(condense(RESULTS), {"hold-disc": score((0.4,)), "a-task-with-a-long-name": score((0.1,))}):
         text = screen(table, width)
         assert max(map(len, text.splitlines())) <= width
         assert "…" not in text
 
 
 def test_a_wide_screen_shows_every_number():
-    text = screen(summary(condense(RESULTS))[0], 120)
+    text = screen(summary(condense(RESULTS), {})[0], 120)
     for shown in ("0.250", "[0.200, 0.300]", "83.3", "0.900", "0.800", "-0.300", "0 of 3, 3"):
         assert shown in text
     assert "Left out" not in text
 
 
 def test_a_narrow_screen_says_what_it_left_out():
-    text = " ".join(screen(summary(condense(RESULTS))[0], 80).split())
+    text = " ".join(screen(summary(condense(RESULTS), {})[0], 80).split())
     left_out = "IQM robustness, worst start, centre, paper, final robustness, final satisfied [%]."
     assert f"Left out on this narrow screen: {left_out}" in text
     assert "[0.200, 0.300]" in text
 
 
 def test_what_all_rows_share_goes_into_the_title():
-    first = screen(summary(condense(RESULTS))[0], 120).splitlines()[0]
+    first = screen(summary(condense(RESULTS), {})[0], 120).splitlines()[0]
     assert first == "Robustness: task hold-disc, agent dqn, budget quick"
-    other = screen(summary(condense([*RESULTS, result(task="other")]))[0], 120).splitlines()[0]
+    other = screen(robustness(condense([*RESULTS, result(task="other")])), 120).splitlines()[0]
     assert other == "Robustness: agent dqn, budget quick"
 
 
 def test_reasons_are_printed_as_they_are():
-    text = " ".join(screen(summary(condense(RESULTS))[2], 120).split())
+    text = " ".join(screen(summary(condense(RESULTS), {})[2], 120).split())
     assert "hold-disc/mine/dqn/0 quick raised ValueError: [bold]no[/bold] :smile:" in text
 
 
 def test_reasons_stand_below_the_table():
-    text = screen(summary(condense(RESULTS))[0], 120)
+    text = screen(summary(condense(RESULTS), {})[0], 120)
     assert "remarks: hold-disc/tau-mdp/dqn/quick: intractable: needs 6003 inputs, limit 512" in text.splitlines()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pickle
 
-from factory import result
+from factory import result, score
 
 from stlbench import report
-from stlbench.report import condense, cost, robustness, summary, unfinished
+from stlbench.report import condense, controllers, cost, robustness, summary, unfinished
 
 
 def cell(table, column, row=0):
@@ -77,7 +77,7 @@ def test_groups_are_told_apart_by_task_method_agent_and_budget():
 
 def test_order_of_the_results_does_not_matter():
     results = [result(method, seed) for method in ("funnel", "flag") for seed in range(3)]
-    assert summary(condense(results)) == summary(condense(results[::-1]))
+    assert summary(condense(results), {}) == summary(condense(results[::-1]), {})
 
 
 def test_aggregates_say_over_how_many_seeds_they_are():
@@ -99,7 +99,7 @@ def test_a_group_without_any_result_stays_with_its_reason():
         assert cell(table, "seeds", 1) == "0 of 3, 3 intractable"
         assert cell(table, "remarks", 1) == "intractable: needs 6003 inputs, limit 512"
     assert cell(robustness(groups), "mean robustness", 1) == "-"
-    assert len(summary(groups)) == 2  # a finding about the method is no accident
+    assert len(summary(groups, {})) == 2  # a finding about the method is no accident
 
 
 def test_accidents_are_listed_one_by_one():
@@ -114,7 +114,7 @@ def test_accidents_are_listed_one_by_one():
         ("hold-disc/funnel/dqn/1", "quick", "raised", "ValueError: two lines"),
         ("hold-disc/funnel/dqn/2", "quick", "killed", "killed by signal 9"),
     )
-    assert summary(condense(results))[2] == table
+    assert summary(condense(results), {})[2] == table
 
 
 def test_cost():
@@ -134,6 +134,15 @@ def test_cost():
     assert cell(table, "reward [ns/step]") == "21.0"
     assert cell(table, "inputs added") == "0"
     assert cell(table, "jobs at a time") == "2, 4"
+
+
+def test_controllers_have_a_row_a_task_and_stand_after_the_robustness():
+    scores = {"hold-disc": score((0.1, 0.7)), "other": score((0.3, -0.2, -0.1, 0.2))}
+    table = controllers(scores)
+    assert table.rows == (("hold-disc", "0.400", "0.100", "100.0"), ("other", "0.050", "-0.200", "50.0"))
+    groups = condense([result()])
+    assert summary(groups, scores) == (robustness(groups), table, cost(groups))
+    assert summary(groups, {}) == (robustness(groups), cost(groups))
 
 
 def test_a_mean_of_minus_nothing_is_zero():

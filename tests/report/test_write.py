@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 
-from factory import result
+from factory import result, score
 
 from stlbench.report import condense, write
 
@@ -12,15 +12,18 @@ RESULTS = [
     *(result(method, seed) for method in ("funnel", "flag") for seed in range(2)),
     result("mine", status="raised", reason="ValueError: no"),
 ]
+SCORES = {"hold-disc": score((0.4, 0.2))}
 
 
 def test_writes_all_files_and_names_them(tmp_path):
-    paths = write(condense(RESULTS), tmp_path / "new" / "folder")
+    paths = write(condense(RESULTS), SCORES, tmp_path / "new" / "folder")
     assert all(path.is_file() for path in paths)
-    assert [path.name for path in paths][:6] == [
+    assert [path.name for path in paths][:8] == [
         "report.md",
         "robustness.csv",
         "robustness.tex",
+        "controllers.csv",
+        "controllers.tex",
         "time.csv",
         "time.tex",
         "cells.csv",
@@ -28,14 +31,29 @@ def test_writes_all_files_and_names_them(tmp_path):
 
 
 def test_the_report_has_all_tables(tmp_path):
-    write(condense(RESULTS), tmp_path)
+    write(condense(RESULTS), SCORES, tmp_path)
     text = (tmp_path / "report.md").read_text()
     headings = [line for line in text.splitlines() if line.startswith("#")]
-    assert headings == ["# stlbench report", "## Robustness", "## Wall time and cost", "## Cells without a result"]
+    tables = ["Robustness", "Hand controllers", "Wall time and cost", "Cells without a result", "Circumstances"]
+    assert headings == ["# stlbench report", *(f"## {title}" for title in tables)]
+
+
+def test_a_row_for_each_controller(tmp_path):
+    write(condense(RESULTS), SCORES | {"other": score((-0.5,))}, tmp_path)
+    rows = ["task,mean robustness,worst start,satisfied [%]", "hold-disc,0.300,0.200,100.0", "other,-0.500,-0.500,0.0"]
+    assert (tmp_path / "controllers.csv").read_text().splitlines() == rows
+    assert r"hold-disc & 0.300 & 0.200 & 100.0 \\" in (tmp_path / "controllers.tex").read_text()
+
+
+def test_without_controllers_their_files_have_no_row_and_the_report_no_table(tmp_path):
+    write(condense(RESULTS), SCORES, tmp_path)
+    write(condense(RESULTS), {}, tmp_path)
+    assert (tmp_path / "controllers.csv").read_text().count("\n") == 1
+    assert "Hand controllers" not in (tmp_path / "report.md").read_text()
 
 
 def test_cells_csv_has_a_row_a_cell(tmp_path):
-    write(condense(RESULTS), tmp_path)
+    write(condense(RESULTS), SCORES, tmp_path)
     with (tmp_path / "cells.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [(row["method"], row["seed"], row["status"]) for row in rows] == [
@@ -53,7 +71,9 @@ def test_cells_csv_has_a_row_a_cell(tmp_path):
 
 
 def test_the_same_results_give_the_same_files(tmp_path):
-    write(condense(RESULTS), tmp_path / "a")
-    write(condense(reversed(RESULTS)), tmp_path / "b")
-    for name in ("report.md", "robustness.csv", "time.csv", "robustness.tex", "time.tex", "cells.csv"):
+    write(condense(RESULTS), SCORES, tmp_path / "a")
+    write(condense(reversed(RESULTS)), SCORES, tmp_path / "b")
+    texts = [path.name for path in (tmp_path / "a").glob("*.*")]
+    assert len(texts) == 8
+    for name in texts:
         assert (tmp_path / "a" / name).read_text() == (tmp_path / "b" / name).read_text()

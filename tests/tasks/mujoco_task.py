@@ -5,24 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from stlbench import starts
-from stlbench.contract import ActionBox, Array
+from stlbench.contract import Array
 from stlbench.problem import Problem
-
-
-def controlled(task: Problem) -> Array:
-    """The traces (starts, T + 1, k) of the report's starts under the controller, its actions held and in the box."""
-    assert isinstance(task.actions, ActionBox)
-    low, high = task.actions.low, task.actions.high
-    states = task.system.begin(starts.grid(task.file.initial, task.file.starts))
-    samples = [task.system.signals(states)]
-    for t in range(task.file.steps):
-        if t % task.file.hold == 0:
-            action = task.system.controller(states, np.full(len(states), t))
-            assert action is not None
-            assert np.all((low <= action) & (action <= high))
-        states = task.system.step(states, action)
-        samples.append(task.system.signals(states))
-    return np.stack(samples, axis=1)
 
 
 def rollout(task: Problem, state: Array, actions: Array) -> Array:
