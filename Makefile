@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test lint types imports unit docs gate bench reference clean
+.PHONY: run test lint types imports unit docs gate bench reference ablation clean
 
 ## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
 run: $(VENV)/ready
@@ -41,13 +41,21 @@ bench: $(VENV)/ready-dev
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -q --benchmark-json=results/benchmarks.json
 	$(BIN)/python tests/benchmarks/collect.py results/benchmarks.json --json results/bench.json --page docs/performance.md
 
-## All tasks x all methods x 5 seeds, some hours of CPU time; goes on where it was interrupted. Tables and figures in
-## results/reference/, see docs/reproduction.md.
-METHODS := funnel,flag,raw,tau-mdp
-TASKS := hold-disc,hold-disc-coarse,integrator-or,reach-stay,annulus,robot-nav,pendulum,overlap,formation,cartpole,fetch-reach,ball-in-cup
-reference: $(VENV)/ready
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[mujoco]'
-	$(BIN)/stlbench run --tasks $(TASKS) --methods $(METHODS) --seeds 5 --jobs 2 --results results/reference
+## All tasks x all methods x 5 seeds, five hours of CPU time; goes on where it was interrupted. See docs/reproduction.md.
+TASKS := hold-disc,hold-disc-coarse,integrator-or,reach-stay,annulus,robot-nav,overlap,pendulum,formation
+MODELS := cartpole,fetch-reach,ball-in-cup
+reference: $(VENV)/ready-mujoco
+	$(BIN)/stlbench run --tasks $(TASKS),$(MODELS) --methods funnel,flag,raw,tau-mdp --seeds 5 --results results/reference
+	$(BIN)/stlbench plot results/reference
+
+## What the parts of the recipes are worth: tasks without one of them each.
+ablation: $(VENV)/ready-mujoco
+	$(BIN)/stlbench run --methods raw --results results/ablation --seeds 2 --tasks "\
+	pendulum,pendulum[without=rewarded],pendulum[without=cuts],pendulum[without=exploring],\
+	cartpole,cartpole[without=lost],cartpole[without=exploring],ball-in-cup,ball-in-cup[without=exploring]"
+	$(BIN)/stlbench run --methods funnel --results results/ablation --seeds 2 --tasks "\
+	overlap,overlap[without=rewarded],overlap[without=cuts],overlap[without=violation],overlap[without=exploring]"
+	$(BIN)/stlbench report results/ablation
 
 clean:
 	rm -rf $(VENV) site dist build
@@ -60,6 +68,10 @@ $(VENV)/bin:
 $(VENV)/ready: pyproject.toml constraints.txt | $(VENV)/bin
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e .
 	@touch $@
+
+$(VENV)/ready-mujoco: pyproject.toml constraints.txt | $(VENV)/bin
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[mujoco]'
+	@touch $@ $(VENV)/ready
 
 $(VENV)/ready-dev: pyproject.toml constraints.txt | $(VENV)/bin
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev]'
