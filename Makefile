@@ -41,7 +41,7 @@ bench: $(VENV)/ready-dev
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -q --benchmark-json=results/benchmarks.json
 	$(BIN)/python tests/benchmarks/collect.py results/benchmarks.json --json results/bench.json --page docs/performance.md
 
-## All tasks x all methods x 5 seeds, five hours of CPU time; goes on where it was interrupted. See docs/reproduction.md.
+## All tasks x all methods x 5 seeds, three hours of CPU time; goes on where it was interrupted. See docs/reproduction.md.
 TASKS := hold-disc,hold-disc-coarse,integrator-or,reach-stay,annulus,robot-nav,overlap,pendulum,formation
 MODELS := cartpole,fetch-reach,ball-in-cup
 reference: $(VENV)/ready-mujoco
