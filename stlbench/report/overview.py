@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -39,17 +39,15 @@ def overview(groups: Sequence[Group], scores: Mapping[str, Score]) -> Table:
             *row,
             *([_by_hand(row[0], scores)] if scores else []),
             *(_said(found.get((row, method))) for method in methods),
-            decimal(
-                _mean([group.values(lambda n: n.cpu_seconds) for (key, _), group in found.items() if key == row]), 0
-            ),
+            _cost(group for (key, _), group in found.items() if key == row),
         )
         for row in rows
     )
-    notes = (
-        "Robustness, averaged over starts and seeds. In parentheses the seeds that learned the task:",
-        f"their policy satisfies the formula from at least {100 * LEARNED:.0f} % of the starts.",
+    note = (
+        "Robustness, averaged over starts and seeds. In parentheses the seeds that learned the task: "
+        f"their policy satisfies the formula from at least {100 * LEARNED:.0f} % of the starts."
     )
-    return Table("Overview", columns, body, (" ".join(notes),))
+    return Table("Overview", columns, body, (note,))
 
 
 def _by_hand(task: str, scores: Mapping[str, Score]) -> str:
@@ -68,6 +66,7 @@ def _said(group: Group | None) -> str:
     return f"{decimal(mean)} ({learned}/{len(group.rows)})"
 
 
-def _mean(values: Sequence[Sequence[float]]) -> float | None:
-    joined = [value for some in values for value in some]
-    return float(np.mean(joined)) if joined else None
+def _cost(groups: Iterable[Group]) -> str:
+    """CPU seconds a cell, mean over all of them."""
+    seconds = [numbers.cpu_seconds for group in groups for numbers in group.done]
+    return decimal(float(np.mean(seconds)) if seconds else None, 0)

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+from unittest.mock import patch
+
 import numpy as np
 
 from stlbench import referee
-from stlbench.contract import Array
+from stlbench.contract import ActionGrid, Array, Integers
 from stlbench.controlled import record
 from stlbench.problem import Problem
 
 
 def trace(task: Problem, states: Array) -> Array:
-    """The traces (N, T + 1, k) under the controller, which the task has."""
-    traces = record(task, states)
+    """The traces (N, T + 1, k) under the controller, whose actions are all on the grid or in the box as they come."""
+    control = task.system.controller
+
+    def checked(state: Array, t: Integers) -> Array | None:
+        action = control(state, t)
+        assert action is not None
+        if isinstance(task.actions, ActionGrid):
+            for column, axis in zip(action.T, task.actions.axes, strict=True):
+                assert np.isin(np.round(column, 9), np.round(axis, 9)).all()
+        else:
+            assert np.all((task.actions.low <= action) & (action <= task.actions.high))
+        return action
+
+    with patch.object(task.system, "controller", checked):
+        traces = record(task, states)
     assert traces is not None
     return traces
 
