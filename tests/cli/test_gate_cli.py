@@ -289,7 +289,7 @@ def test_real_cells(edit, say):
     edit("self.rho(next_signals)")
     assert say(*LOCAL, "--update", *SMOKE).exit_code == 0
     again = say(*LOCAL, "--results", "again")
-    assert again.exit_code == 0, again.stdout
+    assert again.exit_code in (0, 3), again.stdout  # 3 where a busy machine leaves the times of five cells open
     assert again.stdout.count("(same)") == 2
 
     edit("-self.rho(next_signals)")
@@ -298,9 +298,9 @@ def test_real_cells(edit, say):
     assert worse("robustness")
     assert worse("satisfaction")
 
-    edit("(self.rho(next_signals) + self.rho(next_signals)) / 2")
+    edit("[self.rho(next_signals) for _ in range(30)][0]")
     slow = say(*LOCAL)
     assert slow.exit_code == 1, slow.stdout
     (entry,) = worse("reward")
-    assert 1.5 < entry["change"] < 3
+    assert 3 < entry["change"] < 100
     assert not worse("robustness")

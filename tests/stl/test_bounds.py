@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 import pytest
@@ -83,10 +82,9 @@ def test_a_degenerate_box_is_a_point() -> None:
     assert (low, high) == pytest.approx((5, 5), abs=1e-12)
 
 
-def test_usual_predicates_are_quick() -> None:
-    start = time.process_time()
-    bounds(parse("norm(x - 0.25, y - 0.25) <= 0.5 & abs(z) <= 2"), BOX)
-    assert time.process_time() - start < 0.5
+def test_usual_predicates_take_few_boxes() -> None:
+    psi = parse("norm(x - 0.25, y - 0.25) <= 0.5 & abs(z) <= 2")
+    assert bounds(psi, BOX, nodes=1000) == bounds(psi, BOX)
 
 
 @pytest.mark.parametrize("text", ["sqrt(x) >= 0", "sqrt(abs(x) - y * y) >= 0", "1 / x >= 0", "1 / (x * x + y) >= 1"])
