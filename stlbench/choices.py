@@ -157,6 +157,8 @@ def check(known: Mapping[str, Parameter], choice: Choice, defaults: Mapping[str,
 def _converted(hint: Any, value: Any) -> Any:
     if get_origin(hint) is Literal:  # pydantic compares types too, and a user can only write text
         value = {str(allowed): allowed for allowed in get_args(hint)}.get(str(value), value)
+    if isinstance(value, str) and _text(hint).startswith("tuple["):
+        value = value.split("+")
     return TypeAdapter(hint, config=ConfigDict(allow_inf_nan=False)).validate_python(value)
 
 

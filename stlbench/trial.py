@@ -153,7 +153,7 @@ def _training(
     report: Callable[[Policy, int], None],
     made: Callable[[BatchEnvironment], None],
 ) -> Training:
-    agent = cell.agent.partition("[")[0]
+    agent = parse_choice(cell.agent).name
 
     def make(count: int) -> BatchEnvironment:
         environment = BatchEnvironment(task, method, count, derive_seed(task.plugin, "initial states", cell.seed))

@@ -109,6 +109,11 @@ def test_text_becomes_the_declared_type():
     assert [type(value) for value in found.values()].count(float) == 2
 
 
+def test_the_items_of_a_list_are_joined_by_plus():
+    assert checked("x[hidden=32+16]") == {"hidden": (32, 16)}
+    assert checked("x[hidden=32]") == {"hidden": (32,)}
+
+
 def test_what_is_not_given_is_left_to_the_constructor():
     assert checked("x") == {}
 
@@ -127,6 +132,8 @@ def test_the_choice_overrides_the_defaults():
         ("x[variant=cod]", "x[variant=cod]: variant should be 'paper' or 'code', got 'cod'"),
         ("x[order=3]", "x[order=3]: order should be 1 or 2, got '3'"),
         ("x[share=2]", "x[share=2]: share should be less than or equal to 1, got '2'"),
+        ("x[hidden=32+y]", "x[hidden=32+y]: hidden[1] should be a whole number, got 'y'"),
+        ("x[hidden=+]", "x[hidden=+]: hidden[0] should be a whole number, got ''"),
         ("x[varient=code]", "x[varient=code]: no parameter 'varient'; did you mean 'variant'?"),
         ("x[specification=1]", "no parameter 'specification'; there are: clip, ginf"),
     ],
