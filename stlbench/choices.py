@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from stlbench.errors import UsageError, did_you_mean
 
-__all__ = ["NAME", "Choice", "Parameter", "check", "declared", "parse_choice", "parse_choices"]
+__all__ = ["NAME", "Choice", "Parameter", "base_name", "check", "declared", "parse_choice", "parse_choices"]
 
 NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
 """What a plugin may be called. Names become keys, paths and column heads, so nothing else is let in."""
@@ -99,6 +99,11 @@ def _item(text: str, start: int, end: int) -> str:
     if not text[start:end].strip():
         raise UsageError(f"empty item at column {start + 1} of '{text}'; separate names by single commas")
     return text[start:end]
+
+
+def base_name(text: str) -> str:
+    """The name in a choice's text, unchecked: "overlap" of "overlap[without=cuts]"."""
+    return text.partition("[")[0]
 
 
 # --------------------------------------------------------------------------------------------------------- checking

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from stlbench import referee
-from stlbench.choices import parse_choice
+from stlbench.choices import base_name
 from stlbench.contract import ActionGrid, Array, Integers, RewardMethod
 from stlbench.environment import Simulator
 from stlbench.errors import UsageError
@@ -51,7 +51,7 @@ def scores(tasks: Iterable[str]) -> dict[str, Score]:
     from another machine. One whose controller fails is left out with a `PluginWarning`.
     """
     found = dict[str, Score]()
-    for name in dict.fromkeys(parse_choice(task).name for task in tasks):
+    for name in dict.fromkeys(base_name(task) for task in tasks):
         try:
             scored = score(load(name))
         except (UsageError, ImportError):

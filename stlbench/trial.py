@@ -12,7 +12,7 @@ from typing import cast
 import numpy as np
 
 from stlbench import plugins, problem
-from stlbench.choices import parse_choice
+from stlbench.choices import base_name, parse_choice
 from stlbench.contract import Agent, Intractable, Policy, RewardMethod, Training, Unsuitable
 from stlbench.environment import BatchEnvironment, Simulator
 from stlbench.matrix import Cell, derive_seed
@@ -153,7 +153,7 @@ def _training(
     report: Callable[[Policy, int], None],
     made: Callable[[BatchEnvironment], None],
 ) -> Training:
-    agent = parse_choice(cell.agent).name
+    agent = base_name(cell.agent)
 
     def make(count: int) -> BatchEnvironment:
         environment = BatchEnvironment(task, method, count, derive_seed(task.plugin, "initial states", cell.seed))

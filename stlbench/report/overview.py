@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from stlbench.choices import parse_choice
+from stlbench.choices import base_name
 from stlbench.report.rows import Group
 from stlbench.report.table import NOTHING, Column, Table, decimal
 from stlbench.result import Score
@@ -52,7 +52,7 @@ def overview(groups: Sequence[Group], scores: Mapping[str, Score]) -> Table:
 
 
 def _by_hand(task: str, scores: Mapping[str, Score]) -> str:
-    score = scores.get(parse_choice(task).name)
+    score = scores.get(base_name(task))
     return NOTHING if score is None else decimal(score.mean)
 
 

@@ -134,15 +134,26 @@ def toy(site: Callable[..., Path]) -> Path:
 
 
 @pytest.fixture
-def down(toy: Path, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+def steer(toy: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Any, Any], Any]], None]:
+    """Give toy-line a controller: an action from the state and the step."""
+
+    def install(controller: Callable[[Any, Any], Any]) -> None:
+        system = importlib.import_module("toy_plugins.line.system").Line
+        monkeypatch.setattr(system, "controller", lambda self, state, t: controller(state, t))
+
+    return install
+
+
+@pytest.fixture
+def down(steer: Callable[[Callable[[Any, Any], Any]], None]) -> list[int]:
     """Give toy-line a controller that always goes down, so that robustness is 1 - x_0; at which steps it was asked."""
     asked = list[int]()
 
-    def controller(self: object, state: Any, t: Any) -> Any:
+    def controller(state: Any, t: Any) -> Any:
         asked.append(int(t[0]))
         return 0 * state - 1
 
-    monkeypatch.setattr(importlib.import_module("toy_plugins.line.system").Line, "controller", controller)
+    steer(controller)
     return asked
 
 

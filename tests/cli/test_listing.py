@@ -89,6 +89,14 @@ def test_what_its_controller_gets(say, down):
     assert line in say("show", "task", "toy-line").stdout.splitlines()
 
 
+def test_a_controller_that_fails_is_a_warning(say, steer):
+    steer(lambda state, t: 1 / 0)
+    done = say("show", "task", "toy-line")
+    assert (done.exit_code, "by hand" in done.stdout) == (0, False)
+    line = "warning: task toy-line: its controller cannot be scored: ZeroDivisionError: division by zero"
+    assert line in done.stderr.splitlines()
+
+
 TRAINING = """
 robots: {left: [v], right: [w]}
 training:

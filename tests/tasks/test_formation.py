@@ -74,12 +74,12 @@ def test_robustness_by_hand(trace: Array, robustness: float) -> None:
 
 
 def test_what_is_rewarded() -> None:
-    """Three times what the distances leave, from -.5 m up to .25 m of it; the goals' distance over 6."""
+    """Ten times what the distances leave, tightened by .1 m, from -1 to .1; the goals' distance over 6."""
     random = np.random.default_rng(0).uniform(0, 3, (300, 6))
     robust = [stl.margin(term.psi, TASK.signals)(random) for term in stl.fragment(TASK.formula)]
     rewarded = [TASK.specification.margin(term.psi)(random) for term in TASK.specification.terms]
-    assert rewarded[0] == pytest.approx(3 * np.clip(robust[0], -0.5, 0.25))
-    assert (robust[0].min() < -0.5, robust[0].max() > 0.25) == (True, True)
+    assert rewarded[0] == pytest.approx(10 * np.clip(robust[0] - 0.1, -0.1, 0.01))
+    assert (robust[0].min() < 0, robust[0].max() > 0.11) == (True, True)
     assert rewarded[1:] == [pytest.approx(value / 6) for value in robust[1:]]
 
 
