@@ -43,6 +43,7 @@ class TD3(Agent):
         target_policy_noise: NotNegative = 0.1,
         target_noise_clip: NotNegative = 0.25,
         exploration_noise: NotNegative = 0.2,
+        exploration_noise_final: NotNegative | None = None,
         random_steps: Annotated[int, Field(ge=0)] = 100,
         action_penalty: NotNegative = 0.005,
         reward_scale: Positive = 10.0,
@@ -66,6 +67,7 @@ class TD3(Agent):
             target_noise_clip: its limit.
             exploration_noise: standard deviation of the noise on actions in training, in [-1, 1] units; from copy to
                 copy it rises from a quarter of this to one and three quarters.
+            exploration_noise_final: what this falls to, linearly over the budget; it stays where left out.
             random_steps: lock-steps with random actions at the start, without updates.
             action_penalty: weight in the actor's loss of its squared output before the tanh, without which actions
                 stick at their ends.
@@ -77,7 +79,9 @@ class TD3(Agent):
         self.tau, self.policy_delay, self.averaging = tau, policy_delay, averaging
         self.action_penalty = action_penalty
         self.target_noise = (target_policy_noise, target_noise_clip)
-        self.exploration_noise, self.random_steps, self.reward_scale = exploration_noise, random_steps, reward_scale
+        last = exploration_noise if exploration_noise_final is None else exploration_noise_final
+        self.exploration_noise = (exploration_noise, last)
+        self.random_steps, self.reward_scale = random_steps, reward_scale
 
     def train(self, training: Training) -> Policy:
         """Spend the budget; return the policy at its end."""
@@ -104,7 +108,7 @@ class TD3(Agent):
             weight=(1 - self.gamma) * self.reward_scale,
             axes=len(box.names),
         )
-        noise = self.exploration_noise * np.linspace(0.25, 1.75, self.copies)[:, None]
+        noise, shares = np.linspace(*self.exploration_noise, rounds), np.linspace(0.25, 1.75, self.copies)[:, None]
         reports = spread(rounds, training.checkpoints)
         observation = environment.reset()
         policy = learner.policy()
@@ -113,7 +117,8 @@ class TD3(Agent):
                 action = generator.uniform(-1, 1, (self.copies, len(box.names)))
             else:
                 greedy = 2 * (policy.act(observation) - low) / (high - low) - 1
-                action = np.clip(greedy + noise * generator.standard_normal(greedy.shape), -1, 1)
+                action = greedy + noise[done - 1] * shares * generator.standard_normal(greedy.shape)
+                action = np.clip(action, -1, 1)
             transition = environment.step(low + (action + 1) / 2 * (high - low))
             replay.add(observation, action, transition)
             observation = transition.observation
@@ -123,6 +128,6 @@ class TD3(Agent):
                     learner.update(replay.batch(first), generator.standard_normal((self.batch_size, len(box.names))))
                 policy = learner.policy()
             if done in reports:
-                final = learner.averaged()
+                final = learner.policy(averaged=True)
                 training.report(final, done * self.copies * environment.hold)
         return final

@@ -85,13 +85,10 @@ class Learner:
         self._least, self._most = math.inf, -math.inf
         self._count = 0
 
-    def policy(self) -> ActorPolicy:
-        """The actor as it is now."""
-        return ActorPolicy(linear_layers(self.actor), self.box, "relu", squashed=True)
-
-    def averaged(self) -> ActorPolicy:
-        """The actor with the average of its weights."""
-        return ActorPolicy(linear_layers(self.average), self.box, "relu", squashed=True)
+    def policy(self, averaged: bool = False) -> ActorPolicy:
+        """The actor as it is now, or with the average of its weights."""
+        actor = self.average if averaged else self.actor
+        return ActorPolicy(linear_layers(actor), self.box, "relu", squashed=True)
 
     def saw(self, reward: np.ndarray) -> None:
         """Take note of rewards: a value is a mean of rewards, weighted by powers of gamma, and lies among them."""

@@ -10,7 +10,7 @@ import torch
 from line import Probe, line
 from torch import nn
 
-from stlbench.contract import ActionBox, Policy, Training, Unsuitable
+from stlbench.contract import ActionBox, Array, Policy, Training, Transition, Unsuitable
 from stlbench.environment import BatchEnvironment
 from stlbench.referee import Referee
 from stlbench.trial import build_method
@@ -167,6 +167,27 @@ def test_the_same_seed_gives_the_same_policy_bit_for_bit() -> None:
 
     assert weights(5) == weights(5)
     assert weights(5) != weights(6)
+
+
+@pytest.mark.parametrize(("last", "first_quarter", "last_quarter"), [(None, 0.1, 0.1), (0.02, 0.09, 0.03)])
+def test_noise_falls_from_first_to_last_and_differs_among_copies(
+    monkeypatch: pytest.MonkeyPatch, last: float | None, first_quarter: float, last_quarter: float
+) -> None:
+    """With an actor that does not learn, what actions differ by from the policy's is the noise."""
+    seen = list[tuple[Array, Array]]()
+
+    def step(self: BatchEnvironment, action: Array) -> Transition:
+        seen.append((self.simulator.observe(), action.copy()))
+        return original(self, action)
+
+    original = BatchEnvironment.step
+    monkeypatch.setattr(BatchEnvironment, "step", step)
+    rates = {"learning_rate": 1e-30, "learning_rate_final": 1e-30}
+    trained = Trained(4 * 2001, copies=4, random_steps=1, exploration_noise=0.1, exploration_noise_final=last, **rates)
+    noise = np.array([action - trained.policy.act(observation) for observation, action in seen[1:]])[..., 0]
+    shares = np.array([0.25, 0.75, 1.25, 1.75])
+    assert noise[:500].std(0) == pytest.approx(shares * first_quarter, rel=0.2)
+    assert noise[-500:].std(0) == pytest.approx(shares * last_quarter, rel=0.2)
 
 
 def test_it_learns_to_go_to_a_point_and_stay() -> None:
