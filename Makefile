@@ -59,8 +59,7 @@ ablation: $(VENV)/ready-mujoco
 	dqn[head=joint],dqn[averaging=0],dqn[n_steps=1],dqn[double=false]"
 	$(ABLATION) --methods raw --seeds 2 --tasks "reach-stay[without=hold],\
 	pendulum[without=rewarded],pendulum[without=cuts],pendulum[without=exploring],\
-	formation[without=rewarded],formation[without=cuts],formation[without=exploring],\
-	cartpole[without=rewarded],cartpole[without=lost],cartpole[without=exploring],\
+	formation[without=rewarded],formation[without=cuts],\
 	ball-in-cup[without=exploring]"
 	$(BIN)/stlbench report results/ablation
 

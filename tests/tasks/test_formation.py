@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from controlled import all_starts, trace
 
-from stlbench import problem, referee, starts, stl
+from stlbench import problem, referee, stl
 from stlbench.contract import ActionGrid, Array, Intractable
 from stlbench.matrix import Cell
 from stlbench.testing import check_task
@@ -129,15 +129,6 @@ def test_the_controller_satisfies_from_every_start() -> None:
     possible = np.minimum(3 - np.hypot(states[:, 0] - states[:, 4], states[:, 1] - states[:, 5]), 0.32)
     assert (np.array(score.robustness) >= possible - 0.1).all()
     assert np.mean(score.robustness) > 0.31
-
-
-def test_exploring_starts_keep_their_distances() -> None:
-    exploring = TASK.file.training.exploring
-    assert exploring is not None
-    assert exploring.states is not None
-    points = starts.sample(exploring.states, np.random.default_rng(0), 500)
-    assert stl.holds(stl.fragment(TASK.formula)[0].psi, TASK.signals)(points).all()
-    assert (points.min() < 0.2, points.max() > 4.8) == (True, True)
 
 
 def test_tau_mdp_is_intractable_and_says_so_in_a_row() -> None:
