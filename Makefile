@@ -58,7 +58,7 @@ ablation: $(VENV)/ready-mujoco
 	$(ABLATION) --methods raw --seeds 5 --tasks reach-stay --agents "\
 	dqn[head=joint],dqn[averaging=0],dqn[n_steps=1],dqn[double=false]"
 	$(ABLATION) --methods raw --seeds 2 --tasks "reach-stay[without=hold],\
-	pendulum[without=rewarded],pendulum[without=cuts],pendulum[without=exploring],\
+	pendulum[without=rewarded],pendulum[without=exploring],\
 	formation[without=rewarded],formation[without=cuts],\
 	ball-in-cup[without=exploring]"
 	$(BIN)/stlbench report results/ablation

@@ -84,10 +84,14 @@ class Ledger:
         return {key for key in keys if key in statuses and not (retry and statuses[key] in ACCIDENTS)}
 
     def results(self, keys: Collection[str] | None = None) -> Iterator[Result]:
-        """The results with these keys, or all, ordered by task, method, agent and seed."""
-        wanted = None if keys is None else frozenset(keys)
+        """The results with these keys, or of every cell the newest, ordered by task, method, agent and seed.
+
+        A plugin that was edited has other keys, and what was recorded before is no result of another seed.
+        """
+        newest = "rowid IN (SELECT max(rowid) FROM cells GROUP BY task, method, agent, seed, budget)"
+        chosen, wanted = ("1", frozenset(keys)) if keys is not None else (newest, None)
         for key, text in self._database.execute(
-            "SELECT key, result FROM cells ORDER BY task, method, agent, seed, key"
+            f"SELECT key, result FROM cells WHERE {chosen} ORDER BY task, method, agent, seed, key"  # noqa: S608
         ):
             if wanted is None or key in wanted:
                 yield from_json(text)

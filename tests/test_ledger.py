@@ -66,6 +66,18 @@ def test_a_key_has_one_row_the_last(path):
         assert list(ledger.results()) == [after]
 
 
+def test_of_a_cell_measured_again_with_another_key_the_newest_counts(path):
+    old, other, budget, new = result(), result(seed=1), result(budget="paper"), result(robustness=(0.5,))
+    new = dataclasses.replace(new, key="edited")
+    with Ledger(path) as ledger:
+        for entry in (old, other, budget, new):
+            ledger.record(entry)
+        assert {entry.key for entry in ledger.results()} == {"edited", other.key, budget.key}
+        assert list(ledger.results([old.key])) == [old]
+        ledger.record(old)  # written again, it is the newest
+        assert {entry.key for entry in ledger.results()} == {old.key, other.key, budget.key}
+
+
 def test_accidents_are_finished_unless_they_are_to_be_tried_again(path):
     statuses = ["done", "raised", "timeout", "killed", "intractable", "unsuitable"]
     entries = [result(seed=seed, status=status) for seed, status in enumerate(statuses)]

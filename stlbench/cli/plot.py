@@ -33,10 +33,10 @@ def plot(
       stlbench plot results --tasks robot-nav --methods "funnel,funnel[variant=code]" --out pictures
     """
     from stlbench.ledger import Ledger
-    from stlbench.report import plots, recordings
+    from stlbench.report import plots
 
     with Ledger(run / LEDGER, create=False) as ledger:
-        results = recordings.newest(ledger.results())
+        results = list(ledger.results())
     wanted = {"task": _known(tasks, {result.task for result in results}, "task", run)}
     wanted["method"] = _known(methods, {result.method for result in results}, "method", run)
     chosen = [result for result in results if all(getattr(result, key) in names for key, names in wanted.items())]

@@ -40,12 +40,12 @@ def render(
     from stlbench.ledger import Ledger
     from stlbench.report import film, video
     from stlbench.report.drawing import file_name
-    from stlbench.report.recordings import load, newest
+    from stlbench.report.recordings import load
     from stlbench.result import MAIN
 
     video.check_format(form)
     with Ledger(run / LEDGER, create=False) as ledger:
-        result = _only(newest(ledger.results()), cell, budget, run)
+        result = _only(list(ledger.results()), cell, budget, run)
     if result.measurement is None:
         reason = f": {result.reason}" if result.reason else ""
         raise UsageError(f"{cell} has no policy to film: {result.status}{reason}")

@@ -42,7 +42,7 @@ def draw(results: Iterable[Result], run: Path, out: Path, *, tell: Tell, warn: T
     A task has learning-<task>; each method, agent and budget has time-<...> and trajectories-<...>, over all seeds.
 
     Args:
-        results: of a run, one a cell (`recordings.newest`).
+        results: of a run, one a cell (`Ledger.results`).
         run: the run's folder, where the traces lie.
         out: where the figures go, over those of before.
         tell: is told of each group that is drawn.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from stlbench.problem import Problem
 from stlbench.result import Result
 from stlbench.trial import trace_file
 
-__all__ = ["Film", "Recording", "gather", "load", "newest"]
+__all__ = ["Film", "Recording", "gather", "load"]
 
 
 @dataclass(frozen=True)
@@ -42,20 +42,6 @@ class Recording:
         """At most `count` of the traces, evenly spread over starts and seeds."""
         chosen = np.unique(np.linspace(0, len(self.traces) - 1, count).round().astype(np.int64))
         return self.traces[chosen]
-
-
-def newest(results: Iterable[Result]) -> list[Result]:
-    """The results, without those that a newer one of the same cell replaces, such as of a plugin edited since."""
-    latest = dict[tuple[str, str], Result]()
-    for result in results:
-        named = result.name, result.budget
-        if named not in latest or _time(latest[named]) <= _time(result):
-            latest[named] = result
-    return list(latest.values())
-
-
-def _time(result: Result) -> str:
-    return result.provenance.get("time", "")
 
 
 def load(task: Problem, result: Result, run: Path) -> Recording:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import factory
 import numpy as np
 import pytest
@@ -11,7 +9,7 @@ from line import Probe, Rule, line
 
 from stlbench.errors import UsageError
 from stlbench.referee import Referee
-from stlbench.report.recordings import Recording, gather, load, newest
+from stlbench.report.recordings import Recording, gather, load
 from stlbench.trial import trace_file
 
 RESULT = factory.result(task="line")
@@ -77,16 +75,6 @@ def test_seeds_are_gathered_and_shown_evenly():
     assert found.evenly(3)[:, 0, 0].tolist() == [0, 100, 127]
     assert len(found.evenly(50)) == 8
     assert found.evenly(1).shape == (1, 9, 1)
-
-
-def test_of_two_results_of_one_cell_the_newer_counts():
-    old, new = (
-        replace(factory.result(), key=key, provenance={"time": time})
-        for key, time in (("a", "2026-01-01T00:00:00+00:00"), ("b", "2026-01-02T00:00:00+00:00"))
-    )
-    other = factory.result(budget="paper")
-    for order in ([old, new, other], [other, new, old]):
-        assert {result.key for result in newest(order)} == {"b", other.key}
 
 
 def test_the_referee_keeps_the_states_at_each_decision():
