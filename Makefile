@@ -54,7 +54,7 @@ ablation: $(VENV)/ready-mujoco
 	$(ABLATION) --methods raw --seeds 3 --tasks fetch-reach --agents "\
 	td3[averaging=0],sb3-td3[copies=4,gamma=0.9,gradient_steps=4,learning_starts=400]"
 	$(ABLATION) --methods funnel --seeds 2 --tasks "\
-	overlap[without=rewarded],overlap[without=cuts],overlap[without=violation],overlap[without=exploring]"
+	overlap[without=rewarded],overlap[without=cuts],overlap[without=violation]"
 	$(ABLATION) --methods raw --seeds 5 --tasks reach-stay --agents "\
 	dqn[head=joint],dqn[averaging=0],dqn[n_steps=1],dqn[double=false]"
 	$(ABLATION) --methods raw --seeds 2 --tasks "reach-stay[without=hold],\

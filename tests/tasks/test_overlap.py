@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from controlled import all_starts, trace
 
-from stlbench import problem, referee, starts, stl
+from stlbench import problem, referee, stl
 from stlbench.contract import Array
 from stlbench.testing import check_task
 
@@ -101,15 +101,6 @@ def test_the_clearance_that_the_policy_sees_is_the_margin_of_the_safety_term() -
     states = np.random.default_rng(0).uniform(-0.5, 4.5, (300, 3))
     clearance = stl.margin(stl.fragment(TASK.formula)[0].psi, TASK.signals)(states[:, :2])
     assert TASK.system.features(states, np.zeros(300, dtype=np.int64))[:, 9] == pytest.approx(2 * clearance)
-
-
-def test_exploring_starts_are_off_the_obstacles() -> None:
-    exploring = TASK.file.training.exploring
-    assert exploring is not None
-    assert exploring.states is not None
-    points = starts.sample(exploring.states, np.random.default_rng(0), 500)[:, :2]
-    assert stl.holds(stl.fragment(TASK.formula)[0].psi, TASK.signals)(points).all()
-    assert (points.min() < 0.2, points.max() > 3.8) == (True, True)
 
 
 def test_the_controller_by_hand() -> None:
