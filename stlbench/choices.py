@@ -162,7 +162,7 @@ def check(known: Mapping[str, Parameter], choice: Choice, defaults: Mapping[str,
 def _converted(hint: Any, value: Any) -> Any:
     if get_origin(hint) is Literal:  # pydantic compares types too, and a user can only write text
         value = {str(allowed): allowed for allowed in get_args(hint)}.get(str(value), value)
-    if isinstance(value, str) and _text(hint).startswith("tuple["):
+    if isinstance(value, str) and get_origin(_bare(hint)) is tuple:
         value = value.split("+")
     return TypeAdapter(hint, config=ConfigDict(allow_inf_nan=False)).validate_python(value)
 
@@ -177,9 +177,12 @@ def _sentence(name: str, error: ErrorDetails) -> str:
     return f"{place} {rule}, got {error['input']!r}"
 
 
+def _bare(hint: Any) -> Any:
+    return get_args(hint)[0] if get_origin(hint) is Annotated else hint
+
+
 def _text(hint: Any) -> str:
-    if get_origin(hint) is Annotated:
-        return _text(get_args(hint)[0])
+    hint = _bare(hint)
     if get_origin(hint) is Literal:
         return " | ".join(str(allowed) for allowed in get_args(hint))
     if get_origin(hint) is tuple:

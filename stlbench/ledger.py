@@ -88,13 +88,17 @@ class Ledger:
 
         A plugin that was edited has other keys, and what was recorded before is no result of another seed.
         """
-        newest = "rowid IN (SELECT max(rowid) FROM cells GROUP BY task, method, agent, seed, budget)"
-        chosen, wanted = ("1", frozenset(keys)) if keys is not None else (newest, None)
+        wanted = self._newest() if keys is None else frozenset(keys)
         for key, text in self._database.execute(
-            f"SELECT key, result FROM cells WHERE {chosen} ORDER BY task, method, agent, seed, key"  # noqa: S608
+            "SELECT key, result FROM cells ORDER BY task, method, agent, seed, key"
         ):
-            if wanted is None or key in wanted:
+            if key in wanted:
                 yield from_json(text)
+
+    def _newest(self) -> frozenset[str]:
+        """The key of each cell's newest row; SQLite takes `key` from the row of the maximum."""
+        rows = self._database.execute("SELECT key, max(rowid) FROM cells GROUP BY task, method, agent, seed, budget")
+        return frozenset(key for key, _ in rows)
 
     def _prepare(self) -> None:
         try:
