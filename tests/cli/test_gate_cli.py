@@ -41,8 +41,8 @@ def rows(path="reference/cells.csv"):
         return list(csv.DictReader(file))
 
 
-def summary():
-    return json.loads(Path("results/gate/gate.json").read_text())
+def summary(folder="results/gate"):
+    return json.loads(Path(folder, "gate.json").read_text())
 
 
 # --------------------------------------------------------------------------------------------------------- updating
@@ -280,8 +280,9 @@ def edit(site):
     return install
 
 
-def worse(metric):
-    return [entry for entry in summary()["comparisons"] if (entry["metric"], entry["verdict"]) == (metric, "worse")]
+def worse(metric, folder="results/gate"):
+    found = summary(folder)["comparisons"]
+    return [entry for entry in found if (entry["metric"], entry["verdict"]) == (metric, "worse")]
 
 
 def test_real_cells(edit, say):
@@ -289,8 +290,9 @@ def test_real_cells(edit, say):
     edit("self.rho(next_signals)")
     assert say(*LOCAL, "--update", *SMOKE).exit_code == 0
     again = say(*LOCAL, "--results", "again")
-    assert again.exit_code in (0, 3), again.stdout  # 3 where a busy machine leaves the times of five cells open
-    assert again.stdout.count("(same)") == 2
+    assert again.stdout.count("(same)") == 2  # no exit code: it hangs on times too, and a neighbour's load is in those
+    assert not worse("robustness", "again")
+    assert not worse("satisfaction", "again")
 
     edit("-self.rho(next_signals)")
     flipped = say(*LOCAL)
