@@ -122,17 +122,15 @@ def sample(result: Result) -> Sample:
 
 
 def gather(results: Iterable[Result]) -> Recording:
-    """A recording of results. Where a plugin was edited, several have one identity, and the latest counts."""
-    latest: dict[Identity, tuple[str, Sample]] = {}
+    """A recording of results, one a cell, as `Ledger.results` gives them."""
+    samples: dict[Identity, Sample] = {}
     provenance: dict[str, set[str]] = {}
     for result in results:
-        entry, when = sample(result), result.provenance.get("time", "")
-        if entry.identity not in latest or latest[entry.identity][0] <= when:
-            latest[entry.identity] = (when, entry)
+        entry = sample(result)
+        samples[entry.identity] = entry
         for name in result.provenance.keys() - PER_CELL:
             provenance.setdefault(name, set()).add(result.provenance[name])
-    said = {name: ", ".join(sorted(values)) for name, values in sorted(provenance.items())}
-    return Recording({identity: entry for identity, (_, entry) in latest.items()}, said)
+    return Recording(samples, {name: ", ".join(sorted(values)) for name, values in sorted(provenance.items())})
 
 
 def _ledger(path: Path) -> Recording:

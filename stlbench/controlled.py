@@ -39,30 +39,42 @@ def record(problem: Problem, states: Array) -> Array | None:
 
 
 def score(problem: Problem) -> Score | None:
-    """The controller's score by the task's formula, from the report's starts; None where the task has none."""
-    traces = record(problem, referee.start_states(problem))
+    """The controller's score by the task's formula, from the report's starts.
+
+    None where the task has none, or where it fails, and then with a `PluginWarning`.
+    """
+    try:
+        traces = record(problem, referee.start_states(problem))
+    except Exception as error:
+        _warn(problem.name, error)
+        return None
     return None if traces is None else referee.score(problem.formula, traces, problem.signals)
 
 
 def scores(tasks: Iterable[str]) -> dict[str, Score]:
-    """Task -> score, each once, in the order given; an ablation counts as the task that it is one of.
+    """Task -> `score`, each once, in the order given; an ablation counts as the task that it is one of.
 
-    Left out are tasks without a controller, and those that are not installed or cannot be loaded: results may come
-    from another machine. One whose controller fails is left out with a `PluginWarning`.
+    Left out are tasks without one, and those that are not installed or cannot be loaded: results may come from another
+    machine.
     """
     found = dict[str, Score]()
     for name in dict.fromkeys(base_name(task) for task in tasks):
         try:
-            scored = score(load(name))
+            problem = load(name)
         except (UsageError, ImportError):
             continue
         except Exception as error:
-            reason = " ".join(f"{type(error).__name__}: {error}".split())
-            warnings.warn(f"task {name}: its controller cannot be scored: {reason}", PluginWarning, stacklevel=2)
+            _warn(name, error)
             continue
+        scored = score(problem)
         if scored is not None:
             found[name] = scored
     return found
+
+
+def _warn(task: str, error: Exception) -> None:
+    reason = " ".join(f"{type(error).__name__}: {error}".split())
+    warnings.warn(f"task {task}: its controller cannot be scored: {reason}", PluginWarning, stacklevel=3)
 
 
 class _Unpaid(RewardMethod):

@@ -65,14 +65,6 @@ def test_a_ledger_a_folder_and_the_table_of_a_report(tmp_path: Path) -> None:
     assert entry == replace(sample(results()[0]), calibration_seconds=None)
 
 
-def test_the_latest_result_of_a_cell_counts() -> None:
-    old, new = (replace(factory.result(robustness=(value,)), key=key) for value, key in ((0.1, "b"), (0.2, "a")))
-    old, new = calibrated(old, time="2026-01-01"), calibrated(new, time="2026-01-02")
-    for order in ((old, new), (new, old)):
-        (entry,) = gather(order).samples.values()
-        assert entry.robustness_mean == 0.2
-
-
 def test_pairs_are_in_order_and_those_of_the_base() -> None:
     one, two, three = (Sample("disc", "raw", "dqn", seed, "smoke", "done") for seed in (1, 2, 10))
     base, new = (Recording({entry.identity: entry for entry in entries}) for entries in ((three, two), (one, two)))

@@ -71,7 +71,7 @@ def facts(problem: Problem) -> dict[str, Any]:
         "sampling_time": file.sampling_time,
         "hold": file.hold,
         "starts": file.starts,
-        "controller": _scored(controlled.scores([problem.name]).get(problem.plugin)),
+        "controller": _scored(controlled.score(problem)),
         "signals": {key: entry.model_dump() for key, entry in file.signals.items()},
         "terms": _terms(problem),
         "actions": {key: entry.model_dump(exclude_none=True) for key, entry in file.actions.items()},
