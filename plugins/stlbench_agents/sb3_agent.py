@@ -20,16 +20,18 @@ class SB3Agent(Agent):
 
     copies: int
     """Environments in lock-step."""
-    rollout: int = 1
-    """Lock-steps that the algorithm takes at a time."""
 
     @abstractmethod
-    def model(self, environment: Environment, seed: int) -> BaseAlgorithm:
-        """SB3's model, untrained."""
+    def model(self, environment: Environment, seed: int, most: int) -> BaseAlgorithm:
+        """SB3's model, untrained, for a budget of `most` lock-steps."""
 
     @abstractmethod
     def exported(self, model: Any, environment: Environment) -> Policy:
         """The model's deterministic policy as it is now."""
+
+    def rollout(self, most: int) -> int:
+        """Lock-steps that the algorithm takes at a time, where the budget has `most`."""
+        return 1
 
     def train(self, training: Training) -> Policy:
         """Spend the budget; return the deterministic policy at its end.
@@ -43,9 +45,9 @@ class SB3Agent(Agent):
         from stlbench_agents.sb3_bridge import Checkpoints
 
         environment = training.make(self.copies)
-        size = self.copies * self.rollout
-        rounds = max(1, training.steps // (size * environment.hold))
-        model = self.model(environment, training.seed % 2**32)
+        most = max(1, training.steps // (self.copies * environment.hold))
+        size, rounds = self.copies * self.rollout(most), most // self.rollout(most)
+        model = self.model(environment, training.seed % 2**32, most)
         final: Policy
 
         def report() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -77,7 +78,7 @@ class SB3TD3(SB3Agent):
             "target_noise_clip": target_noise_clip,
         }
 
-    def model(self, environment: Environment, seed: int) -> TD3:
+    def model(self, environment: Environment, seed: int, most: int) -> TD3:
         """SB3's TD3, untrained."""
         from stable_baselines3 import TD3
         from stable_baselines3.common.noise import NormalActionNoise
@@ -130,7 +131,7 @@ class SB3SAC(SB3Agent):
             "ent_coef": f"auto_{ent_coef_initial}",
         }
 
-    def model(self, environment: Environment, seed: int) -> SAC:
+    def model(self, environment: Environment, seed: int, most: int) -> SAC:
         """SB3's SAC, untrained."""
         from stable_baselines3 import SAC
 
@@ -162,7 +163,8 @@ class SB3PPO(SB3Agent):
         clip_range: Positive = 0.2,
         ent_coef: Annotated[float, Field(ge=0)] = 0.0,
     ) -> None:
-        """Names and meanings are SB3's. A budget is rounded down to whole rollouts.
+        """Names and meanings are SB3's. A budget is rounded down to whole rollouts; one of less has one, as long as
+        there are steps for.
 
         Args:
             net_arch: widths of the hidden layers, tanh, of actor and critic each.
@@ -176,10 +178,8 @@ class SB3PPO(SB3Agent):
             clip_range: of the ratio of probabilities.
             ent_coef: weight of the entropy in the loss.
         """
-        self.net_arch, self.copies, self.rollout = net_arch, copies, n_steps
+        self.net_arch, self.copies, self.n_steps, self.batch_size = net_arch, copies, n_steps, batch_size
         self.options: dict[str, Any] = {
-            "n_steps": n_steps,
-            "batch_size": batch_size,
             "n_epochs": n_epochs,
             "learning_rate": falling(learning_rate, learning_rate_final),
             "gamma": gamma,
@@ -188,13 +188,22 @@ class SB3PPO(SB3Agent):
             "ent_coef": ent_coef,
         }
 
-    def model(self, environment: Environment, seed: int) -> PPO:
+    def model(self, environment: Environment, seed: int, most: int) -> PPO:
         """SB3's PPO, untrained."""
         from stable_baselines3 import PPO
 
         box_of(environment)
-        made: PPO = self.made(PPO, environment, seed, policy_kwargs={"net_arch": list(self.net_arch)}, **self.options)
+        rollout = self.rollout(most)
+        options = {"n_steps": rollout, "batch_size": min(self.batch_size, rollout * self.copies), **self.options}
+        made: PPO = self.made(PPO, environment, seed, policy_kwargs={"net_arch": list(self.net_arch)}, **options)
         return made
+
+    def rollout(self, most: int) -> int:
+        """`n_steps`; where the budget has less, what it has, if possible in whole batches."""
+        if most >= self.n_steps:
+            return self.n_steps
+        whole = self.batch_size // math.gcd(self.batch_size, self.copies)
+        return most // whole * whole or most
 
     def exported(self, model: PPO, environment: Environment) -> Policy:
         """The mean of the policy's distribution, clipped to the box."""

@@ -81,7 +81,7 @@ class SB3DQN(SB3Agent):
             "max_grad_norm": max_grad_norm,
         }
 
-    def model(self, environment: Environment, seed: int) -> DQN:
+    def model(self, environment: Environment, seed: int, most: int) -> DQN:
         """SB3's DQN, untrained."""
         from stable_baselines3 import DQN
 

@@ -56,7 +56,7 @@ def name(agent: SB3Agent) -> str:
 def test_the_exported_policy_is_what_sb3_predicts(agent: SB3Agent) -> None:
     task = line(**FILE)
     environment = BatchEnvironment(task, build_method(task, "raw"), 4, seed=0)
-    model: Any = agent.model(environment, 1)
+    model: Any = agent.model(environment, 1, 64)
     model.learn(256)
     observation = np.random.default_rng(0).uniform(-3, 3, (200, environment.observation_size))
     theirs, _ = model.predict(observation.astype(np.float32), deterministic=True)
@@ -68,12 +68,20 @@ def test_the_exported_policy_is_what_sb3_predicts(agent: SB3Agent) -> None:
 @pytest.mark.parametrize("agent", AGENTS, ids=name)
 def test_it_spends_the_budget_and_no_more_and_reports_evenly(agent: SB3Agent) -> None:
     trained = Trained(agent, 600)
-    size = agent.copies * agent.rollout
+    size = agent.copies * agent.rollout(150)
     assert 600 - size < trained.used[0].taken <= 600
     steps = [steps for _, steps in trained.reports]
     assert steps[-1] == trained.used[0].taken
     np.testing.assert_allclose(steps, np.arange(1, 5) * steps[-1] / 4, atol=size)
     assert trained.reports[-1][0] is trained.policy
+
+
+@pytest.mark.parametrize(("steps", "taken"), [(60, 48), (24, 16), (12, 12), (4, 4)])
+def test_a_budget_of_less_than_a_rollout_is_one_rollout(steps: int, taken: int) -> None:
+    """In batches of 16, four steps of four copies, while there are as many."""
+    trained = Trained(SB3PPO(**SMALL, n_steps=16, batch_size=16), steps)
+    assert trained.used[0].taken == taken
+    assert trained.reports == [(trained.policy, taken)]
 
 
 @pytest.mark.parametrize("agent", AGENTS, ids=name)
@@ -99,4 +107,4 @@ def test_a_grid_is_refused(agent: SB3Agent) -> None:
     task = line()
     environment = BatchEnvironment(task, Probe(task.specification), 4, seed=0)
     with pytest.raises(Unsuitable, match="the task's actions v are a grid, and this agent's are continuous"):
-        agent.model(environment, 0)
+        agent.model(environment, 0, 64)

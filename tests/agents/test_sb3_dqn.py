@@ -54,7 +54,7 @@ def weights(policy: GreedyPolicy) -> np.ndarray[Any, Any]:
 
 def test_the_exported_policy_is_what_sb3_predicts() -> None:
     copies = environment(4)
-    model = SB3DQN(**SMALL).model(copies, seed=1)
+    model = SB3DQN(**SMALL).model(copies, seed=1, most=1)
     model.learn(400)
     policy = exported(model.q_net.q_net, copies.observation_size, copies.actions.shape)
     observation = np.random.default_rng(0).uniform(-1, 1, (300, copies.observation_size))
@@ -66,7 +66,7 @@ def test_the_exported_policy_is_what_sb3_predicts() -> None:
 
 def test_a_report_is_frozen() -> None:
     copies = environment(4)
-    model = SB3DQN(**SMALL).model(copies, seed=1)
+    model = SB3DQN(**SMALL).model(copies, seed=1, most=1)
     policy = exported(model.q_net.q_net, copies.observation_size, copies.actions.shape)
     before = weights(policy).copy()
     with torch.no_grad():
@@ -141,7 +141,7 @@ def test_the_last_observation_is_bootstrapped_from() -> None:
 
 
 def test_sb3s_replay_takes_no_time_limit_for_the_end_of_the_task() -> None:
-    model = SB3DQN(**{**SMALL, "n_steps": 3, "gamma": 0.5}).model(environment(4), seed=0)
+    model = SB3DQN(**{**SMALL, "n_steps": 3, "gamma": 0.5}).model(environment(4), seed=0, most=1)
     model.learn(4 * 202)
     buffer = model.replay_buffer
     assert buffer is not None
