@@ -48,15 +48,15 @@ reference: $(VENV)/ready-mujoco
 	$(BIN)/stlbench run --tasks $(TASKS),$(MODELS) --methods funnel,flag,raw,tau-mdp --seeds 5 --results results/reference
 	$(BIN)/stlbench plot results/reference
 
-## What the parts of the recipes are worth: the reference's tasks without one of them each, an hour of CPU time.
+## What the parts of the recipes are worth, and other agents beside ours; an hour of CPU time. See docs/reproduction.md.
 ABLATION := $(BIN)/stlbench run --results results/ablation
 ablation: $(VENV)/ready-mujoco
-	$(ABLATION) --methods raw --seeds 3 --tasks fetch-reach --agents "\
-	td3[averaging=0],sb3-td3[copies=4,gamma=0.9,gradient_steps=4,learning_starts=400]"
+	$(ABLATION) --methods raw --seeds 3 --tasks fetch-reach --agents "td3[averaging=0],sb3-td3,sb3-sac,sb3-ppo"
 	$(ABLATION) --methods funnel --seeds 2 --tasks "\
 	overlap[without=rewarded],overlap[without=cuts],overlap[without=violation]"
 	$(ABLATION) --methods raw --seeds 5 --tasks reach-stay --agents "\
 	dqn[head=joint],dqn[averaging=0],dqn[n_steps=1],dqn[double=false]"
+	$(ABLATION) --methods raw --seeds 2 --tasks pendulum --agents "dqn[head=joint],dqn[averaging=0]"
 	$(ABLATION) --methods raw --seeds 2 --tasks "reach-stay[without=hold],\
 	pendulum[without=rewarded],pendulum[without=exploring],\
 	formation[without=rewarded],formation[without=cuts],\
