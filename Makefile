@@ -51,7 +51,7 @@ reference: $(VENV)/ready-mujoco
 ## What the parts of the recipes are worth, and other agents beside ours; an hour of CPU time. See docs/reproduction.md.
 ABLATION := $(BIN)/stlbench run --results results/ablation
 ablation: $(VENV)/ready-mujoco
-	$(ABLATION) --methods raw --seeds 3 --tasks fetch-reach --agents "td3[averaging=0],sb3-td3,sb3-sac,sb3-ppo"
+	$(ABLATION) --methods raw --seeds 2 --tasks fetch-reach --agents "td3[averaging=0],sb3-td3,sb3-sac,sb3-ppo"
 	$(ABLATION) --methods funnel --seeds 2 --tasks "\
 	overlap[without=rewarded],overlap[without=cuts],overlap[without=violation]"
 	$(ABLATION) --methods raw --seeds 5 --tasks reach-stay --agents "\
