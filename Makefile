@@ -56,7 +56,7 @@ ablation: $(VENV)/ready-mujoco
 	overlap[without=rewarded],overlap[without=cuts],overlap[without=violation]"
 	$(ABLATION) --methods raw --seeds 5 --tasks reach-stay --agents "\
 	dqn[head=joint],dqn[averaging=0],dqn[n_steps=1],dqn[double=false]"
-	$(ABLATION) --methods raw --seeds 2 --tasks pendulum --agents "dqn[averaging=0]"
+	$(ABLATION) --methods raw --seeds 2 --tasks pendulum --agents "dqn[head=joint],dqn[averaging=0]"
 	$(ABLATION) --methods raw --seeds 2 --tasks "reach-stay[without=hold],\
 	pendulum[without=rewarded],pendulum[without=exploring],\
 	formation[without=rewarded],formation[without=cuts],\
