@@ -31,7 +31,7 @@ def test_the_paper() -> None:
 
 
 def test_what_methods_are_told() -> None:
-    """Errors and speeds in tolerances: 0.1 is two. A speed is at most five, and from 0.25 on an error of 1 is one."""
+    """Errors and speeds in tolerances: 0.1 is two. A speed is at most five; an error beyond 0.25 adds one a radian."""
     margins = [TASK.specification.margin(term.psi) for term in TASK.specification.terms]
     states = np.array([[0, 0], [0.1, 0], [-1.25, 0], [0, -0.1], [0, 3], [0.05 - 1e-9, 0], [0, 0.05 + 1e-9]])
     expected = [1, -1, -5, -1, -4, 0, 0]
