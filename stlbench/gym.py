@@ -14,7 +14,7 @@ its end, never terminated: no state of a task is terminal, and a learner may boo
 under `training`, only where episodes start is done here; the rest is for the agents of stlbench.
 
 `info["signals"]` has the samples of the trace that a step added, and `info["t"]` the time in steps. All of an
-episode's samples, in order, are a trace that `stlbench.stl` can score with `env.unwrapped.problem.formula`.
+episode's samples, in order, are a trace that `stlbench.stl` can score with `env.unwrapped.task.formula`.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from stlbench import plugins, problem, starts
 from stlbench.contract import ActionGrid, Array, Integers
-from stlbench.environment import Simulator
 from stlbench.errors import UsageError, did_you_mean
-from stlbench.trial import build_method
+from stlbench.registry import plugins
+from stlbench.rollout.environment import Simulator
+from stlbench.task import build_method, load_task, starts
 
 __all__ = ["StlEnv", "StlVectorEnv", "register_all"]
 
@@ -65,14 +65,14 @@ class _Copies:
     def __init__(self, task: str, method: str, scaled: bool, render_mode: str | None) -> None:
         if render_mode is not None:
             raise UsageError(f"task {task}: there is nothing to render; leave render_mode out, got '{render_mode}'")
-        self.problem = problem.load(task)
-        self.method = build_method(self.problem, method)
-        self._simulator = Simulator(self.problem, self.method)
+        self.task = load_task(task)
+        self.method = build_method(self.task, method)
+        self._simulator = Simulator(self.task, self.method)
         self._scale = self.method.scale if scaled else 1.0
         self._running = False
         example = self._simulator.place(self._draw(np.random.default_rng(0)))
         self.observation_space = Box(-np.inf, np.inf, example.shape[1:], np.float32)
-        actions = self.problem.actions
+        actions = self.task.actions
         self.action_space: Discrete | Box = (
             Discrete(actions.size)
             if isinstance(actions, ActionGrid)
@@ -107,10 +107,10 @@ class _Copies:
         return {"signals": samples, "t": self._simulator.t.copy()}
 
     def _draw(self, generator: np.random.Generator) -> Array:
-        return self.problem.system.begin(starts.sample(self.problem.file.training_starts, generator, 1))
+        return self.task.system.begin(starts.sample(self.task.file.training_starts, generator, 1))
 
     def _checked(self, state: Any, count: int) -> Array:
-        names = self.problem.system.state
+        names = self.task.system.state
         try:
             states = np.array(state, dtype=np.float64)
         except (TypeError, ValueError):
@@ -139,7 +139,7 @@ class StlEnv(gymnasium.Env[Single, Any]):
             Intractable, Unsuitable: the method does not fit the task (`stlbench.contract`).
         """
         self._copies = _Copies(task, method, scaled, render_mode)
-        self.problem, self.method = self._copies.problem, self._copies.method
+        self.task, self.method = self._copies.task, self._copies.method
         self.observation_space, self.action_space = self._copies.observation_space, self._copies.action_space
 
     def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Single, Info]:
@@ -191,7 +191,7 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
         if num_envs < 1:
             raise UsageError(f"num_envs must be at least 1, got {num_envs}")
         self._copies = _Copies(task, method, scaled, render_mode)
-        self.problem, self.method, self.num_envs = self._copies.problem, self._copies.method, num_envs
+        self.task, self.method, self.num_envs = self._copies.task, self._copies.method, num_envs
         self.single_observation_space = self._copies.observation_space
         self.single_action_space = self._copies.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)

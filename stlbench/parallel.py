@@ -57,8 +57,8 @@ class StlParallelEnv(ParallelEnv[str, Single, Any]):
             Intractable, Unsuitable: the method does not fit the task (`stlbench.contract`).
         """
         self._env = StlEnv(task, method, scaled=scaled)
-        self.problem, self.method = self._env.problem, self._env.method
-        robots = self.problem.file.robots
+        self.task, self.method = self._env.task, self._env.method
+        robots = self.task.file.robots
         if not robots:
             raise UsageError(f"task {task} has one robot; a task of several names them under 'robots' in its file")
         self.possible_agents = list(robots)
@@ -111,16 +111,16 @@ class StlParallelEnv(ParallelEnv[str, Single, Any]):
         return *returned, infos
 
     def _spaces(self) -> list[Space[Any]]:
-        actions = self.problem.actions
+        actions = self.task.actions
         if isinstance(actions, ActionGrid):
             return [Discrete(part.size) for part in actions.parts]
         low, high = np.array(actions.low, np.float32), np.array(actions.high, np.float32)
-        ends = np.cumsum([0, *map(len, self.problem.file.robots.values())]).tolist()
+        ends = np.cumsum([0, *map(len, self.task.file.robots.values())]).tolist()
         return [Box(low[i:j], high[i:j]) for i, j in pairwise(ends)]
 
     def _joint(self, own: list[Any]) -> np.int64 | Single:
         """The action of `StlEnv` that all robots' own actions make."""
-        actions = self.problem.actions
+        actions = self.task.actions
         if isinstance(actions, ActionGrid):
             return np.int64(np.ravel_multi_index(own, [part.size for part in actions.parts]))
         return np.concatenate(own)

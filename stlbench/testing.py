@@ -16,9 +16,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from stlbench import plugins, problem, starts, stl
-from stlbench.choices import parse_choice
+from stlbench import stl
 from stlbench.contract import Array, Intractable, RewardMethod, Specification, Unsuitable
+from stlbench.registry import plugins
+from stlbench.registry.choices import parse_choice
+from stlbench.task import load_task, starts
 
 __all__ = ["check_method", "check_task"]
 
@@ -47,7 +49,7 @@ def check_method(method: type[RewardMethod] | str, task: str | None = None) -> N
         AssertionError: the rule that is broken.
         Unsuitable, Intractable: the method refuses the task; no rule is broken.
     """
-    specifications = _SPECIFICATIONS if task is None else (problem.load(task).specification,)
+    specifications = _SPECIFICATIONS if task is None else (load_task(task).specification,)
     refusals = list[Exception]()
     for specification in specifications:
         try:
@@ -71,7 +73,7 @@ def check_task(name: str) -> None:
         AssertionError: the rule that is broken.
         UsageError: no such task, a task file with errors, or a recipe that its agent does not understand.
     """
-    task = problem.load(name)
+    task = load_task(name)
     generator, system, file, k = np.random.default_rng(0), task.system, task.file, len(task.signals)
     low, high = np.array(task.specification.low), np.array(task.specification.high)
     points = np.concatenate([starts.grid(file.initial, 4), starts.sample(file.training_starts, generator, 4)])

@@ -13,12 +13,14 @@ from typing import Any
 import pytest
 import typer
 
-from stlbench import choices, matrix, plugins, problem
 from stlbench.cli import app
 from stlbench.contract import Outcome
-from stlbench.task_file import Budget, TaskFile
+from stlbench.registry import choices, plugins
+from stlbench.study import matrix
+from stlbench.study.trial import run_cell
+from stlbench.task import load_task
+from stlbench.task.file import Budget, TaskFile
 from stlbench.testing import check_task
-from stlbench.trial import run_cell
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -150,7 +152,7 @@ def test_the_examples_of_task_and_agent_run_together(site: Callable[..., Path]) 
             "my_agents/random_search.py": agent,
         },
     )
-    loaded = problem.load("cart-reach")
+    loaded = load_task("cart-reach")
     assert str(loaded.formula) == "F[0,40] G[0,10] abs(x - 1) <= 0.2"
     check_task("cart-reach")
     methods, agents = choices.parse_choices("raw"), choices.parse_choices("dqn,random-search[copies=4]")

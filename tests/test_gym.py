@@ -16,12 +16,13 @@ from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.spaces import Box
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from line import line
+from helpers.line_task import line
 
 import stlbench.gym
-from stlbench import plugins, problem, stl
+from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.gym import StlEnv, StlVectorEnv
+from stlbench.registry import plugins
 
 FORWARD = 20 * 13 + 6
 """hold-disc's action v = 5, omega = 0: the last of 21 speeds, the middle of 13 turning rates."""
@@ -73,7 +74,7 @@ def test_a_broken_task_of_a_third_party_leaves_the_others_alone(site: Callable[.
         stlbench.gym.register_all()
         with pytest.raises(plugins.PluginError, match=r"broken 1\.2 .*OSError: no disk"):
             gymnasium.make("stlbench/broken-one-v0", method="raw")
-        assert make("hold-disc", method="raw").problem.name == "hold-disc"
+        assert make("hold-disc", method="raw").task.name == "hold-disc"
     finally:
         del gymnasium.registry["stlbench/broken-one-v0"]
 
@@ -157,12 +158,12 @@ def test_scaled_divides_by_the_width_of_the_range() -> None:
 
 def test_a_held_action_is_paid_the_mean_and_shows_every_sample() -> None:
     env = make("robot-nav", method="raw")
-    hold = env.problem.file.hold
+    hold = env.task.file.hold
     assert hold > 1
     _, info = env.reset(seed=5)
     before = info["signals"][-1]
     _, reward, _, _, info = env.step(np.int64(0))
-    assert info["signals"].shape == (hold, len(env.problem.signals))
+    assert info["signals"].shape == (hold, len(env.task.signals))
     assert info["t"] == hold
     trace = np.concatenate([before[None], info["signals"]])[:, None]
     rewards = [
@@ -185,10 +186,10 @@ def test_an_episode_is_a_trace_that_ends_by_truncation(task: str) -> None:
         ends.append(truncated)
         assert terminated is False
     trace = np.concatenate(samples)
-    steps = env.problem.file.steps
-    assert trace.shape == (steps + 1, len(env.problem.signals))
-    assert (len(ends), info["t"]) == (steps // env.problem.file.hold, steps)
-    robustness = stl.robustness(env.problem.formula, trace, env.problem.signals)
+    steps = env.task.file.steps
+    assert trace.shape == (steps + 1, len(env.task.signals))
+    assert (len(ends), info["t"]) == (steps // env.task.file.hold, steps)
+    robustness = stl.robustness(env.task.formula, trace, env.task.signals)
     if task == "hold-disc":
         assert robustness == pytest.approx((1 - np.hypot(*(trace - 2).T)).min())
     with pytest.raises(ResetNeeded):
@@ -227,7 +228,7 @@ def test_an_action_outside_the_grid(action: Any) -> None:
 
 
 def test_continuous_actions(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(problem, "load", lambda name: line(actions={"v": {"low": -1, "high": 1}}))
+    monkeypatch.setattr("stlbench.gym.load_task", lambda name: line(actions={"v": {"low": -1, "high": 1}}))
     env, envs = StlEnv("line", "raw"), StlVectorEnv(2, "line", "raw")
     assert env.action_space == Box(-1, 1, (1,), np.float32)
     env.reset(options={"state": [0]})
@@ -287,14 +288,14 @@ def test_it_is_gymnasiums_own_vector_environment_only_faster(task: str, method: 
     assert ours.action_space == theirs.action_space
     assert data_equivalence(ours.reset(seed=4), theirs.reset(seed=4))
     ours.action_space.seed(0)
-    decisions = ours.problem.file.steps // ours.problem.file.hold
+    decisions = ours.task.file.steps // ours.task.file.hold
     for step in range(decisions + 3):
         actions = ours.action_space.sample()
         mine, yours = ours.step(actions), theirs.step(actions)
         assert data_equivalence(mine, yours), f"at step {step}"
         assert ("final_obs" in mine[4]) == mine[3].all() == (step == decisions - 1)
     assert data_equivalence(ours.reset(), theirs.reset())
-    state = ours.problem.file.initial.low.tolist()
+    state = ours.task.file.initial.low.tolist()
     assert data_equivalence(ours.reset(options={"state": state}), theirs.reset(options={"state": state}))
 
 
@@ -307,7 +308,7 @@ def test_what_is_returned_stays_as_it_was() -> None:
     envs = make_vec("hold-disc", 2, method="tau-mdp")
     observation, info = envs.reset(seed=0)
     copies = observation.copy(), info["signals"].copy(), info["t"].copy()
-    for _ in range(envs.problem.file.steps):
+    for _ in range(envs.task.file.steps):
         envs.step(np.array([FORWARD, 0]))
     for kept, copy in zip((observation, info["signals"], info["t"]), copies, strict=True):
         np.testing.assert_array_equal(kept, copy)

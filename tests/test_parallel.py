@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.spaces import Box, Discrete
-from pair import pair
+from helpers.pair_task import pair
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
-from stlbench import problem, stl
+from stlbench import stl
 from stlbench.contract import ActionGrid, Intractable
-from stlbench.environment import Simulator
 from stlbench.errors import UsageError
 from stlbench.parallel import StlParallelEnv, parallel_env
-from stlbench.trial import build_method
+from stlbench.rollout.environment import Simulator
+from stlbench.task import build_method, load_task
 
 METHODS = ["funnel", "raw", "flag"]
 
@@ -27,7 +27,7 @@ METHODS = ["funnel", "raw", "flag"]
 @pytest.fixture
 def two(monkeypatch: pytest.MonkeyPatch) -> StlParallelEnv:
     """Two robots on a line, paid by `raw`."""
-    monkeypatch.setattr(problem, "load", lambda name: pair())
+    monkeypatch.setattr("stlbench.gym.load_task", lambda name: pair())
     return parallel_env("pair", "raw")
 
 
@@ -46,7 +46,7 @@ def test_pettingzoo_accepts_it(method: str) -> None:
 def test_it_is_the_simulator_number_for_number(method: str) -> None:
     """Actions given to the simulator as vectors, put together from each robot's own axes by hand."""
     env = parallel_env("formation", method)
-    task = problem.load("formation")
+    task = load_task("formation")
     simulator = Simulator(task, build_method(task, method))
     speeds, generator = np.array([-1, -0.5, 0, 0.5, 1]), np.random.default_rng(0)
     seen, infos = env.reset(seed=3)
@@ -90,7 +90,7 @@ def test_an_episode_is_a_trace_that_the_formula_scores(two: StlParallelEnv) -> N
     trace = np.concatenate(samples)
     assert trace[[0, 3, 8]].tolist() == [[-0.5, 0.5], [1, -1], [1, -1]]
     # at their goals, .6 inside each
-    assert stl.robustness(two.problem.formula, trace, two.problem.signals) == pytest.approx(0.6)
+    assert stl.robustness(two.task.formula, trace, two.task.signals) == pytest.approx(0.6)
     with pytest.raises(ResetNeeded):
         two.step(moves(1, 2))
 
@@ -105,7 +105,7 @@ def test_seeds_decide_where_episodes_start(two: StlParallelEnv) -> None:
 
 
 def test_scaled_divides_by_the_methods_scale(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(problem, "load", lambda name: pair())
+    monkeypatch.setattr("stlbench.gym.load_task", lambda name: pair())
     rewards = []
     for scaled in (False, True):
         env = parallel_env("pair", "raw", scaled=scaled)
@@ -129,7 +129,7 @@ def test_what_a_robot_is_given_is_its_own_to_change(two: StlParallelEnv) -> None
 def test_continuous_actions(monkeypatch: pytest.MonkeyPatch) -> None:
     axes = {"v": {"low": -1, "high": 1}, "w": {"low": -2, "high": 2}, "u": {"low": 0, "high": 3}}
     task = pair(actions=axes, robots={"left": ["v"], "right": ["w", "u"]})
-    monkeypatch.setattr(problem, "load", lambda name: task)
+    monkeypatch.setattr("stlbench.gym.load_task", lambda name: task)
     monkeypatch.setattr(type(task.system), "step", lambda self, state, action: action[:, :2] + action[:, 2:])
     env = parallel_env("pair", "raw")
     assert env.action_space("left") == Box(-1, 1, (1,), np.float32)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from benchmarks.versus import Comparison, Judgement, Turn, facts, judge, main, markdown, order, read
 
-from stlbench.gate import EXIT
+from stlbench.gate.judge import EXIT
 
 
 def turns(*seconds: float, name: str = "a") -> list[Turn]:

@@ -13,8 +13,8 @@ from stlbench.cli.common import Json, print_json
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stlbench.comparison import Recording
-    from stlbench.gate import Comparison, Judgement
+    from stlbench.gate.comparison import Recording
+    from stlbench.gate.judge import Comparison, Judgement
     from stlbench.report import Table
 
 Named = tuple[str, "Recording"]
@@ -36,15 +36,16 @@ def compare(
       stlbench compare results-before results-after
       stlbench compare results/gate-reference results/gate/ledger.sqlite --json
     """
-    from stlbench import comparison, gate
+    from stlbench.gate import comparison
+    from stlbench.gate.judge import EXIT, judge
 
     both = (str(base), comparison.load(base)), (str(new), comparison.load(new))
-    judgement = gate.judge(comparison.pair(both[0][1], both[1][1]))
+    judgement = judge(comparison.pair(both[0][1], both[1][1]))
     if as_json:
         print_json(facts(judgement, *both))
     else:
         typer.echo(markdown("stlbench compare", judgement, *both), nl=False)
-    raise typer.Exit(gate.EXIT[judgement.verdict])
+    raise typer.Exit(EXIT[judgement.verdict])
 
 
 # ------------------------------------------------------------------------------------------------------------- JSON
@@ -52,7 +53,7 @@ def compare(
 
 def facts(judgement: Judgement, base: Named, new: Named) -> dict[str, Any]:
     """All that was found, as values that JSON has. Changes: robustness relative, satisfaction absolute, times x/y."""
-    from stlbench.gate import EXIT
+    from stlbench.gate.judge import EXIT
 
     return {
         "verdict": judgement.verdict,
@@ -126,7 +127,7 @@ def notes(base: Recording, new: Recording) -> list[str]:
 
 def _trouble(judgement: Judgement) -> Table:
     """One row for whatever is not fine, the worst first."""
-    from stlbench.gate import EXIT
+    from stlbench.gate.judge import EXIT
     from stlbench.report import Column, Table
 
     titles = ("verdict", "where", "metric", "base", "new", "change", "95 % limits", "tolerated", "seeds", "p", "reason")
@@ -152,7 +153,7 @@ def _comparison(entry: Comparison) -> tuple[str, ...]:
 
 def _groups(judgement: Judgement) -> Table:
     """One row a group, one column a metric."""
-    from stlbench.gate import METRICS
+    from stlbench.gate.judge import METRICS
     from stlbench.report import Column, Table
 
     found = {(entry.group, entry.metric.name): entry for entry in judgement.comparisons}

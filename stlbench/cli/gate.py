@@ -17,9 +17,9 @@ from stlbench.cli.run import build_executor, parse_seeds, plan, run_missing
 from stlbench.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
-    from stlbench.comparison import Recording, Sample
     from stlbench.contract import Executor
-    from stlbench.matrix import Cell
+    from stlbench.gate.comparison import Recording, Sample
+    from stlbench.study.matrix import Cell
 
 SEEDS = "10"
 """Seeds of a new reference."""
@@ -98,9 +98,10 @@ def gate(
 
 def _judge(base: Recording, new: tuple[str, Recording], path: str, folder: Path, as_json: bool) -> None:
     """Write and print the summaries, and exit."""
-    from stlbench import comparison, gate
+    from stlbench.gate import comparison
+    from stlbench.gate.judge import EXIT, judge
 
-    judgement = gate.judge(comparison.pair(base, new[1]))
+    judgement = judge(comparison.pair(base, new[1]))
     found, text = facts(judgement, (path, base), new), markdown("stlbench gate", judgement, (path, base), new)
     try:
         (folder / "gate.json").write_text(json.dumps(found, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
@@ -111,15 +112,15 @@ def _judge(base: Recording, new: tuple[str, Recording], path: str, folder: Path,
         print_json(found)
     else:
         typer.echo(text, nl=False)
-    raise typer.Exit(gate.EXIT[judgement.verdict])
+    raise typer.Exit(EXIT[judgement.verdict])
 
 
 def _base(reference: Path, wanted: Selection) -> Recording:
     """The cells of the reference that the options choose."""
     from dataclasses import replace
 
-    from stlbench import comparison
-    from stlbench.choices import parse_choices
+    from stlbench.gate import comparison
+    from stlbench.registry.choices import parse_choices
 
     if not reference.exists():
         raise UsageError(f"there is no reference at {reference}; --update with --tasks and --methods makes one")
@@ -146,8 +147,8 @@ def _chosen(samples: list[Sample], kind: str, names: Collection[str]) -> list[Sa
 
 def _held(base: Recording) -> tuple[Cell, ...]:
     """The cells of a recording as they are planned now, task by task, since an agent may have no recipe in others."""
-    from stlbench import matrix
-    from stlbench.choices import parse_choice
+    from stlbench.registry.choices import parse_choice
+    from stlbench.study import matrix
 
     cells: list[Cell] = []
     samples = base.samples.values()
@@ -161,13 +162,14 @@ def _held(base: Recording) -> tuple[Cell, ...]:
 
 def _measure(cells: tuple[Cell, ...], executor: Executor, folder: Path) -> Recording:
     """Run what is missing or was computed by other code, or on another machine."""
-    from stlbench import comparison, matrix
-    from stlbench.calibration import CalibratedLedger
-    from stlbench.fingerprint import fingerprint
-    from stlbench.provenance import collect
+    from stlbench.gate import comparison
+    from stlbench.gate.calibration import CalibratedLedger
+    from stlbench.registry.fingerprint import fingerprint
+    from stlbench.study import matrix
+    from stlbench.study.provenance import collect
 
     stamp = {name: value for name, value in collect(executor.jobs).items() if name not in ("jobs", "time")}
-    with CalibratedLedger(folder / LEDGER, {**stamp, "harness": fingerprint("stlbench.trial")[:12]}) as ledger:
+    with CalibratedLedger(folder / LEDGER, {**stamp, "harness": fingerprint("stlbench.study.trial")[:12]}) as ledger:
         done = ledger.finished((cell.key for cell in cells), retry=True)
         matrix.check(cell for cell in cells if cell.key not in done)
         try:
@@ -194,7 +196,7 @@ def _named(wanted: Selection) -> tuple[Cell, ...]:
 
 def _update(reference: Path, cells: tuple[Cell, ...], executor: Executor, folder: Path, as_json: bool) -> None:
     """Measure the cells and write the reference, unless one of them ended by accident."""
-    from stlbench import comparison
+    from stlbench.gate import comparison
     from stlbench.result import ACCIDENTS
 
     recording = _measure(cells, executor, folder)

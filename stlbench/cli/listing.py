@@ -11,7 +11,7 @@ from stlbench.cli.common import Json, console, print_json, warn
 from stlbench.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
-    from stlbench.plugins import Plugin
+    from stlbench.registry.plugins import Plugin
 
 
 def list_plugins(
@@ -28,7 +28,7 @@ def list_plugins(
       stlbench list methods
       stlbench list tasks --json
     """
-    from stlbench import plugins
+    from stlbench.registry import plugins
 
     if kind not in plugins.KINDS:
         raise UsageError(f"no kind of plugin '{kind}'{did_you_mean(kind, plugins.KINDS)}")
@@ -45,7 +45,7 @@ def list_plugins(
 
 
 def _entry(plugin: Plugin) -> dict[str, Any]:
-    from stlbench import plugins
+    from stlbench.registry import plugins
 
     return {
         "name": plugin.name,

@@ -32,8 +32,8 @@ def plot(
       stlbench plot results
       stlbench plot results --tasks robot-nav --methods "funnel,funnel[variant=code]" --out pictures
     """
-    from stlbench.ledger import Ledger
-    from stlbench.report import plots
+    from stlbench.report.figures import plots
+    from stlbench.study.ledger import Ledger
 
     with Ledger(run / LEDGER, create=False) as ledger:
         results = list(ledger.results())
@@ -48,7 +48,7 @@ def plot(
 
 def _known(text: str | None, names: set[str], kind: str, run: Path) -> set[str]:
     """The names that a comma list gives, each of them in the run; all where there is no list."""
-    from stlbench.choices import parse_choices
+    from stlbench.registry.choices import parse_choices
 
     if text is None:
         return names

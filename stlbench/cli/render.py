@@ -36,12 +36,12 @@ def render(
       stlbench render results hold-disc/funnel/dqn/0
       stlbench render results "robot-nav/funnel[variant=code]/dqn/0" --format mp4 --out films
     """
-    from stlbench import problem
-    from stlbench.ledger import Ledger
-    from stlbench.report import film, video
-    from stlbench.report.drawing import file_name
-    from stlbench.report.recordings import load
+    from stlbench.report.figures.drawing import file_name
+    from stlbench.report.film import film, video
     from stlbench.result import MAIN
+    from stlbench.rollout.traces import load
+    from stlbench.study.ledger import Ledger
+    from stlbench.task import load_task
 
     video.check_format(form)
     with Ledger(run / LEDGER, create=False) as ledger:
@@ -49,7 +49,7 @@ def render(
     if result.measurement is None:
         reason = f": {result.reason}" if result.reason else ""
         raise UsageError(f"{cell} has no policy to film: {result.status}{reason}")
-    task = problem.load(result.task)
+    task = load_task(result.task)
     recording = load(task, result, run)
     name = file_name("film", *result.name.split("/"), result.budget)
     path = (out or run / "films") / f"{name}.{form}"

@@ -30,8 +30,8 @@ def report(
       stlbench report results
       stlbench report results --json
     """
-    from stlbench.ledger import Ledger
     from stlbench.report import condense, write
+    from stlbench.study.ledger import Ledger
 
     with Ledger(folder / LEDGER, create=False) as ledger:
         groups = condense(ledger.results())
@@ -59,9 +59,9 @@ def show_report(groups: Sequence[Group], folder: Path) -> None:
 
 def _controllers(groups: Sequence[Group]) -> dict[str, Score]:
     """Task -> the score of its controller by hand. Some seconds for a task on a MuJoCo model."""
-    from stlbench import controlled
+    from stlbench.rollout import controller
 
-    return controlled.scores(group.task for group in groups)
+    return controller.scores(group.task for group in groups)
 
 
 def _content(groups: Sequence[Group], scores: Mapping[str, Score]) -> dict[str, Any]:

@@ -18,8 +18,8 @@ from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
     from stlbench.contract import Executor
-    from stlbench.ledger import Ledger
-    from stlbench.matrix import Cell
+    from stlbench.study.ledger import Ledger
+    from stlbench.study.matrix import Cell
 
 MOST_SEEDS = 10_000
 
@@ -68,10 +68,10 @@ def run(
       stlbench run --tasks hold-disc --methods funnel,flag --seeds 3 --jobs 2
       stlbench run --methods "funnel,funnel[variant=code],flag[beta=10]" --budget paper --results study
     """
-    from stlbench import matrix
-    from stlbench.ledger import Ledger
     from stlbench.report import condense
     from stlbench.result import ACCIDENTS
+    from stlbench.study import matrix
+    from stlbench.study.ledger import Ledger
 
     cells = plan(tasks, methods, agents, seeds, budget)
     place = build_executor(executor, jobs or min(2, os.cpu_count() or 1))
@@ -93,8 +93,8 @@ def run(
 
 def plan(tasks: str, methods: str, agents: str | None, seeds: str | None, budget: str) -> tuple[Cell, ...]:
     """The cells that the options name."""
-    from stlbench import matrix
-    from stlbench.choices import parse_choices
+    from stlbench.registry.choices import parse_choices
+    from stlbench.study import matrix
 
     wanted = None if seeds is None else parse_seeds(seeds)
     trained = None if agents is None else parse_choices(agents)
@@ -121,8 +121,8 @@ def _seed_range(item: str, text: str) -> tuple[int, int]:
 
 def build_executor(text: str, jobs: int) -> Executor:
     """The executor that the options name."""
-    from stlbench import plugins
-    from stlbench.choices import parse_choice
+    from stlbench.registry import plugins
+    from stlbench.registry.choices import parse_choice
 
     return cast("Executor", plugins.build("executors", parse_choice(text), defaults={"jobs": jobs}))
 
@@ -131,11 +131,12 @@ def run_missing(
     cells: Sequence[Cell], done: int, ledger: Ledger, executor: Executor, retry: bool, folder: Path
 ) -> None:
     """Run the cells without a result, and say how each ended."""
-    from stlbench import problem, scheduler, trial
     from stlbench.cli.progress import Progress
-    from stlbench.provenance import collect
+    from stlbench.study import scheduler, trial
+    from stlbench.study.provenance import collect
+    from stlbench.task import load_task
 
-    limits = {name: problem.load(name) for name in {cell.task for cell in cells}}
+    limits = {name: load_task(name) for name in {cell.task for cell in cells}}
     deadlines = [limits[cell.task].budget(cell.budget).deadline for cell in cells]
     function = partial(trial.run_cell, folder=folder / "traces")
     results = scheduler.run(cells, ledger, executor, function, deadlines, collect(executor.jobs), retry)

@@ -10,9 +10,9 @@ from stlbench.cli.common import Json, console, print_json, warn
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
-    from stlbench.problem import Problem
     from stlbench.report import Table
     from stlbench.result import Score
+    from stlbench.task.task import Task
 
 _TRAINING_NOTES = (
     "Cuts are steps. The reward of violation or lost counts as if paid for ever after, in units of a method's scale.",
@@ -45,9 +45,10 @@ def task(
       stlbench show task hold-disc
       stlbench show task robot-nav --json
     """
-    from stlbench import plugins, problem
+    from stlbench.registry import plugins
+    from stlbench.task import load_task
 
-    loaded = problem.load(name)
+    loaded = load_task(name)
     plugin = plugins.find("tasks", loaded.plugin)
     found = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | facts(loaded)
     if as_json:
@@ -56,24 +57,25 @@ def task(
         _print(found)
 
 
-def facts(problem: Problem) -> dict[str, Any]:
+def facts(task: Task) -> dict[str, Any]:
     """All that is shown, as plain values. Intervals of formulas are in steps."""
-    from stlbench import controlled, stl
+    from stlbench import stl
+    from stlbench.rollout import controller
 
-    file = problem.file
+    file = task.file
     return {
         "title": file.title,
         "source": file.source,
         "notes": " ".join(file.notes.split()),
-        "formula": str(problem.formula),
-        "horizon": stl.horizon(problem.formula),
+        "formula": str(task.formula),
+        "horizon": stl.horizon(task.formula),
         "steps": file.steps,
         "sampling_time": file.sampling_time,
         "hold": file.hold,
         "starts": file.starts,
-        "controller": _scored(controlled.score(problem)),
+        "controller": _scored(controller.score(task)),
         "signals": {key: entry.model_dump() for key, entry in file.signals.items()},
-        "terms": _terms(problem),
+        "terms": _terms(task),
         "actions": {key: entry.model_dump(exclude_none=True) for key, entry in file.actions.items()},
         "robots": file.robots,
         "training": file.training.model_dump(exclude_none=True),
@@ -86,9 +88,9 @@ def facts(problem: Problem) -> dict[str, Any]:
             }
             for key, entry in file.protocols.items()
         },
-        "own_agent": problem.own_agent,
+        "own_agent": task.own_agent,
         "agents": file.agents,
-        "methods": _methods(problem),
+        "methods": _methods(task),
     }
 
 
@@ -99,40 +101,41 @@ def _scored(score: Score | None) -> dict[str, float] | None:
     return {"robustness_mean": score.mean, "robustness_min": score.minimum, "satisfaction": score.satisfaction}
 
 
-def _terms(problem: Problem) -> list[dict[str, Any]] | str:
+def _terms(task: Task) -> list[dict[str, Any]] | str:
     """The terms of eq. 2 with the range of each rho over the signals' box; why not, where there are none."""
     from stlbench.contract import Unsuitable
 
     try:
-        terms = problem.specification.terms
+        terms = task.specification.terms
     except Unsuitable as reason:
         return str(reason)
-    ranges = [problem.specification.range(term.psi) for term in terms]
+    ranges = [task.specification.range(term.psi) for term in terms]
     return [
         {"formula": str(term.formula), "rho_min": low, "rho_max": high}
         for term, (low, high) in zip(terms, ranges, strict=True)
     ]
 
 
-def _methods(problem: Problem) -> dict[str, Any]:
-    from stlbench import plugins
+def _methods(task: Task) -> dict[str, Any]:
+    from stlbench.registry import plugins
 
     found = {}
     for name in plugins.available("methods"):
         try:
-            found[name] = _method(problem, name)
+            found[name] = _method(task, name)
         except plugins.PluginError as error:
             warn(str(error))
     return found
 
 
-def _method(problem: Problem, name: str) -> dict[str, Any]:
+def _method(task: Task, name: str) -> dict[str, Any]:
     """What a method with its default parameters makes of the task; status and reason where it does not fit."""
-    from stlbench import plugins, trial
     from stlbench.contract import Intractable, Unsuitable
+    from stlbench.registry import plugins
+    from stlbench.task import build_method
 
     try:
-        method = trial.build_method(problem, name)
+        method = build_method(task, name)
     except plugins.PluginError:
         raise
     except Intractable as reason:

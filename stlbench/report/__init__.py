@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from stlbench.errors import UsageError
-from stlbench.report.circumstances import circumstances
-from stlbench.report.formats import to_csv, to_latex, to_markdown, to_records, to_screen
-from stlbench.report.rows import Group, Row, group, row
-from stlbench.report.table import Column, Table
-from stlbench.report.tables import cells, controllers, cost, robustness, summary, unfinished
+from stlbench.report.tables.circumstances import circumstances
+from stlbench.report.tables.formats import to_csv, to_latex, to_markdown, to_records, to_screen
+from stlbench.report.tables.rows import Group, Row, group, row
+from stlbench.report.tables.table import Column, Table
+from stlbench.report.tables.tables import cells, controllers, cost, robustness, summary, unfinished
 from stlbench.result import Result, Score
 
 __all__ = [
@@ -49,7 +49,7 @@ def write(groups: Sequence[Group], scores: Mapping[str, Score], folder: Path) ->
     have no row.
     Raises `UsageError` where the folder cannot be written.
     """
-    from stlbench.report import figures  # matplotlib takes a second to import, and the tables do without
+    from stlbench.report.figures import figures  # matplotlib takes a second to import, and the tables do without
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -5,10 +5,8 @@
 2.0
 """
 
-from .batch_monitor import BatchMonitor, Intervals
-from .bounds import bounds
-from .compiled import holds_trace, margin_trace
-from .errors import (
+from stlbench.stl.boxes.bounds import bounds
+from stlbench.stl.errors import (
     FragmentError,
     Position,
     ShortTraceError,
@@ -16,14 +14,10 @@ from .errors import (
     UndefinedError,
     UnknownSignalError,
 )
-from .fragment import Term, fragment
-from .monitor import Interval, Monitor
-from .parser import parse
-from .plans import Policy
-from .pointwise import holds, margin
-from .robustness import robustness, robustness_trace, satisfied, satisfied_trace
-from .structure import horizon, is_temporal, signals
-from .syntax import (
+from stlbench.stl.language.fragment import Term, fragment
+from stlbench.stl.language.parser import parse
+from stlbench.stl.language.structure import horizon, is_temporal, signals
+from stlbench.stl.language.syntax import (
     Always,
     And,
     Binary,
@@ -41,6 +35,12 @@ from .syntax import (
     TrueFormula,
     Until,
 )
+from stlbench.stl.predicates.pointwise import holds, margin
+from stlbench.stl.recorded.compiled import holds_trace, margin_trace
+from stlbench.stl.recorded.plans import Policy
+from stlbench.stl.recorded.robustness import robustness, robustness_trace, satisfied, satisfied_trace
+from stlbench.stl.running.batch_monitor import BatchMonitor, Intervals
+from stlbench.stl.running.monitor import Interval, Monitor
 
 __all__ = [
     "Always",

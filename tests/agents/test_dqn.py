@@ -8,19 +8,19 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
-import plain_q
 import pytest
+from helpers import plain_q
 from numpy.typing import NDArray
 
-from stlbench import problem
 from stlbench.contract import ActionGrid, Environment, Integers, Policy, Training, Transition
-from stlbench.environment import BatchEnvironment
-from stlbench.referee import Referee
-from stlbench.trial import build_agent, build_method
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.referee import Referee
+from stlbench.task import build_agent, build_method, load_task
 from stlbench_agents.dqn import DQN, Learner
 from stlbench_agents.network import GreedyPolicy, Head
 
@@ -218,7 +218,7 @@ def training(
     report: Callable[[Policy, int], None] = lambda policy, steps: None,
     starts: int = 5,
 ) -> Training:
-    task = problem.load("hold-disc")
+    task = load_task("hold-disc")
     method = build_method(task, "funnel")
     return Training(lambda count: BatchEnvironment(task, method, count, starts), steps, seed, report, checkpoints)
 
@@ -240,7 +240,7 @@ class TestTraining:
             "import hashlib, test_dqn as t; policy = t.DQN(head='additive').train(t.training(seed=3));"
             "print(hashlib.sha256(b''.join(weight.tobytes() for weight in policy.weights)).hexdigest())"
         )
-        path = os.pathsep.join(part for part in sys.path if part)
+        path = os.pathsep.join([str(Path(__file__).parent), *(part for part in sys.path if part)])
         ran = subprocess.run(
             [sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True
         )
@@ -295,7 +295,7 @@ class TestTraining:
                 seen.append(transition.observation)
                 return transition
 
-        task = problem.load("hold-disc")
+        task = load_task("hold-disc")
         method = build_method(task, "funnel")
         agent = DQN(
             learning_rate=1e-12,
@@ -322,7 +322,7 @@ class TestTraining:
         these starts); of policies with fresh weights .03, .45, 0, 0, .84, .06, .19, .19 and from -6.4 to .23. The
         bounds lie between with room on both sides.
         """
-        task = problem.load("hold-disc")
+        task = load_task("hold-disc")
         referee = Referee(task, build_method(task, "funnel"))
         frozen: dict[str, Any] = {"learning_rate": 1e-12, "learning_rate_final": 1e-12}
         fresh = referee.select(DQN(head="additive", **frozen).train(training(160, seed, starts=seed)))

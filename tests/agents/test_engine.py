@@ -7,9 +7,9 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-import plain_q
 import pytest
 import torch
+from helpers import plain_q
 from numpy.typing import NDArray
 
 from stlbench_agents.engine import Network, Workspace, best_actions, gradient

@@ -8,13 +8,12 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from pair import pair
+from helpers.pair_task import pair
 
-from stlbench import problem
 from stlbench.contract import ActionGrid, Array, Environment, Integers, Policy, Training, Transition
-from stlbench.environment import BatchEnvironment
-from stlbench.referee import Referee
-from stlbench.trial import build_method
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.referee import Referee
+from stlbench.task import build_method, load_task
 from stlbench_agents.dqn import DQN
 from stlbench_agents.independent import DQNPerRobot, Team, TeamPolicy
 from stlbench_agents.network import GreedyPolicy
@@ -126,7 +125,7 @@ def test_the_budget_is_spent_exactly_and_reports_are_frozen() -> None:
 
 
 def test_with_one_robot_it_is_dqn() -> None:
-    task = problem.load("hold-disc")
+    task = load_task("hold-disc")
 
     def train(agent: DQN) -> Policy:
         return agent.train(

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from line import Probe, line
+from helpers.line_task import Probe, line
 
 from stlbench.contract import Policy, Training, Unsuitable
-from stlbench.environment import BatchEnvironment
-from stlbench.referee import Referee
-from stlbench.trial import build_method
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.referee import Referee
+from stlbench.task import build_method
 from stlbench_agents.actor import ActorPolicy
 from stlbench_agents.sb3_agent import SB3Agent
 from stlbench_agents.sb3_continuous import SB3PPO, SB3SAC, SB3TD3

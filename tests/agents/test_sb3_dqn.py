@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from line import Probe, line
+from helpers.line_task import Probe, line
 from stable_baselines3.common.vec_env import VecEnv
 
-from stlbench import problem
 from stlbench.contract import Policy, Training, Unsuitable
-from stlbench.environment import BatchEnvironment
-from stlbench.trial import build_agent, build_method
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.task import build_agent, build_method, load_task
 from stlbench_agents.actions import grid_of
 from stlbench_agents.network import GreedyPolicy
 from stlbench_agents.sb3_bridge import CopiesVecEnv, exported
@@ -24,7 +23,7 @@ SMALL: dict[str, Any] = {"net_arch": (8, 8), "copies": 4, "batch_size": 16, "lea
 
 
 def environment(count: int, task: str = "hold-disc", method: str = "funnel") -> BatchEnvironment:
-    loaded = problem.load(task)
+    loaded = load_task(task)
     return BatchEnvironment(loaded, build_method(loaded, method), count, seed=3)
 
 
@@ -182,4 +181,4 @@ def test_the_learning_rate_falls_geometrically() -> None:
 
 def test_the_recipes_of_all_tasks_are_known_to_it() -> None:
     for name in ("hold-disc", "hold-disc-coarse", "integrator-or", "robot-nav"):
-        assert isinstance(build_agent(problem.load(name), "sb3-dqn"), SB3DQN)
+        assert isinstance(build_agent(load_task(name), "sb3-dqn"), SB3DQN)

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from line import Probe, line
+from helpers.line_task import Probe, line
 from torch import nn
 
 from stlbench.contract import ActionBox, Array, Policy, Training, Transition, Unsuitable
-from stlbench.environment import BatchEnvironment
-from stlbench.referee import Referee
-from stlbench.trial import build_method
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.referee import Referee
+from stlbench.task import build_method
 from stlbench_agents.actor import ActorPolicy
 from stlbench_agents.replay import Batch
 from stlbench_agents.td3 import TD3

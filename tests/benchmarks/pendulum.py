@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from stlbench import task_file
 from stlbench.contract import Array, Integers, System
-from stlbench.problem import Problem
+from stlbench.task.file import read_task_file
+from stlbench.task.task import Task
 
 __all__ = ["Pendulum", "pendulum"]
 
@@ -63,7 +63,7 @@ def _wrapped(angle: Array) -> Array:
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
-def pendulum(actions: int) -> Problem:
+def pendulum(actions: int) -> Task:
     """The task with 61 or 273 actions."""
     text = yaml.safe_dump(_FILE | {"actions": _GRIDS[actions]}, sort_keys=False)
-    return Problem("pendulum", task_file.read(text, "pendulum"), Pendulum(0.01))
+    return Task("pendulum", read_task_file(text, "pendulum"), Pendulum(0.01))

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.conftest import Race
-from stlbench import problem
-from stlbench.environment import BatchEnvironment
-from stlbench.trial import build_method
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.task import build_method, load_task
 from stlbench_agents.dqn import DQN, Learner
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, group="agent")
@@ -63,7 +62,7 @@ def test_acting(race: Race, rows: int) -> None:
 
 def _trained(agent: DQN) -> tuple[Learner, Any]:
     """A learner with a thousand lock-steps of hold-disc in its replay, and an observation."""
-    entry = problem.load("hold-disc")
+    entry = load_task("hold-disc")
     environment = BatchEnvironment(entry, build_method(entry, "funnel"), COPIES, seed=0)
     learner = Learner(agent, environment, 0, 100_000)
     generator, observation = np.random.default_rng(0), environment.reset()

@@ -10,9 +10,8 @@ import pytest
 
 import stlbench.gym  # noqa: F401 - registers the tasks
 from benchmarks.conftest import Race
-from stlbench import problem
-from stlbench.environment import BatchEnvironment
-from stlbench.trial import build_method
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.task import build_method, load_task
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, group="environment")
 
@@ -23,7 +22,7 @@ TASKS = ("hold-disc", "robot-nav")
 @pytest.mark.parametrize("task", TASKS)
 def test_in_lock_step(race: Race, task: str, copies: int) -> None:
     """Steps of one sampling time a second, all copies together, with the funnel's reward."""
-    entry = problem.load(task)
+    entry = load_task(task)
     environment = BatchEnvironment(entry, build_method(entry, "funnel"), copies, seed=0)
     actions = np.random.default_rng(0).integers(entry.actions.size, size=(200, copies))
 
@@ -40,7 +39,7 @@ def test_in_lock_step(race: Race, task: str, copies: int) -> None:
 def test_gymnasium(race: Race, task: str) -> None:
     """The same for `gymnasium.make`, one copy."""
     environment = gymnasium.make(f"stlbench/{task}-v0", method="funnel").unwrapped
-    entry = problem.load(task)
+    entry = load_task(task)
     actions = np.random.default_rng(0).integers(entry.actions.size, size=1000)
     environment.reset(seed=0)
 

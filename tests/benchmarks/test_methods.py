@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 from benchmarks.conftest import Race, seconds
-from stlbench import problem
 from stlbench.contract import Intractable, RewardMethod, Training
-from stlbench.environment import BatchEnvironment, Simulator
-from stlbench.problem import Problem
-from stlbench.trial import build_agent, build_method
+from stlbench.rollout.environment import BatchEnvironment, Simulator
+from stlbench.task import build_agent, build_method, load_task
+from stlbench.task.task import Task
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, group="methods")
 
@@ -34,7 +33,7 @@ class Timed(BatchEnvironment):
     whole is taken by the same clock, so what runs beside hits both alike.
     """
 
-    def __init__(self, task: Problem, method: RewardMethod, count: int) -> None:
+    def __init__(self, task: Task, method: RewardMethod, count: int) -> None:
         self.spent = 0.0
         for name in ("start", "along", "inputs"):
             setattr(method, name, self._timed(getattr(method, name)))
@@ -55,7 +54,7 @@ def test_share_of_training(race: Race, method: str) -> None:
     """Seconds in the method over those of training by the task's own recipe; the headline is the worst task's."""
     worst: list[float] = []
     for task in TASKS:
-        entry = problem.load(task)
+        entry = load_task(task)
         try:
             shares = _shares(entry, method)
         except Intractable as reason:
@@ -67,7 +66,7 @@ def test_share_of_training(race: Race, method: str) -> None:
     race.note(**{_key("method_share", method): worst})
 
 
-def _shares(entry: Problem, method: str) -> list[float]:
+def _shares(entry: Task, method: str) -> list[float]:
     agent, made = build_agent(entry, "dqn"), list[Timed]()
 
     def make(count: int) -> BatchEnvironment:
@@ -110,9 +109,9 @@ def test_cost_against_horizon(race: Race, method: str, horizon: int) -> None:
     race.note(**{f"{name}_inputs": reward.memory_size})
 
 
-def _stay(horizon: int) -> Problem:
+def _stay(horizon: int) -> Task:
     """hold-disc with G[0,H] psi for its formula; tau-mdp reads it as G[0,0] G[0,H] psi, a window of H + 1 samples."""
-    entry = problem.load("hold-disc")
+    entry = load_task("hold-disc")
     psi = "(norm(x - 2, y - 2) <= 1)"
     changes = {
         "formula": f"G[0,{horizon}] {psi}",

@@ -14,14 +14,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from factory import measurement
+from helpers.synthetic_results import measurement
 
 from benchmarks.conftest import Race, ratios
-from stlbench import matrix
-from stlbench.choices import parse_choices
 from stlbench.cli.common import LEDGER
-from stlbench.ledger import Ledger
+from stlbench.registry.choices import parse_choices
 from stlbench.result import CurvePoint, Result
+from stlbench.study import matrix
+from stlbench.study.ledger import Ledger
 
 SEEDS = 2500
 METHODS = "funnel,flag,tau-mdp,raw"
@@ -147,15 +147,15 @@ def _python(program: str, *arguments: str) -> str:
 
 _PLAN = f"""
 import sys
-from stlbench import matrix
-from stlbench.choices import parse_choices
+from stlbench.study import matrix
+from stlbench.registry.choices import parse_choices
 cells = matrix.plan(["hold-disc"], parse_choices("{METHODS}"), parse_choices("dqn"), range({SEEDS}), "quick")
 assert len(cells) == {CELLS}
 """
 
 _RESUME = f"""
 from pathlib import Path
-from stlbench.ledger import Ledger
+from stlbench.study.ledger import Ledger
 with Ledger(Path(sys.argv[1]), create=False) as ledger:
     assert len(ledger.finished(cell.key for cell in cells)) == {CELLS}
 """

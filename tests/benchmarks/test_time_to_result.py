@@ -10,13 +10,12 @@ from statistics import median
 import pytest
 
 from benchmarks.conftest import Race
-from stlbench import problem
 from stlbench.contract import Policy, Training
-from stlbench.environment import BatchEnvironment
-from stlbench.matrix import derive_seed
-from stlbench.problem import Problem
-from stlbench.referee import Referee
-from stlbench.trial import build_agent, build_method
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.referee import Referee
+from stlbench.study.matrix import derive_seed
+from stlbench.task import build_agent, build_method, load_task
+from stlbench.task.task import Task
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, group="time to result")
 
@@ -59,7 +58,7 @@ def test_time_to_result(race: Race, task: str) -> None:
     The ratio is that of medians over seeds. Where a peer is stopped before it is there, it is a lower bound; a text
     under `..._reached` tells.
     """
-    entry, seeds = problem.load(task), range(SEEDS[task])
+    entry, seeds = load_task(task), range(SEEDS[task])
     name = f"time_to_95_{task.replace('-', '_')}"
     ours = [_seconds(entry, "dqn", seed) for seed in seeds]
     assert all(reached for _, reached in ours), f"dqn does not reach {WANTED:.0%} on {task}: {ours}"
@@ -76,7 +75,7 @@ def test_time_to_result(race: Race, task: str) -> None:
 
 
 def _seconds(
-    entry: Problem, agent_text: str, seed: int, share: int = 1, limit: float = float("inf")
+    entry: Task, agent_text: str, seed: int, share: int = 1, limit: float = float("inf")
 ) -> tuple[float, bool]:
     """CPU seconds, and whether the referee was content by then."""
     method, agent = build_method(entry, "funnel"), build_agent(entry, agent_text)

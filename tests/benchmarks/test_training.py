@@ -17,9 +17,9 @@ import pytest
 from benchmarks.conftest import Race, ratios
 from benchmarks.pendulum import pendulum
 from stlbench.contract import Training
-from stlbench.environment import BatchEnvironment
-from stlbench.problem import Problem
-from stlbench.trial import build_method
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.task import build_method
+from stlbench.task.task import Task
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, group="training")
 
@@ -49,11 +49,11 @@ def test_training(race: Race, actions: int) -> None:
     )
 
 
-def _environment(task: Problem, copies: int) -> BatchEnvironment:
+def _environment(task: Task, copies: int) -> BatchEnvironment:
     return BatchEnvironment(task, build_method(task, "funnel"), copies, seed=0)
 
 
-def _dqn(task: Problem, copies: int) -> Callable[[], Any]:
+def _dqn(task: Task, copies: int) -> Callable[[], Any]:
     from stlbench_agents.dqn import DQN
 
     agent = DQN(
@@ -64,14 +64,14 @@ def _dqn(task: Problem, copies: int) -> Callable[[], Any]:
     return lambda: agent.train(training)
 
 
-def _sb3(task: Problem) -> Callable[[], Any]:
+def _sb3(task: Task) -> Callable[[], Any]:
     from benchmarks.peers_sb3 import sb3_dqn
 
     model = sb3_dqn(_environment(task, 1))
     return lambda: model.learn(STEPS, reset_num_timesteps=False, log_interval=STEPS)
 
 
-def _torch(task: Problem) -> Callable[[], Any]:
+def _torch(task: Task) -> Callable[[], Any]:
     from benchmarks.peers_torch import TorchDQN
 
     learner = TorchDQN(_environment(task, 1))

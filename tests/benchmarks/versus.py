@@ -25,7 +25,7 @@ import numpy as np
 from scipy import special
 
 from stlbench.errors import UsageError
-from stlbench.gate import ALPHA, EXIT, FREEDOM, LEVEL, Verdict, holm
+from stlbench.gate.judge import ALPHA, EXIT, FREEDOM, LEVEL, Verdict, holm
 from stlbench.report import Column, Table, to_markdown
 
 Side = Literal["base", "head"]

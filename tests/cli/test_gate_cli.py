@@ -101,13 +101,13 @@ def test_equal_code_is_no_worse(reference, say):
 
 def test_it_goes_on_where_it_was(reference, say, monkeypatch):
     reference()
-    monkeypatch.setattr("stlbench.trial.run_cell", lambda *_, **__: pytest.fail("ran a cell again"))
+    monkeypatch.setattr("stlbench.study.trial.run_cell", lambda *_, **__: pytest.fail("ran a cell again"))
     assert say(*GATE).exit_code == 0
 
 
 def test_another_version_of_anything_measures_anew(reference, say, monkeypatch):
     reference()
-    monkeypatch.setattr("stlbench.fingerprint.fingerprint", lambda module: "edited " * 5)
+    monkeypatch.setattr("stlbench.registry.fingerprint.fingerprint", lambda module: "edited " * 5)
     done = say(*GATE)
     assert (done.exit_code, done.stderr.splitlines()[0]) == (0, "3 cells")
 

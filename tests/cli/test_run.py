@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from stlbench import plugins
 from stlbench.cli.run import parse_seeds
 from stlbench.errors import UsageError
-from stlbench.ledger import Ledger
-from stlbench.provenance import PACKAGES
+from stlbench.registry import plugins
+from stlbench.study.ledger import Ledger
+from stlbench.study.provenance import PACKAGES
 
 TOY = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here")
 
@@ -47,7 +47,7 @@ def test_says_how_each_cell_ended(run):
 
 def test_the_same_words_run_nothing_and_repeat_the_tables(run, monkeypatch):
     first = run("toy-raw")
-    monkeypatch.setattr("stlbench.trial.run_cell", lambda *_: pytest.fail("ran a cell again"))
+    monkeypatch.setattr("stlbench.study.trial.run_cell", lambda *_: pytest.fail("ran a cell again"))
     again = run("toy-raw")
     assert again.exit_code == 0
     assert again.stderr == "2 cells, 2 of them done before\n"

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-import victims
+from helpers import victims
 
 from stlbench.contract import Outcome
 from stlbench_executors.local import LocalExecutor
@@ -141,7 +141,7 @@ def test_closing_stops_what_runs(tmp_path):
 PROGRAM = """
 import sys
 from pathlib import Path
-import victims
+from helpers import victims
 from stlbench_executors.local import LocalExecutor
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
@@ -175,7 +175,7 @@ def test_no_worker_outlives_a_parent_that_is_interrupted_or_killed(tmp_path, sen
 UNABLE = """
 import time
 from stlbench_executors import local
-import victims
+from helpers import victims
 if __name__ == "__mp_main__":
     {start}
 else:

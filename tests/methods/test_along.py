@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from episodes import specification
+from helpers.episodes import specification
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

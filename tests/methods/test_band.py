@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from episodes import specification
+from helpers.episodes import specification
 
 from stlbench_methods.flag import Flag
 from stlbench_methods.funnel import Funnel

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from episodes import run, specification
+from helpers.episodes import run, specification
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray

@@ -7,12 +7,12 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from episodes import run, specification
+from helpers.episodes import run, specification
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stlbench import problem
 from stlbench.contract import Unsuitable
+from stlbench.task import load_task
 from stlbench_methods.funnel import Curve, Funnel
 from stlbench_methods.raw import Raw
 
@@ -148,7 +148,7 @@ class TestAlwaysFromTheStart:
         assert paid(method, 1.5, t) == pytest.approx(1.5 + 3 ** (1 - t / 5) + 1 - 2, abs=NEAR)
 
     def test_code_has_100_of_200_in_the_comparative_study(self) -> None:
-        method = Funnel(problem.load("hold-disc").specification, variant="code")
+        method = Funnel(load_task("hold-disc").specification, variant="code")
         assert method.curves[0].t_star == 100
 
     def test_code_leaves_other_intervals_alone(self) -> None:

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from episodes import run, specification
+from helpers.episodes import run, specification
 
-from stlbench import problem
 from stlbench.contract import Unsuitable
+from stlbench.task import load_task
 from stlbench_methods.raw import Raw
 
 
@@ -19,7 +19,7 @@ def test_eq_18_on_the_navigation_task() -> None:
     From (22, 21): distances 5 = |(3,4)| and sqrt(64 + 81). From (30, 30): sqrt(50) and 0. After step 2000 there is no
     sample. The reward of the transition t is that of sample t + 1.
     """
-    method = Raw(problem.load("robot-nav").specification)
+    method = Raw(load_task("robot-nav").specification)
     sample = np.array([1, 900, 1300, 1301, 1600, 2000])
     for place, first, second in [((22, 21), 2 - 5, 2 - math.sqrt(145)), ((30, 30), 2 - math.sqrt(50), 2.0)]:
         here = np.tile(np.array(place, dtype=float), (6, 1))

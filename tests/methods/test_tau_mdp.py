@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from episodes import run, specification
+from helpers.episodes import run, specification
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from stlbench import problem, stl
+from stlbench import stl
 from stlbench.contract import Array, Intractable, Unsuitable
+from stlbench.task import load_task
 from stlbench_methods.tau_mdp import TauMdp
 
 BOX = {"x": (-2.0, 4.0), "y": (-1.0, 1.0)}
@@ -131,13 +132,13 @@ def test_a_formula_that_cannot_be_satisfied_is_unsuitable() -> None:
 
 class TestSize:
     def test_the_nested_form_keeps_the_history_short(self) -> None:
-        method = TauMdp(problem.load("hold-disc").specification)
+        method = TauMdp(load_task("hold-disc").specification)
         assert (method.tau, method.memory_size) == (11, 22)  # G[0,10], signals x and y
 
     def test_absolute_intervals_need_the_whole_horizon(self) -> None:
         # 2001 samples of x and y
         with pytest.raises(Intractable, match=r"^needs 4002 inputs, limit 512$"):
-            TauMdp(problem.load("robot-nav").specification)
+            TauMdp(load_task("robot-nav").specification)
 
     def test_the_limit_itself_fits(self) -> None:
         text = "G[1,3] x >= 0 & F[5,9] x <= 0"  # no outer operator: all of it is phi, 10 samples

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 
-from factory import result, score
+from helpers.synthetic_results import result, score
 
 from stlbench.report import condense, write
 

@@ -6,12 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from controlled import all_starts, trace
+from helpers.controlled_traces import all_starts, trace
 
-from stlbench import problem, referee, stl
+from stlbench import stl
+from stlbench.rollout import referee
+from stlbench.task import load_task
 from stlbench.testing import check_task
 
-TASK = problem.load("annulus")
+TASK = load_task("annulus")
 
 
 def test_the_paper() -> None:

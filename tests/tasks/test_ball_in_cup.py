@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from controlled import trace
-from mujoco_task import check_no_memory, rollout
+from helpers.controlled_traces import trace
+from helpers.mujoco_task import check_no_memory, rollout
 
-from stlbench import problem, referee, starts, stl
+from stlbench import stl
 from stlbench.contract import Array
+from stlbench.rollout import referee
+from stlbench.task import load_task, starts
 from stlbench.testing import check_task
 
-TASK = problem.load("ball-in-cup")
+TASK = load_task("ball-in-cup")
 
 
 def test_the_paper() -> None:

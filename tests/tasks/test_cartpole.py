@@ -8,14 +8,16 @@ import sys
 
 import numpy as np
 import pytest
-from controlled import trace
-from mujoco_task import check_no_memory, rollout
+from helpers.controlled_traces import trace
+from helpers.mujoco_task import check_no_memory, rollout
 
-from stlbench import problem, referee, stl
+from stlbench import stl
 from stlbench.errors import UsageError
+from stlbench.rollout import referee
+from stlbench.task import load_task
 from stlbench.testing import check_task
 
-TASK = problem.load("cartpole")
+TASK = load_task("cartpole")
 
 
 def test_the_paper() -> None:
@@ -97,13 +99,13 @@ def test_the_contract() -> None:
 def test_without_the_extra_one_line_says_what_to_install(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
     with pytest.raises((UsageError, ImportError), match=r"it needs the extra mujoco: pip install 'stlbench\[mujoco\]'"):
-        problem.load("cartpole")
+        load_task("cartpole")
 
 
 def test_tasks_can_be_listed_without_the_extra() -> None:
     code = (
         "import sys; sys.modules['mujoco'] = None\n"
-        "from stlbench import plugins; loaded, problems = plugins.loadable('tasks')\n"
+        "from stlbench.registry import plugins; loaded, problems = plugins.loadable('tasks')\n"
         "assert {'cartpole', 'ball-in-cup', 'fetch-reach'} <= loaded.keys(), problems"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

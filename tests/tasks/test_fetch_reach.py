@@ -6,13 +6,15 @@ import math
 
 import numpy as np
 import pytest
-from controlled import trace
-from mujoco_task import check_no_memory
+from helpers.controlled_traces import trace
+from helpers.mujoco_task import check_no_memory
 
-from stlbench import problem, referee, stl
+from stlbench import stl
+from stlbench.rollout import referee
+from stlbench.task import load_task
 from stlbench.testing import check_task
 
-TASK = problem.load("fetch-reach")
+TASK = load_task("fetch-reach")
 
 
 def test_the_paper() -> None:

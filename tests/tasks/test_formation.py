@@ -6,15 +6,17 @@ import math
 
 import numpy as np
 import pytest
-from controlled import all_starts, trace
+from helpers.controlled_traces import all_starts, trace
 
-from stlbench import problem, referee, stl
+from stlbench import stl
 from stlbench.contract import ActionGrid, Array, Intractable
-from stlbench.matrix import Cell
+from stlbench.rollout import referee
+from stlbench.study.matrix import Cell
+from stlbench.study.trial import run_cell
+from stlbench.task import build_method, load_task
 from stlbench.testing import check_task
-from stlbench.trial import build_method, run_cell
 
-TASK = problem.load("formation")
+TASK = load_task("formation")
 GOALS = (4.0, 3.5, 4.0, 2.25, 4.0, 1.0)
 
 

@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stlbench import problem, starts
 from stlbench.contract import Array, Pixels
-from stlbench.problem import Problem
+from stlbench.task import load_task, starts
+from stlbench.task.task import Task
 
 pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 TASKS = ("ball-in-cup", "cartpole", "fetch-reach")
 
 
-def begin(task: Problem, count: int = 2) -> Array:
+def begin(task: Task, count: int = 2) -> Array:
     return task.system.begin(starts.grid(task.file.initial, count))
 
 
-def picture(task: Problem, state: Array) -> Pixels:
+def picture(task: Task, state: Array) -> Pixels:
     try:
         found = task.system.frame(state)
     except RuntimeError as error:
@@ -31,7 +31,7 @@ def picture(task: Problem, state: Array) -> Pixels:
 
 @pytest.mark.parametrize("name", TASKS)
 def test_a_picture_shows_something_and_depends_on_the_state_alone(name: str) -> None:
-    task = problem.load(name)
+    task = load_task(name)
     first, second = begin(task)
     shown = picture(task, first)
     assert (shown.shape, shown.dtype) == ((360, 480, 3), np.uint8)
@@ -42,7 +42,7 @@ def test_a_picture_shows_something_and_depends_on_the_state_alone(name: str) -> 
 
 def test_up_is_up() -> None:
     """The pole is the one thing in the picture that is more red than blue."""
-    task = problem.load("cartpole")
+    task = load_task("cartpole")
 
     def row_of_pole(angle: float) -> float:
         shown = picture(task, task.system.begin(np.array([[0.0, angle, 0, 0]]))[0]).astype(int)
@@ -52,7 +52,7 @@ def test_up_is_up() -> None:
 
 
 def test_drawing_leaves_the_dynamics_alone() -> None:
-    task = problem.load("cartpole")
+    task = load_task("cartpole")
     state, action = begin(task), np.full((2, 1), 0.3)
     before = task.system.step(state, action)
     picture(task, state[1])
@@ -60,7 +60,7 @@ def test_drawing_leaves_the_dynamics_alone() -> None:
 
 
 def test_without_egl_it_says_so_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    task, real = problem.load("cartpole"), builtins.__import__
+    task, real = load_task("cartpole"), builtins.__import__
 
     def missing(name: str, *rest: Any) -> Any:
         if name == "mujoco.egl":

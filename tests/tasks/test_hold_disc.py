@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 import pytest
-from controlled import all_starts, trace
+from helpers.controlled_traces import all_starts, trace
 
-from stlbench import problem, starts, stl
+from stlbench import stl
+from stlbench.task import load_task, starts
 from stlbench.testing import check_task
 
-TASK = problem.load("hold-disc")
+TASK = load_task("hold-disc")
 
 
 def test_the_paper() -> None:
@@ -70,7 +71,7 @@ def test_it_can_be_satisfied_from_every_start() -> None:
 @pytest.mark.parametrize(("name", "settled"), [("hold-disc", 0.98), ("hold-disc-coarse", 0.97)])
 def test_the_controller_never_leaves_its_start_and_settles_at_the_centre(name: str, settled: float) -> None:
     """1 - r, the most from a start at radius r, and over steps 100..200 what the grid of speeds leaves of 1."""
-    task = problem.load(name)
+    task = load_task(name)
     states = all_starts(task)
     traces = trace(task, states)
     best = 1 - np.hypot(states[:, 0] - 2, states[:, 1] - 2)
@@ -83,7 +84,7 @@ def test_the_controller_never_leaves_its_start_and_settles_at_the_centre(name: s
 @pytest.mark.parametrize("name", ["hold-disc", "hold-disc-coarse"])
 def test_the_nested_form_is_the_formula(name: str) -> None:
     """G[0,190] G[0,10] reads samples 0..200, as G[0,200] does: the same robustness and verdict on any trace."""
-    task = problem.load(name)
+    task = load_task(name)
     assert task.specification.nested == stl.parse("G[0,190] G[0,10] (norm(x - 2, y - 2) <= 1)")
     steps = np.random.default_rng(0).normal(size=(300, 201, 2), scale=0.03)
     traces = 2 + np.cumsum(steps, axis=1)

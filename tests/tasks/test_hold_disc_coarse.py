@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stlbench import problem
+from stlbench.task import load_task
 from stlbench.testing import check_task
 
-FINE, COARSE = problem.load("hold-disc"), problem.load("hold-disc-coarse")
+FINE, COARSE = load_task("hold-disc"), load_task("hold-disc-coarse")
 
 
 def test_only_the_sampling_time_and_the_turning_rates_differ() -> None:

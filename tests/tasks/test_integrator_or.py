@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from controlled import all_starts, trace
+from helpers.controlled_traces import all_starts, trace
 
-from stlbench import problem, starts, stl
+from stlbench import stl
+from stlbench.task import load_task, starts
 from stlbench.testing import check_task
 
-TASK = problem.load("integrator-or")
+TASK = load_task("integrator-or")
 
 
 def test_the_paper() -> None:

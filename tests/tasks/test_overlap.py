@@ -6,13 +6,15 @@ import math
 
 import numpy as np
 import pytest
-from controlled import all_starts, trace
+from helpers.controlled_traces import all_starts, trace
 
-from stlbench import problem, referee, stl
+from stlbench import stl
 from stlbench.contract import Array
+from stlbench.rollout import referee
+from stlbench.task import load_task
 from stlbench.testing import check_task
 
-TASK = problem.load("overlap")
+TASK = load_task("overlap")
 GOAL_1, GOAL_2, ASIDE = (3.0, 1.0), (1.0, 3.0), (1.0, 1.0)
 
 

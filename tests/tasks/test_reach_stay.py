@@ -6,13 +6,15 @@ import math
 
 import numpy as np
 import pytest
-from controlled import all_starts, trace
+from helpers.controlled_traces import all_starts, trace
 
-from stlbench import problem, referee, stl
+from stlbench import stl
 from stlbench.contract import Array
+from stlbench.rollout import referee
+from stlbench.task import load_task
 from stlbench.testing import check_task
 
-TASK = problem.load("reach-stay")
+TASK = load_task("reach-stay")
 
 
 def test_it_is_one_term_of_the_third_form() -> None:
@@ -23,7 +25,7 @@ def test_it_is_one_term_of_the_third_form() -> None:
 
 
 def test_it_is_the_robot_and_the_starts_of_robot_nav() -> None:
-    other = problem.load("robot-nav")
+    other = load_task("robot-nav")
     assert TASK.file.initial == other.file.initial
     assert TASK.actions == other.actions
     assert (TASK.file.sampling_time, TASK.file.hold) == (other.file.sampling_time, other.file.hold)

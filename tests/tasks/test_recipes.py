@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from stlbench import plugins, problem
-from stlbench.choices import Choice
 from stlbench.contract import ActionGrid
+from stlbench.registry import plugins
+from stlbench.registry.choices import Choice
+from stlbench.task import load_task
 
 TASKS = sorted(name for name, plugin in plugins.available("tasks").items() if plugin.distribution == "stlbench")
 
 
 @pytest.mark.parametrize("name", TASKS)
 def test_recipes(name: str) -> None:
-    task = problem.load(name)
+    task = load_task(name)
     on_grids = {"dqn", "dqn-per-robot"} if task.file.robots else {"dqn", "sb3-dqn"}
     continuous = {"td3", "sb3-td3", "sb3-sac", "sb3-ppo"}
     assert set(task.file.agents) == (on_grids if isinstance(task.actions, ActionGrid) else continuous)

@@ -1,0 +1,1 @@
+"""Is one recording worse than another? Pairing, tests, verdicts."""

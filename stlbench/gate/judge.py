@@ -1,0 +1,261 @@
+"""Is a new recording worse than its base? One rule, four metrics, paired seeds.
+
+Each seed gives one *gain*, positive where the new recording is better. Of the gains of a group, that is of one task,
+method, agent and budget:
+
+- **worse**: on average they lose more than is tolerated, and a t-test says that they do lose.
+- **no worse**: on average they lose no more than is tolerated, and their interval excludes a loss that is twice as
+  large; or not one of them differs from 0, as with equal code on one machine.
+- **cannot tell**: anything else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, groupby
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from stlbench.gate.comparison import Pair, Sample
+from stlbench.result import ACCIDENTS
+
+__all__ = ["EXIT", "METRICS", "Comparison", "Finding", "Judgement", "Metric", "Verdict", "judge"]
+
+Floats = NDArray[np.float64]
+Verdict = Literal["no worse", "worse", "cannot tell", "missing"]
+Group = tuple[str, str, str, str]
+"""Task, method, agent, budget."""
+
+EXIT: dict[Verdict, int] = {"no worse": 0, "worse": 1, "cannot tell": 3, "missing": 4}
+"""Exit code of each verdict. Where several are found, the whole has the first of: worse, missing, cannot tell."""
+
+ALPHA = 0.01
+"""Probability that, in a family of metrics, anything is called worse by chance (Holm's correction)."""
+LEVEL = 0.95
+"""Confidence that the loss is less than the interval's end. It needs no correction: all must exclude, not one."""
+FREEDOM = 2
+"""The fewest degrees of freedom from which anything is said: three seeds."""
+
+
+def relative(base: Floats, new: Floats) -> Floats:
+    """Gain over the size of the base, a seed: its own, or half the mean over the seeds where that is more."""
+    size = np.abs(base)
+    size = np.maximum(size, size.mean() / 2)
+    gain: Floats = (new - base) / np.where(size > 0, size, 1.0)
+    return gain
+
+
+def absolute(base: Floats, new: Floats) -> Floats:
+    """Gain in the unit of the metric."""
+    return new - base
+
+
+def speed(base: Floats, new: Floats) -> Floats:
+    """Logarithm of how many times faster."""
+    gain: Floats = np.log(base) - np.log(new)
+    return gain
+
+
+@dataclass(frozen=True)
+class Metric:
+    """What is compared. Losses are in the unit of `gain`."""
+
+    name: str
+    value: Callable[[Sample], float | None]
+    """None where it was not measured."""
+    gain: Callable[[Floats, Floats], Floats]
+    tolerated: float
+    """The largest average loss that is not worse."""
+    shown: str
+    """How a change is written (see `change`)."""
+    timing: bool = False
+    """A CPU time. Its gains scatter alike in all groups, so the scatter is taken from all of them together."""
+
+    def change(self, gain: float) -> float:
+        """A gain for people: of a time, new over base; otherwise the gain itself."""
+        return math.exp(-gain) if self.timing else gain
+
+    def text(self, gain: float) -> str:
+        """The change, with its unit."""
+        return self.shown.format(self.change(gain))
+
+
+def _calibrated(seconds: float | None, sample: Sample) -> float | None:
+    return seconds / sample.calibration_seconds if seconds and sample.calibration_seconds else None
+
+
+METRICS = (
+    Metric("robustness", lambda sample: sample.robustness_mean, relative, 0.05, "{:+.1%}"),
+    Metric("satisfaction", lambda sample: sample.satisfaction, absolute, 0.05, "{:+.3f}"),
+    Metric("CPU", lambda cell: _calibrated(cell.training_cpu_seconds, cell), speed, math.log(1.25), "x{:.2f}", True),
+    Metric("reward", lambda cell: _calibrated(cell.reward_nanoseconds, cell), speed, math.log(1.5), "x{:.2f}", True),
+)
+"""CPU: seconds of training; reward: nanoseconds of the method's reward a step; both over the calibration."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One metric of one group. `gain`, `low` and `high` are in the unit of the metric's gain."""
+
+    group: Group
+    metric: Metric
+    base: float
+    """Mean over the paired seeds."""
+    new: float
+    seeds: int
+    gain: float
+    """Mean over the paired seeds."""
+    low: float
+    """One-sided 95 % limit of the gain, from below."""
+    high: float
+    """The same from above."""
+    chance: float
+    """Holm-corrected p-value of the t-test that nothing is lost."""
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A cell of the base without a measurement to compare."""
+
+    cell: str
+    verdict: Verdict
+    reason: str
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """All that was compared, and what it comes to."""
+
+    comparisons: tuple[Comparison, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of the whole; see `EXIT`. Nothing compared is `missing`."""
+        found = {entry.verdict for entry in self.comparisons} | {entry.verdict for entry in self.findings}
+        order: tuple[Verdict, ...] = ("worse", "missing", "cannot tell")
+        worst: Verdict = next((verdict for verdict in order if verdict in found), "no worse")
+        return "missing" if worst == "no worse" and not self.comparisons else worst
+
+
+def judge(pairs: Sequence[Pair]) -> Judgement:
+    """Compare every cell of the base with its twin (`comparison.pair`, whose order it needs)."""
+    findings = tuple(finding for base, new in pairs for finding in _accidents(base, new))
+    done = [(base, new) for base, new in pairs if new is not None and base.status == new.status == "done"]
+    groups = {
+        group: list(members)
+        for group, members in groupby(done, lambda both: (both[0].task, both[0].method, both[0].agent, both[0].budget))
+    }
+    tests = [_test(group, metric, members) for metric in METRICS for group, members in groups.items()]
+    families = ([test for test in tests if test and test.metric.timing == timing] for timing in (False, True))
+    return Judgement(tuple(chain.from_iterable(map(_decide, families))), findings)
+
+
+def _accidents(base: Sample, new: Sample | None) -> list[Finding]:
+    """What a pair without two measurements says. Methods that do not fit, before or now, are no accidents."""
+    if new is None:
+        return [Finding(base.name, "missing", f"there is no result of it, and the base says {base.status}")]
+    if new.status != base.status and new.status != "done" and (base.status == "done" or new.status in ACCIDENTS):
+        return [Finding(base.name, "worse", f"{new.status}, the base says {base.status}: {new.reason}")]
+    if new.status == base.status and new.status in ACCIDENTS:
+        return [Finding(base.name, "missing", f"{new.status}, as in the base: {new.reason}")]
+    return []
+
+
+@dataclass(frozen=True)
+class _Test:
+    """One metric of one group, before it is decided."""
+
+    group: Group
+    metric: Metric
+    base: Floats
+    new: Floats
+    gains: Floats
+    """A gain a seed."""
+
+    @property
+    def differs(self) -> bool:
+        """Anything is to be tested: some seed is not exactly as before."""
+        return bool(self.gains.any())
+
+
+def _test(group: Group, metric: Metric, members: Iterable[tuple[Sample, Sample]]) -> _Test | None:
+    """The seeds that both recordings have a number of; None where there is none."""
+    values = [(metric.value(base), metric.value(new)) for base, new in members]
+    both = [(base, new) for base, new in values if base is not None and new is not None and math.isfinite(base)]
+    if not both:
+        return None
+    one, two = np.array(both, dtype=np.float64).T
+    with np.errstate(invalid="ignore"):  # a robustness that is no number any more is an infinite loss
+        gains = np.nan_to_num(metric.gain(one, two), nan=-np.inf, posinf=0.0, neginf=-np.inf)
+    return _Test(group, metric, one, two, gains)
+
+
+def _decide(family: Sequence[_Test]) -> list[Comparison]:
+    """Compare all of a family, whose size counts in Holm's correction as far as anything differs at all."""
+    pools = {metric: _tamed([test for test in family if test.metric is metric]) for metric in METRICS}
+    estimates = [
+        (test, *_estimate(test, pool if metric.timing else [test])) for metric, pool in pools.items() for test in pool
+    ]
+    chances = holm([chance for test, _, _, chance in estimates if test.differs])
+    decided = []
+    for test, low, high, _ in estimates:
+        chance = chances.pop(0) if test.differs else 1.0
+        gain = float(test.gains.mean())
+        means = float(test.base.mean()), float(test.new.mean())
+        verdict = _verdict(test, gain, low, chance)
+        decided.append(Comparison(test.group, test.metric, *means, len(test.gains), gain, low, high, chance, verdict))
+    return decided
+
+
+def _tamed(pool: Sequence[_Test]) -> list[_Test]:
+    """Times with each gain within three times the scatter of its group's median: the first cell of a worker may be
+    twice as slow as the others, and says nothing of them. Other metrics as they are: there a bad seed is a result."""
+    if not pool or not pool[0].metric.timing:
+        return list(pool)
+    medians = [float(np.median(test.gains)) for test in pool]
+    away = np.concatenate([np.abs(test.gains - median) for test, median in zip(pool, medians, strict=True)])
+    reach = 3 * 1.4826 * float(np.median(away))  # 1.4826 makes it the standard deviation, where gains are normal
+    return [
+        replace(test, gains=np.clip(test.gains, median - reach, median + reach))
+        for test, median in zip(pool, medians, strict=True)
+    ]
+
+
+def _estimate(test: _Test, pool: Sequence[_Test]) -> tuple[float, float, float]:
+    """Limits of the gain from below and above, and the p-value that nothing is lost; the pool tells the scatter."""
+    gain = float(test.gains.mean())
+    if not test.differs or not math.isfinite(gain):
+        return gain, gain, float(gain >= 0)
+    freedom = sum(len(other.gains) - 1 for other in pool)
+    if freedom < FREEDOM:
+        return -math.inf, math.inf, 1.0
+    squares = sum(float(np.sum((other.gains - other.gains.mean()) ** 2)) for other in pool)
+    error = math.sqrt(squares / freedom / len(test.gains))
+    half = error * float(special.stdtrit(freedom, LEVEL))
+    chance = float(special.stdtr(freedom, gain / error)) if error > 0 else float(gain >= 0)
+    return gain - half, gain + half, chance
+
+
+def holm(chances: Sequence[float]) -> list[float]:
+    """P-values corrected for their number by Holm's step-down procedure, in the order given."""
+    corrected, least = [1.0] * len(chances), 0.0
+    for rank, index in enumerate(sorted(range(len(chances)), key=chances.__getitem__)):
+        least = max(least, min(1.0, chances[index] * (len(chances) - rank)))
+        corrected[index] = least
+    return corrected
+
+
+def _verdict(test: _Test, gain: float, low: float, chance: float) -> Verdict:
+    tolerated = test.metric.tolerated
+    if not test.differs:
+        return "no worse"
+    if gain < -tolerated:
+        return "worse" if chance < ALPHA else "cannot tell"
+    return "no worse" if low >= -2 * tolerated else "cannot tell"

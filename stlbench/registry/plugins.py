@@ -1,0 +1,197 @@
+"""Plugins by entry point: found without importing anything, loaded one by one, each guarded."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import EntryPoint, distributions
+from typing import Any
+
+from stlbench import contract
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.registry import choices
+from stlbench.registry.choices import Choice
+
+__all__ = [
+    "KINDS",
+    "Plugin",
+    "PluginError",
+    "PluginWarning",
+    "available",
+    "build",
+    "check",
+    "find",
+    "loadable",
+    "parameters",
+]
+
+_CONTRACTS: Mapping[str, type] = {
+    "methods": contract.RewardMethod,
+    "tasks": contract.System,
+    "agents": contract.Agent,
+    "executors": contract.Executor,
+}
+
+KINDS = tuple(_CONTRACTS)
+"""The kinds of plugin; the entry-point group of a kind is "stlbench.<kind>"."""
+
+OWN = "stlbench"
+"""The distribution whose names nobody can take over."""
+
+
+class PluginError(UsageError):
+    """A plugin cannot be used; the message names it, its distribution and the cause."""
+
+
+class PluginWarning(UserWarning):
+    """Something is wrong with an installed plugin that the others do not suffer from."""
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """An entry point, not imported yet."""
+
+    kind: str
+    name: str
+    distribution: str
+    version: str
+    entry_point: EntryPoint
+
+    def __str__(self) -> str:
+        return f"{self.kind.removesuffix('s')} '{self.name}' of {self.distribution} {self.version}"
+
+    def load(self) -> type:
+        """The class that the entry point names.
+
+        Raises:
+            PluginError: it cannot be imported, or is not a complete class of its kind.
+        """
+        try:
+            loaded = self.entry_point.load()
+        except (Exception, SystemExit) as error:
+            raise self._error(f"{type(error).__name__}: {error}") from error
+        base = _CONTRACTS[self.kind]
+        if not (isinstance(loaded, type) and issubclass(loaded, base)):
+            raise self._error(f"it must be a subclass of stlbench.contract.{base.__name__}")
+        if missing := getattr(loaded, "__abstractmethods__", None):
+            raise self._error(f"it lacks {', '.join(sorted(missing))} of stlbench.contract.{base.__name__}")
+        return loaded
+
+    @property
+    def summary(self) -> str:
+        """The first line of the class's docstring. Raises `PluginError`."""
+        lines = (inspect.getdoc(self.load()) or "").splitlines()
+        return lines[0] if lines else ""
+
+    def _error(self, cause: str) -> PluginError:
+        return PluginError(f"{self} ({self.entry_point.value}): {' '.join(cause.split())}")
+
+
+def available(kind: str) -> dict[str, Plugin]:
+    """All plugins of a kind, sorted by name; none of them is imported.
+
+    A name that breaks the rules, or that two distributions claim, is a `PluginWarning`, once.
+    """
+    return dict(_scan(kind, tuple(sys.path)))
+
+
+@lru_cache
+def _scan(kind: str, path: tuple[str, ...]) -> Mapping[str, Plugin]:
+    """The path is what the answer depends on."""
+    found = dict[str, Plugin]()
+    for plugin in sorted(_installed(kind), key=_precedence):
+        if not choices.NAME.fullmatch(plugin.name):
+            _warn(f"{plugin} is ignored: a plugin's name consists of a-z, 0-9 and -, and does not begin with -")
+        elif plugin.name in found:
+            _warn(f"{plugin} is ignored: the name is taken by {found[plugin.name]}")
+        else:
+            found[plugin.name] = plugin
+    return found
+
+
+def _installed(kind: str) -> Iterator[Plugin]:
+    """Like `importlib.metadata.entry_points`, which one distribution with a broken file makes fail for all."""
+    group, seen = f"stlbench.{kind}", set[str]()
+    for distribution in distributions():
+        if group not in (distribution.read_text("entry_points.txt") or ""):
+            continue
+        try:
+            name, version = distribution.metadata["Name"], distribution.version
+            if not name:
+                raise ValueError("it has no name")
+            entries = tuple(distribution.entry_points.select(group=group))
+        except Exception as error:
+            _warn(f"{distribution.locate_file('')}: a distribution with {group} cannot be read: {error}")
+            continue
+        if name not in seen:  # the first on the path shadows others of its name
+            seen.add(name)
+            yield from (Plugin(kind, entry.name, name, version, entry) for entry in entries)
+
+
+def _precedence(plugin: Plugin) -> tuple[str, bool, str, str]:
+    return plugin.name, plugin.distribution != OWN, plugin.distribution, plugin.entry_point.value
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, PluginWarning, stacklevel=2)
+
+
+def find(kind: str, name: str) -> Plugin:
+    """The plugin of that name. Raises `UsageError` that says what there is."""
+    known = available(kind)
+    if name not in known:
+        raise UsageError(f"no {kind.removesuffix('s')} '{name}'{did_you_mean(name, known)}")
+    return known[name]
+
+
+def loadable(kind: str) -> tuple[dict[str, type], list[str]]:
+    """The classes of all plugins that import, and one line for each that does not."""
+    loaded, problems = dict[str, type](), list[str]()
+    for name, plugin in available(kind).items():
+        try:
+            loaded[name] = plugin.load()
+        except PluginError as error:
+            problems.append(str(error))
+    return loaded, problems
+
+
+def parameters(plugin: Plugin) -> dict[str, tuple[str, Any]]:
+    """Parameter -> (type as text, default), in the constructor's order. `PluginError` where it cannot be loaded.
+
+    The default is `inspect.Parameter.empty` where the parameter must be given.
+    """
+    return {name: (entry.text, entry.default) for name, entry in _declared(plugin).items()}
+
+
+def _declared(plugin: Plugin) -> dict[str, choices.Parameter]:
+    kind = plugin.load()
+    try:
+        return choices.declared(kind)
+    except (NameError, TypeError) as error:
+        raise plugin._error(f"annotations of its constructor: {error}") from error
+
+
+def check(kind: str, choice: Choice, defaults: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """The checked keyword arguments with which `build` would call the plugin. Raises `UsageError`."""
+    plugin = find(kind, choice.name)
+    return choices.check(_declared(plugin), choice, defaults)
+
+
+def build(kind: str, choice: Choice, *args: Any, defaults: Mapping[str, Any] | None = None) -> Any:
+    """Make what the user chose: load the class, check the parameters, call it.
+
+    Args:
+        kind: one of `KINDS`.
+        choice: name and parameters.
+        args: the positional arguments that the contract gives a constructor of this kind.
+        defaults: a recipe, overridden by the choice's parameters.
+
+    Raises:
+        UsageError: no such plugin, it cannot be loaded (`PluginError`), or a parameter is wrong.
+    """
+    keywords = check(kind, choice, defaults)
+    return find(kind, choice.name).load()(*args, **keywords)

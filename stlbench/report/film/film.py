@@ -1,0 +1,187 @@
+"""Films of a cell: the best and the worst start of its report side by side, as GIF or MP4.
+
+What a film shows is the system's own pictures where it draws any (`System.frame`), else the plane that the task file
+names, else the signals against time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from stlbench.contract import Array, Integers, Pixels, System
+from stlbench.report.figures.drawing import COLOURS
+from stlbench.report.figures.plane import in_plane, label, signals_in_time
+from stlbench.report.film.video import FRAMES_A_SECOND
+from stlbench.report.film.video import write as write_video
+from stlbench.rollout.traces import Film, Recording
+from stlbench.task.task import Task
+
+__all__ = ["Pace", "Scene", "pace", "scene", "write"]
+
+SHORTEST, LONGEST = 4.0, 12.0
+"""Seconds that a film lasts, whatever the episode does: 150 frames at most."""
+_DPI = 80
+_PAUSE = 8
+"""Frames for which the end is held."""
+
+Update = Callable[[int], None]
+"""Shows the sample of that index."""
+
+
+class Pace(NamedTuple):
+    """Which samples of an episode are shown, and how much faster than real time."""
+
+    samples: Integers
+    speed: float
+
+
+class Scene(NamedTuple):
+    """A figure, how to move it to a sample, and what a viewer should know of it."""
+
+    figure: Figure
+    update: Update
+    moving: Sequence[Artist]
+    """What `update` changes; all else is drawn once."""
+    remark: str = ""
+
+
+def pace(steps: int, dt: float) -> Pace:
+    """An episode of `steps` steps of `dt` seconds in real time, slower or faster where that lasts too short or long."""
+    seconds = min(max(steps * dt, SHORTEST), LONGEST)
+    count = min(round(seconds * FRAMES_A_SECOND), steps + 1)
+    return Pace(np.linspace(0, steps, count).round().astype(np.int64), steps * dt * FRAMES_A_SECOND / count)
+
+
+def write(task: Task, recording: Recording, robustness: tuple[float, ...], title: str, path: Path) -> str:
+    """Write the film of a cell; the ending of `path`, gif or mp4, says as what.
+
+    Args:
+        task: what the cell trained on.
+        recording: of that cell alone.
+        robustness: of each start, as the referee scored it.
+        title: the cell's name.
+        path: the file; folders above it are made.
+
+    Returns:
+        A remark on what is shown, or nothing.
+    """
+    found = scene(task, recording, robustness)
+    write_video(_frames(task, found, title), path)
+    return found.remark
+
+
+def _frames(task: Task, shown: Scene, title: str) -> Iterator[Pixels]:
+    """The pictures of the film: the figure at each sample, then its end for a while."""
+    figure = shown.figure
+    samples, speed = pace(task.file.steps, task.file.sampling_time)
+    heading = figure.suptitle(_heading(title, task, 0, speed), fontsize=10)
+    figure.draw_without_rendering()  # lays it out
+    figure.set_layout_engine("none")
+    for artist in (*shown.moving, heading):
+        artist.set_animated(True)
+    canvas: Any = FigureCanvasAgg(figure)  # its methods have no annotations
+    canvas.draw()
+    still = canvas.copy_from_bbox(figure.bbox)
+    for sample in samples.tolist():
+        canvas.restore_region(still)
+        shown.update(sample)
+        heading.set_text(_heading(title, task, sample, speed))
+        for artist in (*shown.moving, heading):
+            figure.draw_artist(artist)
+        picture: Pixels = np.asarray(canvas.buffer_rgba())[..., :3].copy()
+        yield picture
+    yield from [picture] * _PAUSE
+
+
+def _heading(title: str, task: Task, sample: int, speed: float) -> str:
+    return f"{title}, {speed:.2g} x real time: {sample * task.file.sampling_time:6.2f} s, step {sample:4d}"
+
+
+def scene(task: Task, recording: Recording, robustness: tuple[float, ...]) -> Scene:
+    """The figure that a film moves: the best start on the left, the worst on the right."""
+    chosen = np.array([np.argmax(robustness), np.argmin(robustness)])
+    names = [
+        f"{which} start: robustness {robustness[i]:.3g}" for which, i in zip(("best", "worst"), chosen, strict=True)
+    ]
+    picture, remark = _first_picture(task, recording)
+    if picture is not None and recording.film is not None:
+        return _pictures(task, recording.film, picture, names)
+    drawn = _plane if task.file.plane else _signals
+    return drawn(task, recording.traces[chosen], names)._replace(remark=remark)
+
+
+def _first_picture(task: Task, recording: Recording) -> tuple[Pixels | None, str]:
+    """The system's picture of the best start's first state, or none and why, where the system draws itself."""
+    if type(task.system).frame is System.frame:
+        return None, ""
+    if recording.film is None:
+        return None, "no pictures of the system, as the cell's file of traces has no states; it is of an older version"
+    try:
+        return task.system.frame(recording.film.states[0, 0]), ""
+    except RuntimeError as error:
+        return None, f"no pictures of the system, {error}"
+
+
+def _pictures(task: Task, film: Film, first: Pixels, names: list[str]) -> Scene:
+    height, width = first.shape[:2]
+    figure = Figure(figsize=(10.0, 0.9 + 5.0 * height / width), dpi=_DPI, layout="constrained")
+    images = []
+    for axes, name in zip(figure.subplots(1, 2), names, strict=True):
+        images.append(axes.imshow(first))
+        axes.set_title(name, fontsize=10)
+        axes.set_axis_off()
+
+    def update(sample: int) -> None:
+        for image, states in zip(images, film.states, strict=True):
+            image.set_data(task.system.frame(states[min(sample // task.file.hold, len(states) - 1)]))
+
+    return Scene(figure, update, images)
+
+
+def _plane(task: Task, traces: Array, names: list[str]) -> Scene:
+    figure = Figure(figsize=(10.0, 5.6), dpi=_DPI, layout="constrained")
+    drawn = []
+    for axes, trace, name in zip(figure.subplots(1, 2), traces, names, strict=True):
+        x, y = in_plane(axes, task)
+        axes.set_title(name, fontsize=10)
+        axes.plot(*trace[0, [x, y]], "o", color="white", markeredgecolor="black", markersize=5, zorder=5)
+        (path,) = axes.plot([], [], "-", color=COLOURS[0], linewidth=1.3, zorder=4)
+        (head,) = axes.plot([], [], "o", color="black", markersize=6, zorder=6)
+        drawn.append((trace[:, [x, y]], path, head))
+
+    def update(sample: int) -> None:
+        for trace, path, head in drawn:
+            path.set_data(*trace[: sample + 1].T)
+            head.set_data(*trace[sample : sample + 1].T)
+
+    return Scene(figure, update, [artist for _, *artists in drawn for artist in artists])
+
+
+def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
+    count = len(task.signals)
+    figure = Figure(figsize=(10.0, 1.4 + 2.2 * count), dpi=_DPI, layout="constrained")
+    table = figure.subplots(count, 2, sharex=True, sharey="row", squeeze=False)
+    drawn = []
+    for column, trace, name in zip(table.T, traces, names, strict=True):
+        signals_in_time(column, task)
+        column[0].set_title(name, fontsize=10)
+        for axes, values in zip(column, trace.T, strict=True):
+            (line,) = axes.plot(values, "-", color=COLOURS[0], linewidth=1.3, zorder=4)
+            (head,) = axes.plot([0], values[:1], "o", color="black", markersize=6, zorder=6)
+            drawn.append((values, line, head))
+    for axes, signal in zip(table[:, 0], task.signals, strict=True):
+        axes.set_ylabel(label(task, signal))
+
+    def update(sample: int) -> None:
+        for values, line, head in drawn:
+            line.set_data(np.arange(sample + 1), values[: sample + 1])
+            head.set_data([sample], values[sample : sample + 1])
+
+    return Scene(figure, update, [artist for _, *artists in drawn for artist in artists])

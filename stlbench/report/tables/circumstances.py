@@ -1,0 +1,36 @@
+"""How the results of a report came about: machine, versions, and what it cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stlbench.report.tables.rows import Group
+from stlbench.report.tables.table import Column, Table
+
+__all__ = ["circumstances"]
+
+_OTHERS = {"machine", "jobs", "time", "calibration_seconds"}
+
+
+def circumstances(groups: Sequence[Group]) -> Table:
+    """Machine, versions, cells at a time, days, cells and CPU hours: a row each; values that differ are all said."""
+    rows = [row for group in groups for row in group.rows]
+    values: dict[str, set[str]] = {}
+    for row in rows:
+        for name, value in row.provenance.items():
+            values.setdefault(name, set()).add(value)
+    said = {name: "; ".join(sorted(found)) for name, found in values.items()}
+    versions = ", ".join(f"{name} {said[name]}" for name in sorted(said.keys() - _OTHERS))
+    seconds = sum(row.numbers.cpu_seconds for row in rows if row.numbers)
+    ended = sum(row.numbers is not None for row in rows)
+    days = sorted({time.partition("T")[0] for time in values.get("time", ())})
+    lines = {
+        "machine": said.get("machine", ""),
+        "versions": versions,
+        "cells at a time": said.get("jobs", ""),
+        "begun": days[0] if len(days) == 1 else " to ".join([*days[:1], *days[-1:]]),
+        "cells": f"{len(rows)}, {ended} of them with a result",
+        "CPU time": f"{seconds / 3600:.2f} hours, training and evaluation",
+    }
+    columns = (Column("what", right=False), Column("value", right=False))
+    return Table("Circumstances", columns, tuple((name, text) for name, text in lines.items() if text))

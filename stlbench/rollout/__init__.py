@@ -1,0 +1,1 @@
+"""Everything that steps time: simulator, environments, referee, hand controllers, recorded traces."""

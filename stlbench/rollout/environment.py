@@ -1,0 +1,195 @@
+"""A task with a reward method as a process in time: the one place where transitions are made.
+
+`Simulator` runs N copies from given states to the end. `BatchEnvironment` puts fresh initial states where an episode
+ended; agents train on it. `stlbench.gym` shows the same through Gymnasium's interface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from stlbench import stl
+from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Transition, Truth
+from stlbench.task import starts
+from stlbench.task.task import Task
+
+__all__ = ["BatchEnvironment", "Simulator", "Steps"]
+
+
+class Steps(NamedTuple):
+    """What happened while one action was held."""
+
+    reward: Array
+    """(N,), the mean of the method's rewards over the steps."""
+    samples: Array
+    """(N, hold, k): the signals after each step."""
+
+
+class Simulator:
+    """N copies of a task with a method's memory, all at their own time, without restarts."""
+
+    def __init__(self, task: Task, method: RewardMethod, rewarded: bool = True) -> None:
+        """Args: `rewarded` whether rewards are wanted; without, those of a method without memory are NaN."""
+        self.task, self.method = task, method
+        self._rewarded = rewarded or method.memory_size > 0
+        self.system, self.horizon, self.hold = task.system, task.file.steps, task.file.hold
+        actions = task.actions
+        self._vectors = actions.vectors if isinstance(actions, ActionGrid) else np.empty((0, len(actions.names)))
+        self._low, self._high = np.array(actions.low), np.array(actions.high)
+        self._times = np.arange(self.horizon + 1)[:, None] * (2.0 / self.horizon) - 1.0
+
+    def place(self, states: Array) -> Array:
+        """Start an episode from each of the states (N, n). Returns the first observation (N, D)."""
+        self.state = np.array(states, dtype=np.float64)
+        self.signals = self.system.signals(self.state)
+        self.t: Integers = np.zeros(len(states), dtype=np.int64)
+        self.memory = self.method.start(self.signals, self.t)
+        return self.observe()
+
+    def replace(self, rows: Integers, states: Array, t: Integers) -> None:
+        """Start new episodes in the given rows, from the states (len(rows), n) at steps t (len(rows),)."""
+        self.state[rows] = states
+        self.signals[rows] = self.system.signals(states)
+        self.t[rows] = t
+        if self.method.memory_size:
+            self.memory = self.memory.copy()
+            self.memory[rows] = self.method.start(self.signals[rows], t)
+
+    def observe(self, t: Integers | None = None) -> Array:
+        """What a policy sees: the task's features, the time scaled to [-1, 1], the method's inputs: (N, D).
+
+        `t` (N,) stands in place of the copies' own time where it is given.
+        """
+        t = self.t if t is None else t
+        parts = [self.system.features(self.state, t), self._times[t]]
+        if self.method.memory_size:
+            parts.append(self.method.inputs(self.memory))
+        return np.concatenate(parts, axis=1)
+
+    def advance(self, action: Integers | Array) -> Steps:
+        """Hold actions for `hold` steps: indices (N,) of the grid, or vectors (N, axes), clipped to their ends."""
+        vectors: Array = self._vectors[action] if action.dtype.kind == "i" else np.clip(action, self._low, self._high)
+        states = np.empty((self.hold + 1, *self.state.shape))
+        states[0] = state = self.state
+        for i in range(self.hold):
+            states[i + 1] = state = self.system.step(state, vectors)
+        samples = self.system.signals(states)
+        reward = self._reward(samples, vectors) if self._rewarded else np.full(len(vectors), np.nan)
+        self.state, self.signals, self.t = state, samples[-1].copy(), self.t + self.hold
+        return Steps(reward, samples[1:].transpose(1, 0, 2))
+
+    def _reward(self, samples: Array, vectors: Array) -> Array:
+        rewards, self.memory = self.method.along(samples, vectors, self.t, self.memory)
+        mean: Array = rewards[0] if self.hold == 1 else rewards.mean(axis=0)
+        return mean
+
+
+class _Endings:
+    """Where training episodes end before their time: a term G[a,b] psi is violated, or all is lost."""
+
+    def __init__(self, task: Task) -> None:
+        training, specification = task.file.training, task.specification
+        t = np.arange(specification.steps + 1)
+        self._ends: list[tuple[Callable[[Array], Truth], bool, Truth, float]] = []
+        """A predicate, the verdict that ends the episode, the steps at which it does, and what is paid."""
+        if training.violation is not None:
+            for term in specification.terms:
+                if term.kind == "G":
+                    active = (term.start <= t) & (t <= term.end)
+                    self._ends.append((specification.holds(term.psi), False, active, training.violation))
+        if training.lost is not None:
+            where = specification.holds(stl.parse(training.lost.where))
+            self._ends.append((where, True, np.ones_like(t, dtype=np.bool_), training.lost.reward))
+
+    def __bool__(self) -> bool:
+        return bool(self._ends)
+
+    def __call__(self, samples: Array, t: Integers) -> tuple[Truth, Array]:
+        """Samples (N, h, k) whose last are at steps t (N,) -> whether it is over (N,), and what is paid then (N,)."""
+        at = t[:, None] + np.arange(1 - samples.shape[1], 1)
+        over, paid = np.zeros(len(samples), dtype=np.bool_), np.zeros(len(samples))
+        for holds, verdict, active, reward in self._ends:
+            now = active[at]
+            if now.any():
+                here = (now & (holds(samples) == verdict)).any(axis=1) & ~over
+                over |= here
+                paid[here] = reward
+        return over, paid
+
+
+class BatchEnvironment:
+    """N copies that restart by themselves (`contract.Environment`). All randomness is that of the initial states.
+
+    How training episodes differ from those that the referee scores is the task's, `TaskFile.training`.
+    """
+
+    def __init__(self, task: Task, method: RewardMethod, count: int, seed: int) -> None:
+        self.task, self.count = task, count
+        self.actions, self.hold = task.actions, task.file.hold
+        self.simulator = Simulator(task, method)
+        self._training, horizon = task.file.training, task.file.steps
+        self._cut = np.zeros(horizon + 1, dtype=np.bool_)
+        self._cut[[*self._training.cuts, horizon]] = True
+        self._endings = _Endings(task)
+        self._generator = np.random.default_rng(seed)
+        self._never: Truth = np.zeros(count, dtype=np.bool_)
+        self.taken = 0
+        self.observation_size = self.reset().shape[1]
+        self._generator = np.random.default_rng(seed)
+
+    def reset(self) -> Array:
+        """Start N episodes: the first observation, (N, D)."""
+        self._broken_off: Integers = np.full(self.count, self.simulator.horizon)
+        self.simulator.place(self._draw(self.count))
+        if self._training.exploring is not None:
+            self._restart(np.arange(self.count))
+        return self.simulator.observe()
+
+    def step(self, action: Integers | Array) -> Transition:
+        """Hold the actions for `hold` steps (see `contract.Environment`); rows whose episode is over start anew."""
+        simulator = self.simulator
+        held = simulator.advance(action)
+        self.taken += self.count * self.hold
+        reward = held.reward / simulator.method.scale
+        t = simulator.t
+        ended, terminal = t >= self._broken_off, self._never
+        if self._endings:
+            terminal, paid = self._endings(held.samples, t)
+            reward[terminal] = paid[terminal]
+            ended = ended | terminal
+        cut = self._cut[t] | ended
+        observation = simulator.observe()
+        if not np.count_nonzero(cut):
+            return Transition(observation, reward, observation, cut, ended, terminal)
+        # beyond a boundary the reward asks for something else: the value is that of going on as before it
+        boundary = cut & (t < simulator.horizon) & self._cut[t]
+        arrived = simulator.observe(np.where(boundary, t - self.hold, t)) if boundary.any() else observation
+        if ended.any():
+            self._restart(np.flatnonzero(ended))
+            observation = simulator.observe()
+        return Transition(observation, reward, arrived, cut, ended, terminal)
+
+    def _restart(self, rows: Integers) -> None:
+        """New episodes in the given rows, some of them at a random time."""
+        simulator, exploring = self.simulator, self._training.exploring
+        states, t = self._draw(len(rows)), np.zeros(len(rows), dtype=np.int64)
+        self._broken_off[rows] = simulator.horizon
+        if exploring is not None:
+            chosen = np.flatnonzero(self._generator.random(len(rows)) < exploring.share)
+            decisions = simulator.horizon // self.hold
+            t[chosen] = self._generator.integers(decisions, size=len(chosen)) * self.hold
+            kept = self._generator.random(len(chosen)) < exploring.kept
+            states[chosen[kept]] = simulator.state[rows[chosen[kept]]]
+            if exploring.states is not None:
+                drawn = chosen[~kept]
+                states[drawn] = simulator.system.begin(starts.sample(exploring.states, self._generator, len(drawn)))
+            if exploring.length is not None:
+                length = self._generator.integers(1, 2 * exploring.length, size=len(chosen)) * self.hold
+                self._broken_off[rows[chosen]] = np.minimum(t[chosen] + length, simulator.horizon)
+        simulator.replace(rows, states, t)
+
+    def _draw(self, count: int) -> Array:
+        return self.simulator.system.begin(starts.sample(self.task.file.training_starts, self._generator, count))

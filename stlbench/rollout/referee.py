@@ -1,0 +1,166 @@
+"""The referee: rolls policies out from fixed starts and scores the recorded traces with the task's formula.
+
+It is the only place where a robustness that is reported comes from. No reward, and nothing of a method or an agent,
+enters a score: a method is there only to give the policy the inputs that it was trained with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stlbench import stl
+from stlbench.contract import Array, Integers, Policy, RewardMethod
+from stlbench.result import MAIN, Score
+from stlbench.rollout.environment import Simulator
+from stlbench.task import starts
+from stlbench.task.task import Task
+
+__all__ = ["Referee", "Report", "follow", "record", "score", "start_states"]
+
+
+def start_states(task: Task, part: int = 0) -> Array:
+    """The states (starts, n) behind the main score of the report; with `part` 1, those that selection is on."""
+    file = task.file
+    return task.system.begin(starts.grid(file.initial, file.starts, part))
+
+
+def record(
+    task: Task, method: RewardMethod, policy: Policy, states: Array, visited: list[Array] | None = None
+) -> Array:
+    """The traces (N, T + 1, k) of the signals when `policy` acts from `states` (N, n) to the end of the episode.
+
+    The states at each decision and at the end, (N, n) each, are appended to `visited`, where it is given.
+    """
+    return follow(task, method, lambda simulator: policy.act(simulator.observe()), states, visited)
+
+
+def follow(
+    task: Task,
+    method: RewardMethod,
+    act: Callable[[Simulator], Integers | Array],
+    states: Array,
+    visited: list[Array] | None = None,
+) -> Array:
+    """As `record`, where `act` says at each decision what to do: indices (N,) of the grid, or vectors (N, axes)."""
+    simulator = Simulator(task, method, rewarded=False)
+    simulator.place(states)
+    trace = np.empty((len(states), task.file.steps + 1, len(task.signals)))
+    trace[:, 0] = simulator.signals
+    if visited is not None:
+        visited.append(simulator.state)
+    for t in range(0, task.file.steps, simulator.hold):
+        trace[:, t + 1 : t + 1 + simulator.hold] = simulator.advance(act(simulator)).samples
+        if visited is not None:
+            visited.append(simulator.state)
+    return trace
+
+
+def score(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -> Score:
+    """Robustness and Boolean satisfaction of a formula on traces (N, T + 1, k) at t = 0."""
+    satisfied = stl.satisfied(formula, traces, names)
+    return Score(
+        robustness=tuple(float(value) for value in stl.robustness(formula, traces, names)),
+        satisfied=tuple(bool(value) for value in satisfied),
+        first_failed=_first_failed(formula, traces[~satisfied], names),
+    )
+
+
+def _first_failed(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -> dict[str, int]:
+    """How many of the traces, all violating, lost which conjunct first."""
+    if not len(traces):
+        return {}
+    parts = _conjuncts(formula)
+    lost = np.stack([_lost_at(part, traces, names) for part in parts])
+    counts = np.bincount(np.argmin(lost, axis=0), minlength=len(parts))
+    return {str(part): int(count) for part, count in zip(parts, counts, strict=True) if count}
+
+
+def _conjuncts(formula: stl.Formula) -> list[stl.Formula]:
+    if isinstance(formula, stl.And):
+        return [part for arg in formula.args for part in _conjuncts(arg)]
+    return [formula]
+
+
+def _lost_at(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -> NDArray[np.int64]:
+    """The first sample after which no continuation satisfies the formula; the trace's length where it is satisfied.
+
+    Certain violation never goes away as a trace grows, so bisection finds it.
+    """
+    length = traces.shape[1]
+    low, high = np.zeros(len(traces), dtype=np.int64), np.full(len(traces), length)
+    while (low < high).any():
+        middle = (low + high) // 2
+        possible = np.array(
+            [_possible(formula, trace[: m + 1], names) for trace, m in zip(traces, middle, strict=True)]
+        )
+        open_ = low < high
+        low = np.where(open_ & possible, middle + 1, low)
+        high = np.where(open_ & ~possible, middle, high)
+    return low
+
+
+def _possible(formula: stl.Formula, prefix: Array, names: tuple[str, ...]) -> bool:
+    _, possibly = stl.satisfied(formula, prefix, names, policy="interval")
+    return bool(possibly)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One protocol, ready: the formula in steps and the states that policies start from."""
+
+    formula: stl.Formula
+    states: Array
+
+
+class Report(NamedTuple):
+    """What the referee says of one policy."""
+
+    scores: dict[str, Score]
+    """Protocol -> score."""
+    traces: Array
+    """(N, T + 1, k): the traces behind the main score."""
+    states: Array
+    """(N, decisions + 1, n): the states behind them, at each decision and at the end."""
+
+
+class Referee:
+    """Scores the policies of one cell: checkpoints for selection, then the report.
+
+    Args:
+        task: the task; its protocols and its grid of initial states.
+        method: what gives the policy its inputs.
+    """
+
+    def __init__(self, task: Task, method: RewardMethod) -> None:
+        self.task, self.method = task, method
+        file = task.file
+        self._selection = start_states(task, part=1)
+        self._protocols = {MAIN: Trial(task.formula, start_states(task))}
+        for name, protocol in file.protocols.items():
+            formula = task.formula if protocol.formula is None else file.parsed(protocol.formula)
+            region = protocol.initial or file.initial
+            self._protocols[name] = Trial(formula, task.system.begin(starts.grid(region, protocol.starts)))
+
+    def select(self, policy: Policy) -> tuple[float, float]:
+        """Satisfaction and mean robustness of the task's formula from the starts kept for selection.
+
+        These share no state with the report's.
+        """
+        traces = record(self.task, self.method, policy, self._selection)
+        formula, names = self.task.formula, self.task.signals
+        satisfied, robustness = stl.satisfied(formula, traces, names), stl.robustness(formula, traces, names)
+        return float(satisfied.mean()), float(robustness.mean())
+
+    def report(self, policy: Policy) -> Report:
+        """Every protocol's score, from the report's starts."""
+        scores, traces, visited = {}, {}, list[Array]()
+        for name, trial in self._protocols.items():
+            states = visited if name == MAIN else None
+            traces[name] = record(self.task, self.method, policy, trial.states, states)
+            scores[name] = score(trial.formula, traces[name], self.task.signals)
+        return Report(scores, traces[MAIN], np.stack(visited, axis=1))

@@ -1,0 +1,1 @@
+"""Sound bounds of a margin over a box of signals."""

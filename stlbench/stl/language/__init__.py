@@ -1,0 +1,1 @@
+"""Formulas: lexer, parser, syntax tree, and what can be read off a tree."""

@@ -1,0 +1,117 @@
+"""The funnel fragment (eq. 2 of the paper): a conjunction of F[a,b] psi, G[a,b] psi and F[a,c1] G[c2,b] psi."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from stlbench.stl.errors import FragmentError
+from stlbench.stl.language.structure import is_temporal
+from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Implies, Not, Or, Until
+
+Kind: TypeAlias = Literal["F", "G", "FG"]
+_ALLOWED = "allowed is a conjunction of F[a,b] psi, G[a,b] psi and F[a,c1] G[c2,b] psi, psi without temporal operators"
+
+
+@dataclass(frozen=True)
+class Term:
+    """One conjunct, intervals in steps.
+
+    Attributes:
+        kind: "F" for F[a,b] psi, "G" for G[a,b] psi, "FG" for F[a,c1] G[c2,b] psi.
+        a, b: as in eq. 2; for "FG" the first end of F and the last end of G.
+        c1, c2: for "FG" the last end of F and the first end of G, otherwise 0.
+        psi: the formula inside, without temporal operators.
+    """
+
+    kind: Kind
+    a: int
+    b: int
+    c1: int
+    c2: int
+    psi: Formula
+
+    @property
+    def start(self) -> int:
+        """First step at which psi is observed for this term: a, or a + c2 for "FG"."""
+        return self.a + self.c2
+
+    @property
+    def end(self) -> int:
+        """Last step at which psi is observed for this term: b, or c1 + b for "FG"."""
+        return self.c1 + self.b
+
+    @property
+    def formula(self) -> Formula:
+        """The term as a formula again."""
+        if self.kind == "F":
+            return Eventually(self.a, self.b, self.psi)
+        if self.kind == "G":
+            return Always(self.a, self.b, self.psi)
+        return Eventually(self.a, self.c1, Always(self.c2, self.b, self.psi))
+
+
+def fragment(formula: Formula) -> tuple[Term, ...]:
+    """The terms of `formula`, in order of appearance.
+
+    Raises:
+        FragmentError: the formula is outside the fragment; says where, why, and what would be allowed.
+    """
+    conjuncts = formula.args if isinstance(formula, And) else (formula,)
+    return tuple(_term(conjunct) for conjunct in conjuncts)
+
+
+def _term(formula: Formula) -> Term:
+    match formula:
+        case Eventually(a, c1, Always(c2, b, psi)) if not is_temporal(psi):
+            return Term("FG", a, b, c1, c2, psi)
+        case Eventually(a, b, psi) if not is_temporal(psi):
+            return Term("F", a, b, 0, 0, psi)
+        case Always(a, b, psi) if not is_temporal(psi):
+            return Term("G", a, b, 0, 0, psi)
+        case _:
+            raise _outside(formula)
+
+
+def _outside(formula: Formula) -> FragmentError:
+    if not is_temporal(formula):
+        reason = f"it speaks of t = 0 alone; write G[0,0] ({formula}) or give an interval"
+        return FragmentError("a formula without F or G", formula.position, reason)
+    parent, blamed = _blamed(formula)
+    what, reason = _reason(parent, blamed)
+    return FragmentError(what, blamed.position, reason)
+
+
+def _blamed(formula: Formula) -> tuple[Formula | None, Formula]:
+    """The operator that is at fault and the F or G it is wrongly inside of, if any."""
+    match formula:
+        case Eventually(_, _, Always(_, _, arg) as parent):
+            return parent, arg
+        case Always(_, _, arg) | Eventually(_, _, arg):
+            return formula, arg
+        case _:
+            return None, formula
+
+
+def _reason(parent: Formula | None, blamed: Formula) -> tuple[str, str]:
+    """What is wrong with `blamed`, a temporal formula, and what to write instead."""
+    match blamed:
+        case Until():
+            return "until", _ALLOWED
+        case Or():
+            return "disjunction of temporal formulas", f"{_ALLOWED}; | may stand inside psi"
+        case Implies():
+            return "implication of temporal formulas", f"{_ALLOWED}; -> may stand inside psi"
+        case Not():
+            return "negation of a temporal formula", "push it inwards: !F[a,b] p is G[a,b] !p, !G[a,b] p is F[a,b] !p"
+        case And() if isinstance(parent, Always):
+            hint = "G[a,b] (p & q) is G[a,b] p & G[a,b] q; write the conjuncts one by one"
+            return "conjunction of temporal formulas inside G", hint
+        case And():
+            return "conjunction of temporal formulas inside F", _ALLOWED
+        case Eventually() if isinstance(parent, Always):
+            return "F inside G", f"G F (again and again) has no single deadline; {_ALLOWED}"
+        case Eventually():
+            return "F inside F", "F[a,b] F[c,d] p is F[a+c,b+d] p; write that"
+        case _:
+            return "G inside G", "G[a,b] G[c,d] p is G[a+c,b+d] p; write that"

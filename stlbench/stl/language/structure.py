@@ -1,0 +1,77 @@
+"""What a formula is made of and what it needs of a trace: operands, horizon, signals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from stlbench.stl.language.syntax import (
+    Always,
+    And,
+    AnyNode,
+    Binary,
+    Call,
+    Eventually,
+    Formula,
+    Implies,
+    Negative,
+    Not,
+    Or,
+    Predicate,
+    Signal,
+    TrueFormula,
+    Until,
+)
+
+
+def horizon(formula: Formula) -> int:
+    """Steps that `formula` looks ahead, at least 0; a trace that decides it has `horizon + 1` samples.
+
+    Tight for until: its left operand is not read at the last step, so `p U[0,b] q` with p deeper than q counts b - 1
+    steps before p.
+    """
+    match formula:
+        case TrueFormula() | Predicate():
+            return 0
+        case Not(arg):
+            return horizon(arg)
+        case And(args) | Or(args):
+            return max(map(horizon, args))
+        case Implies(left, right):
+            return max(horizon(left), horizon(right))
+        case Always(_, b, arg) | Eventually(_, b, arg):
+            return b + horizon(arg)
+        case Until(_, b, left, right):
+            before = b - 1 + horizon(left) if b > 0 else 0
+            return max(before, b + horizon(right))
+
+
+def signals(formula: Formula) -> tuple[str, ...]:
+    """Names of the signals that `formula` uses, each once, in order of first appearance."""
+    return tuple(dict.fromkeys(node.name for node in walk(formula) if isinstance(node, Signal)))
+
+
+def is_temporal(formula: Formula) -> bool:
+    """Whether `formula` contains G, F or U (also one of zero length such as `G[0,0]`)."""
+    return any(isinstance(node, Always | Eventually | Until) for node in walk(formula))
+
+
+def children(node: AnyNode) -> tuple[AnyNode, ...]:
+    """The operands of `node`, left to right."""
+    match node:
+        case Call(_, args) | And(args) | Or(args):
+            return args
+        case Predicate(_, left, right) | Binary(_, left, right) | Implies(left, right) | Until(_, _, left, right):
+            return left, right
+        case Negative(arg) | Not(arg) | Always(_, _, arg) | Eventually(_, _, arg):
+            return (arg,)
+        case _:
+            return ()
+
+
+def walk(node: AnyNode) -> Iterator[AnyNode]:
+    """`node` and everything in it, in order of appearance."""
+    stack = [node]
+    while stack:
+        node = stack.pop()
+        yield node
+        stack.extend(reversed(children(node)))

@@ -1,0 +1,1 @@
+"""Predicates compiled to functions of a sample or of arrays of samples."""

@@ -1,0 +1,58 @@
+"""Formulas without temporal operators, evaluated per sample: cheap enough for every step of an environment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stlbench.stl.language.syntax import Formula
+from stlbench.stl.predicates.compiler import Closure, Operand, compile_holds, compile_margin
+
+Samples: TypeAlias = NDArray[np.float64]
+
+
+def margin(psi: Formula, names: Sequence[str]) -> Callable[[Samples], Samples]:
+    """Compile the robustness of `psi` per sample.
+
+    Args:
+        psi: a formula without temporal operators.
+        names: the signals, in the order of the samples' last axis.
+
+    Returns:
+        A pure function: samples (..., k) of floats, in the signals' units -> rho (...,), > 0 where psi holds with that
+        margin, < 0 where it fails; for one sample (k,) a NumPy scalar. Undefined arithmetic gives inf or NaN.
+
+    Raises:
+        UnknownSignalError: psi uses a signal that is not in `names`.
+        ValueError: psi has temporal operators, or a name occurs twice.
+    """
+    return _margin(psi, tuple(names))
+
+
+def holds(psi: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.bool_]]:
+    """Compile the Boolean verdict of `psi` per sample: `<=`, `>=` hold iff the margin is >= 0, `<`, `>` iff it is > 0.
+
+    Arguments, errors and shapes as `margin`; the function returns bool (...,). NaN margins count as false.
+    """
+    return _holds(psi, tuple(names))
+
+
+@lru_cache(maxsize=256)
+def _margin(psi: Formula, names: tuple[str, ...]) -> Closure:
+    return _filled(compile_margin(psi, names), float)
+
+
+@lru_cache(maxsize=256)
+def _holds(psi: Formula, names: tuple[str, ...]) -> Closure:
+    return _filled(compile_holds(psi, names), bool)
+
+
+def _filled(compiled: Operand, dtype: type) -> Closure:
+    """A constant formula still answers with the batch's shape."""
+    if callable(compiled):
+        return compiled
+    return lambda x: np.full(np.shape(x)[:-1], compiled, dtype=dtype)

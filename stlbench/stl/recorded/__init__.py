@@ -1,0 +1,1 @@
+"""Robustness and satisfaction of whole recorded traces."""

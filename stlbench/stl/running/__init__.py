@@ -1,0 +1,1 @@
+"""Monitors: verdicts while a trace is still growing."""

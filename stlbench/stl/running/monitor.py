@@ -1,0 +1,118 @@
+"""An online monitor: one sample at a time, bounds of the robustness at t = 0 over everything that may still follow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stlbench.stl.errors import UndefinedError
+from stlbench.stl.language.structure import horizon
+from stlbench.stl.language.syntax import Formula
+from stlbench.stl.predicates.compiler import check_names
+from stlbench.stl.predicates.scalars import Sample
+from stlbench.stl.predicates.sided import SIDE
+from stlbench.stl.running.online import ONE
+from stlbench.stl.running.tree import Tree
+
+
+class Interval(NamedTuple):
+    """What is known after a sample.
+
+    Attributes:
+        lower, upper: bounds of the robustness at t = 0 over all continuations (-inf, +inf while nothing is known).
+        verdict: True or False once no continuation can change it (Boolean semantics), else None.
+    """
+
+    lower: float
+    upper: float
+    verdict: bool | None
+
+
+#: `Interval(*values)` without the detour over Python
+_INTERVAL = partial(tuple.__new__, Interval)
+
+
+class Monitor:
+    """Watches one trace for `formula`; for many traces at once see `BatchMonitor`.
+
+    G, F, G F, F G and until over formulas without temporal operators cost constant amortised time a step and at most
+    one window of memory, also inside !, &, | and ->. Any other nesting keeps up to horizon + 1 samples and re-evaluates
+    them at each step. `copy.deepcopy` forks a monitor.
+
+    Raises:
+        UnknownSignalError: the formula uses a signal that is not in `names`.
+    """
+
+    def __init__(self, formula: Formula, names: Sequence[str]) -> None:
+        """Start before the first sample; `names` are the signals of a sample, in order."""
+        self.formula, self.names = formula, tuple(names)
+        check_names(formula, self.names)
+        self.horizon = horizon(formula)
+        self.steps = 0
+        self._tree = Tree(formula, self.names, ONE)
+        self._width = len(self.names)
+        self._turn = 0  # the next step at which a leaf starts or stops reading
+        self._active: list[Callable[[int, Sample], bool]] = []
+        self._answer = Interval(-math.inf, math.inf, None)
+
+    def update(self, sample: ArrayLike) -> Interval:
+        """Take the next sample (k,) and return what is known now. A tuple or list of floats is fastest.
+
+        After horizon + 1 samples lower == upper == `robustness` of the trace (to rounding of sin, cos, exp), and later
+        samples change nothing.
+
+        Raises:
+            UndefinedError: the sample has a NaN, or a predicate has no value at it.
+            ValueError: the sample is not of shape (k,).
+        """
+        now = self.steps
+        if now > self.horizon:
+            return self._answer
+        row: Any = sample.tolist() if isinstance(sample, np.ndarray) else sample
+        try:
+            total = sum(row)  # NaN if any is, or for inf - inf: `_checked` looks closer
+            if type(total) is not float or total != total or len(row) != self._width:
+                row = self._checked(sample)
+        except TypeError:
+            row = self._checked(sample)
+        if now == self._turn:
+            self._reschedule(now)
+        changed = now == 0
+        for step in self._active:
+            if step(now, row):
+                changed = True
+        self.steps = now + 1
+        if changed:
+            self._answer = self._ask()
+        return self._answer
+
+    def _checked(self, sample: ArrayLike) -> list[float]:
+        """Anything that NumPy reads as (k,) floats, checked."""
+        values = np.asarray(sample, dtype=float)
+        if values.shape != (self._width,):
+            raise ValueError(f"a sample has shape ({self._width},) for {', '.join(self.names)}, got {values.shape}")
+        if np.isnan(values).any():
+            name = self.names[int(np.isnan(values).argmax())]
+            raise UndefinedError(f"signal {name!r} is NaN at sample {self.steps}")
+        row: list[float] = values.tolist()
+        return row
+
+    def _reschedule(self, now: int) -> None:
+        leaves = self._tree.leaves
+        self._active = [leaf.step for leaf in leaves if leaf.start <= now <= leaf.stop]
+        turns = (turn for leaf in leaves for turn in (leaf.start, leaf.stop + 1) if turn > now)
+        self._turn = min(turns, default=-1)
+
+    def _ask(self) -> Interval:
+        lower, upper = self._tree.root.bounds()
+        verdict = True if lower > 0.0 else False if upper < 0.0 else None
+        if -SIDE <= lower <= SIDE:
+            lower = 0.0
+        if -SIDE <= upper <= SIDE:
+            upper = 0.0
+        return _INTERVAL((lower, upper, verdict))

@@ -1,0 +1,140 @@
+"""A formula as a tree of online operators: the same tree for one trace (`online`) and for many (`batch`).
+
+Values are sided (see `sided`); bounds are of the value at t = 0 over all continuations of the samples so far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar
+
+from stlbench.stl.language.structure import horizon, is_temporal
+from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Implies, Not, Or, Until
+from stlbench.stl.recorded.plans import SIDED, unknown
+
+#: least and greatest value, as floats or as arrays
+Ends: TypeAlias = tuple[Any, Any]
+Interval: TypeAlias = tuple[int, int]
+
+
+class Part(Protocol):
+    """Any node of the tree."""
+
+    def bounds(self) -> Ends:
+        """(lower, upper), sided."""
+
+
+class Leaf:
+    """A node that reads samples, at steps `start`..`stop` alone; its bounds `ends` cannot change at others.
+
+    Every leaf is a minimum at heart: F psi is -(G !psi), so a `flipped` leaf publishes its bounds negated and swapped.
+    """
+
+    def __init__(self, start: int, stop: int, flipped: bool) -> None:
+        self.start, self.stop, self.flipped = start, stop, flipped
+        self.ends: Ends
+
+    def bounds(self) -> Ends:
+        """(lower, upper), sided."""
+        lower, upper = self.ends
+        return (-upper, -lower) if self.flipped else (lower, upper)
+
+
+L = TypeVar("L", bound=Leaf)
+
+
+@dataclass(frozen=True)
+class Joined:
+    """Conjunction (`pick` is the least of a sequence) or disjunction (the greatest): bounds combine end by end."""
+
+    parts: Sequence[Part]
+    pick: Callable[[Sequence[Any]], Any]
+
+    def bounds(self) -> Ends:
+        """(lower, upper), sided."""
+        ends = [part.bounds() for part in self.parts]
+        return self.pick([lower for lower, _ in ends]), self.pick([upper for _, upper in ends])
+
+
+@dataclass(frozen=True)
+class Kit(Generic[L]):
+    """What a tree is made of.
+
+    Attributes:
+        least, greatest: of a sequence of values.
+        psi: (psi, names, negated) -> closure over a sample, for psi without temporal operators.
+        lowest: (psi, (a, b), unknown, flipped) -> G[a,b] psi; `unknown` bounds psi at a sample not yet come.
+        nested: (psi, (a, c), (d, e), unknown, flipped) -> F[a,c] G[d,e] psi.
+        until: ((psi1, psi2), (a, b), (unknown1, unknown2), flipped) -> psi1 U[a,b] psi2.
+        replayed: (formula, names, horizon) -> any formula.
+    """
+
+    least: Callable[[Sequence[Any]], Any]
+    greatest: Callable[[Sequence[Any]], Any]
+    psi: Callable[[Formula, tuple[str, ...], bool], Any]
+    lowest: Callable[[Any, Interval, Ends, bool], L]
+    nested: Callable[[Any, Interval, Interval, Ends, bool], L]
+    until: Callable[[tuple[Any, Any], Interval, tuple[Ends, Ends], bool], L]
+    replayed: Callable[[Formula, tuple[str, ...], int], L]
+
+
+class Tree(Generic[L]):
+    """The cheapest operators that are exact for `formula`: `root` answers, `leaves` take the samples."""
+
+    def __init__(self, formula: Formula, names: tuple[str, ...], kit: Kit[L]) -> None:
+        self.kit, self.names = kit, names
+        self.leaves: list[L] = []
+        self.root = self._build(formula, False)
+
+    def _build(self, formula: Formula, negated: bool) -> Part:
+        if not is_temporal(formula):
+            return self._lowest(formula, (0, 0), negated, False)
+        kit = self.kit
+        match formula:
+            case Not(arg):
+                return self._build(arg, not negated)
+            case And(args):
+                return Joined([self._build(arg, negated) for arg in args], kit.greatest if negated else kit.least)
+            case Or(args):
+                return Joined([self._build(arg, negated) for arg in args], kit.least if negated else kit.greatest)
+            case Implies(left, right):
+                parts = [self._build(left, not negated), self._build(right, negated)]
+                return Joined(parts, kit.least if negated else kit.greatest)
+            case _:
+                return self._temporal(formula, negated)
+
+    def _temporal(self, formula: Formula, negated: bool) -> Part:
+        match formula:
+            case Always(a, b, psi) if not is_temporal(psi):
+                return self._lowest(psi, (a, b), False, negated)
+            case Eventually(a, b, psi) if not is_temporal(psi):
+                return self._lowest(psi, (a, b), True, not negated)
+            case Eventually(a, c, Always(d, e, psi)) if not is_temporal(psi):
+                return self._nested(psi, (a, c), (d, e), False, negated)
+            case Always(a, c, Eventually(d, e, psi)) if not is_temporal(psi):
+                return self._nested(psi, (a, c), (d, e), True, not negated)
+            case Until(a, b, left, right) if not is_temporal(left) and not is_temporal(right):
+                psis, unknowns = zip(self._psi(left), self._psi(right), strict=True)
+                return self._leaf(self.kit.until(psis, (a, b), unknowns, negated))
+            case _:
+                whole = Not(formula) if negated else formula
+                return self._leaf(self.kit.replayed(whole, self.names, horizon(formula)))
+
+    def _lowest(self, psi: Formula, interval: Interval, negated: bool, flipped: bool) -> Part:
+        run, ends = self._psi(psi, negated)
+        return self._leaf(self.kit.lowest(run, interval, ends, flipped))
+
+    def _nested(self, psi: Formula, outer: Interval, inner: Interval, negated: bool, flipped: bool) -> Part:
+        run, ends = self._psi(psi, negated)
+        return self._leaf(self.kit.nested(run, outer, inner, ends, flipped))
+
+    def _psi(self, psi: Formula, negated: bool = False) -> tuple[Any, Ends]:
+        """The closure of `psi` or of its negation, and its bounds at a sample that has not come yet."""
+        asked = Not(psi) if negated else psi
+        lower, upper = (float(unknown(asked, SIDED, self.names, worst)) for worst in (True, False))
+        return self.kit.psi(psi, self.names, negated), (lower, upper)
+
+    def _leaf(self, leaf: L) -> L:
+        self.leaves.append(leaf)
+        return leaf

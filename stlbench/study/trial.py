@@ -1,0 +1,165 @@
+"""One cell, from its name to its result: train, select, report. Runs in a worker process."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from stlbench.contract import Agent, Intractable, Policy, RewardMethod, Training, Unsuitable
+from stlbench.registry.choices import base_name
+from stlbench.result import CurvePoint, Measurement, Result
+from stlbench.rollout.environment import BatchEnvironment, Simulator
+from stlbench.rollout.referee import Referee, Report
+from stlbench.rollout.traces import save, trace_file
+from stlbench.study.matrix import Cell, derive_seed
+from stlbench.task import Task, build_agent, build_method, load_task
+from stlbench.task.file import Budget
+
+__all__ = ["measure", "reward_cost", "run_cell"]
+
+
+def run_cell(cell: Cell, folder: Path | None = None) -> Result:
+    """Train and score one cell.
+
+    Args:
+        cell: what to run.
+        folder: where the report's traces are saved, if anywhere (`trace_file`).
+
+    Returns:
+        The cell's result; a method that does not fit the task is a result, with its reason. Any other error of a
+        plugin is raised, for the scheduler to record.
+    """
+    task = load_task(cell.task)
+    try:
+        method = build_method(task, cell.method)
+    except Intractable as reason:
+        return cell.ended("intractable", str(reason))
+    except Unsuitable as reason:
+        return cell.ended("unsuitable", str(reason))
+    measurement, reported = measure(task, method, build_agent(task, cell.agent), cell)
+    if folder is not None:
+        save(trace_file(folder, cell.name, cell.key), reported, task.signals)
+    return cell.ended("done", measurement=measurement)
+
+
+@dataclass
+class _Clock:
+    """CPU and wall seconds, without the spans during which it is paused."""
+
+    cpu: float = 0.0
+    wall: float = 0.0
+    _since: tuple[float, float] = field(default_factory=lambda: (time.process_time(), time.perf_counter()))
+
+    def pause(self) -> None:
+        self.cpu += time.process_time() - self._since[0]
+        self.wall += time.perf_counter() - self._since[1]
+
+    def resume(self) -> None:
+        self._since = (time.process_time(), time.perf_counter())
+
+
+class _Selection:
+    """The best checkpoint so far: by satisfaction, then by mean robustness, on the starts kept for selection."""
+
+    def __init__(self, referee: Referee, clock: _Clock) -> None:
+        self.referee, self.clock = referee, clock
+        self.curve: list[CurvePoint] = []
+        self.best: Policy | None = None
+        self.steps = 0
+        self._rank = (-1.0, -np.inf)
+
+    def __call__(self, policy: Policy, steps: int) -> None:
+        self.clock.pause()
+        satisfaction, mean = self.referee.select(policy)
+        self.curve.append(CurvePoint(steps, self.clock.cpu, satisfaction, mean))
+        if (satisfaction, mean) > self._rank:
+            self._rank, self.best, self.steps = (satisfaction, mean), policy, steps
+        self.clock.resume()
+
+
+def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple[Measurement, Report]:
+    """Train, and score the selected and the final policy: the measurement and the selected policy's report."""
+    whole = _Clock()
+    referee = Referee(task, method)
+    budget = task.budget(cell.budget)
+    used: list[BatchEnvironment] = []
+    clock = _Clock()
+    selection = _Selection(referee, clock)
+    training = _training(task, method, cell, budget, selection, used.append)
+    _warm_up(agent, training, task.file.hold)
+    used.clear()
+    clock.resume()
+    final = agent.train(training)
+    clock.pause()
+    taken = sum(environment.taken for environment in used)
+    if taken > budget.steps:
+        raise RuntimeError(f"agent {cell.agent} took {taken} environment steps, its budget is {budget.steps}")
+    selected = final if selection.best is None else selection.best
+    reported = referee.report(selected)
+    last = reported if selected is final else referee.report(final)
+    cost = reward_cost(task, method)
+    whole.pause()
+    measurement = Measurement(
+        selected=reported.scores,
+        final=last.scores,
+        selected_steps=selection.steps,
+        curve=tuple(selection.curve),
+        training_cpu_seconds=clock.cpu,
+        training_wall_seconds=clock.wall,
+        cpu_seconds=whole.cpu,
+        wall_seconds=whole.wall,
+        env_steps=taken,
+        reward_nanoseconds=cost,
+        inputs_added=method.memory_size,
+    )
+    return measurement, reported
+
+
+def _training(
+    task: Task,
+    method: RewardMethod,
+    cell: Cell,
+    budget: Budget,
+    report: Callable[[Policy, int], None],
+    made: Callable[[BatchEnvironment], None],
+) -> Training:
+    agent = base_name(cell.agent)
+
+    def make(count: int) -> BatchEnvironment:
+        environment = BatchEnvironment(task, method, count, derive_seed(task.plugin, "initial states", cell.seed))
+        made(environment)
+        return environment
+
+    return Training(
+        make, budget.steps, derive_seed(task.plugin, agent, "training", cell.seed), report, budget.checkpoints
+    )
+
+
+def _warm_up(agent: Agent, training: Training, hold: int) -> None:
+    """Train for a moment, unscored: what a library loads at first use would be charged to the first cell otherwise."""
+    few = min(training.steps, 1000 * hold)
+    agent.train(replace(training, steps=few, report=lambda policy, steps: None, checkpoints=1))
+
+
+def reward_cost(task: Task, method: RewardMethod, rows: int = 1024, repeats: int = 50) -> float:
+    """CPU nanoseconds that the method's reward takes a step and copy, in a batch of `rows` under random actions."""
+    generator = np.random.default_rng(0)
+    simulator = Simulator(task, method)
+    region, actions = task.file.initial, task.actions
+    simulator.place(task.system.begin(generator.uniform(region.low, region.high, (rows, len(region.low)))))
+    action = generator.uniform(actions.low, actions.high, (rows, len(actions.names)))
+    states = [simulator.state]
+    for _ in range(task.file.hold):
+        states.append(task.system.step(states[-1], action))
+    along = partial(method.along, task.system.signals(np.stack(states)), action, simulator.t)
+    along(simulator.memory)
+    begin = time.process_time_ns()
+    memory = simulator.memory
+    for _ in range(repeats):
+        _, memory = along(memory)
+    return (time.process_time_ns() - begin) / (rows * repeats * task.file.hold)

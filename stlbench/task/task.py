@@ -1,0 +1,145 @@
+"""A task: its file, and the system whose dynamics lie beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from typing import Any
+
+from stlbench import stl
+from stlbench.contract import ActionBox, ActionGrid, Actions, Specification, System
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.registry import plugins
+from stlbench.registry.choices import Choice, parse_choice
+from stlbench.task.file import Budget, TaskFile, read_task_file
+
+__all__ = ["Task", "load_task"]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A task that is ready: file, formulas in steps, system."""
+
+    name: str
+    """Canonical text of the choice: overlap, or overlap[without=cuts]."""
+    file: TaskFile
+    system: System
+
+    @property
+    def plugin(self) -> str:
+        """The name of its entry point."""
+        return parse_choice(self.name).name
+
+    @cached_property
+    def formula(self) -> stl.Formula:
+        """The task's formula, intervals in steps."""
+        return self.file.parsed(self.file.formula)
+
+    @cached_property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the k signals."""
+        return tuple(self.file.signals)
+
+    @cached_property
+    def actions(self) -> Actions:
+        """The grid of actions, or their box."""
+        names, axes = tuple(self.file.actions), self.file.actions.values()
+        if any(axis.count is None for axis in axes):
+            return ActionBox(names, tuple(axis.low for axis in axes), tuple(axis.high for axis in axes))
+        robots = tuple(len(owned) for owned in self.file.robots.values())
+        return ActionGrid(names, tuple(axis.values for axis in axes), robots)
+
+    @cached_property
+    def specification(self) -> Specification:
+        """What a reward method is told of the task."""
+        ranges = self.file.signals.values()
+        return Specification(
+            formula=self.formula if self.file.rewarded is None else self.file.parsed(self.file.rewarded),
+            signals=self.signals,
+            low=tuple(entry.low for entry in ranges),
+            high=tuple(entry.high for entry in ranges),
+            steps=self.file.steps,
+            dt=self.file.sampling_time,
+            nested=None if self.file.nested is None else self.file.parsed(self.file.nested),
+            input_limit=self.file.input_limit,
+        )
+
+    @property
+    def own_agent(self) -> str:
+        """The agent that the task is trained with unless another is named: the first that it has a recipe for."""
+        return next(iter(self.file.agents))
+
+    def budget(self, name: str) -> Budget:
+        """The named budget."""
+        if name not in self.file.budgets:
+            raise UsageError(f"task {self.name} has no budget '{name}'{did_you_mean(name, self.file.budgets)}")
+        return self.file.budgets[name]
+
+    def recipe(self, agent: str) -> Mapping[str, Any]:
+        """The task's parameters for an agent, by the agent's name without parameters."""
+        if agent not in self.file.agents:
+            known = ", ".join(sorted(self.file.agents))
+            raise UsageError(f"task {self.name} has no recipe for agent '{agent}'; it has: {known}")
+        return self.file.agents[agent]
+
+
+def load_task(text: str) -> Task:
+    """Find, read and check a task.
+
+    Args:
+        text: its name; for an ablation with what it is to do without, joined by +: overlap[without=cuts+violation].
+
+    Raises:
+        UsageError: no such task, a task file with errors (the message lists all of them), or without a thing that the
+            task does not have.
+    """
+    choice = parse_choice(text)
+    name = choice.name
+    plugin = plugins.find("tasks", name)
+    kind = plugin.load()
+    file = _without(read_task_file(_text(name, kind), name), choice)
+    try:
+        system = kind(file.sampling_time, **file.parameters)
+    except TypeError as error:
+        raise UsageError(f"task {name}: parameters: {error}") from error
+    except ImportError as error:
+        raise UsageError(f"task {name} cannot be loaded: {error}") from error
+    _check_states(name, file, system)
+    return Task(str(choice), file, system)
+
+
+def _without(file: TaskFile, choice: Choice) -> TaskFile:
+    """The file without what the choice names."""
+    for key, value in choice.parameters:
+        if key != "without":
+            raise UsageError(f"{choice}: a task has no parameter '{key}', only without, as in without=cuts+hold")
+        for part in value.split("+"):
+            try:
+                file = file.without(part)
+            except ValueError as error:
+                raise UsageError(f"{choice}: {error}") from error
+    return file
+
+
+def _text(name: str, kind: type) -> str:
+    package = kind.__module__.rpartition(".")[0]
+    if not package:
+        raise UsageError(f"task {name}: {kind.__module__} is in no package; a task is a package with a task.yaml")
+    try:
+        return resources.files(package).joinpath("task.yaml").read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise UsageError(f"task {name}: there is no task.yaml in the package {package}") from error
+
+
+def _check_states(name: str, file: TaskFile, system: System) -> None:
+    exploring = file.training.exploring
+    regions = {"initial": file.initial, "training.starts": file.training_starts}
+    if exploring is not None and exploring.states is not None:
+        regions["training.exploring.states"] = exploring.states
+    regions |= {f"protocols.{key}.initial": entry.initial for key, entry in file.protocols.items() if entry.initial}
+    names = system.state if system.coordinates is None else system.coordinates
+    wrong = [place for place, region in regions.items() if tuple(region.box) != names]
+    if wrong:
+        raise UsageError(f"task {name}: {', '.join(wrong)}: the box must name {', '.join(names)}, in this order")

@@ -1,0 +1,123 @@
+"""Recordings: from ledgers, from tables, and back; whatever is wrong is said with its place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from helpers import synthetic_results
+
+from stlbench import report
+from stlbench.errors import UsageError
+from stlbench.gate.calibration import CALIBRATION
+from stlbench.gate.comparison import Recording, Sample, gather, load, pair, sample, save
+from stlbench.result import Result
+from stlbench.study.ledger import Ledger
+
+HEADER = "task,method,agent,seed,budget,status,reason,robustness_mean,satisfaction,training_cpu_seconds"
+HEADER += ",reward_nanoseconds,calibration_seconds\n"
+LINE = "disc,funnel,dqn,0,smoke,done,,0.25,0.5,1.5,20,0.01\n"
+
+
+def calibrated(result: Result, **provenance: str) -> Result:
+    return replace(result, provenance={**result.provenance, **provenance})
+
+
+def results() -> list[Result]:
+    return [
+        calibrated(synthetic_results.result(seed=0, robustness=(0.1, 0.2)), machine="m", **{CALIBRATION: "0.0125"}),
+        synthetic_results.result("tau-mdp", seed=1, status="intractable", reason="needs 4002 inputs,\n limit 512"),
+    ]
+
+
+def test_a_sample_has_the_numbers_of_the_selected_policy() -> None:
+    found = sample(
+        calibrated(synthetic_results.result(robustness=(-0.5, 1.0), final=(9, 9)), **{CALIBRATION: "0.0125"})
+    )
+    assert found == Sample("hold-disc", "funnel", "dqn", 0, "quick", "done", "", 0.25, 0.5, 10.0, 21.0, 0.0125)
+    assert found.identity == ("hold-disc", "funnel", "dqn", "quick", 0)
+
+
+def test_a_reference_comes_back_as_it_was(tmp_path: Path) -> None:
+    recording = gather(results())
+    save(tmp_path / "reference", recording)
+    assert load(tmp_path / "reference") == recording
+    assert recording.provenance == {"jobs": "2", "machine": "m"}
+
+
+def test_a_reference_is_a_line_a_cell_in_order(tmp_path: Path) -> None:
+    save(tmp_path, gather(reversed(results())))
+    assert (tmp_path / "cells.csv").read_text() == (
+        HEADER
+        + f"hold-disc,funnel,dqn,0,quick,done,,{(0.1 + 0.2) / 2!r},1.0,10,21,0.0125\n"
+        + 'hold-disc,tau-mdp,dqn,1,quick,intractable,"needs 4002 inputs, limit 512",,,,,\n'
+    )
+
+
+def test_a_ledger_a_folder_and_the_table_of_a_report(tmp_path: Path) -> None:
+    with Ledger(tmp_path / "ledger.sqlite") as ledger:
+        for result in results():
+            ledger.record(result)
+    found = load(tmp_path)
+    assert found == load(tmp_path / "ledger.sqlite") == gather(results())
+    report.write(report.condense(results()[:1]), {}, tmp_path)
+    assert load(tmp_path) == found  # the ledger goes before the table
+    (entry,) = load(tmp_path / "cells.csv").samples.values()
+    assert entry == replace(sample(results()[0]), calibration_seconds=None)
+
+
+def test_pairs_are_in_order_and_those_of_the_base() -> None:
+    one, two, three = (Sample("disc", "raw", "dqn", seed, "smoke", "done") for seed in (1, 2, 10))
+    base, new = (Recording({entry.identity: entry for entry in entries}) for entries in ((three, two), (one, two)))
+    assert pair(base, new) == [(two, two), (three, None)]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (HEADER + LINE.replace("done", "dnoe"), "line 2: status is 'dnoe'"),
+        (HEADER + LINE.replace("0.25", "much"), "line 2: robustness_mean is 'much'"),
+        (HEADER + LINE.replace("dqn,0", "dqn,1.5"), "line 2: seed is '1.5'"),
+        (HEADER + LINE.replace("0.25", ""), "line 2: status is done and one of robustness_mean"),
+        (HEADER + LINE + LINE, "line 3: a second row of disc/funnel/dqn/0, budget smoke"),
+        (HEADER + "disc,funnel\n", "line 2: no column agent, seed, budget"),
+        ("a,b\n1,2\n", "line 2: no column task, method"),
+        ('a,b\n"1,2\n', "cannot read"),
+    ],
+)
+def test_a_wrong_table_is_told_with_its_place(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "cells.csv"
+    path.write_text(text)
+    with pytest.raises(UsageError) as error:
+        load(tmp_path)
+    assert str(path) in str(error.value)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_wrong_place(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="there is no ledger at"):
+        load(tmp_path / "nowhere")
+    with pytest.raises(UsageError, match=r"has neither ledger\.sqlite nor cells\.csv"):
+        load(tmp_path)
+    (tmp_path / "text").write_text("x")
+    with pytest.raises(UsageError, match="neither a ledger nor a table of cells"):
+        load(tmp_path / "text")
+    (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(UsageError, match="cannot read"):
+        load(tmp_path / "binary.csv")
+    (tmp_path / "provenance.json").write_text("[]")
+    with pytest.raises(UsageError, match="an object of texts is expected"):
+        load(tmp_path)
+
+
+def test_an_empty_table_is_an_empty_recording(tmp_path: Path) -> None:
+    (tmp_path / "cells.csv").write_text(HEADER)
+    assert load(tmp_path) == Recording()
+
+
+def test_a_reference_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="cannot write the reference"):
+        save(tmp_path / "file", Recording())

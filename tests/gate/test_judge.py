@@ -1,0 +1,308 @@
+"""What is worse, what is not, and what nobody can tell: on made-up recordings, with values computed by hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stlbench.gate.comparison import Recording, Sample, pair
+from stlbench.gate.judge import EXIT, METRICS, Comparison, Judgement, absolute, holm, judge, relative, speed
+from stlbench.result import Status
+
+ROBUSTNESS, SATISFACTION, CPU, REWARD = METRICS
+TASKS = ("disc", "disc-coarse", "line", "nav")
+METHODS = ("flag", "funnel", "raw", "tau-mdp")
+
+
+def cell(seed: int = 0, status: Status = "done", **numbers: Any) -> Sample:
+    measured = {
+        "robustness_mean": 0.3,
+        "satisfaction": 0.8,
+        "training_cpu_seconds": 2.0,
+        "reward_nanoseconds": 20.0,
+        "calibration_seconds": 0.01,
+    }
+    return Sample("disc", "funnel", "dqn", seed, "smoke", status, **((measured if status == "done" else {}) | numbers))
+
+
+def recording(*samples: Sample) -> Recording:
+    return Recording({sample.identity: sample for sample in samples})
+
+
+def compared(base: Sequence[Sample], new: Sequence[Sample]) -> Judgement:
+    return judge(pair(recording(*base), recording(*new)))
+
+
+def satisfactions(base: Sequence[float], new: Sequence[float]) -> Comparison:
+    """The comparison of satisfaction alone, one value a seed."""
+    one, two = ([cell(seed, satisfaction=value) for seed, value in enumerate(values)] for values in (base, new))
+    return found(compared(one, two), "satisfaction")
+
+
+def found(judgement: Judgement, metric: str) -> Comparison:
+    (comparison,) = (entry for entry in judgement.comparisons if entry.metric.name == metric)
+    return comparison
+
+
+# ------------------------------------------------------------------------------------------------------ by hand
+
+
+def test_gains() -> None:
+    base, new = np.array([1.0, -0.1]), np.array([0.9, -0.11])
+    # The mean size is 0.55, so the second seed counts as 0.275.
+    assert relative(base, new) == pytest.approx([-0.1, -0.01 / 0.275])
+    assert relative(np.zeros(2), new) == pytest.approx(new)
+    assert absolute(base, new) == pytest.approx([-0.1, -0.01])
+    assert speed(np.array([1.0, 3.0]), np.array([2.0, 1.5])) == pytest.approx([-math.log(2), math.log(2)])
+
+
+def test_holm() -> None:
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([0.6, 0.7]) == [1.0, 1.0]
+    assert holm([]) == []
+
+
+def test_the_t_test() -> None:
+    comparison = satisfactions([0.5, 0.5, 0.5], [0.3, 0.2, 0.4])
+    assert (comparison.base, comparison.new, comparison.seeds) == pytest.approx((0.5, 0.3, 3))
+    # The mean of -0.2, -0.3, -0.1 is -0.2 with standard error 0.1 / sqrt(3), so t = -2 sqrt(3). With two degrees of
+    # freedom P(T < t) = 1/2 + t / (2 sqrt(2 + t^2)), and P(T < 2.91999) = 0.95.
+    assert comparison.gain == pytest.approx(-0.2)
+    assert comparison.chance == pytest.approx(0.5 - math.sqrt(12) / (2 * math.sqrt(14)))
+    assert comparison.low == pytest.approx(-0.2 - 2.91999 * 0.1 / math.sqrt(3), abs=1e-5)
+    assert comparison.high == pytest.approx(-0.2 + 2.91999 * 0.1 / math.sqrt(3), abs=1e-5)
+    assert comparison.verdict == "cannot tell"
+
+
+def test_the_scatter_of_times_is_that_of_all_groups() -> None:
+    def group(method: str, seconds: Sequence[float]) -> list[Sample]:
+        return [replace(cell(seed, training_cpu_seconds=s), method=method) for seed, s in enumerate(seconds)]
+
+    e = math.e
+    base = group("a", [1, 1]) + group("b", [1, 1]) + group("c", [1])
+    new = group("a", [e, 1]) + group("b", [1, 1 / e]) + group("c", [1])
+    judged = {entry.group[1]: entry for entry in compared(base, new).comparisons if entry.metric is CPU}
+    # Gains are (-1, 0) and (0, 1): each has squares 1/2, together 1 with 2 degrees of freedom, error sqrt(1/2 / 2).
+    assert judged["a"].gain - judged["a"].low == pytest.approx(2.91999 * 0.5, abs=1e-5)
+    assert judged["b"].high - judged["b"].gain == pytest.approx(2.91999 * 0.5, abs=1e-5)
+    assert judged["c"].low == judged["c"].high == 0
+
+
+def test_one_slow_cell_does_not_speak_for_its_group() -> None:
+    gains = [0.0, 0.02, -0.02, 0.01, math.log(4)]
+    new = [cell(seed, training_cpu_seconds=2 * math.exp(gain)) for seed, gain in enumerate(gains)]
+    comparison = found(compared([cell(seed) for seed in range(5)], new), "CPU")
+    # The median is 0.01; the distances from it are 0, 0.01, 0.01, 0.03 and 1.38, whose median is 0.01.
+    assert comparison.gain == pytest.approx(-(0.01 + 3 * 1.4826 * 0.01 + 0.01) / 5)
+    assert comparison.verdict == "no worse"
+
+
+def test_times_are_relative_to_the_calibration() -> None:
+    base = [cell(seed) for seed in range(5)]
+    half_as_fast = {"training_cpu_seconds": 4.0, "reward_nanoseconds": 40.0, "calibration_seconds": 0.02}
+    judgement = compared(base, [cell(seed, **half_as_fast) for seed in range(5)])
+    assert judgement.verdict == "no worse"
+    assert [entry.gain for entry in judgement.comparisons] == [0, 0, 0, 0]
+
+
+# ---------------------------------------------------------------------------------------------------- the verdicts
+
+
+@pytest.mark.parametrize(
+    ("base", "new", "verdict"),
+    [
+        ([0.5], [0.5], "no worse"),  # the same needs no second seed
+        ([0.5], [0.4], "cannot tell"),
+        ([0.5, 0.5], [0.1, 0.1], "cannot tell"),
+        ([0.5, 0.5, 0.5], [0.1, 0.1, 0.1], "worse"),
+        ([0.5, 0.5, 0.5], [0.46, 0.46, 0.46], "no worse"),  # 4 points are tolerated
+        ([0.5, 0.5, 0.5], [0.44, 0.44, 0.44], "worse"),
+        ([0.5, 0.5, 0.5], [0.9, 0.8, 0.9], "no worse"),
+        ([0.5, 0.5, 0.5], [0.9, 0.1, 0.5], "cannot tell"),  # no loss on average, and a large one not excluded
+        ([0.5, 0.5, 0.5], [0.5, 0.5, 0.0], "cannot tell"),
+    ],
+)
+def test_a_verdict(base: list[float], new: list[float], verdict: str) -> None:
+    assert satisfactions(base, new).verdict == verdict
+
+
+def test_a_number_that_is_none_any_more_is_worse() -> None:
+    base = [cell(seed) for seed in range(3)]
+    for bad in (math.nan, -math.inf):
+        judgement = compared(base, [*base[:2], cell(2, robustness_mean=bad)])
+        assert found(judgement, "robustness").verdict == "worse"
+    # and where the base has none, the other seeds decide
+    assert found(compared([*base, cell(3, robustness_mean=math.inf)], [*base, cell(3)]), "robustness").seeds == 3
+
+
+@pytest.mark.parametrize(
+    ("base", "new", "verdict"),
+    [
+        ("done", "raised", "worse"),
+        ("done", "killed", "worse"),
+        ("done", "unsuitable", "worse"),
+        ("done", None, "missing"),
+        ("raised", "raised", "missing"),
+        ("raised", "timeout", "worse"),
+        ("intractable", "raised", "worse"),
+        ("intractable", None, "missing"),
+        ("raised", "done", None),
+        ("intractable", "intractable", None),
+        ("intractable", "unsuitable", None),
+        ("unsuitable", "done", None),
+    ],
+)
+def test_how_cells_ended(base: Status, new: Status | None, verdict: str | None) -> None:
+    fine = [cell(seed) for seed in range(3)]
+    twin = [] if new is None else [cell(3, new, reason="too bad")]
+    judgement = compared([*fine, cell(3, base, reason="")], [*fine, *twin])
+    assert judgement.verdict == (verdict or "no worse")
+    assert [entry.verdict for entry in judgement.findings] == ([verdict] if verdict else [])
+    for finding in judgement.findings:
+        assert finding.cell == "disc/funnel/dqn/3"
+        assert ("too bad" in finding.reason) == (new is not None)
+
+
+def test_the_worst_counts_and_nothing_is_not_fine() -> None:
+    fine, other = [cell(seed) for seed in range(3)], [replace(cell(seed), method="raw") for seed in range(3)]
+    unclear = [replace(entry, satisfaction=value) for entry, value in zip(fine, (0.9, 0.1, 0.8), strict=True)]
+    assert compared(fine, fine).verdict == "no worse"
+    assert compared(fine, unclear).verdict == "cannot tell"
+    assert compared(fine + other, unclear).verdict == "missing"
+    assert compared(fine + other, [*unclear, replace(other[0], status="raised")]).verdict == "worse"
+    assert compared([], fine).verdict == "missing"
+    assert compared([cell(0, "intractable")], [cell(0, "intractable")]).verdict == "missing"
+    assert EXIT == {"no worse": 0, "worse": 1, "cannot tell": 3, "missing": 4}
+
+
+def test_what_is_new_alone_is_left_out() -> None:
+    fine = [cell(seed) for seed in range(3)]
+    assert compared(fine, [*fine, cell(7, "raised")]).verdict == "no worse"
+
+
+# ------------------------------------------------------------------------- 80 cells as they come out of real runs
+
+
+@cache
+def reference(seeds: int = 5) -> list[Sample]:
+    """Four tasks, four methods; robustness differs between seeds by two fifths, as after a short training."""
+    rng = np.random.default_rng(1)
+    samples = []
+    for task in TASKS:
+        for method in METHODS:
+            scale, cpu, reward = rng.choice([-1, 1]) * 10 ** rng.uniform(-1, 1), *10 ** rng.uniform([-1, 1], [1, 2.5])
+            for seed in range(seeds):
+                values = {
+                    "robustness_mean": float(scale * rng.normal(1, 0.4)),
+                    "satisfaction": float(np.clip(rng.normal(0.6, 0.2), 0, 1)),
+                    "training_cpu_seconds": float(cpu),
+                    "reward_nanoseconds": float(reward),
+                }
+                samples.append(timed(replace(cell(seed, **values), task=task, method=method), rng))
+    return samples
+
+
+def timed(sample: Sample, rng: np.random.Generator) -> Sample:
+    """The same cell, timed once more: 7 % for CPU, 10 % for the reward's short loop, 4 % for the calibration."""
+    cpu, reward, calibration = np.exp(rng.normal(0, [0.07, 0.1, 0.04]))
+    assert sample.training_cpu_seconds
+    assert sample.reward_nanoseconds
+    return replace(
+        sample,
+        training_cpu_seconds=sample.training_cpu_seconds * cpu,
+        reward_nanoseconds=sample.reward_nanoseconds * reward,
+        calibration_seconds=0.01 * calibration,
+    )
+
+
+def elsewhere(sample: Sample, rng: np.random.Generator) -> Sample:
+    """The same cell on another machine: rounding differs, so a seed is another draw, as if its number were another."""
+    assert sample.robustness_mean is not None
+    assert sample.satisfaction is not None
+    return replace(
+        sample,
+        robustness_mean=sample.robustness_mean * float(rng.normal(1, 0.4)),
+        satisfaction=float(np.clip(sample.satisfaction + rng.normal(0, 0.2), 0, 1)),
+    )
+
+
+def rerun(change: Callable[[Sample, np.random.Generator], Sample], number: int, seeds: int = 5) -> Judgement:
+    rng, base = np.random.default_rng([2, number]), reference(seeds)
+    return compared(base, [change(timed(sample, rng), rng) for sample in base])
+
+
+def test_equal_code_raises_at_most_one_alarm_in_50_runs() -> None:
+    verdicts = [rerun(lambda sample, _: sample, number).verdict for number in range(50)]
+    assert sum(verdict != "no worse" for verdict in verdicts) <= 1
+
+
+def test_equal_code_on_another_machine_is_called_worse_at_most_once_in_50_runs() -> None:
+    verdicts = [rerun(elsewhere, number).verdict for number in range(50)]
+    assert verdicts.count("worse") <= 1
+    assert "no worse" not in verdicts  # five seeds that scatter so much say nothing, and are not said to
+
+
+def broken(method: str, change: Callable[[Sample], Sample]) -> Callable[[Sample, np.random.Generator], Sample]:
+    return lambda sample, rng: change(sample) if sample.method == method else sample
+
+
+def flipped(sample: Sample) -> Sample:
+    assert sample.robustness_mean is not None
+    return replace(sample, robustness_mean=-abs(sample.robustness_mean) * 3, satisfaction=0.0)
+
+
+def ten_percent_worse(sample: Sample) -> Sample:
+    assert sample.robustness_mean is not None
+    return replace(sample, robustness_mean=sample.robustness_mean - 0.1 * abs(sample.robustness_mean))
+
+
+def slow_reward(sample: Sample) -> Sample:
+    assert sample.reward_nanoseconds
+    return replace(sample, reward_nanoseconds=2 * sample.reward_nanoseconds)
+
+
+def slow_training(sample: Sample) -> Sample:
+    assert sample.training_cpu_seconds
+    return replace(sample, training_cpu_seconds=1.5 * sample.training_cpu_seconds)
+
+
+@pytest.mark.parametrize(
+    ("change", "metric"),
+    [
+        (flipped, "robustness"),
+        (flipped, "satisfaction"),
+        (ten_percent_worse, "robustness"),
+        (slow_reward, "reward"),
+        (slow_training, "CPU"),
+    ],
+)
+def test_a_broken_method_is_caught_and_named_in_each_of_20_runs(change: Callable[..., Sample], metric: str) -> None:
+    for number in range(20):
+        judgement = rerun(broken("funnel", change), number)
+        assert judgement.verdict == "worse"
+        worse = {entry.group[:2] for entry in judgement.comparisons if entry.verdict == "worse"}
+        assert worse <= {(task, "funnel") for task in TASKS}
+        named = [entry for entry in judgement.comparisons if (entry.metric.name, entry.verdict) == (metric, "worse")]
+        assert len(named) >= 3
+
+
+def test_ten_percent_worse_within_the_scatter_of_another_machine_is_not_passed() -> None:
+    def both(sample: Sample, rng: np.random.Generator) -> Sample:
+        return ten_percent_worse(elsewhere(sample, rng))
+
+    assert {rerun(both, number).verdict for number in range(5)} <= {"cannot tell", "worse"}
+
+
+@pytest.mark.parametrize("factor", [1.1, 0.5])
+def test_a_little_slower_is_tolerated_and_faster_is_welcome(factor: float) -> None:
+    def change(sample: Sample) -> Sample:
+        assert sample.training_cpu_seconds
+        return replace(sample, training_cpu_seconds=factor * sample.training_cpu_seconds)
+
+    assert [rerun(broken("flag", change), number).verdict for number in range(5)] == ["no worse"] * 5

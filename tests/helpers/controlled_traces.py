@@ -1,0 +1,37 @@
+"""What the tests of tasks have in common: the starts of the referee, and the traces of a task's hand controller."""
+
+from __future__ import annotations
+
+from unittest.mock import patch
+
+import numpy as np
+
+from stlbench.contract import ActionGrid, Array, Integers
+from stlbench.rollout import referee
+from stlbench.rollout.controller import record
+from stlbench.task.task import Task
+
+
+def trace(task: Task, states: Array) -> Array:
+    """The traces (N, T + 1, k) under the controller, whose actions are all on the grid or in the box as they come."""
+    control = task.system.controller
+
+    def checked(state: Array, t: Integers) -> Array | None:
+        action = control(state, t)
+        assert action is not None
+        if isinstance(task.actions, ActionGrid):
+            for column, axis in zip(action.T, task.actions.axes, strict=True):
+                assert np.isin(np.round(column, 9), np.round(axis, 9)).all()
+        else:
+            assert np.all((task.actions.low <= action) & (action <= task.actions.high))
+        return action
+
+    with patch.object(task.system, "controller", checked):
+        traces = record(task, states)
+    assert traces is not None
+    return traces
+
+
+def all_starts(task: Task) -> Array:
+    """The starts of the report and those of the selection: (2 * starts, n)."""
+    return np.concatenate([referee.start_states(task, part) for part in (0, 1)])

@@ -1,0 +1,87 @@
+"""A task that fits a line of text: a point on a line, x' = x + dt v, so that every trace can be worked out by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import yaml
+
+from stlbench.contract import Array, Integers, Policy, RewardMethod, System
+from stlbench.task.file import read_task_file
+from stlbench.task.task import Task
+
+
+class Line(System):
+    """x' = x + dt v. The policy sees x and, so that rows can be told apart, the step count."""
+
+    state = ("x",)
+
+    def step(self, state: Array, action: Array) -> Array:
+        return state + self.dt * action
+
+    def signals(self, state: Array) -> Array:
+        return state
+
+    def features(self, state: Array, t: Integers) -> Array:
+        return np.stack([state[:, 0], t.astype(float)], axis=1)
+
+
+FILE: dict[str, Any] = {
+    "title": "A line",
+    "source": "made up",
+    "formula": "G[0,4] (x <= 1)",
+    "sampling_time": 0.5,
+    "steps": 8,
+    "signals": {"x": {"low": -10, "high": 10, "unit": "m"}},
+    "actions": {"v": {"low": -1, "high": 1, "count": 3, "unit": "m/s"}},
+    "initial": {"box": {"x": [-1, 1]}},
+    "starts": 4,
+    "agents": {"dqn": {}},
+    "budgets": {"smoke": {"steps": 40, "seeds": 1, "deadline": 60, "checkpoints": 2}},
+}
+"""The content of its task.yaml. With v in -1, 0, 1 m/s for 0.5 s, x moves by -.5, 0 or .5 a step."""
+
+
+def text(**changes: Any) -> str:
+    """The task file with some entries replaced; None removes one."""
+    return yaml.safe_dump({key: value for key, value in (FILE | changes).items() if value is not None}, sort_keys=False)
+
+
+def line(**changes: Any) -> Task:
+    """The task, with some entries of its file replaced."""
+    return Task("line", read_task_file(text(**changes), "line"), Line(FILE["sampling_time"]))
+
+
+class Probe(RewardMethod):
+    """Reward 100 t + 10 x_{t+1} + x_t: which transition it was, and where it led. With or without a memory."""
+
+    scale = 1.0
+
+    def __init__(self, specification: Any, memory_size: int = 0) -> None:
+        super().__init__(specification)
+        self.memory_size = memory_size
+
+    def start(self, signals: Array, t: Integers) -> Array:
+        """The first column counts transitions; the others hold s_0."""
+        memory = np.tile(signals[:, :1], self.memory_size)
+        memory[:, :1] = 0
+        return memory
+
+    def step(
+        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
+    ) -> tuple[Array, Array]:
+        after = memory.copy()
+        after[:, :1] += 1
+        return 100.0 * t + 10 * next_signals[:, 0] + signals[:, 0], after
+
+
+class Rule(Policy):
+    """A policy that is a function of what it observes."""
+
+    def __init__(self, rule: Callable[[Array], Any]) -> None:
+        self.rule = rule
+
+    def act(self, observation: Array) -> Integers:
+        return np.broadcast_to(np.asarray(self.rule(observation), dtype=np.int64), (len(observation),))

@@ -1,0 +1,181 @@
+"""Names with parameters: reading, and checking against a constructor."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import Field
+
+from stlbench.errors import UsageError
+from stlbench.registry.choices import Choice, check, declared, parse_choice, parse_choices
+
+keys = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True)
+values = st.from_regex(r"[A-Za-z0-9._+-]{1,8}", fullmatch=True)
+names = st.from_regex(r"[a-z0-9][a-z0-9-]{0,8}", fullmatch=True)
+some = st.builds(lambda name, pairs: Choice(name, tuple(pairs.items())), names, st.dictionaries(keys, values))
+
+
+def test_a_comma_in_brackets_does_not_split():
+    assert parse_choices("funnel,funnel[variant=code,ginf=0.02],flag") == (
+        Choice("funnel"),
+        Choice("funnel", (("ginf", "0.02"), ("variant", "code"))),
+        Choice("flag"),
+    )
+
+
+def test_the_text_is_canonical_whatever_the_order_and_the_spaces():
+    assert str(parse_choice(" funnel[ variant = code , ginf=0.02 ] ")) == "funnel[ginf=0.02,variant=code]"
+    assert parse_choice("funnel[b=1,a=2]") == parse_choice("funnel[a=2,b=1]")
+
+
+def test_repetitions_are_dropped_and_the_order_is_kept():
+    assert [str(choice) for choice in parse_choices("raw,flag[b=1,a=2],raw,flag[a=2,b=1],funnel")] == [
+        "raw",
+        "flag[a=2,b=1]",
+        "funnel",
+    ]
+
+
+@given(st.lists(some, min_size=1, max_size=4, unique=True))
+def test_what_is_printed_parses_to_the_same(choices):
+    assert parse_choices(",".join(map(str, choices))) == tuple(choices)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "empty item at column 1"),
+        ("funnel,,flag", "empty item at column 8"),
+        ("funnel,", "empty item at column 8"),
+        ("funnel[a=1", "'[' at column 7 of 'funnel[a=1' is never closed"),
+        ("funnel]", "unbalanced ']' at column 7"),
+        ("funnel[a=[1]]", "unbalanced '[' at column 10"),
+        ("funnel[a=1]x", "one pair of brackets"),
+        ("funnel[a=1][b=2]", "one pair of brackets"),
+        ("funnel[]", "expected key=value, got ''"),
+        ("funnel[a=1,]", "expected key=value, got ''"),
+        ("funnel[code]", "expected key=value, got 'code'"),
+        ("funnel[=1]", "'' is no parameter name"),
+        ("funnel[a=]", "the value of a consists of"),
+        ("funnel[a=1=2]", "got '1=2'"),
+        ("funnel[a=../x]", "got '../x'"),
+        ("funnel[a=1,a=2]", "a is given twice"),
+        ("Funnel", "a name consists of"),
+        ("../etc", "a name consists of"),
+        ("-x", "a name consists of"),
+        ("[a=1]", "a name consists of"),
+    ],
+)
+def test_bad_text_is_a_usage_error_that_says_where(text, message):
+    with pytest.raises(UsageError) as caught:
+        parse_choices(text)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+class Example:
+    def __init__(
+        self,
+        specification: object,
+        *,
+        ginf: float = 0.01,
+        variant: Literal["paper", "code"] = "paper",
+        order: Literal[1, 2] = 1,
+        window: int | None = None,
+        clip: bool = False,
+        hidden: tuple[int, ...] = (64, 64),
+        share: Annotated[float, Field(ge=0, le=1)] = 0.5,
+    ) -> None: ...
+
+
+class Demanding(Example):
+    def __init__(self, *, size: int, anything=None) -> None: ...
+
+
+class Plain:
+    pass
+
+
+def checked(text, defaults=None, kind=Example):
+    return check(declared(kind), parse_choice(text), defaults)
+
+
+def test_text_becomes_the_declared_type():
+    found = checked("x[ginf=2e-2,variant=code,order=2,window=7,clip=true,share=1]")
+    assert found == {"ginf": 0.02, "variant": "code", "order": 2, "window": 7, "clip": True, "share": 1.0}
+    assert [type(value) for value in found.values()].count(float) == 2
+
+
+def test_the_items_of_a_list_are_joined_by_plus():
+    assert checked("x[hidden=32+16]") == {"hidden": (32, 16)}
+    assert checked("x[hidden=32]") == {"hidden": (32,)}
+
+
+def test_what_is_not_given_is_left_to_the_constructor():
+    assert checked("x") == {}
+
+
+def test_the_choice_overrides_the_defaults():
+    assert checked("x[ginf=0.5]", {"ginf": 0.1, "hidden": [8, 8]}) == {"ginf": 0.5, "hidden": (8, 8)}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x[ginf=y]", "x[ginf=y]: ginf should be a number, got 'y'"),
+        ("x[ginf=nan]", "x[ginf=nan]: ginf should be a finite number, got 'nan'"),
+        ("x[window=1.5]", "x[window=1.5]: window should be a whole number, got '1.5'"),
+        ("x[clip=maybe]", "x[clip=maybe]: clip should be true or false, got 'maybe'"),
+        ("x[variant=cod]", "x[variant=cod]: variant should be 'paper' or 'code', got 'cod'"),
+        ("x[order=3]", "x[order=3]: order should be 1 or 2, got '3'"),
+        ("x[share=2]", "x[share=2]: share should be less than or equal to 1, got '2'"),
+        ("x[hidden=32+y]", "x[hidden=32+y]: hidden[1] should be a whole number, got 'y'"),
+        ("x[hidden=+]", "x[hidden=+]: hidden[0] should be a whole number, got ''"),
+        ("x[varient=code]", "x[varient=code]: no parameter 'varient'; did you mean 'variant'?"),
+        ("x[specification=1]", "no parameter 'specification'; there are: clip, ginf"),
+    ],
+)
+def test_a_wrong_parameter_is_told_with_what_would_be_right(text, message):
+    with pytest.raises(UsageError) as caught:
+        checked(text)
+    assert message in str(caught.value)
+
+
+def test_several_errors_come_in_one_line():
+    with pytest.raises(UsageError) as caught:
+        checked("x[clip=2,ginf=y]")
+    assert (
+        str(caught.value) == "x[clip=2,ginf=y]: clip should be true or false, got '2'; ginf should be a number, got 'y'"
+    )
+
+
+def test_an_error_of_the_recipe_is_told_apart():
+    with pytest.raises(UsageError, match=r"x: hidden\[1\] should be a whole number, got 'b' in the recipe"):
+        checked("x", {"hidden": [1, "b"]})
+
+
+def test_a_parameter_without_default_must_be_given():
+    with pytest.raises(UsageError, match="x: parameter 'size' must be given"):
+        checked("x", kind=Demanding)
+    assert checked("x[size=3,anything=at-all]", kind=Demanding) == {"size": 3, "anything": "at-all"}
+
+
+def test_types_are_told_for_people():
+    assert {name: entry.text for name, entry in declared(Example).items()} == {
+        "ginf": "float",
+        "variant": "paper | code",
+        "order": "1 | 2",
+        "window": "int | None",
+        "clip": "bool",
+        "hidden": "tuple[int, ...]",
+        "share": "float",
+    }
+
+
+def test_a_class_without_constructor_has_no_parameters():
+    assert declared(Plain) == {}
+    with pytest.raises(UsageError, match="no parameter 'a'; there are none"):
+        checked("x[a=1]", kind=Plain)

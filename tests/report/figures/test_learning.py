@@ -1,0 +1,88 @@
+"""Learning curves, read back from matplotlib's own objects."""
+
+from __future__ import annotations
+
+import pytest
+from helpers.synthetic_results import result
+
+from stlbench.report import condense
+from stlbench.report.figures.learning import aligned, learning_curves
+from stlbench.result import CurvePoint
+
+
+def curve(*points):
+    return tuple(CurvePoint(steps, 0.0, satisfaction, robustness) for steps, satisfaction, robustness in points)
+
+
+GROUPS = condense(
+    [
+        result("flag", 0, curve=curve((100, 0.5, 0.1), (200, 0.5, 0.1))),
+        result("flag", 1, "timeout"),
+        result("funnel", 0, curve=curve((100, 0.0, -1.0), (200, 1.0, 0.5))),
+        result("funnel", 1, curve=curve((100, 0.2, 0.0), (200, 0.6, 0.4))),
+        result("tau-mdp", 0, "intractable", reason="too many"),
+        result("tau-mdp", 1, "intractable", reason="too many"),
+    ]
+)
+
+
+def lines(axes):
+    return {line.get_color(): line for line in axes.lines if len(line.get_xdata()) and line.get_color() != "0.5"}
+
+
+def test_a_line_is_the_mean_over_seeds():
+    left, right = learning_curves(GROUPS).axes
+    flag, funnel = lines(left).values()
+    assert list(funnel.get_xdata()) == [100, 200]
+    assert list(funnel.get_ydata()) == pytest.approx([10, 80])
+    assert list(flag.get_ydata()) == pytest.approx([50, 50])
+    _, funnel = lines(right).values()
+    assert list(funnel.get_ydata()) == pytest.approx([-0.5, 0.45])
+
+
+def test_the_interval_of_two_seeds_lies_between_them_and_one_seed_has_none():
+    left, _ = learning_curves(GROUPS).axes
+    (band,) = left.collections
+    corners = band.get_paths()[0].vertices
+    at_100, at_200 = ([y for x, y in corners if x == steps] for steps in (100, 200))
+    assert (min(at_100), max(at_100)) == pytest.approx((0, 20))
+    assert (min(at_200), max(at_200)) == pytest.approx((60, 100))
+
+
+def test_the_legend_names_every_group_and_how_its_seeds_ended():
+    (legend,) = learning_curves(GROUPS).legends
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "flag: 1 of 2 seeds, 1 timeout",
+        "funnel: 2 of 2 seeds",
+        "tau-mdp: intractable",
+    ]
+
+
+def test_agent_and_budget_are_named_where_they_differ():
+    groups = condense([result(agent="dqn"), result(agent="sb3-dqn"), result(agent="dqn", budget="paper")])
+    (legend,) = learning_curves(groups).legends
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "funnel, dqn, paper: 1 of 1 seeds",
+        "funnel, dqn, quick: 1 of 1 seeds",
+        "funnel, sb3-dqn, quick: 1 of 1 seeds",
+    ]
+
+
+def test_a_single_checkpoint_is_a_point():
+    left, _ = learning_curves(condense([result(curve=curve((100, 1.0, 0.1)))])).axes
+    (line,) = lines(left).values()
+    assert line.get_marker() == "o"
+
+
+def test_axes_say_what_they_show_in_which_unit():
+    left, right = learning_curves(GROUPS).axes
+    assert left.get_xlabel() == right.get_xlabel() == "environment steps"
+    assert left.get_ylabel() == "starts that satisfy [%]"
+    assert right.get_ylabel() == "mean robustness [unit of the predicates]"
+
+
+def test_checkpoints_at_other_steps_are_interpolated_where_all_seeds_have_some():
+    curves = [((0, 0.0, 0.0), (100, 1.0, 10.0)), ((50, 0.0, 0.0), (150, 1.0, 10.0))]
+    steps, values = aligned(curves, lambda point: point[2])
+    assert list(steps) == [50, 100]
+    assert values.tolist() == [[5.0, 10.0], [0.0, 5.0]]

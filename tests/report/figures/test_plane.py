@@ -1,0 +1,147 @@
+"""Trajectories in the plane and signals against time, read back from matplotlib's own objects."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.line_task import line
+from matplotlib.collections import LineCollection
+from matplotlib.patches import Rectangle
+
+from stlbench.errors import UsageError
+from stlbench.report.figures.plane import trajectories
+from stlbench.report.figures.regions import heading, region
+from stlbench.rollout.traces import Recording
+from stlbench.task import load_task
+
+GRID = np.linspace(0, 4, 81)
+
+
+def spiral(count):
+    """Traces of hold-disc that circle the disc's centre, sample t at radius t / 200."""
+    t = np.linspace(0, 1, 201)
+    angles = 6 * t + np.linspace(0, 6, count)[:, None]
+    return Recording(np.stack([2 + t * np.cos(angles), 2 + t * np.sin(angles)], axis=-1), seeds=1)
+
+
+class TestRegion:
+    def test_the_disc(self):
+        task = load_task("hold-disc")
+        (term,) = task.specification.terms
+        margin, truth = region(task, term.psi, (GRID, GRID), ("x", "y")) or pytest.fail("no region")
+        expected = 1 - np.hypot(GRID[:, None] - 2, GRID - 2)
+        assert margin == pytest.approx(expected)
+        assert truth[expected > 1e-9].all()
+        assert not truth[expected < -1e-9].any()
+
+    def test_axes_in_another_order_than_the_signals(self):
+        task = line(
+            signals={"x": {"low": 0, "high": 4}, "y": {"low": 0, "high": 2}}, formula="G[0,4] x <= 1", plane=["y", "x"]
+        )
+        (term,) = task.specification.terms
+        grid = (np.array([0.0, 2.0]), np.array([0.0, 1.0, 3.0]))
+        margin, _ = region(task, term.psi, grid, ("y", "x")) or pytest.fail("no region")
+        assert margin.tolist() == [[1, 0, -2], [1, 0, -2]]
+
+    def test_a_signal_that_is_left_out_takes_its_best_value(self):
+        task = line(
+            signals={"x": {"low": 0, "high": 4}, "y": {"low": 0, "high": 2}}, formula="G[0,4] (x <= 1 & y >= 1.5)"
+        )
+        (term,) = task.specification.terms
+        margin, truth = region(task, term.psi, (np.array([0.0, 0.7, 2.0]),), ("x",)) or pytest.fail("no region")
+        assert margin == pytest.approx([0.5, 0.3, -1])
+        assert truth.tolist() == [True, True, False]
+
+    def test_signals_that_psi_does_not_read_do_not_matter_and_too_many_that_it_reads_leave_no_region(self):
+        signals = {name: {"low": 0, "high": 1} for name in "abcdef"}
+        terms = line(
+            signals=signals,
+            formula="G[0,1] a >= 0.25 & G[0,1] a + b + c + d + e >= 4 & G[0,1] a + b + c + d + e + f >= 5",
+        )
+        few, five, six = terms.specification.terms
+        grid = (np.array([0.0, 1.0]),)
+        assert region(terms, few.psi, grid, ("b",)) is None
+        found = region(terms, few.psi, grid, ("a",))
+        assert found is not None
+        assert found[0].tolist() == [-0.25, 0.75]
+        found = region(terms, five.psi, grid, ("a",))
+        assert found is not None
+        assert found[0].tolist() == [0, 1]
+        assert region(terms, six.psi, grid, ("a",)) is None
+
+
+def test_a_terms_heading():
+    terms = line(formula="F[1,2] x >= 0 & G[3,4] x >= 0 & F[1,2] G[3,4] x >= 0").specification.terms
+    assert [heading(term) for term in terms] == ["F[1,2]", "G[3,4]", "F[1,2] G[3,4]"]
+
+
+@pytest.mark.parametrize(
+    ("plane", "message"),
+    [
+        (["x", "z"], "plane: no signal 'z'; there are: x, y"),
+        (["x", "x"], "plane: two different signals are needed, got 'x' twice"),
+        (["x"], "plane"),
+        (["x", "y", "x"], "plane"),
+    ],
+)
+def test_a_plane_is_two_signals(plane, message):
+    with pytest.raises(UsageError, match=message):
+        line(signals={"x": {"low": 0, "high": 4}, "y": {"low": 0, "high": 2}}, plane=plane)
+
+
+class TestPlane:
+    figure = trajectories(load_task("hold-disc"), spiral(20), "hold-disc, funnel")
+    axes = figure.axes[0]
+
+    def test_sixteen_traces_coloured_by_time(self):
+        (lines,) = [entry for entry in self.axes.collections if isinstance(entry, LineCollection)]
+        segments = np.array(lines.get_segments()).reshape(16, -1, 2, 2)
+        assert segments[0, 0, 0].tolist() == [2, 2]
+        assert segments[0, -1, 1] == pytest.approx([2 + np.cos(6), 2 + np.sin(6)])
+        assert np.linalg.norm(segments[:, -1, 1] - 2, axis=1) == pytest.approx(np.ones(16))
+        times = np.asarray(lines.get_array()).reshape(16, -1)
+        radii = np.linalg.norm(segments[:, :, 0] - 2, axis=-1)
+        assert times / 200 == pytest.approx(radii)
+        assert lines.get_clim() == (0, 200)
+
+    def test_starts_and_ends_are_marked(self):
+        start, end = self.axes.lines
+        assert set(zip(start.get_xdata(), start.get_ydata(), strict=True)) == {(2.0, 2.0)}
+        assert np.hypot(end.get_xdata() - 2, end.get_ydata() - 2) == pytest.approx(np.ones(16))
+
+    def test_the_region_is_the_disc_and_units_are_on_the_axes(self):
+        contour = [entry for entry in self.axes.collections if not isinstance(entry, LineCollection)][-1]
+        vertices = np.concatenate([path.vertices for path in contour.get_paths()])
+        assert np.hypot(*(vertices - 2).T) == pytest.approx(np.ones(len(vertices)), abs=0.002)
+        assert (self.axes.get_xlabel(), self.axes.get_ylabel()) == ("x [m]", "y [m]")
+        assert self.axes.get_aspect() == 1
+        assert self.figure.axes[1].get_ylabel() == "time [steps of 0.01 s]"
+
+    def test_the_legend_says_which_region_belongs_to_which_term(self):
+        texts = [text.get_text() for text in self.figure.legends[0].get_texts()]
+        assert texts == ["G[0,200] norm(x - 2, y - 2) <= 1", "start", "end"]
+
+
+class TestSignals:
+    task = line(formula="G[5,7] (abs(x) >= 4 & abs(x) <= 6)", starts=4)
+    recording = Recording(np.arange(27.0).reshape(3, 9, 1), seeds=1)
+
+    def test_each_trace_is_a_line(self):
+        (axes,) = trajectories(self.task, self.recording, "line").axes
+        assert [list(entry.get_ydata()) for entry in axes.lines] == [list(range(9 * i, 9 * i + 9)) for i in range(3)]
+        assert axes.get_ylabel() == "x [m]"
+        assert axes.get_xlabel() == "time [steps of 0.5 s]"
+
+    def test_where_a_term_can_hold_is_a_rectangle_a_run(self):
+        (axes,) = trajectories(self.task, self.recording, "line").axes
+        shaded, low, high = [entry for entry in axes.patches if isinstance(entry, Rectangle)]
+        assert (shaded.get_x(), shaded.get_width()) == (5, 2)
+        assert [low.get_x(), low.get_y(), low.get_width(), low.get_height()] == pytest.approx([5, -6, 2, 2], abs=0.03)
+        assert [high.get_x(), high.get_y(), high.get_width(), high.get_height()] == pytest.approx(
+            [5, 4, 2, 2], abs=0.03
+        )
+
+    def test_a_formula_outside_the_fragment_leaves_the_traces(self):
+        (axes,) = trajectories(line(formula="G[0,2] F[0,2] x <= 1"), self.recording, "line").axes
+        assert len(axes.lines) == 3
+        assert not axes.patches

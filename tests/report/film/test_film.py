@@ -1,0 +1,133 @@
+"""Films: which starts, which samples, how fast, and what is shown; files as Pillow reads them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.line_task import FILE, Line, line
+from PIL import Image
+
+from stlbench.report.film import film
+from stlbench.rollout.traces import Film, Recording
+from stlbench.task import load_task
+from stlbench.task.task import Task
+
+RECORDING = Recording(np.arange(27.0).reshape(3, 9, 1), seeds=1)
+ROBUSTNESS = (0.5, 2.0, -1.25)
+
+
+class Drawn(Line):
+    """Draws itself as a picture whose every byte is its state."""
+
+    def frame(self, state):
+        return np.full((6, 8, 3), state[0], dtype=np.uint8)
+
+
+class Broken(Line):
+    """Cannot draw here."""
+
+    def frame(self, state):
+        raise RuntimeError("the pencils are missing")
+
+
+def task(kind=Line, **changes):
+    return Task("line", line(**changes).file, kind(FILE["sampling_time"]))
+
+
+def filmed():
+    """States at the decisions of an episode with hold = 4: of the best start 10, 20, 30, of the worst 40, 50, 60."""
+    states = np.arange(10.0, 70, 10).reshape(2, 3, 1)
+    return Recording(RECORDING.traces, 1, Film(np.array([1, 2]), states))
+
+
+@pytest.mark.parametrize(
+    ("steps", "dt", "count", "speed"),
+    [
+        (2000, 0.01, 150, 20 / 12),  # 20 s, shown in 12
+        (1000, 0.01, 125, 1),  # 10 s, as long as they last
+        (200, 0.01, 50, 0.5),  # 2 s, shown in 4
+        (4, 0.5, 5, 2 / (5 / 12.5)),  # no more pictures than samples
+    ],
+)
+def test_pace(steps, dt, count, speed):
+    found = film.pace(steps, dt)
+    assert (len(found.samples), found.samples[0], found.samples[-1]) == (count, 0, steps)
+    assert found.speed == pytest.approx(speed)
+    assert len(set(found.samples.tolist())) == count
+
+
+def test_the_best_start_is_on_the_left_and_the_worst_on_the_right():
+    figure = film.scene(task(), RECORDING, ROBUSTNESS).figure
+    left, right = figure.axes
+    assert left.get_title() == "best start: robustness 2"
+    assert right.get_title() == "worst start: robustness -1.25"
+    assert list(left.lines[0].get_ydata()) == list(range(9, 18))
+    assert list(right.lines[0].get_ydata()) == list(range(18, 27))
+
+
+def test_signals_grow_with_time():
+    figure, update, _, remark = film.scene(task(), RECORDING, ROBUSTNESS)
+    update(2)
+    line_, head = figure.axes[0].lines
+    assert (list(line_.get_xdata()), list(line_.get_ydata())) == ([0, 1, 2], [9, 10, 11])
+    assert (list(head.get_xdata()), list(head.get_ydata())) == ([2], [11])
+    assert remark == ""
+
+
+def test_a_task_with_a_plane_is_shown_in_it():
+    disc = load_task("hold-disc")
+    traces = np.random.default_rng(0).uniform(1, 3, (3, 201, 2))
+    figure, update, _, _ = film.scene(disc, Recording(traces, 1), ROBUSTNESS)
+    update(5)
+    _, path, head = figure.axes[1].lines
+    assert np.array_equal(np.array(path.get_data()).T, traces[2, :6])
+    assert np.array_equal(np.array(head.get_data()).T, traces[2, 5:6])
+
+
+def test_a_system_that_draws_itself_is_shown_so_at_the_latest_decision():
+    figure, update, _, remark = film.scene(task(Drawn, hold=4), filmed(), ROBUSTNESS)
+    (best,), (worst,) = (axes.images for axes in figure.axes)
+    for sample, shown in [(0, (10, 40)), (3, (10, 40)), (4, (20, 50)), (8, (30, 60))]:
+        update(sample)
+        assert (best.get_array()[0, 0, 0], worst.get_array()[0, 0, 0]) == shown
+    assert remark == ""
+
+
+@pytest.mark.parametrize(
+    ("kind", "recording", "remark"),
+    [
+        (Broken, filmed(), "no pictures of the system, the pencils are missing"),
+        (Drawn, RECORDING, "no pictures of the system, as the cell's file of traces has no states"),
+    ],
+)
+def test_where_no_picture_can_be_made_signals_are_shown_and_it_is_said(kind, recording, remark):
+    found = film.scene(task(kind, hold=4), recording, ROBUSTNESS)
+    assert found.remark.startswith(remark)
+    assert len(found.figure.axes[0].lines) == 2
+
+
+def test_a_gif_has_all_frames_and_holds_the_last(tmp_path):
+    path = tmp_path / "films" / "line.gif"
+    assert film.write(task(), RECORDING, ROBUSTNESS, "line/raw/dqn/0", path) == ""
+    with Image.open(path) as image:
+        assert (image.format, image.info["loop"]) == ("GIF", 0)
+        duration = 0
+        for i in range(image.n_frames):
+            image.seek(i)
+            duration += image.info["duration"]
+    assert duration == (9 + 8) * 80
+
+
+def test_frames_show_what_moves_and_keep_what_stands_still(monkeypatch, tmp_path):
+    frames = []
+    monkeypatch.setattr(film, "write_video", lambda pictures, path: frames.extend(pictures))
+    film.write(task(), RECORDING, ROBUSTNESS, "line/raw/dqn/0", tmp_path / "line.gif")
+    assert len(frames) == 9 + 8
+    shown = np.stack(frames[:9]).astype(int)
+    height, width = shown.shape[1:3]
+    changed = (shown != shown[0]).any(axis=(0, 3))
+    assert changed[: height // 6].any()  # the time in the heading
+    assert changed[height // 4 :, : width // 2].any()
+    assert changed[height // 4 :, width // 2 :].any()
+    assert changed.mean() < 0.2
+    assert all(np.array_equal(frames[8], frame) for frame in frames[9:])

@@ -1,0 +1,138 @@
+"""Tables as Markdown, CSV, LaTeX, plain values and on a terminal."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+
+import pytest
+from helpers.synthetic_results import result, score
+from rich.console import Console
+
+from stlbench.report import (
+    Column,
+    Table,
+    condense,
+    robustness,
+    summary,
+    to_csv,
+    to_latex,
+    to_markdown,
+    to_records,
+    to_screen,
+)
+
+TABLE = Table(
+    "Scores",
+    (Column("method", right=False), Column("share [%]"), Column("interval")),
+    (("funnel[ginf=0.02]", "98.0", "[-0.100, 0.200]"), ("a|b_c*d & <e>", "-", "-")),
+    ("One note.",),
+)
+
+
+def screen(table, width):
+    console = Console(width=width, file=io.StringIO(), color_system=None)
+    to_screen(table, console)
+    return console.file.getvalue()
+
+
+def test_markdown():
+    assert to_markdown(TABLE) == (
+        "## Scores\n\n"
+        "| method            | share [%] |        interval |\n"
+        "| ----------------- | --------: | --------------: |\n"
+        "| funnel[ginf=0.02] |      98.0 | [-0.100, 0.200] |\n"
+        "| a\\|b_c\\*d & \\<e>  |         - |               - |\n"
+        "\n- One note.\n"
+    )
+
+
+def test_csv_reads_back_and_nothing_is_empty():
+    assert list(csv.reader(io.StringIO(to_csv(TABLE)))) == [
+        ["method", "share [%]", "interval"],
+        ["funnel[ginf=0.02]", "98.0", "[-0.100, 0.200]"],
+        ["a|b_c*d & <e>", "", ""],
+    ]
+
+
+def test_latex():
+    assert to_latex(TABLE).splitlines() == [
+        "% Scores",
+        "% One note.",
+        r"\begin{tabular}{lrr}",
+        r"\toprule",
+        r"method & share {[}\%{]} & interval \\",
+        r"\midrule",
+        r"funnel{[}ginf=0.02{]} & 98.0 & {[}$-$0.100, 0.200{]} \\",
+        r"a\textbar{}b\_c*d \& \textless{}e\textgreater{} & -- & -- \\",
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+
+
+@pytest.mark.parametrize("text", ["\\", "100 %", "#1 {x} $y$ ~z^2", "line\nbreak", "x > -1"])
+def test_latex_leaves_no_special_character(text):
+    body = to_latex(Table("t", (Column("c"),), ((text,),))).splitlines()[5]
+    bare = re.sub(r"\\(textbackslash|textasciicircum|textasciitilde|textgreater)\{\}|\\[&%$#_{}]|\$-\$", "", body)
+    assert not re.search(r"[\\%#&$_^~{}<>|]", bare.removesuffix(r" \\"))
+
+
+def test_records_have_numbers_where_a_column_has_numbers():
+    assert to_records(TABLE) == [
+        {"method": "funnel[ginf=0.02]", "share [%]": 98.0, "interval": [-0.1, 0.2]},
+        {"method": "a|b_c*d & <e>", "share [%]": None, "interval": None},
+    ]
+
+
+RESULTS = [
+    *(
+        result(seed=seed, robustness=(0.1 * seed, 0.4), further={"centre": (0.9,), "paper": (0.8,)})
+        for seed in range(3)
+    ),
+    *(
+        result("funnel[ginf=0.02,variant=code]", seed, robustness=(-0.3,), first_failed={"G[0,9] x > 0": 1})
+        for seed in range(3)
+    ),
+    *(result("tau-mdp", seed, "intractable", reason="needs 6003 inputs, limit 512") for seed in range(3)),
+    result("mine", status="raised", reason="ValueError: [bold]no[/bold] :smile:"),
+]
+
+
+@pytest.mark.parametrize("width", [80, 100, 120, 200])
+def test_tables_fit_the_screen(width):
+    for table in summary(condense(RESULTS), {"hold-disc": score((0.4,)), "a-task-with-a-long-name": score((0.1,))}):
+        text = screen(table, width)
+        assert max(map(len, text.splitlines())) <= width
+        assert "…" not in text
+
+
+def test_a_wide_screen_shows_every_number():
+    text = screen(summary(condense(RESULTS), {})[0], 120)
+    for shown in ("0.250", "[0.200, 0.300]", "83.3", "0.900", "0.800", "-0.300", "0 of 3, 3"):
+        assert shown in text
+    assert "Left out" not in text
+
+
+def test_a_narrow_screen_says_what_it_left_out():
+    text = " ".join(screen(summary(condense(RESULTS), {})[0], 80).split())
+    left_out = "IQM robustness, worst start, centre, paper, final robustness, final satisfied [%]."
+    assert f"Left out on this narrow screen: {left_out}" in text
+    assert "[0.200, 0.300]" in text
+
+
+def test_what_all_rows_share_goes_into_the_title():
+    first = screen(summary(condense(RESULTS), {})[0], 120).splitlines()[0]
+    assert first == "Robustness: task hold-disc, agent dqn, budget quick"
+    other = screen(robustness(condense([*RESULTS, result(task="other")])), 120).splitlines()[0]
+    assert other == "Robustness: agent dqn, budget quick"
+
+
+def test_reasons_are_printed_as_they_are():
+    text = " ".join(screen(summary(condense(RESULTS), {})[2], 120).split())
+    assert "hold-disc/mine/dqn/0 quick raised ValueError: [bold]no[/bold] :smile:" in text
+
+
+def test_reasons_stand_below_the_table():
+    text = screen(summary(condense(RESULTS), {})[0], 120)
+    assert "remarks: hold-disc/tau-mdp/dqn/quick: intractable: needs 6003 inputs, limit 512" in text.splitlines()

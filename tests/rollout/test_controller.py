@@ -1,0 +1,146 @@
+"""A task's controller in the place of a policy, on a point on a line where its traces can be worked out by hand."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers.line_task import Line, Probe, Rule, line
+
+from stlbench.contract import Array, Integers
+from stlbench.registry import plugins
+from stlbench.result import MAIN
+from stlbench.rollout import controller, referee
+from stlbench.rollout.referee import Referee
+from stlbench.task.task import Task
+
+Control = Callable[[Array, Integers], Any]
+
+
+def steered(control: Control, **changes: Any) -> Task:
+    """The task on a line with a controller."""
+
+    class Steered(Line):
+        def controller(self, state: Array, t: Integers) -> Array:
+            found: Array = control(state, t)
+            return found
+
+    task = line(**changes)
+    return replace(task, system=Steered(task.system.dt))
+
+
+def trace(task: Task, *states: float) -> list[list[float]]:
+    found = controller.record(task, np.array(states)[:, None])
+    assert found is not None
+    rows: list[list[float]] = found[..., 0].tolist()
+    return rows
+
+
+def test_every_step_is_recorded_and_actions_are_held() -> None:
+    """Up while x is below 1 at a decision, else down: steps of .5, decided at 0 and 4."""
+    task = steered(lambda state, t: np.where(state < 1, 1.0, -1.0), hold=4)
+    assert trace(task, 0, 1) == [[0, 0.5, 1, 1.5, 2, 1.5, 1, 0.5, 0], [1, 0.5, 0, -0.5, -1, -0.5, 0, 0.5, 1]]
+
+
+def test_it_is_told_the_step() -> None:
+    asked = list[list[int]]()
+
+    def control(state: Array, t: Integers) -> Array:
+        asked.append(t.tolist())
+        return np.where(t[:, None] < 2, 1.0, 0.0)
+
+    assert trace(steered(control, hold=2), 0, 1)[0] == [0, 0.5, 1, 1, 1, 1, 1, 1, 1]
+    assert asked[-4:] == [[0, 0], [2, 2], [4, 4], [6, 6]]
+
+
+def test_on_a_grid_the_nearest_action_is_taken() -> None:
+    """The grid is -1, 0, 1; whole numbers are speeds, not indices."""
+    for wanted, taken in ((0.6, 1), (0.4, 0), (-7.0, -1), (9.0, 1), (-0.51, -1)):
+        assert trace(steered(lambda state, t, v=wanted: np.full((len(state), 1), v)), 0)[0][1] == 0.5 * taken
+    assert trace(steered(lambda state, t: np.full((len(state), 1), 1)), 0)[0][1] == 0.5
+
+
+def test_each_axis_of_a_grid_is_rounded_by_itself() -> None:
+    task = line(actions={"v": {"low": -1, "high": 1, "count": 3}, "w": {"low": 0, "high": 1, "count": 2}})
+
+    class Sum(Line):
+        def step(self, state: Array, action: Array) -> Array:
+            return state + self.dt * action.sum(axis=1, keepdims=True)
+
+        def controller(self, state: Array, t: Integers) -> Array:
+            return np.array([[0.8, 0.9], [-0.8, 0.1]])
+
+    assert [row[1] for row in trace(replace(task, system=Sum(0.5)), 0, 0)] == [1, -0.5]
+
+
+def test_continuous_actions_are_clipped_and_not_rounded() -> None:
+    box = {"v": {"low": -1, "high": 1}}
+    task = steered(lambda state, t: np.where(state > 0, 0.25, 3.0), actions=box)
+    assert [row[1] for row in trace(task, 1, 0)] == [1.125, 0.5]
+
+
+def test_the_score_is_the_one_of_a_policy_that_does_the_same() -> None:
+    """Up until step 3, then down, with and without held actions: the referee's report of such a policy."""
+    for hold in (1, 2):
+        task = steered(lambda state, t: np.where(t[:, None] < 3, 1.0, -1.0), hold=hold, starts=8)
+        policy = Rule(lambda seen: np.where(seen[:, 1] < 3, 2, 0))
+        report = Referee(task, Probe(task.specification)).report(policy)
+        assert controller.score(task) == report.scores[MAIN]
+        assert np.array_equal(controller.record(task, referee.start_states(task)), report.traces)
+
+
+def test_a_task_without_a_controller() -> None:
+    assert controller.record(line(), np.zeros((2, 1))) is None
+    assert controller.score(line()) is None
+
+
+class TestScores:
+    @pytest.fixture(autouse=True)
+    def tasks(self, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+        """Instead of installed tasks; the names that were asked for."""
+        asked = list[str]()
+
+        def broken(state: Array, t: Integers) -> Array:
+            raise ValueError("no\nsuch luck")
+
+        tasks = {
+            "up": steered(lambda state, t: np.ones_like(state)),
+            "down": steered(lambda state, t: -np.ones_like(state)),
+            "broken": steered(broken),
+            "none": line(),
+        }
+
+        def load(name: str) -> Task:
+            asked.append(name)
+            if name == "torn":
+                raise ImportError("it needs the extra mujoco")
+            if name == "unmade":
+                raise OSError("its table is not there")
+            if name not in tasks:
+                plugins.find("tasks", name)
+            return tasks[name]
+
+        monkeypatch.setattr(controller, "load_task", load)
+        return asked
+
+    def test_a_task_is_scored_once(self, tasks: list[str]) -> None:
+        found = controller.scores(["up", "down", "up", "up[without=cuts]"])
+        assert list(found) == tasks == ["up", "down"]
+        assert (found["up"].satisfaction, found["down"].satisfaction) == (0, 1)
+
+    def test_what_cannot_be_scored_is_left_out_silently(self) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert list(controller.scores(["gone", "none", "torn", "../x", "", "down"])) == ["down"]
+
+    def test_a_controller_that_fails_is_a_warning(self) -> None:
+        with pytest.warns(plugins.PluginWarning) as told:
+            assert list(controller.scores(["broken", "unmade", "up"])) == ["up"]
+        assert [str(entry.message) for entry in told] == [
+            "task line: its controller cannot be scored: ValueError: no such luck",
+            "task unmade: its controller cannot be scored: OSError: its table is not there",
+        ]

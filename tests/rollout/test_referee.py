@@ -1,0 +1,143 @@
+"""Scores of traces that were made by hand, and what does not enter them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.line_task import Probe, Rule, line
+
+from stlbench import stl
+from stlbench.contract import Array, Integers
+from stlbench.result import MAIN, Score
+from stlbench.rollout.referee import Referee, record, score
+from stlbench.task import starts
+
+THREE = "G[0,2] x <= 1 & F[0,3] x >= 5 & G[4,6] x <= 3"
+
+
+def scored(formula: str, *traces: list[float]) -> Score:
+    return score(stl.parse(formula), np.array(traces, dtype=float)[..., None], ("x",))
+
+
+class TestScore:
+    def test_robustness_and_satisfaction(self) -> None:
+        """min of 1 - max over 0..2, the largest x - 5 over 0..3, 3 - max over 4..6."""
+        found = scored(THREE, [0, 0, 0, 6, 0, 0, 0], [0, 0, 0, 6, 0, 5, 0], [0, 0, 0, 2, 0, 0, 0])
+        assert found.robustness == (1, -2, -3)
+        assert found.satisfied == (True, False, False)
+        assert (found.minimum, found.mean) == (-3, pytest.approx(-4 / 3))
+        assert found.satisfaction == pytest.approx(1 / 3)
+
+    def test_satisfaction_is_not_the_sign_of_the_robustness(self) -> None:
+        assert scored("G[0,1] x <= 1", [1, 0]) == Score((0.0,), (True,), {})
+        strict = scored("G[0,1] x < 1", [1, 0])
+        assert (strict.robustness, strict.satisfied) == ((0.0,), (False,))
+
+    @pytest.mark.parametrize(
+        ("trace", "first"),
+        [
+            ([0, 2, 0, 6, 0, 0, 0], "G[0,2] x <= 1"),  # lost at 1
+            ([0, 0, 0, 2, 0, 0, 0], "F[0,3] x >= 5"),  # at 3, its deadline
+            ([0, 0, 0, 6, 0, 5, 0], "G[4,6] x <= 3"),  # at 5
+            ([0, 0, 0, 2, 4, 4, 4], "F[0,3] x >= 5"),  # at 3, before the third at 4
+            ([0, 0, 2, 2, 4, 4, 4], "G[0,2] x <= 1"),  # at 2, all three lost
+            ([0, 0, 0, 6, 0, 0, 4], "G[4,6] x <= 3"),  # in the last sample
+            ([9, 0, 0, 0, 0, 0, 0], "G[0,2] x <= 1"),  # in the first one, which reaches the goal
+        ],
+    )
+    def test_the_conjunct_that_is_lost_first(self, trace: list[float], first: str) -> None:
+        assert scored(THREE, trace).first_failed == {first: 1}
+
+    def test_failures_are_counted_by_conjunct_and_only_those_of_violations(self) -> None:
+        good, early, late = [0, 0, 0, 6, 0, 0, 0], [2, 0, 0, 6, 0, 0, 0], [0, 0, 0, 6, 4, 0, 0]
+        found = scored(THREE, good, early, late, early, good)
+        assert found.first_failed == {"G[0,2] x <= 1": 2, "G[4,6] x <= 3": 1}
+        assert scored(THREE, good, good).first_failed == {}
+
+    def test_a_nested_conjunction_is_taken_apart(self) -> None:
+        found = scored("G[0,2] x <= 1 & (F[0,3] x >= 5 & G[4,6] x <= 3)", [0, 0, 0, 6, 0, 5, 0])
+        assert found.first_failed == {"G[4,6] x <= 3": 1}
+
+    def test_a_formula_without_conjunction_is_its_own_conjunct(self) -> None:
+        found = scored("F[0,2] G[0,2] (x <= 1 | x >= 9)", [2, 2, 2, 2, 2])
+        assert found.first_failed == {"F[0,2] G[0,2] (x <= 1 | x >= 9)": 1}
+
+    def test_a_disjunction_is_lost_when_its_last_hope_is(self) -> None:
+        # G[0,4] is lost at 1, F[0,2] at 2; the second conjunct at 1 as well, and before it
+        either = "(G[0,4] x <= 1 | F[0,2] x >= 5) & F[0,1] x >= 2"
+        assert scored(either, [0, 2, 0, 0, 0]).first_failed == {"G[0,4] x <= 1 | F[0,2] x >= 5": 1}
+        assert scored(either, [0, 1.5, 0, 0, 0]).first_failed == {"F[0,1] x >= 2": 1}
+
+
+UP = 2
+PROTOCOLS = {
+    "tail": {"title": "the end alone", "formula": "G[6,8] (x <= 1)"},
+    "far": {"title": "from far away", "initial": {"box": {"x": [2, 3]}}, "starts": 3},
+    "both": {"title": "both", "formula": "F[7,8] (x >= 4)", "initial": {"box": {"x": 0}}, "starts": 1},
+}
+
+
+class TestReferee:
+    def test_a_recorded_trace_has_every_step(self) -> None:
+        task = line(hold=4)
+        # up while t < 4, then down: the policy sees x, t and the time
+        policy = Rule(lambda seen: np.where(seen[:, 1] < 4, 2, 0))
+        traces = record(task, Probe(task.specification), policy, np.array([[0.0], [1.0]]))
+        assert traces.shape == (2, 9, 1)
+        assert traces[0, :, 0].tolist() == [0, 0.5, 1, 1.5, 2, 1.5, 1, 0.5, 0]
+        assert traces[1, :, 0].tolist() == [1, 1.5, 2, 2.5, 3, 2.5, 2, 1.5, 1]
+
+    def test_a_policy_gets_the_methods_inputs(self) -> None:
+        task = line()
+        # The memory counts transitions: it is 0, 1, .. 7 when the policy acts.
+        policy = Rule(lambda seen: np.where(seen[:, 3] < 3, 2, 1))
+        traces = record(task, Probe(task.specification, memory_size=1), policy, np.array([[0.0]]))
+        assert traces[0, :, 0].tolist() == [0, 0.5, 1, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5]
+
+    def test_protocols(self) -> None:
+        """Always up from x_0: x_t = x_0 + t / 2. Formula: min over 0..4 of 1 - x = -1 - x_0."""
+        task = line(protocols=PROTOCOLS)
+        report = Referee(task, Probe(task.specification)).report(Rule(lambda seen: UP))
+        assert set(report.scores) == {MAIN, "tail", "far", "both"}
+        begin = starts.grid(task.file.initial, 4)[:, 0]
+        assert report.traces == pytest.approx(begin[:, None, None] + np.arange(9)[None, :, None] / 2)
+        assert report.scores[MAIN].robustness == pytest.approx(-1 - begin)
+        far = starts.grid(task.file.protocols["far"].initial or task.file.initial, 3)[:, 0]
+        assert far.min() >= 2
+        assert report.scores["far"].robustness == pytest.approx(-1 - far)
+        # starts of a protocol: 64 unless it says otherwise, on the task's own region
+        assert report.scores["tail"].robustness == pytest.approx(-3 - starts.grid(task.file.initial, 64)[:, 0])
+        assert report.scores["both"].robustness == (0,)  # x_8 = 4
+        assert report.scores["both"].satisfied == (True,)
+
+    def test_selection_is_on_other_starts_than_the_report(self) -> None:
+        task = line(starts=8)
+        referee, policy = Referee(task, Probe(task.specification)), Rule(lambda seen: UP)
+        others, own = starts.grid(task.file.initial, 8, part=1)[:, 0], starts.grid(task.file.initial, 8)[:, 0]
+        assert not set(others.round(9)) & set(own.round(9))
+        # robustness is -1 - x_0 here
+        assert referee.select(policy) == (0.0, pytest.approx(-1 - others.mean()))
+        assert referee.report(policy).scores[MAIN].robustness == pytest.approx(-1 - own)
+
+    def test_protocols_in_seconds_are_read_in_the_tasks_unit(self) -> None:
+        task = line(
+            time="seconds", formula="G[0,2] (x <= 1)", protocols={"tail": {"title": "t", "formula": "G[3,4] (x <= 1)"}}
+        )
+        report = Referee(task, Probe(task.specification)).report(Rule(lambda seen: UP))
+        # .5 s a step: G[0,4] and G[6,8] in steps
+        assert report.scores[MAIN].robustness == pytest.approx(-1 - starts.grid(task.file.initial, 4)[:, 0])
+        assert report.scores["tail"].robustness == pytest.approx(-3 - starts.grid(task.file.initial, 64)[:, 0])
+
+    def test_no_reward_enters_a_score(self) -> None:
+        class Absurd(Probe):
+            def step(
+                self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
+            ) -> tuple[Array, Array]:
+                return np.full(len(signals), np.nan), memory
+
+        task = line(protocols=PROTOCOLS)
+        policy = Rule(lambda seen: np.where(seen[:, 0] > 0, 0, 2))
+        honest = Referee(task, Probe(task.specification)).report(policy)
+        absurd = Referee(task, Absurd(task.specification)).report(policy)
+        assert honest.scores == absurd.scores
+        assert np.array_equal(honest.traces, absurd.traces)

@@ -1,0 +1,85 @@
+"""Traces of a run, found again or said to be missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers import synthetic_results
+from helpers.line_task import Probe, Rule, line
+
+from stlbench.errors import UsageError
+from stlbench.rollout.referee import Referee
+from stlbench.rollout.traces import Recording, gather, load, trace_file
+
+RESULT = synthetic_results.result(task="line")
+TRACES = np.arange(36.0).reshape(4, 9, 1)
+
+
+@pytest.fixture
+def save(tmp_path):
+    path = trace_file(tmp_path / "traces", RESULT.name, RESULT.key)
+    path.parent.mkdir(parents=True)
+
+    def write(**content):
+        np.savez_compressed(path, **content)
+        return path
+
+    return write
+
+
+def test_what_was_saved_is_loaded(save, tmp_path):
+    save(traces=TRACES, signals=["x"], extremes=[2, 0], states=np.ones((2, 9, 1)))
+    found = load(line(), RESULT, tmp_path)
+    assert np.array_equal(found.traces, TRACES)
+    assert found.film is not None
+    assert (found.film.starts.tolist(), found.film.states.shape) == ([2, 0], (2, 9, 1))
+
+
+def test_an_older_file_has_no_states(save, tmp_path):
+    save(traces=TRACES, signals=["x"])
+    assert load(line(), RESULT, tmp_path).film is None
+
+
+def test_no_file_is_a_usage_error(tmp_path):
+    with pytest.raises(UsageError, match=r"^line/funnel/dqn/0 has no traces at "):
+        load(line(), RESULT, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"traces": TRACES, "signals": ["y"]}, "are of another version of the task line"),
+        ({"traces": TRACES[:, :5], "signals": ["x"]}, "are of another version of the task line"),
+        ({"traces": TRACES[..., 0], "signals": ["x"]}, "are of another version of the task line"),
+        ({"signals": ["x"]}, "cannot read the traces"),
+    ],
+)
+def test_traces_that_do_not_fit_are_refused(save, tmp_path, content, message):
+    save(**content)
+    with pytest.raises(UsageError, match=message):
+        load(line(), RESULT, tmp_path)
+
+
+@pytest.mark.parametrize("size", [0, 10, 200])
+def test_a_damaged_file_is_a_usage_error(save, tmp_path, size):
+    path = save(traces=TRACES, signals=["x"])
+    path.write_bytes(path.read_bytes()[:size])
+    with pytest.raises(UsageError, match="cannot read the traces"):
+        load(line(), RESULT, tmp_path)
+
+
+def test_seeds_are_gathered_and_shown_evenly():
+    found = gather([Recording(TRACES, 1), Recording(100 + TRACES, 1)])
+    assert (found.seeds, len(found.traces)) == (2, 8)
+    assert found.evenly(3)[:, 0, 0].tolist() == [0, 100, 127]
+    assert len(found.evenly(50)) == 8
+    assert found.evenly(1).shape == (1, 9, 1)
+
+
+def test_the_referee_keeps_the_states_at_each_decision():
+    """Always up from x_0: half a metre a step, a decision every 4 steps."""
+    task = line(hold=4)
+    report = Referee(task, Probe(task.specification)).report(Rule(lambda seen: 2))
+    assert report.states.shape == (4, 3, 1)
+    assert np.array_equal(report.states, report.traces[:, ::4])
+    assert report.states[0, :, 0] - report.states[0, 0, 0] == pytest.approx([0, 2, 4])

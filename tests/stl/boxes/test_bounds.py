@@ -1,0 +1,107 @@
+"""Bounds of a margin over a box: hand-computed extremes, soundness, tolerance, domains."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from helpers.generated_formulas import NAMES, SEEDS, pointwise
+from hypothesis import given, settings
+
+from stlbench.stl import Formula, UndefinedError, UnknownSignalError, bounds, margin, parse
+
+BOX = {"x": (-1.0, 1.0), "y": (-1.0, 1.0), "z": (0.0, 3.0)}
+
+
+@pytest.mark.parametrize(
+    ("text", "lower", "upper"),
+    [
+        ("x >= 0.5", -1.5, 0.5),
+        ("norm(x - 0.25, y - 0.25) <= 0.5", 0.5 - 1.25 * math.sqrt(2), 0.5),
+        ("norminf(x - y, z) <= 1", -2, 1),
+        ("abs(x) <= 0.05 & abs(y) <= 0.05", -0.95, 0.05),
+        ("x >= 0 | y >= 0.5", -1, 1),
+        ("x >= 0 -> y >= 0.5", -1, 1),
+        ("!z <= 1", -1, 2),
+        ("x ** 3 - x >= 0", -2 / 3**1.5, 2 / 3**1.5),
+        ("x ** 2 * y >= 0", -1, 1),
+        ("x * x >= 0", 0, 1),
+        ("x - x >= 0", 0, 0),
+        ("x * x - 2 * x * y + y * y >= 0", 0, 4),
+        ("x * (1 - x) >= 0", -2, 0.25),
+        ("1 / (2 + x) >= y", 1 / 3 - 1, 2),
+        ("sqrt(1 - x * x) >= y", -1, 2),
+        ("sqrt(x * x - 2 * x * y + y * y) <= 1", -1, 1),
+        ("sin(4 * x) >= cos(z)", -2, 1 - math.cos(3)),
+        ("exp(-x) * y >= 0", -math.e, math.e),
+        ("min(x, y) >= 0 & max(x, 0.5) <= 2", -1, 1),
+        ("1 <= 2", 1, 1),
+        ("True", math.inf, math.inf),
+    ],
+)
+def test_extremes(text: str, lower: float, upper: float) -> None:
+    low, high = bounds(parse(text), BOX, tolerance=1e-5)
+    assert low <= lower
+    assert high >= upper
+    assert (low, high) == pytest.approx((lower, upper), abs=2e-5)
+
+
+@settings(max_examples=60, deadline=None)
+@given(pointwise(), SEEDS)
+def test_no_sample_lies_outside(psi: Formula, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    ends = np.sort(rng.integers(-8, 9, (3, 2)) / 4.0, axis=1)
+    low, high = bounds(psi, ends, NAMES, tolerance=1e-3, nodes=500)
+    corner = rng.integers(0, 2, (300, 3))
+    points = np.concatenate([rng.uniform(ends[:, 0], ends[:, 1], (300, 3)), np.where(corner, ends[:, 1], ends[:, 0])])
+    values = margin(psi, NAMES)(points)
+    slack = 1e-12 * (1 + np.abs(values[np.isfinite(values)]).max(initial=0))  # the samples round, too
+    assert np.all(low - slack <= values)
+    assert np.all(values <= high + slack)
+
+
+def test_two_joints_against_a_fine_grid() -> None:
+    psi = parse("norm(sin(x) + sin(x + y) - 2, cos(x) + cos(x + y)) <= 0.1")
+    axis = np.linspace(-1, 1, 401)
+    values = margin(psi, ["x", "y"])(np.stack(np.meshgrid(axis, axis), axis=-1))
+    low, high = bounds(psi, BOX)
+    assert low <= values.min() <= low + 1e-3
+    assert high - 1e-3 <= values.max() <= high
+
+
+def test_a_poor_budget_widens_but_stays_sound() -> None:
+    psi = parse("x * x - 2 * x * y + y * y + sin(9 * x * y) * z >= 0")
+    poor, rich = bounds(psi, BOX, nodes=10), bounds(psi, BOX, nodes=20_000)
+    assert poor[0] <= rich[0] <= rich[1] <= poor[1]
+
+
+def test_a_degenerate_box_is_a_point() -> None:
+    low, high = bounds(parse("x * y >= 1"), {"x": (2, 2), "y": (3, 3)})
+    assert (low, high) == pytest.approx((5, 5), abs=1e-12)
+
+
+def test_usual_predicates_take_few_boxes() -> None:
+    psi = parse("norm(x - 0.25, y - 0.25) <= 0.5 & abs(z) <= 2")
+    assert bounds(psi, BOX, nodes=1000) == bounds(psi, BOX)
+
+
+@pytest.mark.parametrize("text", ["sqrt(x) >= 0", "sqrt(abs(x) - y * y) >= 0", "1 / x >= 0", "1 / (x * x + y) >= 1"])
+def test_a_domain_that_the_box_leaves_is_an_error(text: str) -> None:
+    with pytest.raises(UndefinedError, match="not defined all over the box"):
+        bounds(parse(text), BOX)
+
+
+def test_input_is_checked() -> None:
+    with pytest.raises(UnknownSignalError, match="formula uses signal 'w'; the box has x, y, z"):
+        bounds(parse("w >= 0"), BOX)
+    with pytest.raises(ValueError, match="finite with low <= high"):
+        bounds(parse("x >= 0"), {"x": (0, math.inf)})
+    with pytest.raises(ValueError, match="finite with low <= high"):
+        bounds(parse("x >= 0"), {"x": (1, 0)})
+    with pytest.raises(ValueError, match="without temporal operators"):
+        bounds(parse("G[0,1] x >= 0"), BOX)
+    with pytest.raises(ValueError, match="names"):
+        bounds(parse("x >= 0"), [(0, 1)])
+    with pytest.raises(ValueError, match="tolerance"):
+        bounds(parse("x >= 0"), BOX, tolerance=0)

@@ -1,0 +1,190 @@
+"""Text to values, and errors that point at the place."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stlbench.stl import (
+    Always,
+    And,
+    Eventually,
+    Formula,
+    Implies,
+    Not,
+    Number,
+    Or,
+    Predicate,
+    Signal,
+    StlSyntaxError,
+    TrueFormula,
+    Until,
+    parse,
+)
+from stlbench.stl.language.parser import MAX_DEPTH
+
+P, Q, R = (Predicate(">=", Signal(name), Number(0)) for name in "pqr")
+
+
+def test_spellings() -> None:
+    short = parse("G[0,1] !p >= 0 & (F[1,2] q >= 0 | p >= 0 U[0,3] r >= 0) -> True")
+    long = parse("always[0,1] not p >= 0 and (eventually [1,2] q >= 0 || p >= 0 until[0,3] r >= 0)\n  implies true")
+    assert short == long
+    assert short == Implies(And((Always(0, 1, Not(P)), Or((Eventually(1, 2, Q), Until(0, 3, P, R))))), TrueFormula())
+
+
+@pytest.mark.parametrize(
+    ("text", "grouped"),
+    [
+        ("!p >= 0 & q >= 0", "(!(p >= 0)) & (q >= 0)"),
+        ("G[0,1] p >= 0 & q >= 0", "(G[0,1] (p >= 0)) & (q >= 0)"),
+        ("!p >= 0 U[0,1] q >= 0", "(!(p >= 0)) U[0,1] (q >= 0)"),
+        ("p >= 0 & q >= 0 U[0,1] r >= 0", "(p >= 0) & ((q >= 0) U[0,1] (r >= 0))"),
+        ("p >= 0 | q >= 0 & r >= 0", "(p >= 0) | ((q >= 0) & (r >= 0))"),
+        ("p >= 0 -> q >= 0 -> r >= 0", "(p >= 0) -> ((q >= 0) -> (r >= 0))"),
+        ("p >= 0 U[0,1] q >= 0 U[0,1] r >= 0", "(p >= 0) U[0,1] ((q >= 0) U[0,1] (r >= 0))"),
+        ("p - q - r >= 0", "((p - q) - r) >= 0"),
+        ("p / q * r >= 0", "((p / q) * r) >= 0"),
+        ("-p ** 2 >= 0", "(-(p ** 2)) >= 0"),
+        ("-p * q >= 0", "((-p) * q) >= 0"),
+        ("p + q * r ^ 2 >= 0", "(p + (q * (r ** 2))) >= 0"),
+        ("0 <= p < q", "(0 <= p) & (p < q)"),
+        ("G[0,1] 0 <= p <= 1", "G[0,1] ((0 <= p) & (p <= 1))"),
+    ],
+)
+def test_precedence(text: str, grouped: str) -> None:
+    assert parse(text) == parse(grouped)
+
+
+def test_letters_are_operators_only_before_a_bracket() -> None:
+    assert parse("G[0,1] F >= U") == Always(0, 1, Predicate(">=", Signal("F"), Signal("U")))
+
+
+def test_constants() -> None:
+    assert parse("x >= pi") == Predicate(">=", Signal("x"), Number(math.pi))
+    assert parse("x >= .5e1") == Predicate(">=", Signal("x"), Number(5))
+    assert parse("False") == Not(TrueFormula())
+
+
+def test_seconds_become_steps() -> None:
+    assert parse("F[0.3,2] x >= 1", dt=0.1) == parse("F[3,20] x >= 1")
+    assert parse("G[4, 7] x >= 1", dt=0.01) == parse("G[400,700] x >= 1")
+    with pytest.raises(
+        StlSyntaxError, match=r"whole number of steps of dt=0.1 seconds but found 1.25 seconds = 12.5 steps"
+    ):
+        parse("G[0.5,1.25] x >= 1", dt=0.1)
+    with pytest.raises(ValueError, match="dt"):
+        parse("G[0,1] x >= 1", dt=0.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "column", "expected", "found"),
+    [
+        ("x", 1, 2, "a comparison", "the end"),
+        ("", 1, 1, "a formula", "the end"),
+        ("x & y >= 1", 1, 3, "a comparison", "'&'"),
+        ("(x >= 1 & y >= 2", 1, 17, "')'", "the end"),
+        ("norm(x, y & z) <= 1", 1, 11, "',' or ')'", "'&'"),
+        ("(x >= 1) + 2 >= 3", 1, 10, "'&', '|', '->', 'U[a,b]'", "'+'"),
+        ("x >= 1 y", 1, 8, "'&', '|', '->', 'U[a,b]'", "'y'"),
+        ("x >= 1)", 1, 7, "end of the formula", "')'"),
+        ("G[3,1] x >= 1", 1, 2, "a <= b", "[3,1]"),
+        ("G[0,1.5] x >= 1", 1, 5, "a whole number of steps", "'1.5'"),
+        ("G[-1,2] x >= 1", 1, 3, "at least 0", "'-'"),
+        ("G[0 1] x >= 1", 1, 5, "','", "'1'"),
+        ("G[0,1 x >= 1", 1, 7, "']'", "'x'"),
+        ("x == 1", 1, 3, "abs(x - y) <= tolerance", "'=='"),
+        ("x != 1", 1, 3, "abs(x - y) <= tolerance", "'!='"),
+        ("always x >= 1", 1, 8, "'['", "'x'"),
+        ("abs >= 1", 1, 5, "'('", "'>='"),
+        ("tan(x) >= 1", 1, 1, "a function (abs", "'tan'"),
+        ("sqrt(x, y) >= 1", 1, 5, "one argument", "2"),
+        ("norm() >= 1", 1, 6, "a formula or an expression", "')'"),
+        ("x ** 0.5 >= 1", 1, 6, "whole number", "'0.5'"),
+        ("x ** 2 ** 2 >= 1", 1, 8, "parentheses", "'**'"),
+        ("min(x >= 1, 2) >= 1", 1, 7, "',' or ')'", "'>='"),
+        ("x >= (y >= 1)", 1, 6, "an arithmetic expression", "a formula"),
+        ("x >= @", 1, 6, "a name", "'@'"),
+        ("x >= 1e999", 1, 6, "finite", "'1e999'"),
+        ("x >= 1 &\n  G[0,3] y", 2, 11, "a comparison", "the end"),
+        ("x >= 1 U y >= 1", 1, 8, "'&'", "'U'"),
+    ],
+)
+def test_errors_point_at_the_place(text: str, line: int, column: int, expected: str, found: str) -> None:
+    with pytest.raises(StlSyntaxError) as caught:
+        parse(text)
+    error = caught.value
+    assert (error.line, error.column) == (line, column)
+    assert expected in error.expected
+    first, source, caret = str(error).split("\n")
+    assert first.startswith(f"line {line}, column {column}: expected {error.expected} but found {found}")
+    assert source[4:] == (text.splitlines() or [""])[line - 1]
+    assert caret == " " * (3 + column) + "^"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(" * 5000 + "x >= 1" + ")" * 5000,
+        "!" * 5000 + "x >= 1",
+        "-" * 5000 + "x >= 1",
+        "G[0,1] " * 5000 + "x >= 1",
+        "x >= 1 -> " * 5000 + "x >= 1",
+        " + ".join(["x"] * 5000) + " >= 1",
+        "abs(" * 5000 + "x" + ")" * 5000 + ">= 1",
+    ],
+)
+def test_deep_nesting_is_a_syntax_error(text: str) -> None:
+    with pytest.raises(StlSyntaxError, match=f"at most {MAX_DEPTH} levels of nesting") as caught:
+        parse(text)
+    assert max(map(len, str(caught.value).splitlines())) < 140
+
+
+def test_the_deepest_formula_accepted_can_be_used() -> None:
+    formula: Formula = parse("!" * (MAX_DEPTH - 3) + "x >= 1")
+    assert parse(str(formula)) == formula
+    assert hash(formula) == hash(parse(str(formula)))
+    assert repr(formula).count("Not(") == MAX_DEPTH - 3
+
+
+def test_long_flat_formulas_are_fine() -> None:
+    formula = parse(" & ".join(["x >= 1"] * 3000))
+    assert isinstance(formula, And)
+    assert len(formula.args) == 3000
+
+
+PIECES = [
+    "x",
+    "1",
+    ">=",
+    "<",
+    "&",
+    "|",
+    "->",
+    "(",
+    ")",
+    "G[0,1]",
+    "F",
+    "[",
+    "]",
+    ",",
+    "U[1,2]",
+    "-",
+    "!",
+    "norm",
+    "True",
+    "**",
+]
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.sampled_from(PIECES), max_size=12).map(" ".join) | st.text(max_size=20))
+def test_any_text_parses_or_is_a_syntax_error(text: str) -> None:
+    try:
+        formula = parse(text)
+    except StlSyntaxError:
+        return
+    assert parse(str(formula)) == formula

@@ -1,0 +1,78 @@
+"""Compiled margins and verdicts per sample."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers.generated_formulas import NAMES, SEEDS, naive, naive_satisfied, pointwise, traces
+from hypothesis import given, settings
+
+from stlbench.stl import Formula, UndefinedError, UnknownSignalError, holds, margin, parse
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("norm(x - 1, y) <= 5", 0.0),
+        ("norminf(x - 1, y) < 5", 1.0),
+        ("abs(y) + sqrt(x) >= 1", 5.0),
+        ("x ** 2 / 2 - y * 3 >= 0", 20.0),
+        ("min(x, y) >= 0 | max(x, y, 7) <= 6", -1.0),
+        ("exp(x - 4) >= cos(y + 4) - 2", 2.0),
+        ("sin(pi * x / 8) >= 0", 1.0),
+        ("x >= 0 -> y >= 0", -4.0),
+        ("!(x >= 0 & y >= 0)", 4.0),
+        ("norm(3, 4) <= x", -1.0),
+    ],
+)
+def test_table(text: str, expected: float) -> None:
+    # x = 4, y = -4
+    assert margin(parse(text), ["x", "y"])(np.array([4.0, -4.0])) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(), (5,), (0,), (3, 4)])
+@pytest.mark.parametrize("text", ["x >= 1 & y < 2", "True", "1 <= 2", "False | 2 <= 1"])
+def test_shapes_follow_the_batch(text: str, shape: tuple[int, ...]) -> None:
+    samples = np.ones((*shape, 2))
+    rho, verdict = margin(parse(text), ["x", "y"])(samples), holds(parse(text), ["x", "y"])(samples)
+    assert np.shape(rho) == np.shape(verdict) == shape
+    assert np.asarray(rho).dtype == float
+    assert np.asarray(verdict).dtype == bool
+
+
+@settings(max_examples=100, deadline=None)
+@given(pointwise(), SEEDS)
+def test_equals_the_definition(psi: Formula, seed: int) -> None:
+    samples = traces(20, seed)
+    np.testing.assert_allclose(margin(psi, NAMES)(samples), [naive(psi, samples, t) for t in range(20)], rtol=1e-12)
+    assert holds(psi, NAMES)(samples).tolist() == [naive_satisfied(psi, samples, t) for t in range(20)]
+
+
+def test_is_pure() -> None:
+    samples = np.array([[1.0, 2.0]])
+    result = margin(parse("x >= 0 & norm(x, y) <= 9"), ["x", "y"])(samples)
+    result += 1
+    assert samples.tolist() == [[1.0, 2.0]]
+
+
+def test_float32_stays_float32() -> None:
+    samples: Any = np.ones((4, 2), dtype=np.float32)
+    assert margin(parse("norm(x - 0.5, y) <= 2 & y >= 0"), ["x", "y"])(samples).dtype == np.float32
+
+
+def test_unknown_signal() -> None:
+    with pytest.raises(UnknownSignalError, match="formula uses signal 'z'; the trace has x, y"):
+        margin(parse("z >= 0"), ["x", "y"])
+
+
+def test_temporal_formulas_are_refused() -> None:
+    with pytest.raises(ValueError, match="without temporal operators"):
+        margin(parse("G[0,1] x >= 0"), ["x"])
+
+
+@pytest.mark.parametrize("text", ["1 / 0 >= x", "sqrt(-1) >= x", "exp(9999) - exp(9999) >= x"])
+def test_a_constant_without_a_value_is_refused(text: str) -> None:
+    with pytest.raises(UndefinedError, match="constant"):
+        margin(parse(text), ["x"])

@@ -1,0 +1,144 @@
+"""The batch monitor against as many scalar monitors, with restarts."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import numpy as np
+import pytest
+from helpers.generated_formulas import LIPSCHITZ, NAMES, SEEDS, formulas, intervals, pointwise, traces
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stlbench.stl import (
+    Always,
+    BatchMonitor,
+    Eventually,
+    Formula,
+    Intervals,
+    Monitor,
+    Not,
+    UndefinedError,
+    UnknownSignalError,
+    Until,
+    horizon,
+    parse,
+    satisfied,
+)
+from stlbench.stl.running.batch import SlidingLeast
+
+quick = settings(max_examples=60, deadline=None)
+
+
+def check(formula: Formula, seed: int, restarts: bool = True) -> None:
+    count, rng = 4, np.random.default_rng(seed)
+    batch, single = BatchMonitor(formula, NAMES, count), [Monitor(formula, NAMES) for _ in range(count)]
+    for samples in traces(2 * horizon(formula) + 4, seed, (count,)).swapaxes(0, 1):
+        which = rng.random(count) < (0.2 if restarts else 0.0)
+        batch.restart(which)
+        single = [Monitor(formula, NAMES) if anew else one for anew, one in zip(which, single, strict=True)]
+        now = batch.update(samples)
+        expected = [one.update(sample) for one, sample in zip(single, samples.tolist(), strict=True)]
+        np.testing.assert_allclose(now.lower, [one.lower for one in expected], rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(now.upper, [one.upper for one in expected], rtol=1e-12, atol=1e-12)
+        assert now.certainly.tolist() == [one.verdict is True for one in expected]
+        assert now.possibly.tolist() == [one.verdict is not False for one in expected]
+
+
+@quick
+@given(formulas(leaves=4), SEEDS)
+def test_equals_scalar_monitors(formula: Formula, seed: int) -> None:
+    check(formula, seed)
+
+
+@quick
+@given(intervals(6), intervals(6), pointwise(LIPSCHITZ), st.booleans(), st.booleans(), st.booleans(), SEEDS)
+def test_nested_windows_equal_scalar_monitors(
+    outer: tuple[int, int],
+    inner: tuple[int, int],
+    psi: Formula,
+    always: bool,
+    negated: bool,
+    restarts: bool,
+    seed: int,
+) -> None:
+    formula: Formula = Always(*outer, Eventually(*inner, psi)) if always else Eventually(*outer, Always(*inner, psi))
+    check(Not(formula) if negated else formula, seed, restarts)
+
+
+@quick
+@given(intervals(8), pointwise(LIPSCHITZ), pointwise(LIPSCHITZ), st.booleans(), SEEDS)
+def test_until_equals_scalar_monitors(
+    ends: tuple[int, int], left: Formula, right: Formula, negated: bool, seed: int
+) -> None:
+    formula = Until(*ends, left, right)
+    check(Not(formula) if negated else formula, seed)
+
+
+def test_a_run_by_hand() -> None:
+    monitor = BatchMonitor(parse("G[1,2] x >= 0"), ["x"], 2)
+    monitor.update([[-5.0], [0.0]])
+    now = monitor.update([[3.0], [-2.0]])
+    assert (now.lower.tolist(), now.upper.tolist()) == ([-math.inf] * 2, [3, -2])
+    assert (now.certainly.tolist(), now.possibly.tolist()) == ([False, False], [True, False])
+    monitor.restart([1])
+    now = monitor.update([[1.0], [-9.0]])
+    assert (now.lower.tolist(), now.upper.tolist()) == ([1, -math.inf], [1, math.inf])
+    assert (now.certainly.tolist(), now.possibly.tolist()) == ([True, False], [True, True])
+
+
+def test_long_windows_slide() -> None:
+    values = np.random.default_rng(0).normal(size=(400, 3))
+    sliding = SlidingLeast(3, 37)
+    for t, row in enumerate(values):
+        least = sliding.step(row)
+        if t >= 36:
+            np.testing.assert_array_equal(least, values[t - 36 : t + 1].min(axis=0))
+
+
+def test_earlier_answers_do_not_change() -> None:
+    monitor = BatchMonitor(parse("F[0,3] x >= 0"), ["x"], 1)
+    before = [monitor.update([[-1.0]]), monitor.update([[2.0]])]
+    kept = copy.deepcopy(before)
+    monitor.restart([True])
+    monitor.update([[-3.0]])
+    for one, other in zip(before, kept, strict=True):
+        assert all(np.array_equal(left, right) for left, right in zip(one, other, strict=True))
+
+
+def test_a_copy_is_a_fork() -> None:
+    formula = parse("F[0,4] G[0,2] x >= 0 & x >= -1 U[1,5] x >= 1")
+    batch = traces(horizon(formula) + 1, 5, (3,))[..., :1]
+    monitor = BatchMonitor(formula, ["x"], 3)
+    for samples in batch[:, :3].swapaxes(0, 1):
+        monitor.update(samples)
+    fork = copy.deepcopy(monitor)
+    for _ in range(4):
+        monitor.update(np.full((3, 1), -7.0))
+    now: Intervals = fork.update(batch[:, 3])
+    for samples in batch[:, 4:].swapaxes(0, 1):
+        now = fork.update(samples)
+    assert now.certainly.tolist() == now.possibly.tolist() == satisfied(formula, batch, ["x"]).tolist()
+
+
+def test_undefined_samples_are_errors_while_a_trace_is_read() -> None:
+    monitor = BatchMonitor(parse("G[0,1] sqrt(x) >= 0"), ["x"], 3)
+    with pytest.raises(UndefinedError, match="'x' is NaN at sample 0 of trace 2"):
+        monitor.update([[0.0], [1.0], [math.nan]])
+    with pytest.raises(UndefinedError, match=r"has no value at \{'x': -1.0\} of trace 1"):
+        monitor.update([[0.0], [-1.0], [0.0]])
+    late = BatchMonitor(parse("G[0,0] sqrt(x) >= 0"), ["x"], 2)
+    late.update([[1.0], [2.0]])
+    late.restart([0])
+    assert late.update([[9.0], [math.nan]]).lower.tolist() == [3, math.sqrt(2)]
+    assert late.update([[-1.0], [-1.0]]).lower.tolist() == [3, math.sqrt(2)]
+
+
+def test_shape_names_and_count_are_checked() -> None:
+    with pytest.raises(ValueError, match=r"shape \(2, 1\) for x, got \(1, 1\)"):
+        BatchMonitor(parse("x >= 0"), ["x"], 2).update([[1.0]])
+    with pytest.raises(UnknownSignalError):
+        BatchMonitor(parse("y >= 0"), ["x"], 2)
+    with pytest.raises(ValueError, match="at least 1"):
+        BatchMonitor(parse("x >= 0"), ["x"], 0)

@@ -1,0 +1,197 @@
+"""The online monitor against the recorded-trace evaluation, step by step."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import numpy as np
+import pytest
+from helpers.generated_formulas import LIPSCHITZ, NAMES, SEEDS, formulas, intervals, pointwise, traces
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stlbench.stl import (
+    Always,
+    Eventually,
+    Formula,
+    Interval,
+    Monitor,
+    Not,
+    UndefinedError,
+    UnknownSignalError,
+    Until,
+    holds,
+    horizon,
+    margin,
+    parse,
+    robustness,
+    satisfied,
+)
+from stlbench.stl.running.online import Lowest, Nested
+
+quick = settings(max_examples=80, deadline=None)
+
+
+def test_a_run_by_hand() -> None:
+    monitor = Monitor(parse("G[1,2] x >= 0"), ["x"])
+    assert monitor.update([-5.0]) == Interval(-math.inf, math.inf, None)
+    assert monitor.update([3.0]) == Interval(-math.inf, 3.0, None)
+    assert monitor.update([1.0]) == Interval(1.0, 1.0, True)
+    assert monitor.update([-9.0]) == Interval(1.0, 1.0, True)
+
+
+def test_the_verdict_comes_as_soon_as_nothing_can_change_it() -> None:
+    always = Monitor(parse("G[0,9] x >= 0"), ["x"])
+    assert always.update([-1.0]) == Interval(-math.inf, -1.0, False)
+    eventually = Monitor(parse("F[0,9] x >= 0"), ["x"])
+    assert eventually.update([1.0]) == Interval(1.0, math.inf, True)
+    nested = Monitor(parse("F[0,2] G[0,1] x > 0"), ["x"])
+    assert [nested.update([x]).verdict for x in (1.0, 0.0, 2.0, 0.0)] == [None, None, None, False]
+
+
+def check(formula: Formula, seed: int) -> None:
+    trace = traces(horizon(formula) + 3, seed)
+    monitor = Monitor(formula, NAMES)
+    for n in range(1, len(trace) + 1):
+        now = monitor.update(trace[n - 1])
+        lower, upper = robustness(formula, trace[:n], NAMES, "interval")
+        np.testing.assert_allclose(now[:2], (lower, upper), rtol=1e-12, atol=1e-12)
+        certainly, possibly = satisfied(formula, trace[:n], NAMES, "interval")
+        assert now.verdict == (True if certainly else None if possibly else False)
+    np.testing.assert_allclose(now[:2], [robustness(formula, trace, NAMES)] * 2, rtol=1e-12, atol=1e-12)
+    assert now.verdict == satisfied(formula, trace, NAMES)
+
+
+@quick
+@given(formulas(), SEEDS)
+def test_equals_the_interval_policy_at_every_step(formula: Formula, seed: int) -> None:
+    check(formula, seed)
+
+
+@quick
+@given(intervals(6), intervals(6), pointwise(LIPSCHITZ), st.booleans(), st.booleans(), SEEDS)
+def test_nested_windows_equal_the_interval_policy(
+    outer: tuple[int, int], inner: tuple[int, int], psi: Formula, always: bool, negated: bool, seed: int
+) -> None:
+    formula: Formula = Always(*outer, Eventually(*inner, psi)) if always else Eventually(*outer, Always(*inner, psi))
+    check(Not(formula) if negated else formula, seed)
+
+
+@quick
+@given(intervals(8), pointwise(LIPSCHITZ), pointwise(LIPSCHITZ), st.booleans(), SEEDS)
+def test_until_equals_the_interval_policy(
+    ends: tuple[int, int], left: Formula, right: Formula, negated: bool, seed: int
+) -> None:
+    formula = Until(*ends, left, right)
+    check(Not(formula) if negated else formula, seed)
+
+
+@quick
+@given(pointwise(), SEEDS)
+def test_formulas_without_temporal_operators_equal_margin_and_holds(psi: Formula, seed: int) -> None:
+    for sample in traces(20, seed):
+        now = Monitor(psi, NAMES).update(sample)
+        np.testing.assert_allclose(now[:2], [margin(psi, NAMES)(sample)] * 2, rtol=1e-12, atol=1e-12)
+        assert now.verdict == holds(psi, NAMES)(sample)
+
+
+def test_a_margin_of_zero_keeps_its_side_through_every_operator() -> None:
+    for text, verdict in [
+        ("x >= 0 & x < 1", True),
+        ("x > 0 & x < 1", False),
+        ("x > 0 | x <= 0", True),
+        ("!(x > 0) & !(x < 0)", True),
+        ("x >= 0 -> x > 0", False),
+        ("F[0,0] G[0,0] !(x > 0)", True),
+        ("!(x >= 0 U[0,0] x > 0)", True),
+        ("x >= 0 * x", True),
+    ]:
+        assert Monitor(parse(text), ["x"]).update([0.0]) == Interval(0.0, 0.0, verdict), text
+
+
+def test_fragment_formulas_keep_no_samples() -> None:
+    monitor = Monitor(parse("F[0,9] x >= 0 & G[0,9] x >= 0 & F[0,9] G[3,700] x >= 0"), ["x"])
+    parts = monitor._tree.leaves
+    assert [type(part) for part in parts] == [Lowest, Lowest, Nested]
+    for x in np.random.default_rng(0).normal(size=600):
+        monitor.update([x])
+    assert len(parts[2].queue) < 40  # type: ignore[attr-defined]  # records of a random sequence: about its logarithm
+
+
+def test_general_formulas_keep_at_most_the_horizon() -> None:
+    monitor = Monitor(parse("F[0,2] (x >= 0 U[0,3] x >= 1)"), ["x"])
+    for _ in range(50):
+        monitor.update([0.5])
+    assert len(monitor._tree.leaves[0].samples) == 6  # type: ignore[attr-defined]
+
+
+def test_division_by_zero_is_infinite_as_in_arrays() -> None:
+    trace = np.array([[0.0], [1.0]])
+    formula = parse("G[0,1] 1 / x >= 0 & exp(1000 * x) >= 1")
+    monitor = Monitor(formula, ["x"])
+    monitor.update(trace[0])
+    assert monitor.update(trace[1]).lower == robustness(formula, trace, ["x"]) == 0
+
+
+def test_samples_of_any_kind_are_read_alike() -> None:
+    formula = parse("x >= y")
+    samples = [
+        [3, 1],
+        (3.0, 1.0),
+        np.array([3, 1]),
+        np.array([3, 1], dtype=np.float32),
+        (np.float64(3), 1.0),
+        ["3", "1"],
+    ]
+    for sample in samples:
+        assert Monitor(formula, ["x", "y"]).update(sample) == Interval(2.0, 2.0, True)
+    assert Monitor(formula, ["x", "y"]).update([math.inf, -math.inf]) == Interval(math.inf, math.inf, True)
+
+
+def test_the_samples_are_not_kept_by_reference() -> None:
+    monitor, sample = Monitor(parse("F[0,2] (x >= 0 U[0,3] x >= 1)"), ["x"]), [2.0]
+    monitor.update(sample)
+    sample[0] = -5.0
+    assert monitor.update(sample).lower == 1.0
+
+
+def test_a_copy_is_a_fork() -> None:
+    monitor = Monitor(parse("F[0,1] G[0,1] x >= 0"), ["x"])
+    monitor.update([2.0])
+    fork = copy.deepcopy(monitor)
+    assert monitor.update([-1.0]) == Interval(-1.0, -1.0, False)  # both windows have this sample
+    assert fork.update([5.0]).lower == 2.0
+    assert fork.update([4.0]) == Interval(4.0, 4.0, True)
+
+
+@pytest.mark.parametrize("sample", [[math.inf], [-1e-320]])
+def test_infinite_and_tiny_samples(sample: list[float]) -> None:
+    now = Monitor(parse("x > 0"), ["x"]).update(sample)
+    assert now.verdict == (sample[0] > 0)
+    np.testing.assert_allclose(now.lower, sample[0], atol=1e-300)
+
+
+def test_a_nan_inside_a_minimum_is_an_error_as_in_arrays() -> None:
+    for text in (
+        "min(0, x - y) <= 1",
+        "min(x - y, 0) <= 1",
+        "max(x - y, 0) <= 1",
+        "max(0, x - y) <= 1",
+        "x - y >= 0 | True & x >= 0",
+    ):
+        with pytest.raises(UndefinedError, match="has no value"):
+            Monitor(parse(text), ["x", "y"]).update([math.inf, math.inf])
+
+
+@pytest.mark.parametrize(("sample", "message"), [([math.nan], "'x' is NaN at sample 0"), ([-1.0], "has no value")])
+def test_undefined_samples_are_errors(sample: list[float], message: str) -> None:
+    with pytest.raises(UndefinedError, match=message):
+        Monitor(parse("F[0,1] sqrt(x) >= 0"), ["x"]).update(sample)
+
+
+def test_shape_and_names_are_checked() -> None:
+    with pytest.raises(ValueError, match=r"shape \(1,\)"):
+        Monitor(parse("x >= 0"), ["x"]).update([1.0, 2.0])
+    with pytest.raises(UnknownSignalError):
+        Monitor(parse("y >= 0"), ["x"])

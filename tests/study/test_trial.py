@@ -1,0 +1,269 @@
+"""One cell from its name to its result."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import line_task
+
+from stlbench import stl
+from stlbench.contract import Intractable, Unsuitable
+from stlbench.errors import UsageError
+from stlbench.registry.choices import parse_choices
+from stlbench.result import MAIN, Measurement, Result
+from stlbench.rollout.traces import trace_file
+from stlbench.study import matrix, trial
+from stlbench.study.matrix import Cell
+from stlbench.task import build_agent, build_method, load_task, starts
+
+
+def smoke(method: str = "flag", task: str = "hold-disc", agent: str = "dqn", seed: int = 0) -> Cell:
+    (cell,) = matrix.plan([task], parse_choices(method), parse_choices(agent), [seed], "smoke")
+    return cell
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("traces")
+
+
+@pytest.fixture(scope="module")
+def result(folder: Path) -> Result:
+    """A smoke cell of flag on hold-disc."""
+    return trial.run_cell(smoke(), folder)
+
+
+@pytest.fixture(scope="module")
+def measured(result: Result) -> Measurement:
+    assert result.measurement is not None
+    return result.measurement
+
+
+class TestResult:
+    def test_it_is_that_cells(self, result: Result) -> None:
+        cell = smoke()
+        assert (result.key, result.name, result.budget, result.status) == (cell.key, cell.name, "smoke", "done")
+        assert (result.reason, result.details) == ("", "")
+
+    def test_the_budget_was_spent_and_no_more(self, measured: Measurement) -> None:
+        assert measured.env_steps == 16000
+        assert [point.steps for point in measured.curve] == [8000, 16000]
+        assert measured.selected_steps in (8000, 16000)
+
+    def test_the_selected_checkpoint_is_the_best_of_the_curve(self, measured: Measurement) -> None:
+        best = max(measured.curve, key=lambda point: (point.satisfaction, point.robustness_mean))
+        assert measured.selected_steps == best.steps
+        if best.steps == 16000:
+            assert measured.selected == measured.final
+
+    def test_every_protocol_is_scored_from_its_starts(self, measured: Measurement) -> None:
+        counts = {name: len(score.robustness) for name, score in measured.selected.items()}
+        assert counts == {MAIN: 64, "paper": 1, "tail": 64, "centre": 16}
+        assert set(measured.final) == set(counts)
+        for score in measured.selected.values():
+            assert len(score.satisfied) == len(score.robustness)
+            assert sum(score.first_failed.values()) == score.satisfied.count(False)
+
+    def test_flag_adds_one_input_and_its_cost_is_measured(self, measured: Measurement) -> None:
+        assert measured.inputs_added == 1
+        assert 0 < measured.reward_nanoseconds < 1e6
+
+    def test_training_is_part_of_the_whole(self, measured: Measurement) -> None:
+        assert 0 < measured.training_cpu_seconds <= measured.cpu_seconds
+        assert 0 < measured.training_wall_seconds <= measured.wall_seconds
+        assert measured.curve[0].cpu_seconds <= measured.curve[1].cpu_seconds <= measured.training_cpu_seconds
+
+
+class TestTraces:
+    def test_scoring_them_again_gives_exactly_what_was_recorded(self, folder: Path, measured: Measurement) -> None:
+        with np.load(trace_file(folder, smoke().name, smoke().key)) as saved:
+            traces, names = saved["traces"], tuple(saved["signals"].tolist())
+        assert (traces.shape, names) == ((64, 201, 2), ("x", "y"))
+        task = load_task("hold-disc")
+        recorded = measured.selected[MAIN]
+        assert tuple(stl.robustness(task.formula, traces, names).tolist()) == recorded.robustness
+        assert tuple(stl.satisfied(task.formula, traces, names).tolist()) == recorded.satisfied
+        tail = stl.parse("G[100,200] norm(x - 2, y - 2) <= 1")
+        assert tuple(stl.robustness(tail, traces, names).tolist()) == measured.selected["tail"].robustness
+
+    def test_the_file_is_named_after_the_cell_and_stays_in_its_folder(self, folder: Path) -> None:
+        cell = smoke("funnel[ginf=0.02]")
+        path = trace_file(folder, cell.name, cell.key)
+        assert path.parent == folder
+        assert path.name == f"hold-disc_funnel[ginf=0.02]_dqn_0_{cell.key[:12]}.npz"
+
+    def test_without_a_folder_nothing_is_written(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        assert trial.run_cell(smoke("raw")).status == "done"
+        assert os.listdir(tmp_path) == []
+
+
+def test_the_same_cell_gives_the_same_bits(folder: Path, tmp_path: Path, measured: Measurement) -> None:
+    again = trial.run_cell(smoke(), tmp_path).measurement
+    assert again is not None
+    assert (again.selected, again.final, again.selected_steps) == (
+        measured.selected,
+        measured.final,
+        measured.selected_steps,
+    )
+    assert [replace(point, cpu_seconds=0) for point in again.curve] == [
+        replace(point, cpu_seconds=0) for point in measured.curve
+    ]
+    files = [np.load(trace_file(place, smoke().name, smoke().key))["traces"] for place in (folder, tmp_path)]
+    assert np.array_equal(*files)
+
+
+def test_another_seed_gives_another_result(measured: Measurement) -> None:
+    other = trial.run_cell(smoke(seed=1)).measurement
+    assert other is not None
+    assert other.final[MAIN].robustness != measured.final[MAIN].robustness
+
+
+ENTRIES = "[stlbench.tasks]\nzz-line = zz_trial.system:Line\n[stlbench.agents]\nzz-script = zz_trial.agent:Script\n"
+SYSTEM = """
+from stlbench.contract import System
+class Line(System):
+    state = ("x",)
+    def step(self, state, action): return state + self.dt * action
+    def signals(self, state): return state
+    def features(self, state, t): return state
+"""
+AGENT = """
+import numpy as np
+from stlbench.contract import Agent, Policy
+seen = []
+class Constant(Policy):
+    def __init__(self, action): self.action = action
+    def act(self, observation): return np.full(len(observation), self.action)
+class Script(Agent):
+    def train(self, training):
+        environment = training.make(2)
+        seen.append((training.steps, training.seed, environment.reset()[:, 0].tolist()))
+        for i, action in enumerate(actions):
+            environment.step(np.array([0, 0]))
+            training.report(Constant(action), 10 * (i + 1))
+        for _ in range(more):
+            environment.step(np.array([0, 0]))
+        return Constant(final)
+actions, final, more = [0, 1, 2, 1, 2], 0, 0
+"""
+"""Reports policies with v = -1, 0, 1, 0, 1 m/s and ends with one of -1."""
+
+
+class TestScript:
+    """An agent that reports known policies on the line: F[8,8] (x >= goal) from x in [-1, 1], half a metre a step."""
+
+    @pytest.fixture
+    def agent(self, site: Callable[..., Path]) -> Callable[[int], Any]:
+        def install(goal: int) -> Any:
+            task = line_task.text(formula=f"F[8,8] (x >= {goal})", agents={"zz-script": {}})
+            files = {"__init__.py": "", "system.py": SYSTEM, "agent.py": AGENT, "task.yaml": task}
+            site("zz-trial", ENTRIES, {f"zz_trial/{name}": content for name, content in files.items()})
+            return importlib.import_module("zz_trial.agent")
+
+        return install
+
+    @staticmethod
+    def cell(method: str = "raw", seed: int = 0) -> Cell:
+        return Cell("zz-line", method, "zz-script", seed, "smoke", 32 * "0")
+
+    def test_the_best_checkpoint_is_selected_and_the_final_policy_reported_beside_it(
+        self, agent: Callable[[int], Any]
+    ) -> None:
+        agent(2)
+        found = trial.run_cell(self.cell()).measurement
+        assert found is not None
+        assert [point.satisfaction for point in found.curve] == [0, 0, 1, 0, 1]
+        assert found.selected_steps == 30  # of two that are equally good the first
+        begin = starts.grid(load_task("zz-line").file.initial, 4)[:, 0]
+        assert found.selected[MAIN].robustness == pytest.approx(begin + 4 - 2)
+        assert found.final[MAIN].robustness == pytest.approx(begin - 4 - 2)
+        assert found.final[MAIN].first_failed == {"F[8,8] x >= 2": 4}
+
+    def test_without_satisfaction_the_mean_robustness_decides(self, agent: Callable[[int], Any]) -> None:
+        agent(6).actions = [0, 1, 2, 0]  # x_8 is x_0 - 4, x_0, x_0 + 4, at most 5
+        found = trial.run_cell(self.cell()).measurement
+        assert found is not None
+        assert found.selected_steps == 30
+        assert [point.satisfaction for point in found.curve] == [0, 0, 0, 0]
+        assert np.diff([point.robustness_mean for point in found.curve]) == pytest.approx([4, 4, -8])
+
+    def test_the_training_is_the_budgets_and_the_warm_up_is_not_counted(self, agent: Callable[[int], Any]) -> None:
+        script = agent(2)
+        found = trial.run_cell(self.cell()).measurement
+        assert found is not None
+        assert found.env_steps == 5 * 2
+        assert [steps for steps, _, _ in script.seen] == [40, 40]  # a warm-up of 1000 decisions, here the whole budget
+
+    def test_an_agent_that_overspends_is_an_accident(self, agent: Callable[[int], Any]) -> None:
+        script = agent(2)
+        script.more = 15  # 5 + 15 lock-steps of 2 copies are the budget of 40
+        assert trial.run_cell(self.cell()).status == "done"
+        script.more = 16
+        with pytest.raises(RuntimeError, match="agent zz-script took 42 environment steps, its budget is 40"):
+            trial.run_cell(self.cell())
+
+    def test_seeds_are_those_of_the_cell_and_the_same_for_every_method(self, agent: Callable[[int], Any]) -> None:
+        script = agent(2)
+        for method, seed in [("raw", 0), ("tau-mdp", 0), ("raw", 1)]:
+            trial.run_cell(self.cell(method, seed))
+        raw, tau, other = script.seen[1::2]  # each training after its warm-up
+        assert raw == tau
+        assert raw[1] != other[1]
+        assert raw[2] != other[2]
+
+
+class TestFindings:
+    """A method that does not fit a task is a result, not an accident."""
+
+    def test_intractable(self, tmp_path: Path) -> None:
+        found = trial.run_cell(smoke("tau-mdp", "robot-nav"), tmp_path)
+        assert (found.status, found.reason, found.measurement) == (
+            "intractable",
+            "needs 4002 inputs, limit 512",
+            None,
+        )
+        assert list(tmp_path.iterdir()) == []
+
+    def test_unsuitable(self) -> None:
+        found = trial.run_cell(smoke("funnel[ginf=50]"))
+        assert (found.status, found.measurement) == ("unsuitable", None)
+        # rho = 1 - |.| over the square of side 4: rho_max = 1, gamma_0 = sqrt(8)
+        assert found.reason.startswith("funnel: ginf = 50 must be less than min(gamma_0, rho_max) = 1 of G[0,200]")
+
+    def test_a_memory_beyond_the_limit_is_intractable_whatever_the_method_says(self) -> None:
+        task = load_task("hold-disc")
+        small = replace(task, file=task.file.model_copy(update={"input_limit": 21}))
+        with pytest.raises(Intractable, match="needs 22 inputs, limit 21"):
+            build_method(small, "tau-mdp")
+        none = replace(task, file=task.file.model_copy(update={"input_limit": 0}))
+        with pytest.raises(Intractable, match="needs 1 inputs, limit 0"):
+            build_method(none, "flag")
+
+    def test_a_wrong_parameter_is_the_users_error(self) -> None:
+        task = load_task("hold-disc")
+        with pytest.raises(UsageError, match=r"funnel\[ginf=x\]: ginf should be a number, got 'x'"):
+            build_method(task, "funnel[ginf=x]")
+        with pytest.raises(UsageError, match=r"no parameter 'gama'; did you mean 'gamma'\?"):
+            build_agent(task, "dqn[gama=0.9]")
+
+    def test_unsuitable_is_raised_to_who_builds_the_method(self) -> None:
+        with pytest.raises(Unsuitable):
+            build_method(load_task("hold-disc"), "funnel[ginf=50]")
+
+
+def test_an_agent_has_the_tasks_recipe_which_the_choice_overrides() -> None:
+    task = load_task("robot-nav")
+    recipe = dict(task.recipe("dqn"))
+    plain, changed = vars(build_agent(task, "dqn")), vars(build_agent(task, "dqn[gamma=0.5]"))
+    assert plain["gamma"] == recipe["gamma"] != 0.5
+    assert plain["head"] == recipe["head"]
+    assert {name for name in plain if plain[name] != changed[name]} == {"gamma"}
+    assert changed["gamma"] == 0.5

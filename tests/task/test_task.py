@@ -1,0 +1,282 @@
+"""Task files: what they say once read, and every way in which they can be wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers.line_task import line, text
+
+from stlbench import stl
+from stlbench.contract import ActionBox
+from stlbench.errors import UsageError
+from stlbench.task import load_task
+from stlbench.task.file import OPTIONAL, Region, read_task_file
+
+
+def errors(**changes: Any) -> list[str]:
+    """The lines of the message about a task file with some entries replaced."""
+    with pytest.raises(UsageError) as caught:
+        read_task_file(text(**changes), "line")
+    head, *lines = str(caught.value).splitlines()
+    assert head == "task line: task.yaml has errors:"
+    return [entry.removeprefix("  ") for entry in lines]
+
+
+class TestRead:
+    def test_defaults(self) -> None:
+        file = read_task_file(text(), "line")
+        assert (file.steps, file.hold, file.starts, file.input_limit, file.time) == (8, 1, 4, 512, "steps")
+        assert file.training_starts is file.initial
+        assert file.parsed("G[1,2] x <= 1") == stl.parse("G[1,2] x <= 1")
+        assert file.budgets["smoke"].steps == 40
+
+    def test_intervals_in_seconds(self) -> None:
+        file = read_task_file(text(time="seconds", formula="G[0.5,2] x <= 1"), "line")
+        assert file.parsed(file.formula) == stl.parse("G[1,4] x <= 1")
+
+    def test_an_axis_has_round_values(self) -> None:
+        file = read_task_file(text(actions={"v": {"low": -0.3, "high": 0.3, "count": 7}}), "line")
+        assert file.actions["v"].values == (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)
+
+    def test_a_region_keeps_what_fulfils_its_condition(self) -> None:
+        region = Region(box={"x": (-1, 1), "y": 2}, where="x >= 0 & y >= 2")
+        assert (region.low.tolist(), region.high.tolist()) == ([-1, 2], [1, 2])
+        assert region.keep(np.array([[0.5, 2], [-0.5, 2], [0.5, 1]])).tolist() == [[0.5, 2]]
+
+
+class TestWithout:
+    FULL = text(
+        rewarded="G[0,4] (0.5 * x <= 0.5)",
+        hold=2,
+        training={
+            "cuts": [4],
+            "violation": -1,
+            "lost": {"where": "x >= 5", "reward": -1},
+            "exploring": {"share": 0.5},
+        },
+    )
+
+    @pytest.mark.parametrize("part", OPTIONAL)
+    def test_everything_optional_can_be_left_out_once(self, part: str) -> None:
+        full = read_task_file(self.FULL, "line")
+        plain, less = read_task_file(text(), "line"), full.without(part)
+        for other in OPTIONAL:
+            owner = (lambda file: file) if other in ("rewarded", "hold") else (lambda file: file.training)
+            expected = plain if other == part else full
+            assert getattr(owner(less), other) == getattr(owner(expected), other)
+        with pytest.raises(ValueError, match=f"the task is without {part} as it is"):
+            less.without(part)
+
+    def test_nothing_is_left_of_a_recipe_without_all_of_it(self) -> None:
+        file = read_task_file(self.FULL, "line")
+        for part in OPTIONAL:
+            file = file.without(part)
+        assert file == read_task_file(text(), "line")
+
+    def test_other_parts_stay(self) -> None:
+        with pytest.raises(ValueError, match="a task is never without 'formula', but perhaps without rewarded, hold"):
+            read_task_file(self.FULL, "line").without("formula")
+
+
+class TestMessages:
+    @pytest.mark.parametrize(
+        ("changes", "expected"),
+        [
+            ({"title": None}, "title: Field required"),
+            ({"titel": "x"}, "titel: Extra inputs are not permitted"),
+            ({"sampling_time": 0}, "sampling_time: Input should be greater than 0"),
+            ({"sampling_time": float("inf")}, "sampling_time: Input should be a finite number"),
+            ({"steps": 0}, "steps: Input should be greater than or equal to 1"),
+            ({"hold": 3}, "hold: an episode of 8 steps is no multiple of hold = 3"),
+            ({"time": "hours"}, "time: Input should be 'steps' or 'seconds'"),
+            ({"signals": {}}, "signals: Dictionary should have at least 1 item after validation, not 0"),
+            ({"signals": {"x": {"low": 1, "high": 1}}}, "signals.x: low must be less than high, got 1.0 and 1.0"),
+            ({"signals": {"x": {"low": 0}}}, "signals.x.high: Field required"),
+            (
+                {"actions": {"v": {"low": 0, "high": 1, "count": 1}}},
+                "actions.v.count: Input should be greater than or equal to 2",
+            ),
+            ({"initial": {"box": {"x": [2, 1]}}}, "initial: x: low must not exceed high, got [2.0, 1.0]"),
+            (
+                {"training": {"starts": {"box": {"x": [2, 1]}}}},
+                "training.starts: x: low must not exceed high, got [2.0, 1.0]",
+            ),
+            (
+                {"initial": {"box": {"x": 1}, "where": "y >= 0"}},
+                "initial: formula uses signal 'y'; the trace has x",
+            ),
+            (
+                {"initial": {"box": {"x": 1}, "where": "F[0,1] x >= 0"}},
+                "initial: expected a formula without temporal operators",
+            ),
+            ({"formula": "G[0,9] x <= 1"}, "formula: its horizon of 9 steps exceeds steps = 8"),
+            ({"formula": "G[0,9 x <= 1"}, "formula: line 1, column 7: expected"),
+            (
+                {"signals": {"speed": {"low": 0, "high": 1}}, "formula": "G[0,4] sped <= 1"},
+                "formula: no signal 'sped'; did you mean 'speed'?",
+            ),
+            ({"formula": "G[0,4] qq <= 1"}, "formula: no signal 'qq'; there are: x"),
+            (
+                {"time": "seconds", "formula": "G[0,0.7] x <= 1"},
+                "formula: line 1, column 5: expected a whole number of steps of dt=0.5 seconds but found 0.7 seconds",
+            ),
+            ({"nested": "G[0,4] G[0,4] x <= 1"}, "nested: its horizon is 8 steps, that of the formula 4"),
+            ({"nested": "G[0,2] G[0,2] z <= 1"}, "nested: no signal 'z'; there are: x"),
+            (
+                {"protocols": {"late": {"title": "t", "formula": "F[5,12] x >= 1"}}},
+                "protocols.late.formula: its horizon of 12 steps exceeds steps = 8",
+            ),
+            (
+                {"protocols": {"formula": {"title": "t"}}},
+                "protocols: the name 'formula' is the task's own formula; take another",
+            ),
+            ({"protocols": {"late": {"title": "t", "starts": 0}}}, "protocols.late.starts: Input should be greater"),
+            ({"robots": {"a": []}}, "robots.a: Tuple should have at least 1 item"),
+            (
+                {"robots": {"a": ["v"], "b": ["v"]}},
+                "robots: together they have v, v; they should have each of v once, in this order",
+            ),
+            ({"agents": {}}, "agents: Dictionary should have at least 1 item"),
+            ({"budgets": {"smoke": {"seeds": 2}}}, "budgets.smoke.steps: Field required"),
+            ({"budgets": {"smoke": {"steps": 10, "deadline": -1}}}, "budgets.smoke.deadline: Input should be greater"),
+        ],
+    )
+    def test_one_error_is_one_line_with_its_place(self, changes: dict[str, Any], expected: str) -> None:
+        found = errors(**changes)
+        assert found[0].startswith(expected)
+        excerpt = 2 if "line 1, column" in expected else 0  # of the formula, and a caret below it
+        assert len(found) == 1 + excerpt
+
+    def test_all_errors_of_entries_at_once(self) -> None:
+        found = errors(title=None, steps=-1, colour="red", sampling_time="fast", budgets={"smoke": {"step": 4}})
+        assert sorted(entry.partition(":")[0] for entry in found) == [
+            "budgets.smoke.step",
+            "budgets.smoke.steps",
+            "colour",
+            "sampling_time",
+            "steps",
+            "title",
+        ]
+
+    def test_all_errors_between_entries_at_once(self) -> None:
+        found = errors(formula="G[0,9] y <= 1", nested="G[0,30] x <= 1", hold=5, protocols={"formula": {"title": "t"}})
+        assert [entry.partition(":")[0] for entry in found] == [
+            "formula",
+            "formula",
+            "nested",
+            "nested",
+            "hold",
+            "protocols",
+        ]
+
+    def test_errors_of_entries_and_between_entries_at_once(self) -> None:
+        found = errors(colour="red", formula="G[0,4] y <= 1", hold=3)
+        assert sorted(entry.partition(":")[0] for entry in found) == ["colour", "formula", "hold"]
+
+    def test_text_that_is_no_yaml(self) -> None:
+        with pytest.raises(UsageError, match=r"^task line: task.yaml is no YAML: "):
+            read_task_file("title: [", "line")
+
+    @pytest.mark.parametrize("content", ["", "- a\n- b", "words"])
+    def test_yaml_that_is_no_mapping(self, content: str) -> None:
+        with pytest.raises(UsageError, match=r"has errors:\n  Input should be a valid dictionary"):
+            read_task_file(content, "line")
+
+    def test_yaml_is_read_safely(self) -> None:
+        with pytest.raises(UsageError, match=r"task\.yaml is no YAML"):
+            read_task_file("title: !!python/object/apply:os.getcwd []", "line")
+
+
+class TestTraining:
+    @pytest.mark.parametrize(
+        ("changes", "message"),
+        [
+            ({"hold": 2, "training": {"cuts": [2, 3]}}, "training.cuts: 3 is no multiple of hold = 2 below steps = 8"),
+            ({"training": {"cuts": [8]}}, "training.cuts: 8 is no multiple of hold = 1 below steps = 8"),
+            ({"training": {"exploring": {"share": 0}}}, "training.exploring.share: Input should be greater than 0"),
+            ({"training": {"violation": float("nan")}}, "training.violation: Input should be a finite number"),
+            (
+                {"training": {"lost": {"where": "y <= 1", "reward": -1}}},
+                "training.lost.where: formula uses signal 'y'; the trace has x",
+            ),
+            ({"rewarded": "G[0,3] (x <= 1)"}, "rewarded: its horizon is 3 steps, that of the formula 4"),
+            (
+                {"actions": {"v": {"low": 0, "high": 1, "count": 2}, "w": {"low": 0, "high": 1}}},
+                "actions: give each axis a count, for a grid, or none, for continuous actions",
+            ),
+        ],
+    )
+    def test_mistakes_are_named(self, changes: dict[str, Any], message: str) -> None:
+        assert errors(**changes) == [message]
+
+    def test_methods_are_told_the_rewarded_form(self) -> None:
+        task = line(rewarded="G[0,4] (0.5 * x <= 0.5)")
+        assert task.specification.formula == stl.parse("G[0,4] (0.5 * x <= 0.5)")
+        assert task.formula == stl.parse("G[0,4] (x <= 1)")
+
+    def test_actions_without_counts_are_a_box(self) -> None:
+        actions = {"v": {"low": -1, "high": 2}, "w": {"low": 0, "high": 1}}
+        assert line(actions=actions).actions == ActionBox(("v", "w"), (-1, 0), (2, 1))
+
+
+class TestProblem:
+    def test_the_specification_is_what_a_method_needs(self) -> None:
+        task = load_task("hold-disc")
+        specification = task.specification
+        assert specification.formula == stl.parse("G[0,200] norm(x - 2, y - 2) <= 1")
+        assert specification.nested == stl.parse("G[0,190] G[0,10] norm(x - 2, y - 2) <= 1")
+        assert (specification.signals, specification.low, specification.high) == (("x", "y"), (0, 0), (4, 4))
+        assert (specification.steps, specification.dt, specification.input_limit) == (200, 0.01, 512)
+
+    def test_unknown_names(self) -> None:
+        with pytest.raises(UsageError, match=r"no task 'hold-disk'; did you mean 'hold-disc'\?"):
+            load_task("hold-disk")
+        task = load_task("hold-disc")
+        with pytest.raises(UsageError, match=r"task hold-disc has no budget 'smok'; did you mean 'smoke'\?"):
+            task.budget("smok")
+        with pytest.raises(UsageError, match="task hold-disc has no recipe for agent 'ppo'; it has: dqn"):
+            task.recipe("ppo")
+
+    ENTRIES = "[stlbench.tasks]\nzz-line = zz_task.system:Line\n"
+    SYSTEM = (
+        "from stlbench.contract import System\n"
+        "class Line(System):\n"
+        "    state = ('x', 'y')\n"
+        "    def __init__(self, dt, *, mass=1.0):\n"
+        "        super().__init__(dt)\n"
+        "        self.mass = mass\n"
+        "    def step(self, state, action): return state\n"
+        "    def signals(self, state): return state\n"
+        "    def features(self, state, t): return state\n"
+    )
+
+    def install(self, site: Callable[..., Path], **changes: Any) -> None:
+        files = {"zz_task/__init__.py": "", "zz_task/system.py": self.SYSTEM, "zz_task/task.yaml": text(**changes)}
+        site("zz-distribution", self.ENTRIES, files)
+
+    def test_parameters_arrive_at_the_system(self, site: Callable[..., Path]) -> None:
+        self.install(site, parameters={"mass": 2.5}, initial={"box": {"x": 0, "y": 0}})
+        system: Any = load_task("zz-line").system
+        assert (system.mass, system.dt) == (2.5, 0.5)
+
+    def test_wrong_parameters(self, site: Callable[..., Path]) -> None:
+        self.install(site, parameters={"weight": 2.5}, initial={"box": {"x": 0, "y": 0}})
+        with pytest.raises(UsageError, match=r"task zz-line: parameters: .*'weight'"):
+            load_task("zz-line")
+
+    @pytest.mark.parametrize("box", [{"x": 0}, {"y": 0, "x": 0}, {"x": 0, "y": 0, "z": 0}])
+    def test_a_box_names_the_states_in_their_order(self, site: Callable[..., Path], box: dict[str, float]) -> None:
+        self.install(
+            site,
+            initial={"box": {"x": 0, "y": 0}},
+            training={"starts": {"box": box}},
+            protocols={"far": {"title": "t", "initial": {"box": box}}},
+        )
+        with pytest.raises(UsageError) as caught:
+            load_task("zz-line")
+        expected = "task zz-line: training.starts, protocols.far.initial: the box must name x, y, in this order"
+        assert str(caught.value) == expected

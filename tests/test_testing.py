@@ -1,0 +1,173 @@
+"""Everything that is installed keeps the contract, and the checks notice what does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers.line_task import Probe, text
+
+from stlbench.contract import Intractable, RewardMethod, Unsuitable
+from stlbench.registry import plugins
+from stlbench.testing import check_method, check_task
+
+METHODS, TASKS = plugins.available("methods"), plugins.available("tasks")
+VARIANTS = (
+    "funnel[shape=clipped]",
+    "funnel[shape=normalised,variant=code]",
+    "funnel[activity=literal,t_star=0]",
+    "raw[activity=literal]",
+    "flag[beta=2]",
+    "tau-mdp[form=probability]",
+    "tau-mdp[beta=5]",
+)
+
+
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("method", [*METHODS, *VARIANTS])
+def test_every_installed_method_on_every_installed_task(method: str, task: str) -> None:
+    try:
+        check_method(method, task)
+    except (Unsuitable, Intractable) as refusal:
+        assert str(refusal)  # noqa: PT017  # a refusal is an answer, with its reason
+
+
+@pytest.mark.parametrize("method", [*METHODS, *VARIANTS])
+def test_every_installed_method_on_small_formulas(method: str) -> None:
+    check_method(method)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_every_installed_task(task: str) -> None:
+    check_task(task)
+
+
+class Sound(Probe):
+    """Within all rules, with a memory: the base of what is broken below."""
+
+    scale = 2000.0
+
+    def __init__(self, specification: Any, *, memory_size: int = 2) -> None:
+        super().__init__(specification, memory_size)
+
+    def inputs(self, memory: np.ndarray) -> np.ndarray:
+        return np.tanh(memory)
+
+
+def test_a_class_can_be_checked_too() -> None:
+    check_method(Sound)
+
+
+def broken(**methods: Any) -> type[RewardMethod]:
+    return type("Broken", (Sound,), methods)
+
+
+def changed(function: Callable[..., Any]) -> type[RewardMethod]:
+    """`Sound` with `function` of self, what `step` returned and what it was given, in place of `step`."""
+
+    def step(self: Any, *given: Any) -> Any:
+        return function(self, *Sound.step(self, *given), *given)
+
+    return broken(step=step)
+
+
+def impure_step(self: Any, reward: Any, memory: Any, *given: Any) -> Any:
+    self.calls = getattr(self, "calls", 0) + 1
+    return reward + self.calls, memory
+
+
+def in_place(self: Any, reward: Any, memory: Any, *given: Any) -> Any:
+    given[4][:] += 1
+    return reward, given[4]
+
+
+@pytest.mark.parametrize(
+    ("method", "rule"),
+    [
+        (broken(scale=0.0), "scale is positive and finite; found 0.0"),
+        (broken(scale=float("inf")), "scale is positive and finite"),
+        (broken(scale=100.0), "rewards are at most about scale = 100 in size"),
+        (broken(describe=lambda self: {"when": np.arange(3)}), "describe gives what JSON can hold"),
+        (broken(start=lambda self, s, t: np.zeros((len(s), 3))), r"start has shape \(6, 2\); found \(6, 3\)"),
+        (broken(start=lambda self, s, t: np.full((len(s), 2), np.nan)), "start is finite"),
+        (broken(inputs=lambda self, m: m[:, :1]), r"inputs has shape \(6, 2\); found \(6, 1\)"),
+        (broken(inputs=lambda self, m: m), r"inputs are about in \[-1, 1\]"),
+        (changed(lambda self, r, m, *given: (r[:, None], m)), r"the reward has shape \(N,\); found \(6, 1\)"),
+        (changed(lambda self, r, m, *given: (r, m[:, :1])), r"step has shape \(6, 3\); found \(6, 2\)"),
+        (changed(lambda self, r, m, *given: (r / 0, m)), "step is finite"),
+        (changed(impure_step), "step is pure"),
+        (changed(in_place), "step leaves its arguments alone"),
+        (changed(lambda self, r, m, *given: (r - r.mean(), m)), "step of a batch is that of its rows"),
+        (changed(lambda self, r, m, *given: (r * 0 + given[3][0] ** 2, m)), "rows may be at different times"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:divide by zero:RuntimeWarning")
+def test_a_method_that_breaks_a_rule_is_told_which(method: type[RewardMethod], rule: str) -> None:
+    with pytest.raises(AssertionError, match=f"^rule broken: {rule}"):
+        check_method(method)
+
+
+def test_a_method_that_refuses_every_formula_says_why() -> None:
+    class Picky(Sound):
+        def __init__(self, specification: Any) -> None:
+            raise Unsuitable("only formulas about the weather")
+
+    with pytest.raises(Unsuitable, match="about the weather"):
+        check_method(Picky)
+    with pytest.raises(Intractable, match="needs 4002 inputs"):
+        check_method("tau-mdp", "robot-nav")
+
+
+SYSTEM = """
+import numpy as np
+from stlbench.contract import System
+class Line(System):
+    state = ("x",)
+    def step(self, state, action): return {step}
+    def signals(self, state): return {signals}
+    def features(self, state, t): return {features}
+    def changed(self, state): state += 1; return state
+"""
+SOUND = {"step": "state + self.dt * action", "signals": "state", "features": "state"}
+
+
+@pytest.mark.parametrize(
+    ("parts", "changes", "rule"),
+    [
+        ({"step": "np.hstack([state, state])"}, {}, r"step has shape \(8, 1\); found \(8, 2\)"),
+        ({"step": "state / 0"}, {}, "step is finite"),
+        ({"step": "self.changed(state)"}, {}, "step leaves its arguments alone"),
+        ({"step": "state + np.random.normal()"}, {}, "step is pure"),
+        ({"step": "state - state.mean()"}, {}, "step of a batch is that of its rows"),
+        ({"features": "100 * state"}, {}, r"features are about in \[-1, 1\]"),
+        ({"features": "state[:, 0]"}, {}, r"features has shape"),
+        ({}, {"initial": {"box": {"x": [10.5, 11]}}}, "initial states lie in the signals' ranges"),
+        ({}, {"nested": "G[0,2] G[0,2] (x <= 0.9)"}, "the nested form has the formula's robustness"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:(divide by zero|invalid value):RuntimeWarning")
+def test_a_task_that_breaks_a_rule_is_told_which(
+    site: Callable[..., Path], parts: dict[str, str], changes: dict[str, Any], rule: str
+) -> None:
+    files = {
+        "zz_conform/__init__.py": "",
+        "zz_conform/system.py": SYSTEM.format(**(SOUND | parts)),
+        "zz_conform/task.yaml": text(**changes),
+    }
+    site("zz-conform", "[stlbench.tasks]\nzz-conform = zz_conform.system:Line\n", files)
+    with pytest.raises(AssertionError, match=f"^rule broken: {rule}"):
+        check_task("zz-conform")
+
+
+def test_a_task_whose_recipe_its_agent_does_not_understand(site: Callable[..., Path]) -> None:
+    files = {
+        "zz_conform/__init__.py": "",
+        "zz_conform/system.py": SYSTEM.format(**SOUND),
+        "zz_conform/task.yaml": text(agents={"dqn": {"gama": 1}}),
+    }
+    site("zz-conform", "[stlbench.tasks]\nzz-conform = zz_conform.system:Line\n", files)
+    with pytest.raises(ValueError, match="no parameter 'gama'; did you mean 'gamma'"):
+        check_task("zz-conform")
