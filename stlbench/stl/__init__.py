@@ -15,8 +15,8 @@ from stlbench.stl.errors import (
     UnknownSignalError,
 )
 from stlbench.stl.language.fragment import Term, fragment
+from stlbench.stl.language.horizon import horizon
 from stlbench.stl.language.parser import parse
-from stlbench.stl.language.structure import horizon, is_temporal, signals
 from stlbench.stl.language.syntax import (
     Always,
     And,
@@ -35,9 +35,10 @@ from stlbench.stl.language.syntax import (
     TrueFormula,
     Until,
 )
+from stlbench.stl.language.traversal import is_temporal, signals
 from stlbench.stl.predicates.pointwise import holds, margin
 from stlbench.stl.recorded.compiled import holds_trace, margin_trace
-from stlbench.stl.recorded.plans import Policy
+from stlbench.stl.recorded.evaluator import Policy
 from stlbench.stl.recorded.robustness import robustness, robustness_trace, satisfied, satisfied_trace
 from stlbench.stl.running.batch_monitor import BatchMonitor, Intervals
 from stlbench.stl.running.monitor import Interval, Monitor

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from stlbench.stl.boxes.intervals import Proven, Range, expression_range, formula_range, negative
 from stlbench.stl.boxes.slopes import mean_value_range
 from stlbench.stl.errors import UndefinedError
-from stlbench.stl.language.structure import is_temporal, signals, walk
 from stlbench.stl.language.syntax import Binary, Call, Expression, Formula, Number, Predicate
+from stlbench.stl.language.traversal import is_temporal, signals, walk
 from stlbench.stl.predicates.compiler import Operand, check_names, compile_margin
 
 Floats: TypeAlias = NDArray[np.float64]

@@ -6,7 +6,7 @@ import re
 from typing import NamedTuple
 
 from stlbench.stl.errors import Position, StlSyntaxError
-from stlbench.stl.language.words import OPERATOR_WORDS
+from stlbench.stl.language.grammar import OPERATOR_WORDS
 
 _NUMBER = re.compile(r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _WORD = re.compile(r"\w+")

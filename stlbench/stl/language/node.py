@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 from stlbench.stl.errors import Position
-from stlbench.stl.language.words import LEVEL_ATOM
+from stlbench.stl.language.grammar import LEVEL_ATOM
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,22 @@ from __future__ import annotations
 
 import math
 
-from stlbench.stl.language.cursor import Cursor
+from stlbench.stl.language.grammar import (
+    BINARY_LEVELS,
+    COMPARISONS,
+    FUNCTIONS,
+    LEVEL_AND,
+    LEVEL_COMPARE,
+    LEVEL_IMPLIES,
+    LEVEL_MINUS,
+    LEVEL_OR,
+    LEVEL_PREFIX,
+    LEVEL_SUM,
+    LEVEL_UNTIL,
+    RESERVED,
+    TEMPORAL_WORDS,
+)
 from stlbench.stl.language.lexer import Token
-from stlbench.stl.language.structure import children
 from stlbench.stl.language.syntax import (
     Always,
     And,
@@ -31,21 +44,8 @@ from stlbench.stl.language.syntax import (
     TrueFormula,
     Until,
 )
-from stlbench.stl.language.words import (
-    BINARY_LEVELS,
-    COMPARISONS,
-    FUNCTIONS,
-    LEVEL_AND,
-    LEVEL_COMPARE,
-    LEVEL_IMPLIES,
-    LEVEL_MINUS,
-    LEVEL_OR,
-    LEVEL_PREFIX,
-    LEVEL_SUM,
-    LEVEL_UNTIL,
-    RESERVED,
-    TEMPORAL_WORDS,
-)
+from stlbench.stl.language.token_stream import TokenStream
+from stlbench.stl.language.traversal import children
 
 #: deepest nesting accepted, so that no later recursion over the formula can exhaust Python's stack
 MAX_DEPTH = 120
@@ -76,7 +76,7 @@ def parse(text: str, dt: float | None = None) -> Formula:
     return _Parser(text, dt).formula()
 
 
-class _Parser(Cursor):
+class _Parser(TokenStream):
     def __init__(self, text: str, dt: float | None) -> None:
         super().__init__(text, dt)
         self.depth = 0

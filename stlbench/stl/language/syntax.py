@@ -9,8 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, TypeAlias
 
-from stlbench.stl.language.node import Node
-from stlbench.stl.language.words import (
+from stlbench.stl.language.grammar import (
     BINARY_LEVELS,
     COMPARISONS,
     FUNCTIONS,
@@ -25,6 +24,7 @@ from stlbench.stl.language.words import (
     LEVEL_UNTIL,
     RESERVED,
 )
+from stlbench.stl.language.node import Node
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from stlbench.stl.errors import UndefinedError, UnknownSignalError
-from stlbench.stl.language.structure import is_temporal, signals, walk
 from stlbench.stl.language.syntax import (
     And,
     Binary,
@@ -32,6 +31,7 @@ from stlbench.stl.language.syntax import (
     Signal,
     TrueFormula,
 )
+from stlbench.stl.language.traversal import is_temporal, signals, walk
 from stlbench.stl.predicates.sided import zero_side
 
 Closure: TypeAlias = Callable[[Any], Any]

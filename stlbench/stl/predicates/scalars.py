@@ -15,7 +15,6 @@ from typing import NoReturn, TypeAlias
 import numpy as np
 
 from stlbench.stl.errors import UndefinedError
-from stlbench.stl.language.structure import walk
 from stlbench.stl.language.syntax import (
     And,
     Binary,
@@ -30,6 +29,7 @@ from stlbench.stl.language.syntax import (
     Predicate,
     Signal,
 )
+from stlbench.stl.language.traversal import walk
 from stlbench.stl.predicates.compiler import check_names, compile_sided, constant
 from stlbench.stl.predicates.sided import zero_side
 

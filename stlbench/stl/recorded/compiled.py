@@ -12,10 +12,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.stl.language.structure import horizon
+from stlbench.stl.language.horizon import horizon
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.predicates.compiler import check_names, compile_holds
-from stlbench.stl.recorded.plans import BOOLEAN, ROBUST, Algebra, Recording, plan
+from stlbench.stl.recorded.evaluator import BOOLEAN, ROBUST, Algebra, Recording, plan
 from stlbench.stl.recorded.windows import Values
 
 Samples: TypeAlias = NDArray[np.float64]

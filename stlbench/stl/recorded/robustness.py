@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stlbench.stl.errors import ShortTraceError, UndefinedError
-from stlbench.stl.language.structure import horizon, signals
+from stlbench.stl.language.horizon import horizon
 from stlbench.stl.language.syntax import Formula
+from stlbench.stl.language.traversal import signals
 from stlbench.stl.predicates.compiler import check_names
-from stlbench.stl.recorded.plans import BOOLEAN, ROBUST, Algebra, Plan, Policy, Recording, plan
+from stlbench.stl.recorded.evaluator import BOOLEAN, ROBUST, Algebra, Plan, Policy, Recording, plan
 from stlbench.stl.recorded.windows import Values
 
 Floats: TypeAlias = NDArray[np.float64]

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stlbench.stl.errors import UndefinedError
-from stlbench.stl.language.structure import horizon
+from stlbench.stl.language.horizon import horizon
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.predicates.compiler import check_names
 from stlbench.stl.predicates.sided import SIDE
-from stlbench.stl.running.batch import Floats, Mask, many
-from stlbench.stl.running.tree import Tree
+from stlbench.stl.running.batch_operators import Floats, Mask, many
+from stlbench.stl.running.operator_tree import Tree
 
 
 class Intervals(NamedTuple):

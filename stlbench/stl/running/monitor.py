@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stlbench.stl.errors import UndefinedError
-from stlbench.stl.language.structure import horizon
+from stlbench.stl.language.horizon import horizon
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.predicates.compiler import check_names
 from stlbench.stl.predicates.scalars import Sample
 from stlbench.stl.predicates.sided import SIDE
-from stlbench.stl.running.online import ONE
-from stlbench.stl.running.tree import Tree
+from stlbench.stl.running.operator_tree import Tree
+from stlbench.stl.running.scalar_operators import ONE
 
 
 class Interval(NamedTuple):

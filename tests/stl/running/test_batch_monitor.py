@@ -26,7 +26,7 @@ from stlbench.stl import (
     parse,
     satisfied,
 )
-from stlbench.stl.running.batch import SlidingLeast
+from stlbench.stl.running.batch_operators import SlidingLeast
 
 quick = settings(max_examples=60, deadline=None)
 

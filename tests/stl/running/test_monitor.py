@@ -28,7 +28,7 @@ from stlbench.stl import (
     robustness,
     satisfied,
 )
-from stlbench.stl.running.online import Lowest, Nested
+from stlbench.stl.running.scalar_operators import Lowest, Nested
 
 quick = settings(max_examples=80, deadline=None)
 

@@ -9,7 +9,7 @@ from stlbench.stl.errors import Position, StlSyntaxError
 from stlbench.stl.language.lexer import Token, tokenize
 
 
-class Cursor:
+class TokenStream:
     """Moves through the tokens of `text`; `dt` (seconds) turns interval ends from seconds into steps."""
 
     def __init__(self, text: str, dt: float | None) -> None:

@@ -1,4 +1,4 @@
-"""A formula as a tree of online operators: the same tree for one trace (`online`) and for many (`batch`).
+"""A formula as a tree of online operators, the same for one trace (`scalar_operators`) and many (`batch_operators`).
 
 Values are sided (see `sided`); bounds are of the value at t = 0 over all continuations of the samples so far.
 """
@@ -9,9 +9,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
-from stlbench.stl.language.structure import horizon, is_temporal
+from stlbench.stl.language.horizon import horizon
 from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Implies, Not, Or, Until
-from stlbench.stl.recorded.plans import SIDED, unknown
+from stlbench.stl.language.traversal import is_temporal
+from stlbench.stl.recorded.evaluator import SIDED, unknown
 
 #: least and greatest value, as floats or as arrays
 Ends: TypeAlias = tuple[Any, Any]

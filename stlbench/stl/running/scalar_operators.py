@@ -8,9 +8,9 @@ from typing import TypeAlias
 
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.predicates.scalars import Psi, Sample, compile_scalar
-from stlbench.stl.recorded.plans import SIDED
+from stlbench.stl.recorded.evaluator import SIDED
 from stlbench.stl.recorded.robustness import evaluate
-from stlbench.stl.running.tree import Kit, Leaf
+from stlbench.stl.running.operator_tree import Kit, Leaf
 
 Bounds: TypeAlias = tuple[float, float]
 

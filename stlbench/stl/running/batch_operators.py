@@ -1,7 +1,7 @@
-"""Operators of the online monitor for many traces, each on its own clock: one NumPy call where `online` has a number.
+"""Operators of the online monitor for many traces: one NumPy call where `scalar_operators` has a number.
 
-Arrays are (n,), a value a trace. `now` are the traces' clocks; traces whose clock lies outside start..stop are carried
-along and do not change.
+Arrays are (n,), one value per trace. Each trace has its own clock, and `now` are the clocks; traces whose clock lies
+outside start..stop are carried along and do not change.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from stlbench.stl.errors import UndefinedError
 from stlbench.stl.language.syntax import Formula, Not
 from stlbench.stl.predicates.compiler import compile_sided
-from stlbench.stl.running import online
-from stlbench.stl.running.tree import Ends, Interval, Kit, Leaf
+from stlbench.stl.running import scalar_operators
+from stlbench.stl.running.operator_tree import Ends, Interval, Kit, Leaf
 
 Floats: TypeAlias = NDArray[np.float64]
 Steps: TypeAlias = NDArray[np.int64]
@@ -154,11 +154,11 @@ class Until(Operator):
 
 
 class Replayed(Operator):
-    """Any other formula, trace by trace as `online` does it."""
+    """Any other formula, trace by trace as `scalar_operators` does it."""
 
     def __init__(self, count: int, formula: Formula, names: tuple[str, ...], horizon: int) -> None:
         super().__init__(count, 0, horizon, (-np.inf, np.inf), False)
-        self.fresh = partial(online.Replayed, formula, names, horizon)
+        self.fresh = partial(scalar_operators.Replayed, formula, names, horizon)
         self.traces = [self.fresh() for _ in range(count)]
 
     def step(self, now: Steps, samples: Floats) -> None:

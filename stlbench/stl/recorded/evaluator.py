@@ -17,8 +17,8 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.stl.language.structure import is_temporal
 from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Implies, Not, Or, TrueFormula, Until
+from stlbench.stl.language.traversal import is_temporal
 from stlbench.stl.predicates.compiler import Operand, compile_holds, compile_margin, compile_sided
 from stlbench.stl.recorded.windows import Values, slide, until
 
