@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test lint types imports unit docs gate bench reference ablation clean
+.PHONY: run test quick lint types imports unit coverage docs gate bench reference ablation clean
 
 ## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
 run: $(VENV)/ready
@@ -13,6 +13,11 @@ run: $(VENV)/ready
 
 ## Everything that CI checks.
 test: lint types imports unit docs
+
+## The tests that take less than half a minute together, while you write.
+QUICK := tests/stl tests/methods tests/registry tests/task tests/gate tests/report/tables
+quick: $(VENV)/ready-dev
+	$(BIN)/python -m pytest -q -n auto --dist loadfile $(QUICK)
 
 lint: $(VENV)/ready-dev
 	$(BIN)/ruff check .
@@ -27,6 +32,10 @@ imports: $(VENV)/ready-dev
 unit: $(VENV)/ready-dev
 	$(BIN)/python -m pytest -q -n auto --dist loadfile --durations 10
 
+## The unit tests, with the share of lines and branches that they reach; also as coverage.xml.
+coverage: $(VENV)/ready-dev
+	$(BIN)/python -m pytest -q -n auto --dist loadfile --cov --cov-report term --cov-report xml
+
 docs: $(VENV)/ready-dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
@@ -36,7 +45,6 @@ gate: $(VENV)/ready
 
 ## Speed beside that of others, by turns in one run; half an hour. Writes results/bench.json and docs/performance.md.
 bench: $(VENV)/ready-dev
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev,peers]'
 	@mkdir -p results
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -q --benchmark-json=results/benchmarks.json
 	$(BIN)/python tests/benchmarks/collect.py results/benchmarks.json --json results/bench.json --page docs/performance.md
@@ -44,13 +52,13 @@ bench: $(VENV)/ready-dev
 ## All tasks x all methods x 5 seeds, three hours of CPU time; goes on where it was interrupted. See docs/reproduction.md.
 TASKS := hold-disc,hold-disc-coarse,integrator-or,reach-stay,annulus,robot-nav,overlap,pendulum,formation
 MODELS := cartpole,fetch-reach,ball-in-cup
-reference: $(VENV)/ready-mujoco
+reference: $(VENV)/ready-all
 	$(BIN)/stlbench run --tasks $(TASKS),$(MODELS) --methods funnel,flag,raw,tau-mdp --seeds 5 --results results/reference
 	$(BIN)/stlbench plot results/reference
 
 ## What the parts of the recipes are worth, and other agents beside ours; an hour of CPU time. See docs/reproduction.md.
 ABLATION := $(BIN)/stlbench run --results results/ablation
-ablation: $(VENV)/ready-mujoco
+ablation: $(VENV)/ready-all
 	$(ABLATION) --methods raw --seeds 2 --tasks fetch-reach --agents "td3[averaging=0],sb3-td3,sb3-sac,sb3-ppo"
 	$(ABLATION) --methods funnel --seeds 2 --tasks "\
 	overlap[without=rewarded],overlap[without=cuts],overlap[without=violation]"
@@ -67,18 +75,18 @@ clean:
 	rm -rf $(VENV) site dist build
 
 $(VENV)/bin:
+	@command -v $(PYTHON) > /dev/null || \
+	  { echo "no $(PYTHON) here; stlbench needs Python 3.11 or later: make PYTHON=python3.12 ..."; exit 2; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
-	  { echo "stlbench needs Python 3.11 or later, $(PYTHON) is older; say make PYTHON=python3.12 ..."; exit 2; }
+	  { echo "$(PYTHON) is older than Python 3.11, which stlbench needs: make PYTHON=python3.12 ..."; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/ready: pyproject.toml constraints.txt | $(VENV)/bin
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e .
 	@touch $@
 
-$(VENV)/ready-mujoco: pyproject.toml constraints.txt | $(VENV)/bin
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[mujoco]'
-	@touch $@ $(VENV)/ready
-
-$(VENV)/ready-dev: pyproject.toml constraints.txt | $(VENV)/bin
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev]'
+# On Python 3.13 dm_control has to be installed without its dependencies, see pyproject.toml; elsewhere it is there by then.
+$(VENV)/ready-%: pyproject.toml constraints.txt | $(VENV)/bin
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[$*]'
+	$(BIN)/python -m pip install --quiet -c constraints.txt --no-deps dm_control
 	@touch $@ $(VENV)/ready

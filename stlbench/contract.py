@@ -34,7 +34,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench import stl
+from stlbench import origin, stl
 
 __all__ = [
     "ActionBox",
@@ -58,6 +58,9 @@ __all__ = [
     "Truth",
     "Unsuitable",
 ]
+
+if _problem := origin.foreign():
+    raise ImportError(_problem)
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

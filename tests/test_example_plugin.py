@@ -45,7 +45,7 @@ def fresh(wheels: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> 
 
 
 def test_the_wheel_holds_the_task_files_and_no_tests(wheels: dict[str, Path]) -> None:
-    names = zipfile.ZipFile(wheels["stlbench"]).namelist()
+    names = zipfile.ZipFile(wheels["stlbench_rl"]).namelist()
     tasks = sorted(path.parent.name for path in (ROOT / "tasks" / "stlbench_tasks").glob("*/task.yaml"))
     assert sorted(name.split("/")[1] for name in names if name.endswith("/task.yaml")) == tasks
     assert [name for name in names if "test_" in name or "conftest" in name] == []
@@ -65,7 +65,7 @@ def test_it_is_listed_with_its_distribution(fresh: Path) -> None:
     listed = json.loads(_run(fresh / "bin" / "stlbench", "list", "methods", "--json", cwd=fresh))
     origins = {entry["name"]: entry["distribution"] for entry in listed}
     assert origins["verdict"] == "stlbench-example"
-    assert origins["funnel"] == "stlbench"
+    assert origins["funnel"] == "stlbench-rl"
     shown = _run(fresh / "bin" / "stlbench", "list", "methods", cwd=fresh)
     assert re.search(r"^verdict +stlbench-example 0\.1\.0 ", shown, re.MULTILINE)
 

@@ -26,6 +26,9 @@ __all__ = ["LocalExecutor"]
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read when numpy or torch is imported, so a worker must be born with them."""
 
+if not hasattr(signal, "pthread_sigmask"):
+    raise ImportError("stopping workers needs POSIX signals: Linux, macOS, or WSL on Windows")
+
 START_SECONDS = 120.0
 """A worker that has not taken its item by then is replaced."""
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Annotated
 
 import typer
 
-from stlbench import __version__
-from stlbench.cli.common import Commands
+from stlbench import __version__, origin
+from stlbench.cli.common import Commands, refuse
 from stlbench.cli.compare import compare
 from stlbench.cli.gate import gate
 from stlbench.cli.listing import list_plugins
@@ -66,4 +67,6 @@ def stlbench(
 
 def main() -> None:
     """The console script `stlbench`."""
+    if problem := origin.foreign():
+        sys.exit(refuse(problem))
     app(prog_name="stlbench")

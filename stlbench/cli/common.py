@@ -17,7 +17,7 @@ from stlbench.errors import UsageError
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["LEDGER", "Commands", "Json", "console", "print_json", "warn"]
+__all__ = ["LEDGER", "Commands", "Json", "console", "print_json", "refuse", "warn"]
 
 LEDGER = "ledger.sqlite"
 """Name of the ledger in a folder of results."""
@@ -43,15 +43,16 @@ class Commands(TyperGroup):
             try:
                 code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
             except UsageError as error:
-                code = _refuse(str(error))
+                code = refuse(str(error))
             except typer.TyperException as error:
-                code = _refuse(error.format_message() + _where_to_look(error))
+                code = refuse(error.format_message() + _where_to_look(error))
         if standalone_mode:
             sys.exit(code)
         return code
 
 
-def _refuse(message: str) -> int:
+def refuse(message: str) -> int:
+    """Print what is wrong as one line on stderr; return the exit code."""
     typer.echo(f"error: {message}", err=True)
     return 2
 

@@ -11,7 +11,7 @@ from functools import lru_cache
 from importlib.metadata import EntryPoint, distributions
 from typing import Any
 
-from stlbench import contract
+from stlbench import contract, origin
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import choices
 from stlbench.registry.choices import Choice
@@ -39,7 +39,7 @@ _CONTRACTS: Mapping[str, type] = {
 KINDS = tuple(_CONTRACTS)
 """The kinds of plugin; the entry-point group of a kind is "stlbench.<kind>"."""
 
-OWN = "stlbench"
+OWN = origin.DISTRIBUTION
 """The distribution whose names nobody can take over."""
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 __all__ = ["collect"]
 
-PACKAGES = ("mujoco", "numba", "numpy", "scipy", "stable-baselines3", "stlbench", "torch")
+PACKAGES = ("mujoco", "numba", "numpy", "scipy", "stable-baselines3", "stlbench-rl", "torch")
 
 
 def collect(jobs: int) -> dict[str, str]:

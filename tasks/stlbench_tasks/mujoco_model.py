@@ -6,6 +6,7 @@ the environments around it, of which the steps are the same bit for bit.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,7 +21,9 @@ __all__ = ["MujocoSystem", "columns"]
 _WIDTH, _HEIGHT = 480, 360
 """Of a picture; the models draw into at most 640 by 480."""
 
-_MISSING = "it needs the extra mujoco: pip install 'stlbench[mujoco]'"
+_MISSING = "it needs the extra mujoco: pip install 'stlbench-rl[mujoco]'"
+if sys.version_info >= (3, 13):
+    _MISSING += " and, without its dependencies, pip install --no-deps dm_control"
 
 
 def columns(joints: Sequence[str], *derived: str) -> tuple[str, ...]:

@@ -204,3 +204,13 @@ def test_nothing_to_do_starts_nothing():
 def test_a_deadline_is_required(deadlines):
     with pytest.raises(ValueError, match="deadline"):
         next(LocalExecutor().run(victims.work, ["a"], deadlines))
+
+
+def test_without_posix_signals_it_says_what_it_needs():
+    program = (
+        "import signal; del signal.pthread_sigmask\n"
+        "from stlbench.registry import plugins; plugins.find('executors', 'local').load()"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert "ImportError: stopping workers needs POSIX signals: Linux, macOS, or WSL" in ran.stderr.splitlines()[-1]
+    assert "executor 'local' of stlbench-rl" in ran.stderr.splitlines()[-1]

@@ -97,9 +97,9 @@ def test_a_name_of_two_distributions_is_a_warning_that_names_both(site):
 
 def test_a_name_of_stlbench_cannot_be_taken_over(site):
     site("acme", methods(zz_one="zz_a:One"), folder="a")
-    site("stlbench", methods(zz_one="zz_b:One"), folder="b")
+    site("stlbench-rl", methods(zz_one="zz_b:One"), folder="b")
     with pytest.warns(plugins.PluginWarning, match="of acme 1.2 is ignored"):
-        assert plugins.available("methods")["zz-one"].distribution == "stlbench"
+        assert plugins.available("methods")["zz-one"].distribution == "stlbench-rl"
 
 
 def test_the_same_distribution_twice_on_the_path_is_no_conflict(site):

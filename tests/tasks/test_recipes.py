@@ -9,7 +9,7 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.task import load_task
 
-TASKS = sorted(name for name, plugin in plugins.available("tasks").items() if plugin.distribution == "stlbench")
+TASKS = sorted(name for name, plugin in plugins.available("tasks").items() if plugin.distribution == plugins.OWN)
 
 
 @pytest.mark.parametrize("name", TASKS)
