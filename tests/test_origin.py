@@ -1,4 +1,4 @@
-"""Another project's `stlbench` in place of this one: on the package index, the distribution of that name is not ours."""
+"""Another project's `stlbench` in place of this one: the package index has one."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def test_the_message_says_where_the_other_lies_and_how_to_mend_it() -> None:
     other = ModuleType("stlbench")
     other.__file__ = "/somewhere/stlbench/__init__.py"
     assert origin.foreign(other) == (
-        "the package stlbench in /somewhere/stlbench is not that of stlbench-rl: the distribution 'stlbench' is another "
-        "project; pip uninstall stlbench, then pip install --force-reinstall --no-deps stlbench-rl"
+        "the package stlbench in /somewhere/stlbench is not that of stlbench-rl: the distribution 'stlbench' is "
+        "another project; pip uninstall stlbench, then pip install --force-reinstall --no-deps stlbench-rl"
     )
 
 
