@@ -1,4 +1,5 @@
-"""The contract: everything that a plugin author reads, and all that a plugin may import beside `stlbench.stl`.
+"""The contract: what a plugin author reads. A plugin imports nothing else of stlbench but `stlbench.stl`, and
+`stlbench.presentation` if it has something to show.
 
 Four kinds of plugin, each found by its entry-point group and named by its entry point:
 
@@ -23,18 +24,18 @@ checks what a user writes (`funnel[variant=code,ginf=0.02]`) against the annotat
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stlbench import origin, stl
+from stlbench.actions import ActionBox, ActionGrid, Actions
+from stlbench.executor import Executor, Outcome
 
 __all__ = [
     "ActionBox",
@@ -42,13 +43,11 @@ __all__ = [
     "Actions",
     "Agent",
     "Array",
-    "Band",
     "Environment",
     "Executor",
     "Integers",
     "Intractable",
     "Outcome",
-    "Pixels",
     "Policy",
     "RewardMethod",
     "Specification",
@@ -65,7 +64,6 @@ if _problem := origin.foreign():
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Truth = NDArray[np.bool_]
-Pixels = NDArray[np.uint8]
 
 
 class Intractable(Exception):
@@ -127,37 +125,25 @@ class Specification:
         return stl.bounds(psi, box)
 
 
-@dataclass(frozen=True)
-class Band:
-    """Between which bounds a method wants the margin of a term in the course of time, to be drawn in figures."""
-
-    term: stl.Term
-    """One of `Specification.terms`."""
-    start: int
-    """The step of the first entry of both bounds."""
-    lower: Array
-    """(n,): at steps start, start + 1, ..., in the unit of the term's predicates."""
-    upper: Array
-    """(n,)."""
-
-
-class RewardMethod(ABC):
+class RewardMethod:
     """Turns a formula into the reward of each transition. Pure: the same arguments give the same reward.
 
-    Subclass it, take the parameters as keyword-only arguments, and implement `step`. A method that must remember
-    (flags, a history of states) sets `memory_size` and carries its memory through `step`; the policy is shown
-    `inputs(memory)`. A constructor raises `Intractable` where the task needs more inputs than
-    `specification.input_limit`, and `Unsuitable` where the formula or a parameter does not fit.
+    Subclass it, take the parameters as keyword-only arguments, and write either `step`, one transition, or `along`,
+    those of one held action at once, which can be faster; the other follows. A method that must remember (flags, a
+    history of states) sets `memory_size` and carries its memory along; the policy is shown `inputs(memory)`. A
+    constructor raises `Intractable` where the task needs more inputs than `specification.input_limit`, and
+    `Unsuitable` where the formula or a parameter does not fit. For what tables and figures may show of a method, see
+    `stlbench.presentation`.
 
     One transition t of N copies, signals s:
 
-    ============  ====================  ======================  =========================
-    at            the first, t = 0      a middle one            the last, t = T - 1
-    ============  ====================  ======================  =========================
-    signals       s_0                   s_t                     s_{T-1}
-    next_signals  s_1                   s_{t+1}                 s_T, the end of the trace
-    memory        `start(s_0)`          what `step` returned    what `step` returned
-    ============  ====================  ======================  =========================
+    ============  ======================  ======================  =========================
+    at            the first, t = 0        a middle one            the last, t = T - 1
+    ============  ======================  ======================  =========================
+    signals       s_0                     s_t                     s_{T-1}
+    next_signals  s_1                     s_{t+1}                 s_T, the end of the trace
+    memory        `initial_memory(s_0)`   what `step` returned    what `step` returned
+    ============  ======================  ======================  =========================
 
     So a reward of the paper, r'(s, t), is paid on arrival: r'(s_{t+1}, t + 1). The sample s_0 is never paid for, as no
     action can change it; every other sample of the trace is paid for once.
@@ -172,7 +158,20 @@ class RewardMethod(ABC):
     def __init__(self, specification: Specification) -> None:
         self.specification = specification
 
-    def start(self, signals: Array, t: Integers) -> Array:
+    def __init_subclass__(cls, **options: Any) -> None:
+        """`step` follows from `along` and `along` from `step`. Raises `TypeError` for a class with both, or neither."""
+        super().__init_subclass__(**options)
+        written = [name for name in ("step", "along") if name in vars(cls)]
+        if written == ["step"]:
+            cls.along = RewardMethod.along  # type: ignore[method-assign]  # not that of a base, which is another reward
+        elif written == ["along"]:
+            cls.step = RewardMethod.step  # type: ignore[method-assign]
+        elif written or (cls.step is RewardMethod.step and cls.along is RewardMethod.along):
+            raise TypeError(
+                f"{cls.__name__} has {'both' if written else 'neither'} of step and along; write one of them"
+            )
+
+    def initial_memory(self, signals: Array, t: Integers) -> Array:
         """The memory at the first sample of an episode: signals (N, k) at steps t (N,) -> (N, m). Zeros by default.
 
         t is 0 in every episode that is scored. Where a task trains with exploring starts (`training.exploring`),
@@ -180,7 +179,6 @@ class RewardMethod(ABC):
         """
         return np.zeros((len(signals), self.memory_size))
 
-    @abstractmethod
     def step(
         self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
     ) -> tuple[Array, Array]:
@@ -191,29 +189,28 @@ class RewardMethod(ABC):
             action: what the system was given, (N, number of action axes), in the actions' units.
             next_signals: s_{t+1}, (N, k).
             t: step index of the transition, (N,), each in 0..T-1; rows may be at different times.
-            memory: what `start` or the last `step` returned, (N, m). Not to be changed in place.
+            memory: what `initial_memory` or the last `step` returned, (N, m). Not to be changed in place.
 
         Returns:
             The reward (N,) and the next memory (N, m).
         """
+        rewards, memory = self.along(np.stack([signals, next_signals]), action, t, memory)
+        return rewards[0], memory
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The rewards while one action is held, the same as by `step` after `step`. Override it to be faster.
+        """The rewards while one action is held for h steps, the same as by `step` after `step`.
 
         Args:
             samples: s_t, ..., s_{t+h}, (h + 1, N, k).
             action: as for `step`, (N, number of action axes).
             t: step index of the first transition, (N,).
-            memory: at s_t, (N, m).
+            memory: at s_t, (N, m). Not to be changed in place.
 
         Returns:
             The rewards (h, N) and the memory at s_{t+h}, (N, m).
         """
         held, rows, k = len(samples) - 1, len(t), samples.shape[2]
-        if held == 1:
-            reward, memory = self.step(samples[0], action, samples[1], t, memory)
-            return reward[None], memory
-        if not self.memory_size:  # steps do not depend on each other: all in one call
+        if held > 1 and not self.memory_size:  # steps do not depend on each other: all in one call
             before, after = samples[:-1].reshape(-1, k), samples[1:].reshape(-1, k)
             times = (t + np.arange(held)[:, None]).ravel()
             reward, _ = self.step(before, np.tile(action, (held, 1)), after, times, np.zeros((len(times), 0)))
@@ -227,72 +224,8 @@ class RewardMethod(ABC):
         """What the policy sees of the memory, about in [-1, 1]: (N, m) -> (N, m). The memory as it is by default."""
         return memory
 
-    def describe(self) -> Mapping[str, Any]:
-        """What the method makes of the task, for `stlbench show task`: short names to numbers, texts or lists."""
-        return {}
-
-    def band(self) -> Sequence[Band]:
-        """The bounds that the method puts on the robustness of terms, at most one a term. None by default."""
-        return ()
-
 
 # ------------------------------------------------------------------------------------------------------------ tasks
-
-
-@dataclass(frozen=True)
-class ActionGrid:
-    """A finite set of actions: the product of evenly spaced axes. Index i runs over the last axis fastest."""
-
-    names: tuple[str, ...]
-    axes: tuple[tuple[float, ...], ...]
-    robots: tuple[int, ...] = ()
-    """How many of the axes, in their order, are each robot's: (2, 2, 2). Empty where the task has one robot."""
-
-    @cached_property
-    def parts(self) -> tuple[ActionGrid, ...]:
-        """Each robot's own grid, in the order of the axes; the index of a joint action is `np.ravel_multi_index` of
-        the robots' own indices, as the last robot's runs fastest.
-        """
-        ends = np.cumsum([0, *(self.robots or [len(self.axes)])]).tolist()
-        return tuple(ActionGrid(self.names[i:j], self.axes[i:j]) for i, j in pairwise(ends))
-
-    @cached_property
-    def low(self) -> tuple[float, ...]:
-        """Least value of each axis."""
-        return tuple(min(axis) for axis in self.axes)
-
-    @cached_property
-    def high(self) -> tuple[float, ...]:
-        """Greatest value of each axis."""
-        return tuple(max(axis) for axis in self.axes)
-
-    @cached_property
-    def shape(self) -> tuple[int, ...]:
-        """Actions along each axis: (21, 13)."""
-        return tuple(len(axis) for axis in self.axes)
-
-    @cached_property
-    def size(self) -> int:
-        """The number A of actions: 273."""
-        return math.prod(self.shape)
-
-    @cached_property
-    def vectors(self) -> Array:
-        """All actions, (A, number of axes), in the actions' units."""
-        return np.stack([mesh.ravel() for mesh in np.meshgrid(*self.axes, indexing="ij")], axis=-1)
-
-
-@dataclass(frozen=True)
-class ActionBox:
-    """Continuous actions: every vector between `low` and `high`, in the actions' units."""
-
-    names: tuple[str, ...]
-    low: tuple[float, ...]
-    high: tuple[float, ...]
-
-
-Actions = ActionGrid | ActionBox
-"""The actions of a task: a grid where its task file counts values along each axis, else a box."""
 
 
 class System(ABC):
@@ -306,7 +239,7 @@ class System(ABC):
     state: ClassVar[tuple[str, ...]]
     """Names of the n columns of the state."""
     coordinates: ClassVar[tuple[str, ...] | None] = None
-    """Names of what the boxes of initial states speak of, where that is not the state itself; see `begin`."""
+    """Names of what the boxes of initial states speak of, where that is not the state; see `initial_states`."""
 
     def __init__(self, dt: float) -> None:
         self.dt = dt
@@ -315,7 +248,7 @@ class System(ABC):
     def step(self, state: Array, action: Array) -> Array:
         """One sampling time later: state (N, n), action (N, axes) -> state (N, n). May not change its arguments."""
 
-    def begin(self, coordinates: Array) -> Array:
+    def initial_states(self, coordinates: Array) -> Array:
         """The states (N, n) at points (N, number of `coordinates`) of a box of initial states. The same by default."""
         return coordinates
 
@@ -337,14 +270,6 @@ class System(ABC):
         It shows that the formula can be satisfied, and its robustness is what learned policies are compared with.
         It knows the whole state and the formula; no agent is shown what it does. It is asked every `hold` steps, and
         its actions are clipped, or on a grid rounded to the nearest value of each axis.
-        """
-        return None
-
-    def frame(self, state: Array) -> Pixels | None:
-        """A picture of the system in one state (n,), for films: (height, width, 3), always of one size.
-
-        None by default: the film shows signals. Raises `RuntimeError`, in one line, where this machine lacks what it
-        takes to draw.
         """
         return None
 
@@ -423,42 +348,3 @@ class Agent(ABC):
     @abstractmethod
     def train(self, training: Training) -> Policy:
         """Spend the budget and return the final policy. The same `training.seed` gives the same policy, bit for bit."""
-
-
-# -------------------------------------------------------------------------------------------------------- executors
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How one call of an executor ended."""
-
-    index: int
-    """Which of the items."""
-    status: Literal["done", "raised", "timeout", "killed"]
-    value: Any = None
-    """What the function returned, where status is `done`."""
-    reason: str = ""
-    """One line for a person: "ValueError: ..." or "no result after 60 s" or "killed by signal 9"."""
-    details: str = field(default="", repr=False)
-    """The traceback, where there is one."""
-
-
-class Executor(ABC):
-    """Runs a function on many items, each isolated: one that raises, hangs or dies leaves the others alone."""
-
-    def __init__(self, *, jobs: int = 1) -> None:
-        self.jobs = jobs
-
-    @abstractmethod
-    def run(
-        self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
-    ) -> Generator[Outcome]:
-        """Yield one outcome an item, as they end, `jobs` at a time.
-
-        Args:
-            function: an importable function of one item.
-            items: what it is called with, picklable.
-            deadlines: seconds of wall time after which each item is stopped with status `timeout`.
-
-        Closing the iterator, or ctrl-C, stops what runs.
-        """

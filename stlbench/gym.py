@@ -70,7 +70,7 @@ class _Copies:
         self._simulator = Simulator(self.task, self.method)
         self._scale = self.method.scale if scaled else 1.0
         self._running = False
-        example = self._simulator.place(self._draw(np.random.default_rng(0)))
+        example = self._simulator.reset(self._draw(np.random.default_rng(0)))
         self.observation_space = Box(-np.inf, np.inf, example.shape[1:], np.float32)
         actions = self.task.actions
         self.action_space: Discrete | Box = (
@@ -79,7 +79,7 @@ class _Copies:
             else Box(np.array(actions.low, np.float32), np.array(actions.high, np.float32))
         )
 
-    def begin(self, generators: Sequence[np.random.Generator], options: Info | None) -> tuple[Single, Info]:
+    def reset(self, generators: Sequence[np.random.Generator], options: Info | None) -> tuple[Single, Info]:
         """Start an episode in each copy: observations (N, D), and signals (N, 1, k) and time of the first sample."""
         given = dict(options or {})
         state = given.pop("state", None)
@@ -90,7 +90,7 @@ class _Copies:
             states = np.concatenate([self._draw(generator) for generator in generators])
         else:
             states = self._checked(state, len(generators))
-        observation = self._simulator.place(states)
+        observation = self._simulator.reset(states)
         self._running = True
         return observation.astype(np.float32), self._info(self._simulator.signals[:, None].copy())
 
@@ -107,7 +107,7 @@ class _Copies:
         return {"signals": samples, "t": self._simulator.t.copy()}
 
     def _draw(self, generator: np.random.Generator) -> Array:
-        return self.task.system.begin(starts.sample(self.task.file.training_starts, generator, 1))
+        return self.task.system.initial_states(starts.sample(self.task.file.training_starts, generator, 1))
 
     def _checked(self, state: Any, count: int) -> Array:
         names = self.task.system.state
@@ -149,7 +149,7 @@ class StlEnv(gymnasium.Env[Single, Any]):
             The observation (D,); and an info with `signals` (1, k), the trace's first sample, and `t`, 0.
         """
         super().reset(seed=seed)
-        observation, info = self._copies.begin([self.np_random], options)
+        observation, info = self._copies.reset([self.np_random], options)
         return observation[0], _first(info)
 
     def step(self, action: np.int64 | NDArray[np.floating]) -> tuple[Single, float, bool, bool, Info]:
@@ -210,7 +210,7 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
         if seed is not None or not self._generators:
             seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
             self._generators = [seeding.np_random(each)[0] for each in seeds]
-        observation, info = self._copies.begin(self._generators, options)
+        observation, info = self._copies.reset(self._generators, options)
         return observation, self._masked(info)
 
     def step(self, actions: Integers | NDArray[np.floating]) -> tuple[Single, Array, Booleans, Booleans, Info]:
@@ -226,7 +226,7 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
         observation, reward, over, info = self._copies.advance(np.asarray(actions))
         if over:
             last = {"final_obs": _objects(observation), "final_info": self._masked(info)}
-            observation, info = self._copies.begin(self._generators, None)
+            observation, info = self._copies.reset(self._generators, None)
             info |= last
         info = self._masked(info)
         return observation, reward, np.zeros(self.num_envs, dtype=np.bool_), np.full(self.num_envs, over), info

@@ -18,6 +18,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array, Intractable, RewardMethod, Specification, Unsuitable
+from stlbench.presentation import Described
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
 from stlbench.task import load_task, starts
@@ -37,8 +38,8 @@ _SPECIFICATIONS = tuple(
 def check_method(method: type[RewardMethod] | str, task: str | None = None) -> None:
     """Check a reward method on random traces from the box of the signals.
 
-    The rules: `start`, `step` and `inputs` give finite values of the contract's shapes, are pure and leave their
-    arguments alone; a batch is its rows one by one, also where rows are at different times; inputs are about in
+    The rules: `initial_memory`, `step` and `inputs` give finite values of the contract's shapes, are pure and leave
+    their arguments alone; a batch is its rows one by one, also where rows are at different times; inputs are about in
     [-1, 1] and rewards at most about `scale` in size; `describe` gives what JSON can hold.
 
     Args:
@@ -77,7 +78,7 @@ def check_task(name: str) -> None:
     generator, system, file, k = np.random.default_rng(0), task.system, task.file, len(task.signals)
     low, high = np.array(task.specification.low), np.array(task.specification.high)
     points = np.concatenate([starts.grid(file.initial, 4), starts.sample(file.training_starts, generator, 4)])
-    state = system.begin(points)
+    state = system.initial_states(points)
     trace, n = [system.signals(state)], len(state)
     _rule(bool(np.all((low <= trace[0]) & (trace[0] <= high))), "initial states lie in the signals' ranges", trace[0])
     for t in range(file.steps):
@@ -115,12 +116,16 @@ def _check_episode(method: RewardMethod) -> None:
     _rule(isinstance(m, int) and m >= 0, "memory_size is a whole number, at least 0", m)
     _rule(bool(0 < method.scale < np.inf), "scale is positive and finite", method.scale)
     try:
-        json.dumps(dict(method.describe()))
+        json.dumps(dict(method.describe()) if isinstance(method, Described) else {})
     except (TypeError, ValueError) as error:
         raise AssertionError(f"rule broken: describe gives what JSON can hold; found {error}") from error
     traces, action = _traces(method.specification), np.zeros((_ROWS, 1))
     memories, rewards = (
-        [_check_function("start", method.start, (traces[:, 0], np.zeros(_ROWS, dtype=np.int64)), (_ROWS, m))],
+        [
+            _check_function(
+                "initial_memory", method.initial_memory, (traces[:, 0], np.zeros(_ROWS, dtype=np.int64)), (_ROWS, m)
+            )
+        ],
         list[Array](),
     )
     for t in range(steps):

@@ -50,7 +50,7 @@ def test_it_is_the_simulator_number_for_number(method: str) -> None:
     simulator = Simulator(task, build_method(task, method))
     speeds, generator = np.array([-1, -0.5, 0, 0.5, 1]), np.random.default_rng(0)
     seen, infos = env.reset(seed=3)
-    expected = simulator.place(infos["a"]["signals"])  # the signals are the state
+    expected = simulator.reset(infos["a"]["signals"])  # the signals are the state
     np.testing.assert_array_equal(seen["b"], expected[0].astype(np.float32))
     for count in range(1, 27):
         own = generator.integers(25, size=3)

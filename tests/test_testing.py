@@ -91,8 +91,11 @@ def in_place(self: Any, reward: Any, memory: Any, *given: Any) -> Any:
         (broken(scale=float("inf")), "scale is positive and finite"),
         (broken(scale=100.0), "rewards are at most about scale = 100 in size"),
         (broken(describe=lambda self: {"when": np.arange(3)}), "describe gives what JSON can hold"),
-        (broken(start=lambda self, s, t: np.zeros((len(s), 3))), r"start has shape \(6, 2\); found \(6, 3\)"),
-        (broken(start=lambda self, s, t: np.full((len(s), 2), np.nan)), "start is finite"),
+        (
+            broken(initial_memory=lambda self, s, t: np.zeros((len(s), 3))),
+            r"initial_memory has shape \(6, 2\); found \(6, 3\)",
+        ),
+        (broken(initial_memory=lambda self, s, t: np.full((len(s), 2), np.nan)), "initial_memory is finite"),
         (broken(inputs=lambda self, m: m[:, :1]), r"inputs has shape \(6, 2\); found \(6, 1\)"),
         (broken(inputs=lambda self, m: m), r"inputs are about in \[-1, 1\]"),
         (changed(lambda self, r, m, *given: (r[:, None], m)), r"the reward has shape \(N,\); found \(6, 1\)"),

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification
-from stlbench_methods.flags import AbsoluteFlags, Flags, WindowFlags, is_windowed
+from stlbench_methods.flag_counting import AbsoluteFlags, Flags, WindowFlags, is_windowed
 
 __all__ = ["Flag"]
 
@@ -42,20 +42,13 @@ class Flag(RewardMethod):
         )
         self.memory_size, self.scale = len(self._flags.full), self._flags.scale
 
-    def start(self, signals: Array, t: Integers) -> Array:
+    def initial_memory(self, signals: Array, t: Integers) -> Array:
         """The flags after the first sample, (N, m); they were 0 before it (1 for the absolute G), whenever it is."""
         before = np.tile(self._flags.initial, (len(signals), 1))
         return self._flags.along(signals[None], t, before)[1]
 
-    def step(
-        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
-    ) -> tuple[Array, Array]:
-        """The reward (N,) for the flags that include s_{t+1}, and those flags (N, m)."""
-        rewards, flags = self._flags.along(next_signals[None], t + 1, memory)
-        return rewards[0], flags
-
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The same for h steps at once: rewards (h, N) and the flags after the last, (N, m)."""
+        """The rewards (h, N) for the flags that include each next sample, and the flags after the last (N, m)."""
         return self._flags.along(samples[1:], t + 1, memory)
 
     def inputs(self, memory: Array) -> Array:

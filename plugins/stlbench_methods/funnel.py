@@ -10,7 +10,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from stlbench.contract import Array, Band, Integers, RewardMethod, Specification, Unsuitable
+from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
+from stlbench.presentation import Band
 from stlbench.stl import Term
 from stlbench_methods.schedule import Activity, Value, active_from, active_table, least_active
 
@@ -84,23 +85,14 @@ class Funnel(RewardMethod):
         self.active = active_table(terms, specification.steps, activity)
         rewards = [self._term_reward(term, curve, shape) for term, curve in zip(terms, self.curves, strict=True)]
         self._least = least_active(rewards, self.active)
-        self._steps = np.arange(specification.steps + 1)[:, None]
         self._clip = shape == "clipped"
         widest = max(curve.gamma_0 for curve in self.curves)
         self.scale = math.log1p(widest / ginf) if shape == "normalised" else widest
 
-    def step(
-        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
-    ) -> tuple[Array, Array]:
-        """r'(s_{t+1}, t + 1): (N,) in the unit of the predicates. No memory."""
-        return self._clipped(self._least(next_signals, t + 1)), memory
-
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The same for h steps at once: (h, N)."""
-        return self._clipped(self._least(samples[1:], t + self._steps[1 : len(samples)])), memory
-
-    def _clipped(self, rewards: Array) -> Array:
-        return np.minimum(rewards, 0.0) if self._clip else rewards
+        """r'(s_{t+1}, t + 1) to r'(s_{t+h}, t + h): (h, N) in the unit of the predicates. No memory."""
+        rewards = self._least(samples[1:], t + np.arange(1, len(samples))[:, None])
+        return np.minimum(rewards, 0.0) if self._clip else rewards, memory
 
     def describe(self) -> Mapping[str, Any]:
         """Each term's funnel."""

@@ -24,16 +24,10 @@ class Raw(RewardMethod):
         super().__init__(specification)
         terms = specification.terms
         self.scale = max(high - low for low, high in map(specification.range, (term.psi for term in terms)))
-        self._steps = np.arange(specification.steps + 1)[:, None]
         margins = [timeless(specification.margin(term.psi)) for term in terms]
         self._reward = least_active(margins, active_table(terms, specification.steps, activity))
 
-    def step(
-        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
-    ) -> tuple[Array, Array]:
-        """rho of the active terms at s_{t+1}: (N,) in the unit of the predicates. No memory."""
-        return self._reward(next_signals, t + 1), memory
-
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The same for h steps at once: (h, N)."""
-        return self._reward(samples[1:], t + self._steps[1 : len(samples)]), memory
+        """rho of the active terms at s_{t+1} to s_{t+h}: (h, N) in the unit of the predicates. No memory."""
+        times = t + np.arange(1, len(samples))[:, None]
+        return self._reward(samples[1:], times), memory

@@ -59,19 +59,15 @@ class TauMdp(RewardMethod):
         self._middle = np.tile((np.array(specification.high) + specification.low) / 2, self.tau)
         self._half = np.tile((np.array(specification.high) - specification.low) / 2, self.tau)
 
-    def start(self, signals: Array, t: Integers) -> Array:
+    def initial_memory(self, signals: Array, t: Integers) -> Array:
         """z_0: tau copies of s_0."""
         return np.tile(signals, self.tau)
 
-    def step(
-        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
-    ) -> tuple[Array, Array]:
-        """The reward (N,), in exp(1), of the history that ends in s_{t+1}; that history (N, tau k), oldest first."""
-        rewards, history = self.along(np.stack([signals, next_signals]), action, t, memory)
-        return rewards[0], history
-
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The same for h steps at once: rewards (h, N) of the histories in z_t and what follows, and the last one."""
+        """The rewards (h, N), in exp(1), of the histories that end in s_{t+1} to s_{t+h}; the last history (N, tau k).
+
+        A history begins with its oldest sample.
+        """
         rows = len(memory)
         history = memory.reshape(rows, self.tau, -1)
         path = np.concatenate([history[:, 1:], samples[1:].transpose(1, 0, 2)], axis=1)  # (N, tau - 1 + h, k)

@@ -131,6 +131,7 @@ def _methods(task: Task) -> dict[str, Any]:
 def _method(task: Task, name: str) -> dict[str, Any]:
     """What a method with its default parameters makes of the task; status and reason where it does not fit."""
     from stlbench.contract import Intractable, Unsuitable
+    from stlbench.presentation import Described
     from stlbench.registry import plugins
     from stlbench.task import build_method
 
@@ -142,7 +143,8 @@ def _method(task: Task, name: str) -> dict[str, Any]:
         return {"status": "intractable", "reason": str(reason)}
     except (Unsuitable, UsageError) as reason:
         return {"status": "unsuitable", "reason": str(reason)}
-    return {"status": "suitable", "inputs_added": method.memory_size, "scale": method.scale} | dict(method.describe())
+    described = dict(method.describe()) if isinstance(method, Described) else {}
+    return {"status": "suitable", "inputs_added": method.memory_size, "scale": method.scale} | described
 
 
 def _print(found: dict[str, Any]) -> None:

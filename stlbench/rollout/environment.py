@@ -41,22 +41,22 @@ class Simulator:
         self._low, self._high = np.array(actions.low), np.array(actions.high)
         self._times = np.arange(self.horizon + 1)[:, None] * (2.0 / self.horizon) - 1.0
 
-    def place(self, states: Array) -> Array:
+    def reset(self, states: Array) -> Array:
         """Start an episode from each of the states (N, n). Returns the first observation (N, D)."""
         self.state = np.array(states, dtype=np.float64)
         self.signals = self.system.signals(self.state)
         self.t: Integers = np.zeros(len(states), dtype=np.int64)
-        self.memory = self.method.start(self.signals, self.t)
+        self.memory = self.method.initial_memory(self.signals, self.t)
         return self.observe()
 
-    def replace(self, rows: Integers, states: Array, t: Integers) -> None:
+    def reset_rows(self, rows: Integers, states: Array, t: Integers) -> None:
         """Start new episodes in the given rows, from the states (len(rows), n) at steps t (len(rows),)."""
         self.state[rows] = states
         self.signals[rows] = self.system.signals(states)
         self.t[rows] = t
         if self.method.memory_size:
             self.memory = self.memory.copy()
-            self.memory[rows] = self.method.start(self.signals[rows], t)
+            self.memory[rows] = self.method.initial_memory(self.signals[rows], t)
 
     def observe(self, t: Integers | None = None) -> Array:
         """What a policy sees: the task's features, the time scaled to [-1, 1], the method's inputs: (N, D).
@@ -143,9 +143,9 @@ class BatchEnvironment:
     def reset(self) -> Array:
         """Start N episodes: the first observation, (N, D)."""
         self._broken_off: Integers = np.full(self.count, self.simulator.horizon)
-        self.simulator.place(self._draw(self.count))
+        self.simulator.reset(self._draw(self.count))
         if self._training.exploring is not None:
-            self._restart(np.arange(self.count))
+            self._reset_rows(np.arange(self.count))
         return self.simulator.observe()
 
     def step(self, action: Integers | Array) -> Transition:
@@ -168,11 +168,11 @@ class BatchEnvironment:
         boundary = cut & (t < simulator.horizon) & self._cut[t]
         arrived = simulator.observe(np.where(boundary, t - self.hold, t)) if boundary.any() else observation
         if ended.any():
-            self._restart(np.flatnonzero(ended))
+            self._reset_rows(np.flatnonzero(ended))
             observation = simulator.observe()
         return Transition(observation, reward, arrived, cut, ended, terminal)
 
-    def _restart(self, rows: Integers) -> None:
+    def _reset_rows(self, rows: Integers) -> None:
         """New episodes in the given rows, some of them at a random time."""
         simulator, exploring = self.simulator, self._training.exploring
         states, t = self._draw(len(rows)), np.zeros(len(rows), dtype=np.int64)
@@ -185,11 +185,15 @@ class BatchEnvironment:
             states[chosen[kept]] = simulator.state[rows[chosen[kept]]]
             if exploring.states is not None:
                 drawn = chosen[~kept]
-                states[drawn] = simulator.system.begin(starts.sample(exploring.states, self._generator, len(drawn)))
+                states[drawn] = simulator.system.initial_states(
+                    starts.sample(exploring.states, self._generator, len(drawn))
+                )
             if exploring.length is not None:
                 length = self._generator.integers(1, 2 * exploring.length, size=len(chosen)) * self.hold
                 self._broken_off[rows[chosen]] = np.minimum(t[chosen] + length, simulator.horizon)
-        simulator.replace(rows, states, t)
+        simulator.reset_rows(rows, states, t)
 
     def _draw(self, count: int) -> Array:
-        return self.simulator.system.begin(starts.sample(self.task.file.training_starts, self._generator, count))
+        return self.simulator.system.initial_states(
+            starts.sample(self.task.file.training_starts, self._generator, count)
+        )

@@ -20,13 +20,13 @@ from stlbench.rollout.environment import Simulator
 from stlbench.task import starts
 from stlbench.task.task import Task
 
-__all__ = ["Referee", "Report", "follow", "record", "score", "start_states"]
+__all__ = ["Evaluation", "Referee", "Report", "follow", "record", "score", "start_states"]
 
 
 def start_states(task: Task, part: int = 0) -> Array:
     """The states (starts, n) behind the main score of the report; with `part` 1, those that selection is on."""
     file = task.file
-    return task.system.begin(starts.grid(file.initial, file.starts, part))
+    return task.system.initial_states(starts.grid(file.initial, file.starts, part))
 
 
 def record(
@@ -48,7 +48,7 @@ def follow(
 ) -> Array:
     """As `record`, where `act` says at each decision what to do: indices (N,) of the grid, or vectors (N, axes)."""
     simulator = Simulator(task, method, rewarded=False)
-    simulator.place(states)
+    simulator.reset(states)
     trace = np.empty((len(states), task.file.steps + 1, len(task.signals)))
     trace[:, 0] = simulator.signals
     if visited is not None:
@@ -110,7 +110,7 @@ def _possible(formula: stl.Formula, prefix: Array, names: tuple[str, ...]) -> bo
 
 
 @dataclass(frozen=True)
-class Trial:
+class Evaluation:
     """One protocol, ready: the formula in steps and the states that policies start from."""
 
     formula: stl.Formula
@@ -140,11 +140,13 @@ class Referee:
         self.task, self.method = task, method
         file = task.file
         self._selection = start_states(task, part=1)
-        self._protocols = {MAIN: Trial(task.formula, start_states(task))}
+        self._protocols = {MAIN: Evaluation(task.formula, start_states(task))}
         for name, protocol in file.protocols.items():
             formula = task.formula if protocol.formula is None else file.parsed(protocol.formula)
             region = protocol.initial or file.initial
-            self._protocols[name] = Trial(formula, task.system.begin(starts.grid(region, protocol.starts)))
+            self._protocols[name] = Evaluation(
+                formula, task.system.initial_states(starts.grid(region, protocol.starts))
+            )
 
     def select(self, policy: Policy) -> tuple[float, float]:
         """Satisfaction and mean robustness of the task's formula from the starts kept for selection.
@@ -159,8 +161,8 @@ class Referee:
     def report(self, policy: Policy) -> Report:
         """Every protocol's score, from the report's starts."""
         scores, traces, visited = {}, {}, list[Array]()
-        for name, trial in self._protocols.items():
+        for name, evaluation in self._protocols.items():
             states = visited if name == MAIN else None
-            traces[name] = record(self.task, self.method, policy, trial.states, states)
-            scores[name] = score(trial.formula, traces[name], self.task.signals)
+            traces[name] = record(self.task, self.method, policy, evaluation.states, states)
+            scores[name] = score(evaluation.formula, traces[name], self.task.signals)
         return Report(scores, traces[MAIN], np.stack(visited, axis=1))

@@ -151,7 +151,7 @@ def reward_cost(task: Task, method: RewardMethod, rows: int = 1024, repeats: int
     generator = np.random.default_rng(0)
     simulator = Simulator(task, method)
     region, actions = task.file.initial, task.actions
-    simulator.place(task.system.begin(generator.uniform(region.low, region.high, (rows, len(region.low)))))
+    simulator.reset(task.system.initial_states(generator.uniform(region.low, region.high, (rows, len(region.low)))))
     action = generator.uniform(actions.low, actions.high, (rows, len(actions.names)))
     states = [simulator.state]
     for _ in range(task.file.hold):

@@ -14,7 +14,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from stlbench.contract import Array, Pixels, System
+from stlbench.contract import Array, System
+from stlbench.presentation import Pixels
 
 __all__ = ["MujocoSystem", "columns"]
 

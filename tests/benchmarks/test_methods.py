@@ -92,7 +92,7 @@ def test_cost_against_horizon(race: Race, method: str, horizon: int) -> None:
     reward = build_method(entry, method)
     simulator = Simulator(entry, reward)
     generator = np.random.default_rng(0)
-    simulator.place(np.column_stack([generator.uniform(1.1, 2.9, (COPIES, 2)), np.zeros(COPIES)]))
+    simulator.reset(np.column_stack([generator.uniform(1.1, 2.9, (COPIES, 2)), np.zeros(COPIES)]))
     action = entry.actions.vectors[generator.integers(entry.actions.size, size=COPIES)]
     after = entry.system.signals(entry.system.step(simulator.state, action))
     repeats = max(20, 20_000 // horizon)

@@ -42,7 +42,10 @@ def run(method: RewardMethod, traces: ArrayLike) -> tuple[Array, Array]:
     if traces.ndim == 1:
         traces = traces[None, :, None]
     rows, samples, _ = traces.shape
-    rewards, memories = np.full((rows, samples), np.nan), [method.start(traces[:, 0], np.zeros(rows, dtype=np.int64))]
+    rewards, memories = (
+        np.full((rows, samples), np.nan),
+        [method.initial_memory(traces[:, 0], np.zeros(rows, dtype=np.int64))],
+    )
     for t in range(samples - 1):
         reward, memory = method.step(
             traces[:, t], np.zeros((rows, 1)), traces[:, t + 1], np.full(rows, t), memories[-1]

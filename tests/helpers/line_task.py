@@ -63,7 +63,7 @@ class Probe(RewardMethod):
         super().__init__(specification)
         self.memory_size = memory_size
 
-    def start(self, signals: Array, t: Integers) -> Array:
+    def initial_memory(self, signals: Array, t: Integers) -> Array:
         """The first column counts transitions; the others hold s_0."""
         memory = np.tile(signals[:, :1], self.memory_size)
         memory[:, :1] = 0

@@ -70,7 +70,7 @@ def check_along(name: str, formula: str, hold: int, seed: int) -> None:
     t, action = generator.integers(0, STEPS - 2 * hold + 1, ROWS), np.zeros((ROWS, 1))  # two spans at least
     # halves, so that predicates lie on their boundary, and strict ones differ from the others
     before = generator.integers(-4, 5, (ROWS, 2)) / 2
-    memory = method.start(before, t)
+    memory = method.initial_memory(before, t)
     while t.max() + hold <= STEPS:
         samples = np.concatenate([before[None], generator.integers(-4, 5, (hold, ROWS, 2)) / 2])
         given = samples.copy(), t.copy(), memory.copy()
@@ -97,7 +97,7 @@ def test_terms(name: str, formula: str, hold: int, seed: int) -> None:
 
 
 class TestLaterStart:
-    """`start` at t > 0: the flags' initial values, and then the sample at t."""
+    """`initial_memory` at t > 0: the flags' initial values, and then the sample at t."""
 
     at = np.array([0, 2, 3, 5])
 
@@ -105,18 +105,18 @@ class TestLaterStart:
         # F[2,4] p, G[1,3] q, F[1,3] G[1,2] p, observed at 2..4, 1..3 and 2..5; at 0, 2, 3 and 5 p holds, q does not
         method = Flag(specification("F[2,4] x >= 0 & G[1,3] y >= 0 & F[1,3] G[1,2] x >= 0", BOX, steps=7))
         expected = [[0, 1, 0, 0], [1, 0, 0, 1], [1, 0, 0, 1], [0, 1, 0, 1]]
-        assert method.start(np.tile([1.0, -1.0], (4, 1)), self.at).tolist() == expected
+        assert method.initial_memory(np.tile([1.0, -1.0], (4, 1)), self.at).tolist() == expected
         untouched = [[0, 1, 0, 0]] * 4
-        assert method.start(np.tile([-1.0, 1.0], (4, 1)), self.at).tolist() == untouched
+        assert method.initial_memory(np.tile([-1.0, 1.0], (4, 1)), self.at).tolist() == untouched
 
     def test_windows_do_not_depend_on_the_time(self) -> None:
         method = Flag(specification("G[0,4] (F[0,2] x >= 0 & G[0,2] x >= 0)", BOX))
         signals = np.array([[1.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [-1.0, 0.0]])
-        assert method.start(signals, self.at).tolist() == [[3, 1], [3, 1], [0, 0], [0, 0]]
+        assert method.initial_memory(signals, self.at).tolist() == [[3, 1], [3, 1], [0, 0], [0, 0]]
 
     def test_a_history_is_copies_of_the_sample(self) -> None:
         method = TauMdp(specification("G[0,4] G[0,1] x >= 0", BOX))
-        assert method.start(np.array([[1.0, 0.5]] * 4), self.at).tolist() == [[1, 0.5, 1, 0.5]] * 4
+        assert method.initial_memory(np.array([[1.0, 0.5]] * 4), self.at).tolist() == [[1, 0.5, 1, 0.5]] * 4
 
 
 def test_what_is_paid_while_an_action_is_held() -> None:
@@ -125,11 +125,11 @@ def test_what_is_paid_while_an_action_is_held() -> None:
     nothing, zero = np.zeros((1, 1)), np.zeros(1, dtype=np.int64)
     low = -np.exp(-2.0)
     windows = Flag(specification("G[0,9] G[0,1] x >= 0", {"x": (-1, 1)}), beta=2)
-    rewards, counter = windows.along(x, nothing, zero, windows.start(x[0], zero))
+    rewards, counter = windows.along(x, nothing, zero, windows.initial_memory(x[0], zero))
     assert rewards[:, 0] == pytest.approx([low, low, -1, -1, low])
     assert counter.tolist() == [[2]]
     latch = Flag(specification("F[2,3] x >= 0", {"x": (-1, 1)}, steps=9), beta=2)
-    rewards, flag = latch.along(-x, nothing, zero, latch.start(-x[0], zero))
+    rewards, flag = latch.along(-x, nothing, zero, latch.initial_memory(-x[0], zero))
     assert rewards[:, 0] == pytest.approx([0, np.exp(-2.0), 1, 0, 0])
     assert flag.tolist() == [[1]]
 

@@ -91,7 +91,7 @@ class TestWindows:
 
     def test_the_flag_counts_the_first_sample(self) -> None:
         method = Flag(specification(f"G[0,4] (F[0,2] {P} & G[0,3] {P})", BOX))
-        assert method.start(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2, dtype=np.int64)).tolist() == [
+        assert method.initial_memory(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2, dtype=np.int64)).tolist() == [
             [3, 1],
             [0, 0],
         ]
@@ -169,11 +169,11 @@ class TestAbsoluteIntervals:
         assert inputs.min() == 0
         assert inputs.max(axis=0).tolist() == [1, 1, 1, 1]
         # no interval includes step 0, so the flags are as they were: G true until it fails
-        assert method.start(np.array([[1.0, -1.0]]), np.zeros(1, dtype=np.int64)).tolist() == [[0, 1, 0, 0]]
+        assert method.initial_memory(np.array([[1.0, -1.0]]), np.zeros(1, dtype=np.int64)).tolist() == [[0, 1, 0, 0]]
 
     def test_the_first_sample_counts_where_an_interval_includes_it(self) -> None:
         method = Flag(specification(f"F[0,2] {P} & G[0,2] {Q}", BOX))
-        assert method.start(np.array([[1.0, 1.0], [-1.0, -1.0]]), np.zeros(2, dtype=np.int64)).tolist() == [
+        assert method.initial_memory(np.array([[1.0, 1.0], [-1.0, -1.0]]), np.zeros(2, dtype=np.int64)).tolist() == [
             [1, 1],
             [0, 0],
         ]

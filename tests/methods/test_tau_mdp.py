@@ -36,7 +36,7 @@ class TestHistory:
         method = TauMdp(specification(ALWAYS, BOX))
         assert method.tau == 3
         assert method.memory_size == 6
-        assert method.start(np.array([[2.0, 0.5], [1.0, 0.0]]), np.zeros(2, dtype=np.int64)).tolist() == [
+        assert method.initial_memory(np.array([[2.0, 0.5], [1.0, 0.0]]), np.zeros(2, dtype=np.int64)).tolist() == [
             [2, 0.5] * 3,
             [1, 0] * 3,
         ]

@@ -61,8 +61,22 @@ BROKEN = {
     "nothing": ("", "has no attribute 'One'"),
     "function": ("def One(): pass", "it must be a subclass of stlbench.contract.RewardMethod"),
     "other": ("class One: pass", "it must be a subclass of stlbench.contract.RewardMethod"),
-    "abstract": ("from stlbench.contract import RewardMethod\nclass One(RewardMethod): pass", "it lacks step"),
+    "neither": (
+        "from stlbench.contract import RewardMethod\nclass One(RewardMethod): pass",
+        "has neither of step and along",
+    ),
+    "both": (
+        "from stlbench.contract import RewardMethod\nclass One(RewardMethod):\n    step = along = None",
+        "One has both of step and along; write one of them",
+    ),
 }
+
+
+def test_what_an_abstract_class_lacks_is_named(site):
+    source = "from stlbench.contract import System\nclass One(System):\n    def step(self, state, action): pass\n"
+    site("acme", "[stlbench.tasks]\nzz-bad = zz_abstract:One\n", {"zz_abstract.py": source})
+    with pytest.raises(plugins.PluginError, match=r"it lacks features, signals of stlbench\.contract\.System"):
+        plugins.find("tasks", "zz-bad").load()
 
 
 @pytest.mark.parametrize(("source", "cause"), BROKEN.values(), ids=BROKEN)

@@ -22,14 +22,14 @@ class TestSimulator:
         task = line()
         simulator = Simulator(task, Probe(task.specification, memory_size=2))
         # features x and t; time 2 t / 8 - 1; memory: transitions so far, x_0
-        assert simulator.place(np.array([[0.25], [3.0]])).tolist() == [[0.25, 0, -1, 0, 0.25], [3, 0, -1, 0, 3]]
+        assert simulator.reset(np.array([[0.25], [3.0]])).tolist() == [[0.25, 0, -1, 0, 0.25], [3, 0, -1, 0, 3]]
         simulator.advance(np.array([UP, DOWN]))
         assert simulator.observe().tolist() == [[0.75, 1, -0.75, 1, 0.25], [2.5, 1, -0.75, 1, 3]]
 
     def test_time_reaches_1_at_the_end(self) -> None:
         task = line()
         simulator = Simulator(task, Probe(task.specification))
-        times = [simulator.place(np.zeros((1, 1)))[0, 2]]
+        times = [simulator.reset(np.zeros((1, 1)))[0, 2]]
         for _ in range(8):
             simulator.advance(always(UP, 1))
             times.append(simulator.observe()[0, 2])
@@ -38,7 +38,7 @@ class TestSimulator:
     def test_an_action_is_held_and_every_step_is_a_sample(self) -> None:
         task = line(hold=4)
         simulator = Simulator(task, Probe(task.specification))
-        simulator.place(np.array([[0.0], [1.0]]))
+        simulator.reset(np.array([[0.0], [1.0]]))
         steps = simulator.advance(np.array([UP, DOWN]))
         assert steps.samples[..., 0].tolist() == [[0.5, 1, 1.5, 2], [0.5, 0, -0.5, -1]]
         # 100 t + 10 x_{t+1} + x_t at t = 0..3: 5, 110.5, 216, 321.5 and 6, 100.5, 195, 289.5
@@ -53,7 +53,7 @@ class TestSimulator:
         generator = np.random.default_rng(0)
         states = generator.normal(size=(5, 1))
         for simulator in simulators:
-            simulator.place(states)
+            simulator.reset(states)
         for _ in range(8 // hold):
             action = generator.integers(3, size=5)
             without, with_ = (simulator.advance(action) for simulator in simulators)
@@ -65,9 +65,9 @@ class TestSimulator:
     def test_rows_that_are_replaced_start_anew_and_others_go_on(self) -> None:
         task = line()
         simulator = Simulator(task, Probe(task.specification, memory_size=2))
-        simulator.place(np.array([[0.0], [1.0], [2.0]]))
+        simulator.reset(np.array([[0.0], [1.0], [2.0]]))
         simulator.advance(always(UP, 3))
-        simulator.replace(np.array([0, 2]), np.array([[-1.0], [-2.0]]), np.array([0, 0]))
+        simulator.reset_rows(np.array([0, 2]), np.array([[-1.0], [-2.0]]), np.array([0, 0]))
         assert simulator.observe().tolist() == [[-1, 0, -1, 0, -1], [1.5, 1, -0.75, 1, 1], [-2, 0, -1, 0, -2]]
         steps = simulator.advance(always(UP, 3))
         assert steps.samples[:, 0, 0].tolist() == [-0.5, 2, -1.5]
@@ -76,8 +76,8 @@ class TestSimulator:
 
     def test_rows_may_start_at_another_time_and_vectors_are_clipped(self) -> None:
         simulator = Simulator(task := line(), Probe(task.specification, memory_size=1))
-        simulator.place(np.zeros((2, 1)))
-        simulator.replace(np.array([1]), np.array([[3.0]]), np.array([6]))
+        simulator.reset(np.zeros((2, 1)))
+        simulator.reset_rows(np.array([1]), np.array([[3.0]]), np.array([6]))
         assert simulator.observe().tolist() == [[0, 0, -1, 0], [3, 6, 0.5, 0]]
         steps = simulator.advance(np.array([[0.25], [-7.0]]))  # v is in [-1, 1] m/s
         assert steps.samples[:, 0, 0].tolist() == [0.125, 2.5]
@@ -86,8 +86,8 @@ class TestSimulator:
     def test_what_is_placed_is_copied(self) -> None:
         task, states = line(), np.array([[1.0], [2.0]])
         simulator = Simulator(task, Probe(task.specification))
-        simulator.place(states)
-        simulator.replace(np.array([0]), np.array([[7.0]]), np.array([0]))
+        simulator.reset(states)
+        simulator.reset_rows(np.array([0]), np.array([[7.0]]), np.array([0]))
         assert states.tolist() == [[1], [2]]
 
 
@@ -210,7 +210,7 @@ class TestTrainingOptions:
         task = line(hold=4, formula="G[0,2] (x <= 1)", training={"violation": -1})
         environment = BatchEnvironment(task, Probe(task.specification), 2, seed=0)
         environment.reset()
-        environment.simulator.place(np.array([[0.5], [0.0]]))
+        environment.simulator.reset(np.array([[0.5], [0.0]]))
         first = environment.step(always(UP, 2))
         assert first.terminal.tolist() == [True, False]
 
@@ -227,7 +227,7 @@ class TestTrainingOptions:
     def test_a_violation_and_a_loss_at_once_are_paid_as_the_violation(self) -> None:
         environment = self.make(1, violation=-0.5, lost={"where": "x >= 1.5", "reward": -3})
         environment.reset()
-        environment.simulator.place(np.array([[1.0]]))
+        environment.simulator.reset(np.array([[1.0]]))
         assert environment.step(always(UP, 1)).reward.tolist() == [-0.5]
 
     def test_exploring_episodes_begin_at_every_decision_from_their_own_states(self) -> None:

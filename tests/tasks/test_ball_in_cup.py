@@ -59,7 +59,7 @@ def test_steps_are_those_of_the_suite_bit_for_bit(ball: tuple[float, float], mon
 
 
 def start(x: float, z: float) -> Array:
-    state: Array = TASK.system.begin(np.array([[x, z]]))[0]
+    state: Array = TASK.system.initial_states(np.array([[x, z]]))[0]
     return state
 
 

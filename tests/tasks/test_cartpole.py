@@ -58,7 +58,7 @@ def test_steps_are_those_of_the_suite_bit_for_bit(monkeypatch: pytest.MonkeyPatc
     environment = suite.load("cartpole", "balance", task_kwargs={"random": 3})
     environment.reset()
     data = environment.physics.data
-    start = TASK.system.begin(np.concatenate([data.qpos, data.qvel])[None])[0]
+    start = TASK.system.initial_states(np.concatenate([data.qpos, data.qvel])[None])[0]
     actions = np.random.default_rng(0).uniform(-1, 1, (200, 1))
     ours = rollout(TASK, start, actions)
     for action, state in zip(actions, ours, strict=True):
@@ -72,7 +72,7 @@ def test_copies_do_not_disturb_each_other() -> None:
 
 
 def test_states_and_signals() -> None:
-    state = TASK.system.begin(np.array([[0.1, 0.2, -0.3, 0.4], [0, 2 * math.pi - 0.3, 0, 0]]))
+    state = TASK.system.initial_states(np.array([[0.1, 0.2, -0.3, 0.4], [0, 2 * math.pi - 0.3, 0, 0]]))
     assert state[0, :4].tolist() == [0.1, 0.2, -0.3, 0.4]
     assert TASK.system.signals(state) == pytest.approx(np.array([[0.1, 0.2, 0.4], [0, -0.3, 0]]))
 

@@ -42,8 +42,8 @@ def test_steps_are_those_of_the_environment_bit_for_bit() -> None:
 
     environment = MujocoFetchReachEnv()
     observation, _ = environment.reset(seed=0)
-    # `begin` adds idle steps to the reset; the environment takes them too
-    state = TASK.system.begin(np.zeros((1, 4)))
+    # `initial_states` adds idle steps to the reset; the environment takes them too
+    state = TASK.system.initial_states(np.zeros((1, 4)))
     for _ in range(4):
         observation, *_ = environment.step(np.zeros(4))
     for action in np.random.default_rng(0).uniform(-1, 1, (200, 4)):
@@ -58,7 +58,7 @@ def test_steps_are_those_of_the_environment_bit_for_bit() -> None:
 def test_starts_are_where_a_repeated_action_leads() -> None:
     """From the reset near (1.34, 0.75, 0.53), and the gripper comes to rest; `moves` is rounded down, at most 5."""
     points = np.array([[1, 0, 0, 0.9], [1, 0, 0, 3.0], [1, 0, 0, 3.9], [0, -1, 0.5, 5.0], [0, -1, 0.5, 6.0]])
-    states = TASK.system.begin(points)
+    states = TASK.system.initial_states(points)
     x, y, z = TASK.system.signals(states).T
     assert (x[0], y[0], z[0]) == pytest.approx((1.34, 0.75, 0.53), abs=0.01)
     assert np.array_equal(states[1], states[2])

@@ -16,8 +16,8 @@ pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
 TASKS = ("ball-in-cup", "cartpole", "fetch-reach")
 
 
-def begin(task: Task, count: int = 2) -> Array:
-    return task.system.begin(starts.grid(task.file.initial, count))
+def first_states(task: Task, count: int = 2) -> Array:
+    return task.system.initial_states(starts.grid(task.file.initial, count))
 
 
 def picture(task: Task, state: Array) -> Pixels:
@@ -32,7 +32,7 @@ def picture(task: Task, state: Array) -> Pixels:
 @pytest.mark.parametrize("name", TASKS)
 def test_a_picture_shows_something_and_depends_on_the_state_alone(name: str) -> None:
     task = load_task(name)
-    first, second = begin(task)
+    first, second = first_states(task)
     shown = picture(task, first)
     assert (shown.shape, shown.dtype) == ((360, 480, 3), np.uint8)
     assert shown.std() > 10
@@ -45,7 +45,7 @@ def test_up_is_up() -> None:
     task = load_task("cartpole")
 
     def row_of_pole(angle: float) -> float:
-        shown = picture(task, task.system.begin(np.array([[0.0, angle, 0, 0]]))[0]).astype(int)
+        shown = picture(task, task.system.initial_states(np.array([[0.0, angle, 0, 0]]))[0]).astype(int)
         return float(np.mean(np.nonzero(shown[..., 0] - shown[..., 2] > 50)[0]))
 
     assert row_of_pole(0.0) < row_of_pole(np.pi) - 50
@@ -53,7 +53,7 @@ def test_up_is_up() -> None:
 
 def test_drawing_leaves_the_dynamics_alone() -> None:
     task = load_task("cartpole")
-    state, action = begin(task), np.full((2, 1), 0.3)
+    state, action = first_states(task), np.full((2, 1), 0.3)
     before = task.system.step(state, action)
     picture(task, state[1])
     assert np.array_equal(task.system.step(state, action), before)
@@ -69,4 +69,4 @@ def test_without_egl_it_says_so_in_one_line(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setattr(builtins, "__import__", missing)
     with pytest.raises(RuntimeError, match=r"^MuJoCo draws by EGL, which does not work here: 'NoneType' object .*$"):
-        task.system.frame(begin(task)[0])
+        task.system.frame(first_states(task)[0])

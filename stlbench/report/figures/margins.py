@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from stlbench.contract import Array, Band
+from stlbench.contract import Array
+from stlbench.presentation import Band
 from stlbench.report.figures.drawing import COLOURS
 from stlbench.report.figures.regions import terms
 from stlbench.rollout.traces import Recording

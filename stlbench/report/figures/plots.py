@@ -9,8 +9,9 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from stlbench.contract import Band, Intractable, Unsuitable
+from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError
+from stlbench.presentation import Band, Banded
 from stlbench.report.figures.drawing import file_name, pages, save
 from stlbench.report.figures.learning import learning_curves
 from stlbench.report.figures.margins import robustness_in_time
@@ -117,6 +118,7 @@ def _group(entry: Group, results: Sequence[Result], places: _Places) -> list[Pat
 def _bands(task: Task, method: str) -> Sequence[Band]:
     """The method's bounds on the robustness; none where it has none, or is not installed here any more."""
     try:
-        return build_method(task, method).band()
+        made = build_method(task, method)
     except (UsageError, Unsuitable, Intractable):
         return ()
+    return made.band() if isinstance(made, Banded) else ()

@@ -1,7 +1,7 @@
 """Films of a cell: the best and the worst start of its report side by side, as GIF or MP4.
 
-What a film shows is the system's own pictures where it draws any (`System.frame`), else the plane that the task file
-names, else the signals against time.
+What a film shows is the system's own pictures where it draws any (`presentation.Drawn`), else the plane that the task
+file names, else the signals against time.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from stlbench.contract import Array, Integers, Pixels, System
+from stlbench.contract import Array, Integers
+from stlbench.presentation import Drawn, Pixels
 from stlbench.report.figures.drawing import COLOURS
 from stlbench.report.figures.plane import in_plane, label, signals_in_time
 from stlbench.report.film.video import FRAMES_A_SECOND
@@ -111,15 +112,15 @@ def scene(task: Task, recording: Recording, robustness: tuple[float, ...]) -> Sc
         f"{which} start: robustness {robustness[i]:.3g}" for which, i in zip(("best", "worst"), chosen, strict=True)
     ]
     picture, remark = _first_picture(task, recording)
-    if picture is not None and recording.film is not None:
-        return _pictures(task, recording.film, picture, names)
+    if picture is not None and recording.film is not None and isinstance(task.system, Drawn):
+        return _pictures(task.system, task.file.hold, recording.film, picture, names)
     drawn = _plane if task.file.plane else _signals
     return drawn(task, recording.traces[chosen], names)._replace(remark=remark)
 
 
 def _first_picture(task: Task, recording: Recording) -> tuple[Pixels | None, str]:
     """The system's picture of the best start's first state, or none and why, where the system draws itself."""
-    if type(task.system).frame is System.frame:
+    if not isinstance(task.system, Drawn):
         return None, ""
     if recording.film is None:
         return None, "no pictures of the system, as the cell's file of traces has no states; it is of an older version"
@@ -129,7 +130,7 @@ def _first_picture(task: Task, recording: Recording) -> tuple[Pixels | None, str
         return None, f"no pictures of the system, {error}"
 
 
-def _pictures(task: Task, film: Film, first: Pixels, names: list[str]) -> Scene:
+def _pictures(system: Drawn, hold: int, film: Film, first: Pixels, names: list[str]) -> Scene:
     height, width = first.shape[:2]
     figure = Figure(figsize=(10.0, 0.9 + 5.0 * height / width), dpi=_DPI, layout="constrained")
     images = []
@@ -140,7 +141,7 @@ def _pictures(task: Task, film: Film, first: Pixels, names: list[str]) -> Scene:
 
     def update(sample: int) -> None:
         for image, states in zip(images, film.states, strict=True):
-            image.set_data(task.system.frame(states[min(sample // task.file.hold, len(states) - 1)]))
+            image.set_data(system.frame(states[min(sample // hold, len(states) - 1)]))
 
     return Scene(figure, update, images)
 

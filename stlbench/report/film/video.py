@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from PIL import Image
 
-from stlbench.contract import Pixels
 from stlbench.errors import UsageError
+from stlbench.presentation import Pixels
 
 __all__ = ["FRAMES_A_SECOND", "Format", "check_format", "write"]
 

@@ -41,7 +41,7 @@ class BallInCup(MujocoSystem):
         super().__init__(dt)
         self._cup, self._ball = self.model.body("cup").id, self.model.body("ball").id
 
-    def begin(self, coordinates: Array) -> Array:
+    def initial_states(self, coordinates: Array) -> Array:
         """The cup at rest, the ball at (x, height above the ground) and at rest: (N, 2) -> (N, 14)."""
         positions = np.zeros((len(coordinates), 4))
         positions[:, 2:] = coordinates - [0.0, _BALL_HEIGHT]

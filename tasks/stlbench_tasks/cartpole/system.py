@@ -27,7 +27,7 @@ class Cartpole(MujocoSystem):
     state = columns(("x", "theta"))
     coordinates = ("x", "theta", "v", "omega")
 
-    def begin(self, coordinates: Array) -> Array:
+    def initial_states(self, coordinates: Array) -> Array:
         """Position, angle, speed and angular speed (N, 4) -> (N, 6)."""
         return self.placed(coordinates[:, :2], coordinates[:, 2:])
 

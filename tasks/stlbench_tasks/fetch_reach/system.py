@@ -43,7 +43,7 @@ class FetchReach(MujocoSystem):
         self._motion = np.empty(6)
         self._reset = self._raised()
 
-    def begin(self, coordinates: Array) -> Array:
+    def initial_states(self, coordinates: Array) -> Array:
         """The environment's reset, then the action (move_x, move_y, move_z) `moves` times, then 4 steps without any.
 
         `moves` is rounded down, 5 at most: (N, 4) -> (N, 51).

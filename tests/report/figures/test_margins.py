@@ -7,7 +7,7 @@ import pytest
 from helpers.line_task import line
 from matplotlib.axes import Axes
 
-from stlbench.contract import Band
+from stlbench.presentation import Band
 from stlbench.report.figures.margins import FUNNEL, TRACE, robustness_in_time
 from stlbench.rollout.traces import Recording
 
