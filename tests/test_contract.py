@@ -78,7 +78,7 @@ def test_the_last_that_is_written_counts() -> None:
 
 
 def test_both_or_neither_is_refused_when_the_class_is_made() -> None:
-    with pytest.raises(TypeError, match="^Neither has neither of step and along; write one of them$"):
+    with pytest.raises(TypeError, match=r"^Neither has neither of step and along; write one of them$"):
         type("Neither", (RewardMethod,), {})
-    with pytest.raises(TypeError, match="^Both has both of step and along; write one of them$"):
+    with pytest.raises(TypeError, match=r"^Both has both of step and along; write one of them$"):
         type("Both", (Steps,), {"step": Steps.step, "along": RewardMethod.along})
