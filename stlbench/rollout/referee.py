@@ -87,26 +87,15 @@ def _conjuncts(formula: stl.Formula) -> list[stl.Formula]:
 
 
 def _lost_at(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -> NDArray[np.int64]:
-    """The first sample after which no continuation satisfies the formula; the trace's length where it is satisfied.
-
-    Certain violation never goes away as a trace grows, so bisection finds it.
-    """
-    length = traces.shape[1]
-    low, high = np.zeros(len(traces), dtype=np.int64), np.full(len(traces), length)
-    while (low < high).any():
-        middle = (low + high) // 2
-        possible = np.array(
-            [_possible(formula, trace[: m + 1], names) for trace, m in zip(traces, middle, strict=True)]
-        )
-        open_ = low < high
-        low = np.where(open_ & possible, middle + 1, low)
-        high = np.where(open_ & ~possible, middle, high)
-    return low
-
-
-def _possible(formula: stl.Formula, prefix: Array, names: tuple[str, ...]) -> bool:
-    _, possibly = stl.satisfied(formula, prefix, names, policy="interval")
-    return bool(possibly)
+    """The first sample after which no continuation satisfies the formula; the trace's length where it is satisfied."""
+    count, length = traces.shape[:2]
+    monitor, lost = stl.BatchMonitor(formula, names, count), np.full(count, length)
+    for t in range(length):
+        possibly = monitor.update(traces[:, t]).possibly
+        lost[~possibly & (lost == length)] = t
+        if not possibly.any():
+            break
+    return lost
 
 
 @dataclass(frozen=True)

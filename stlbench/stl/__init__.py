@@ -7,17 +7,21 @@
 
 from stlbench.stl.boxes.bounds import bounds
 from stlbench.stl.errors import (
+    FormulaLimitError,
     FragmentError,
     Position,
     ShortTraceError,
     StlSyntaxError,
+    UnboundedError,
     UndefinedError,
     UnknownSignalError,
 )
 from stlbench.stl.language.fragment import Term, fragment
-from stlbench.stl.language.horizon import horizon
+from stlbench.stl.language.horizon import horizon, resolve_end
 from stlbench.stl.language.parser import parse
+from stlbench.stl.language.sugar import iff, release, weak_until, xor
 from stlbench.stl.language.syntax import (
+    END,
     Always,
     And,
     Binary,
@@ -38,12 +42,24 @@ from stlbench.stl.language.syntax import (
 from stlbench.stl.language.traversal import is_temporal, signals
 from stlbench.stl.predicates.pointwise import holds, margin
 from stlbench.stl.recorded.compiled import holds_trace, margin_trace
-from stlbench.stl.recorded.evaluator import Policy
-from stlbench.stl.recorded.robustness import robustness, robustness_trace, satisfied, satisfied_trace
+from stlbench.stl.recorded.robustness import (
+    RobustnessBounds,
+    SatisfactionBounds,
+    ShortTraces,
+    robustness,
+    robustness_bounds,
+    robustness_bounds_trace,
+    robustness_trace,
+    satisfaction_bounds,
+    satisfaction_bounds_trace,
+    satisfied,
+    satisfied_trace,
+)
 from stlbench.stl.running.batch_monitor import BatchMonitor, Intervals
 from stlbench.stl.running.monitor import Interval, Monitor
 
 __all__ = [
+    "END",
     "Always",
     "And",
     "BatchMonitor",
@@ -52,6 +68,7 @@ __all__ = [
     "Eventually",
     "Expression",
     "Formula",
+    "FormulaLimitError",
     "FragmentError",
     "Implies",
     "Interval",
@@ -61,14 +78,17 @@ __all__ = [
     "Not",
     "Number",
     "Or",
-    "Policy",
     "Position",
     "Predicate",
+    "RobustnessBounds",
+    "SatisfactionBounds",
     "ShortTraceError",
+    "ShortTraces",
     "Signal",
     "StlSyntaxError",
     "Term",
     "TrueFormula",
+    "UnboundedError",
     "UndefinedError",
     "UnknownSignalError",
     "Until",
@@ -77,13 +97,22 @@ __all__ = [
     "holds",
     "holds_trace",
     "horizon",
+    "iff",
     "is_temporal",
     "margin",
     "margin_trace",
     "parse",
+    "release",
+    "resolve_end",
     "robustness",
+    "robustness_bounds",
+    "robustness_bounds_trace",
     "robustness_trace",
+    "satisfaction_bounds",
+    "satisfaction_bounds_trace",
     "satisfied",
     "satisfied_trace",
     "signals",
+    "weak_until",
+    "xor",
 ]

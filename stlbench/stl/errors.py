@@ -26,15 +26,27 @@ class StlSyntaxError(ValueError):
     """
 
     def __init__(self, text: str, position: Position, expected: str, found: str) -> None:
-        """Build the message: place, rule, source line and a caret under the place."""
+        """Build the message: place, rule, source line and a caret under the place, both cut to what fits a line."""
         self.line, self.column = position
         self.expected = expected
         lines = text.splitlines()
         source = lines[self.line - 1] if self.line <= len(lines) else ""
         shown, caret = _excerpt(source, self.column)
-        super().__init__(
-            f"line {self.line}, column {self.column}: expected {expected} but found {found}\n    {shown}\n    {caret}^"
-        )
+        place = f"line {self.line}, column {self.column}"
+        super().__init__(f"{place}: expected {expected} but found {shorten(found)}\n    {shown}\n    {caret}^")
+
+
+class FormulaLimitError(ValueError):
+    """A formula that nests too deep or has too many parts.
+
+    Attributes:
+        expected, found: the limit and what broke it, in words.
+    """
+
+    def __init__(self, expected: str, found: str) -> None:
+        """Build "a formula has `expected`, got `found`"."""
+        self.expected, self.found = expected, found
+        super().__init__(f"a formula has {expected}, got {found}")
 
 
 class UnknownSignalError(ValueError):
@@ -45,22 +57,46 @@ class UnknownSignalError(ValueError):
         self.signal = signal
         near = difflib.get_close_matches(signal, names, n=1)
         hint = f" (did you mean {near[0]!r}?)" if near else ""
-        super().__init__(f"formula uses signal {signal!r}; the {where} has {', '.join(names) or 'none'}{hint}")
+        has = shorten(", ".join(names)) or "none"
+        super().__init__(f"formula uses signal {shorten(signal)!r}; the {where} has {has}{hint}")
 
 
 class ShortTraceError(ValueError):
-    """A trace ends before the formula's horizon and no other policy was named."""
+    """A trace ends before the formula's horizon and nothing was said about such traces."""
 
     def __init__(self, needed: int, got: int) -> None:
         """Say how many samples are needed and how many there are."""
         self.needed, self.got = needed, got
-        super().__init__(
-            f"needs {needed} samples, got {got} (policy='clip' or policy='interval' evaluate short traces)"
-        )
+        rule = "policy='clip' cuts the intervals, robustness_bounds and satisfaction_bounds bound the answer"
+        super().__init__(f"needs {needed} samples, got {got} ({rule})")
+
+
+class UnboundedError(ValueError):
+    """A formula with an operator without an interval, where an interval is needed.
+
+    Attributes:
+        position: where the operator stands in the formula's text, or None for a formula that was built by hand.
+    """
+
+    def __init__(self, operator: str, position: Position | None, reason: str) -> None:
+        """Build "`operator` without an interval at column c `reason`"."""
+        self.position = position
+        super().__init__(f"{operator} without an interval{f' at {position}' if position else ''} {reason}")
 
 
 class UndefinedError(ValueError):
-    """A sample is NaN, or a predicate has no value (square root of a negative number, division by zero)."""
+    """A predicate has no value at a sample that is read: a signal is NaN there, or its arithmetic has none.
+
+    Attributes:
+        what: the signal or predicate, and what is wrong with it.
+        sample, trace: the step, and the trace of a batch, both from 0; None where there is none.
+    """
+
+    def __init__(self, what: str, sample: int | None = None, trace: int | None = None) -> None:
+        """Build "`what` at sample i of trace j"."""
+        self.what, self.sample, self.trace = what, sample, trace
+        place = "" if sample is None else f" at sample {sample}"
+        super().__init__(what + place + ("" if trace is None else f" of trace {trace}"))
 
 
 class FragmentError(ValueError):
@@ -77,6 +113,14 @@ class FragmentError(ValueError):
         self.reason = reason
         place = f" at {position}" if position else ""
         super().__init__(f"{what}{place} is not in the funnel fragment: {reason}")
+
+
+def shorten(text: str, width: int = 100) -> str:
+    """`text` as a message quotes it: at most `width` characters on one line, the middle left out."""
+    if len(text) > width:
+        half = (width - 5) // 2
+        text = f"{text[:half]} ... {text[-half:]}"
+    return " ".join(text.splitlines())
 
 
 def _excerpt(source: str, column: int, width: int = 100) -> tuple[str, str]:

@@ -206,8 +206,8 @@ class TaskFile(_Strict):
         return self.sampling_time if self.time == "seconds" else None
 
     def parsed(self, text: str) -> stl.Formula:
-        """A formula of this file, its intervals in steps."""
-        return stl.parse(text, dt=self.dt)
+        """A formula of this file, its intervals in steps; `G` and `F` without one reach to the end of the episode."""
+        return stl.resolve_end(stl.parse(text, dt=self.dt), self.steps)
 
     def without(self, part: str) -> TaskFile:
         """This file without one of OPTIONAL, for an ablation. Raises `ValueError` where it is without it already."""

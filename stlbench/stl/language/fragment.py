@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from stlbench.stl.errors import FragmentError
+from stlbench.stl.errors import FragmentError, shorten
+from stlbench.stl.language.horizon import unbounded
 from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Implies, Not, Or, Until
 from stlbench.stl.language.traversal import is_temporal
 
@@ -57,6 +58,9 @@ def fragment(formula: Formula) -> tuple[Term, ...]:
     Raises:
         FragmentError: the formula is outside the fragment; says where, why, and what would be allowed.
     """
+    if (operator := unbounded(formula)) is not None:
+        reason = "its terms have a deadline; give it an interval [a,b], or the trace's last step to resolve_end"
+        raise FragmentError(f"{operator.letter} without an interval", operator.position, reason)
     conjuncts = formula.args if isinstance(formula, And) else (formula,)
     return tuple(_term(conjunct) for conjunct in conjuncts)
 
@@ -75,7 +79,7 @@ def _term(formula: Formula) -> Term:
 
 def _outside(formula: Formula) -> FragmentError:
     if not is_temporal(formula):
-        reason = f"it speaks of t = 0 alone; write G[0,0] ({formula}) or give an interval"
+        reason = f"it speaks of t = 0 alone; write G[0,0] ({shorten(str(formula))}) or give an interval"
         return FragmentError("a formula without F or G", formula.position, reason)
     parent, blamed = _blamed(formula)
     what, reason = _reason(parent, blamed)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-LEVEL_IMPLIES, LEVEL_OR, LEVEL_AND, LEVEL_UNTIL, LEVEL_PREFIX, LEVEL_COMPARE = 1, 2, 3, 4, 5, 6
-LEVEL_SUM, LEVEL_PRODUCT, LEVEL_MINUS, LEVEL_POWER, LEVEL_ATOM = 7, 8, 9, 10, 11
+LEVEL_IFF, LEVEL_IMPLIES, LEVEL_XOR, LEVEL_OR, LEVEL_AND = 1, 2, 3, 4, 5
+LEVEL_UNTIL, LEVEL_PREFIX, LEVEL_COMPARE = 6, 7, 8
+LEVEL_SUM, LEVEL_PRODUCT, LEVEL_MINUS, LEVEL_POWER, LEVEL_ATOM = 9, 10, 11, 12, 13
 
 BINARY_LEVELS = {"+": LEVEL_SUM, "-": LEVEL_SUM, "*": LEVEL_PRODUCT, "/": LEVEL_PRODUCT, "**": LEVEL_POWER}
 COMPARISONS = ("<=", ">=", "<", ">")
@@ -12,9 +13,11 @@ FUNCTIONS: dict[str, tuple[int, int | None]] = {
     **dict.fromkeys(("abs", "sqrt", "sin", "cos", "exp"), (1, 1)),
     **dict.fromkeys(("min", "max", "norm", "norminf"), (1, None)),
 }
-TEMPORAL_WORDS = {"G": "G", "always": "G", "F": "F", "eventually": "F", "U": "U", "until": "U"}
-OPERATOR_WORDS = {"not": "!", "and": "&", "or": "|", "implies": "->"}
-#: words that cannot name a signal; G, F and U can, they are operators only before '['
+OPERATOR_WORDS = {"not": "!", "and": "&", "or": "|", "xor": "xor", "implies": "->", "iff": "<->"}
+#: temporal operators before their operand, and between two
+PREFIX_WORDS = {"G": "G", "always": "G", "F": "F", "eventually": "F"}
+INFIX_WORDS = {"U": "U", "until": "U", "R": "R", "release": "R", "W": "W", "weak_until": "W"}
+#: words that cannot name a signal; the letters G, F, U, R, W and the words that stand only between formulas can
 RESERVED = frozenset(
-    {*FUNCTIONS, *OPERATOR_WORDS, *TEMPORAL_WORDS, "True", "true", "False", "false", "pi"} - {"G", "F", "U"}
+    {*FUNCTIONS, *OPERATOR_WORDS, "always", "eventually", "until", "True", "true", "False", "false", "pi"}
 )

@@ -1,8 +1,12 @@
-"""How far a formula looks ahead."""
+"""How far a formula looks ahead, and what it is on a trace whose end is known."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from stlbench.stl.errors import UnboundedError
 from stlbench.stl.language.syntax import (
+    END,
     Always,
     And,
     Eventually,
@@ -14,6 +18,7 @@ from stlbench.stl.language.syntax import (
     TrueFormula,
     Until,
 )
+from stlbench.stl.language.traversal import require_formula, walk
 
 
 def horizon(formula: Formula) -> int:
@@ -21,18 +26,83 @@ def horizon(formula: Formula) -> int:
 
     Tight for until: its left operand is not read at the last step, so `p U[0,b] q` with p deeper than q counts b - 1
     steps before p.
+
+    Raises:
+        UnboundedError: an operator has no interval, so that no number of samples decides the formula.
+    """
+    if (operator := unbounded(formula)) is not None:
+        reason = "reaches to the end of the trace and has no horizon; give it an interval [a,b]"
+        raise UnboundedError(operator.letter, operator.position, reason)
+    return lookahead(formula)
+
+
+def unbounded(formula: Formula) -> Always | Eventually | Until | None:
+    """The first operator of `formula` without an interval, if any."""
+    require_formula(formula)
+    for node in walk(formula):
+        if isinstance(node, Always | Eventually | Until) and node.b == END:
+            return node
+    return None
+
+
+def lookahead(formula: Formula) -> int:
+    """Steps that must follow step t in a recorded trace for `formula` to be told at t.
+
+    The horizon, where all operators have intervals. One without reads on to the last step at which its operands can be
+    told, and needs one step at least.
     """
     match formula:
         case TrueFormula() | Predicate():
             return 0
         case Not(arg):
-            return horizon(arg)
+            return lookahead(arg)
         case And(args) | Or(args):
-            return max(map(horizon, args))
+            return max(map(lookahead, args))
         case Implies(left, right):
-            return max(horizon(left), horizon(right))
+            return max(lookahead(left), lookahead(right))
         case Always(_, b, arg) | Eventually(_, b, arg):
-            return b + horizon(arg)
+            return lookahead(arg) + (0 if b == END else b)
         case Until(_, b, left, right):
-            before = b - 1 + horizon(left) if b > 0 else 0
-            return max(before, b + horizon(right))
+            if b == END:
+                return max(lookahead(left), lookahead(right))
+            before = b - 1 + lookahead(left) if b > 0 else 0
+            return max(before, b + lookahead(right))
+
+
+def resolve_end(formula: Formula, last: int) -> Formula:
+    """`formula` with an interval for each operator without one, to be read at t = 0 of traces with samples 0..last.
+
+    The robustness and verdict of such traces stay: `G p` becomes `G[0, last - horizon(p)] p`.
+
+    Raises:
+        UnboundedError: an operator without an interval stands inside another temporal operator, where it means another
+            interval at each step.
+        ValueError: the trace ends before an operand can be told.
+    """
+    require_formula(formula)
+    match formula:
+        case Not(arg):
+            return replace(formula, arg=resolve_end(arg, last))
+        case And(args) | Or(args):
+            return replace(formula, args=tuple(resolve_end(arg, last) for arg in args))
+        case Implies(left, right):
+            return replace(formula, left=resolve_end(left, last), right=resolve_end(right, last))
+        case Always() | Eventually() | Until():
+            for operand in (formula.left, formula.right) if isinstance(formula, Until) else (formula.arg,):
+                _refuse_unbounded(operand)
+            return formula if formula.b < END else replace(formula, b=_end(formula, last))
+        case _:
+            return formula
+
+
+def _refuse_unbounded(operand: Formula) -> None:
+    if (operator := unbounded(operand)) is not None:
+        reason = "stands inside another temporal operator, where it has no fixed interval; give it one, [a,b]"
+        raise UnboundedError(operator.letter, operator.position, reason)
+
+
+def _end(operator: Always | Eventually | Until, last: int) -> int:
+    end = last - lookahead(operator)
+    if end < 0:
+        raise ValueError(f"{operator.letter} needs {lookahead(operator) + 1} samples, the trace has {last + 1}")
+    return end

@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from stlbench.stl.errors import Position, StlSyntaxError
+from stlbench.stl.errors import Position, StlSyntaxError, shorten
 from stlbench.stl.language.grammar import OPERATOR_WORDS
 
+#: characters that a formula's text may have
+MAX_LENGTH = 200_000
 _NUMBER = re.compile(r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _WORD = re.compile(r"\w+")
-_SYMBOLS = ("**", "<=", ">=", "==", "!=", "->", "&&", "||", *"+-*/^()[],<>=!&|")
+_SYMBOLS = ("<->", "**", "<=", ">=", "==", "!=", "->", "&&", "||", *"+-*/^()[],<>=!&|")
 _ALIASES = {"&&": "&", "||": "|", "^": "**", **OPERATOR_WORDS}
 
 
@@ -32,10 +34,13 @@ def tokenize(text: str) -> list[Token]:
     """Tokens of `text`, ending with one of kind `end`.
 
     Raises:
-        StlSyntaxError: a character that starts no token.
+        StlSyntaxError: a character that starts no token, or more than `MAX_LENGTH` characters.
+        TypeError: `text` is no text.
     """
+    _check_text(text)
     tokens: list[Token] = []
-    for line, source in enumerate(text.splitlines() or [""], start=1):
+    lines = text.splitlines() or [""]
+    for line, source in enumerate(lines, start=1):
         column = 0
         while column < len(source):
             if source[column].isspace():
@@ -44,9 +49,18 @@ def tokenize(text: str) -> list[Token]:
             token = _token(text, source, column, Position(line, column + 1))
             tokens.append(token)
             column += len(token.text)
-    lines = text.splitlines() or [""]
     tokens.append(Token("end", "", "", Position(len(lines), len(lines[-1]) + 1)))
     return tokens
+
+
+def _check_text(text: str) -> None:
+    if not isinstance(text, str):
+        raise TypeError(f"parse takes a formula's text, got {type(text).__name__} {shorten(repr(text)[:1000])}")
+    if len(text) > MAX_LENGTH:
+        before = text[: MAX_LENGTH + 1].splitlines()
+        place = Position(len(before), len(before[-1]))
+        limit = f"the end of the formula (at most {MAX_LENGTH:,} characters)"
+        raise StlSyntaxError("\n".join(before), place, limit, f"{len(text):,} characters")
 
 
 def _token(text: str, source: str, column: int, position: Position) -> Token:

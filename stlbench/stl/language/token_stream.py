@@ -1,12 +1,17 @@
-"""A place in formula text: look at the next token, take it, read numbers and intervals, or fail right there."""
+"""The tokens of a formula one by one: look at the next, take it, read numbers and intervals, or fail right there."""
 
 from __future__ import annotations
 
 import math
+from decimal import Decimal
 from typing import NoReturn
 
 from stlbench.stl.errors import Position, StlSyntaxError
 from stlbench.stl.language.lexer import Token, tokenize
+from stlbench.stl.language.syntax import MAX_STEP
+
+#: how far seconds / dt may be from a whole number of steps: both are written with few digits
+_ROUNDING = Decimal("1e-6")
 
 
 class TokenStream:
@@ -21,6 +26,11 @@ class TokenStream:
     def token(self) -> Token:
         """The next token."""
         return self.tokens[self.next]
+
+    @property
+    def second(self) -> Token:
+        """The token after the next, or the end."""
+        return self.tokens[min(self.next + 1, len(self.tokens) - 1)]
 
     def take(self) -> Token:
         """Move past the next token and return it."""
@@ -66,16 +76,16 @@ class TokenStream:
         return a, b
 
     def end_of_interval(self) -> tuple[str, int]:
-        """One end as written, and in steps."""
+        """One end as written, and in steps: exactly a whole number, or with dt a multiple of it."""
         token = self.token
         if self.at("-"):
             self.fail("an interval end that is at least 0")
-        value = self.number()
-        steps = value if self.dt is None else value / self.dt
-        if not math.isfinite(steps):
-            self.fail("a finite number of steps", token.shown, token.position)
-        if abs(steps - round(steps)) > (0.0 if self.dt is None else 1e-6 * steps):
+        if self.number() > MAX_STEP * (self.dt or 1):
+            self.fail(f"an interval end of at most {MAX_STEP} steps", token.shown, token.position)
+        steps = Decimal(token.text) / (1 if self.dt is None else Decimal(repr(self.dt)))
+        whole = int(steps.to_integral_value())
+        if abs(steps - whole) > (0 if self.dt is None else _ROUNDING):
             rule = "a whole number of steps" + (f" of dt={self.dt:g} seconds" if self.dt else "")
-            hint = f"{token.text} seconds = {steps:g} steps" if self.dt else f"{token.text!r} (give dt for seconds)"
+            hint = f"{token.text} seconds = {steps:.12g} steps" if self.dt else f"{token.text!r} (give dt for seconds)"
             self.fail(rule, hint, token.position)
-        return token.text, round(steps)
+        return token.text, whole

@@ -3,46 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import cast
 
-from stlbench.stl.language.syntax import (
-    Always,
-    And,
-    AnyNode,
-    Binary,
-    Call,
-    Eventually,
-    Formula,
-    Implies,
-    Negative,
-    Not,
-    Or,
-    Predicate,
-    Signal,
-    Until,
-)
+from stlbench.stl.errors import shorten
+from stlbench.stl.language.node import Node
+from stlbench.stl.language.syntax import Always, AnyNode, Eventually, Formula, Signal, Until
+
+
+def require_formula(value: object) -> None:
+    """Raise TypeError where text, or anything else, stands for a formula."""
+    if isinstance(value, Formula):
+        return
+    hint = "; parse(text) makes one" if isinstance(value, str) else ""
+    shown = str(value) if isinstance(value, Node) else repr(value)
+    raise TypeError(f"expected a formula, got {type(value).__name__} {shorten(shown)}{hint}")
 
 
 def signals(formula: Formula) -> tuple[str, ...]:
     """Names of the signals that `formula` uses, each once, in order of first appearance."""
+    require_formula(formula)
     return tuple(dict.fromkeys(node.name for node in walk(formula) if isinstance(node, Signal)))
 
 
 def is_temporal(formula: Formula) -> bool:
     """Whether `formula` contains G, F or U (also one of zero length such as `G[0,0]`)."""
+    require_formula(formula)
     return any(isinstance(node, Always | Eventually | Until) for node in walk(formula))
-
-
-def children(node: AnyNode) -> tuple[AnyNode, ...]:
-    """The operands of `node`, left to right."""
-    match node:
-        case Call(_, args) | And(args) | Or(args):
-            return args
-        case Predicate(_, left, right) | Binary(_, left, right) | Implies(left, right) | Until(_, _, left, right):
-            return left, right
-        case Negative(arg) | Not(arg) | Always(_, _, arg) | Eventually(_, _, arg):
-            return (arg,)
-        case _:
-            return ()
 
 
 def walk(node: AnyNode) -> Iterator[AnyNode]:
@@ -51,4 +37,4 @@ def walk(node: AnyNode) -> Iterator[AnyNode]:
     while stack:
         node = stack.pop()
         yield node
-        stack.extend(reversed(children(node)))
+        stack.extend(reversed(cast(tuple[AnyNode, ...], node.operands)))

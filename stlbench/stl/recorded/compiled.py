@@ -6,20 +6,18 @@ What `pointwise` is for one sample: without the checks of `robustness_trace`, wh
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.stl.language.horizon import horizon
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates.compiler import check_names, compile_holds
-from stlbench.stl.recorded.evaluator import BOOLEAN, ROBUST, Algebra, Recording, plan
-from stlbench.stl.recorded.windows import Values
+from stlbench.stl.language.traversal import require_formula
+from stlbench.stl.predicates.compiler import compile_margin, compile_sided
+from stlbench.stl.recorded.evaluation import as_names, ask
+from stlbench.stl.recorded.evaluator import Compile, Traces
 
 Samples: TypeAlias = NDArray[np.float64]
-UNCHECKED = replace(BOOLEAN, compile=compile_holds)
 
 
 def margin_trace(formula: Formula, names: Sequence[str]) -> Callable[[Samples], Samples]:
@@ -31,26 +29,27 @@ def margin_trace(formula: Formula, names: Sequence[str]) -> Callable[[Samples], 
 
     Returns:
         A pure function: traces (n, T+1, k) of floats, T >= horizon, in the signals' units -> rho (n, T+1-horizon), as
-        `robustness_trace` says. Undefined arithmetic gives inf or NaN.
+        `robustness_trace` says; it raises UndefinedError likewise.
 
     Raises:
         UnknownSignalError: the formula uses a signal that is not in `names`.
         ValueError: a name occurs twice.
     """
-    return _compiled(formula, tuple(names), ROBUST)
+    return _compiled(formula, names, compile_margin)
 
 
 def holds_trace(formula: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.bool_]]:
-    """Compile the Boolean verdict of `formula` likewise, bool (n, T+1-horizon). NaN margins count as false."""
-    return _compiled(formula, tuple(names), UNCHECKED)
+    """Compile the Boolean verdict of `formula` likewise, bool (n, T+1-horizon)."""
+    sided = _compiled(formula, names, compile_sided)
+    return lambda samples: sided(samples) > 0.0
 
 
-def _compiled(formula: Formula, names: tuple[str, ...], algebra: Algebra) -> Callable[[Samples], Values]:
-    check_names(formula, names)
-    values, ahead = plan(formula, names, algebra), horizon(formula)
+def _compiled(formula: Formula, names: Sequence[str], compile_: Compile) -> Callable[[Samples], Samples]:
+    require_formula(formula)
+    question = ask(formula, as_names(names), compile_)
 
-    def run(samples: Samples) -> Values:
+    def run(samples: Samples) -> Samples:
         last = samples.shape[1] - 1
-        return values(Recording(samples, "strict", last), 0, last - ahead, True)
+        return question.values(Traces(samples, "strict", last), last - question.ahead)
 
     return run

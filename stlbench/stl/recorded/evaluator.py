@@ -1,48 +1,34 @@
-"""Formulas compiled to plans that evaluate many traces at once.
+"""Formulas compiled to functions that evaluate many traces at once.
 
-A plan answers "the values at steps lo..hi" and asks its operands for exactly the steps it needs, so that t = 0 alone
-reads only the windows the formula names. The same plans compute robustness (on floats) and satisfaction (on bools, from
-the Boolean semantics); only the `Algebra` differs.
+An evaluator answers "the values at steps lo..hi" and asks its operands for exactly the steps it needs, so that t = 0
+alone reads only the windows the formula names. Values are robustness, or sided values (see `sided`), whose sign is the
+verdict: only the way that predicates are compiled differs.
 """
 
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import lru_cache, partial, reduce
+from functools import lru_cache, reduce
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Implies, Not, Or, TrueFormula, Until
-from stlbench.stl.language.traversal import is_temporal
-from stlbench.stl.predicates.compiler import Operand, compile_holds, compile_margin, compile_sided
+from stlbench.stl.errors import UndefinedError, shorten
+from stlbench.stl.language.horizon import lookahead
+from stlbench.stl.language.syntax import END, Always, And, Eventually, Formula, Implies, Not, Or, TrueFormula, Until
+from stlbench.stl.language.traversal import is_temporal, signals
+from stlbench.stl.predicates.compiler import Operand
 from stlbench.stl.recorded.windows import Values, slide, until
 
-Policy: TypeAlias = Literal["strict", "clip", "interval"]
+#: what a trace that ends before the horizon means; "interval": its end is unknown, and values are bounds
+End: TypeAlias = Literal["strict", "clip", "interval"]
+#: a formula without temporal operators to a function of samples, or to a constant: `compile_margin`, `compile_sided`
+Compile: TypeAlias = Callable[[Formula, tuple[str, ...]], Operand]
 
 
-@dataclass(frozen=True)
-class Algebra:
-    """The values a formula takes: reals with min, max and -, or truth values with and, or and not."""
-
-    dtype: type
-    bottom: float | bool
-    top: float | bool
-    negate: Callable[[Any], Any]
-    compile: Callable[[Formula, tuple[str, ...]], Operand]
-
-
-ROBUST = Algebra(float, -math.inf, math.inf, operator.neg, compile_margin)
-#: robustness and verdict in one number, see `sided`
-SIDED = Algebra(float, -math.inf, math.inf, operator.neg, compile_sided)
-BOOLEAN = Algebra(bool, False, True, np.logical_not, partial(compile_holds, checked=True))
-
-
-class Recording(NamedTuple):
+class Traces(NamedTuple):
     """Samples (n, T+1, k) of n traces, and how the steps after T are read.
 
     `last` is the last step with a value of its own: T, or T + 1 under `interval`, where that one sample stands for the
@@ -50,122 +36,160 @@ class Recording(NamedTuple):
     """
 
     samples: NDArray[np.float64]
-    policy: Policy
+    end: End
     last: int
+    first: int = 0  # the number of the first trace, in messages
 
 
-#: (recording, lo, hi, worst) -> values (n, hi - lo + 1) at steps lo..hi <= last; `worst` says which end of the values
+#: (traces, lo, hi, worst) -> values (n, hi - lo + 1) at steps lo..hi <= last; `worst` says which end of the values
 #: that unknown samples may still take is asked for, the least or the greatest
-Plan: TypeAlias = Callable[[Recording, int, int, bool], Values]
+Evaluator: TypeAlias = Callable[[Traces, int, int, bool], Values]
 
 
 @lru_cache(maxsize=128)
-def plan(formula: Formula, names: tuple[str, ...], algebra: Algebra) -> Plan:
-    """The plan of `formula` on recordings of the signals `names`."""
+def evaluator(formula: Formula, names: tuple[str, ...], compile_: Compile, checked: bool = False) -> Evaluator:
+    """The evaluator of `formula` on traces of the signals `names`.
+
+    Where a predicate has no value at a sample that is read the values are NaN; `checked` raises UndefinedError there.
+    """
     if not is_temporal(formula):
-        return _pointwise_plan(formula, names, algebra)
+        return _pointwise(formula, names, compile_, checked)
+
+    def of(operand: Formula) -> Evaluator:
+        return evaluator(operand, names, compile_, checked)
+
     match formula:
         case Not(arg):
-            return _negated(plan(arg, names, algebra), algebra)
+            return _negated(of(arg))
         case And(args):
-            return _joined([plan(arg, names, algebra) for arg in args], np.minimum)
+            return _joined([of(arg) for arg in args], np.minimum)
         case Or(args):
-            return _joined([plan(arg, names, algebra) for arg in args], np.maximum)
+            return _joined([of(arg) for arg in args], np.maximum)
         case Implies(left, right):
-            premise = _negated(plan(left, names, algebra), algebra)
-            return _joined([premise, plan(right, names, algebra)], np.maximum)
+            return _joined([_negated(of(left)), of(right)], np.maximum)
         case Always(a, b, arg):
-            return _window_plan(plan(arg, names, algebra), a, b, np.minimum, algebra.top)
+            return _window(of(arg), a, b, lookahead(arg), np.minimum, math.inf)
         case Eventually(a, b, arg):
-            return _window_plan(plan(arg, names, algebra), a, b, np.maximum, algebra.bottom)
+            return _window(of(arg), a, b, lookahead(arg), np.maximum, -math.inf)
         case Until(a, b, left, right):
-            return _until_plan(plan(left, names, algebra), plan(right, names, algebra), a, b, algebra)
+            return _until(of(left), of(right), a, b, lookahead(formula))
         case _:  # pragma: no cover - predicates and True are pointwise
             raise AssertionError(formula)
 
 
-def _pointwise_plan(psi: Formula, names: tuple[str, ...], algebra: Algebra) -> Plan:
-    compiled = algebra.compile(psi, names)
+def _pointwise(psi: Formula, names: tuple[str, ...], compile_: Compile, checked: bool) -> Evaluator:
+    compiled = compile_(psi, names)
 
-    def run(recording: Recording, lo: int, hi: int, worst: bool) -> Values:
-        known = recording.samples[:, lo : hi + 1]
+    def run(traces: Traces, lo: int, hi: int, worst: bool) -> Values:
+        known = traces.samples[:, lo : hi + 1]
         if not callable(compiled):
-            return np.full((known.shape[0], hi - lo + 1), compiled, dtype=algebra.dtype)
+            return np.full((known.shape[0], hi - lo + 1), float(compiled))
         values: Values = compiled(known)
-        if hi < recording.samples.shape[1]:
+        if checked and np.isnan(values).any():
+            trace, step = np.argwhere(np.isnan(values))[0]
+            raise UndefinedError(cause(psi, names, known[trace, step]), int(lo + step), int(traces.first + trace))
+        if hi < traces.samples.shape[1]:
             return values
-        return _pad(values, 1, unknown(psi, algebra, names, worst))
+        return _pad(values, 1, unknown(psi, names, compile_, worst))
 
     return run
 
 
-def unknown(psi: Formula, algebra: Algebra, names: tuple[str, ...], worst: bool) -> Any:
+def cause(psi: Formula, names: tuple[str, ...], sample: NDArray[np.float64]) -> str:
+    """Why `psi`, without temporal operators, has no value at `sample` (k,)."""
+    values = {name: float(sample[names.index(name)]) for name in signals(psi)}
+    for name, value in values.items():
+        if math.isnan(value):
+            return f"signal {shorten(name)!r} is NaN"
+    shown = shorten(", ".join(f"{name} = {value:g}" for name, value in values.items()))
+    return f"{shorten(str(psi))} has no value (square root of a negative number, 0/0 or inf - inf) where {shown}"
+
+
+def unknown(psi: Formula, names: tuple[str, ...], compile_: Compile, worst: bool) -> float:
     """The least (`worst`) or greatest value of `psi` at a sample that is not known yet: infinite unless constant."""
     match psi:
         case Not(arg):
-            return algebra.negate(unknown(arg, algebra, names, not worst))
+            return -unknown(arg, names, compile_, not worst)
         case And(args):
-            return min(unknown(arg, algebra, names, worst) for arg in args)
+            return min(unknown(arg, names, compile_, worst) for arg in args)
         case Or(args):
-            return max(unknown(arg, algebra, names, worst) for arg in args)
+            return max(unknown(arg, names, compile_, worst) for arg in args)
         case Implies(left, right):
-            return max(algebra.negate(unknown(left, algebra, names, not worst)), unknown(right, algebra, names, worst))
+            return max(-unknown(left, names, compile_, not worst), unknown(right, names, compile_, worst))
         case TrueFormula():
-            return algebra.top
+            return math.inf
         case _:
-            constant = algebra.compile(psi, names)
-            return constant if not callable(constant) else algebra.bottom if worst else algebra.top
+            constant = compile_(psi, names)
+            return float(constant) if not callable(constant) else -math.inf if worst else math.inf
 
 
-def _negated(arg: Plan, algebra: Algebra) -> Plan:
-    return lambda recording, lo, hi, worst: algebra.negate(arg(recording, lo, hi, not worst))
+def _negated(arg: Evaluator) -> Evaluator:
+    return lambda traces, lo, hi, worst: -arg(traces, lo, hi, not worst)
 
 
-def _joined(args: list[Plan], pick: np.ufunc) -> Plan:
-    return lambda recording, lo, hi, worst: reduce(pick, [arg(recording, lo, hi, worst) for arg in args])
+def _joined(args: list[Evaluator], pick: np.ufunc) -> Evaluator:
+    return lambda traces, lo, hi, worst: reduce(pick, [arg(traces, lo, hi, worst) for arg in args])
 
 
-def _window_plan(arg: Plan, a: int, b: int, pick: np.ufunc, empty: float | bool) -> Plan:
-    def run(recording: Recording, lo: int, hi: int, worst: bool) -> Values:
-        if hi + b <= recording.last:
-            return slide(arg(recording, lo + a, hi + b, worst), b - a + 1, pick)
-        start, stop = _capped(recording, a, b, lo)
-        ahead = _ahead(arg, recording, lo + start, hi + stop, worst, empty)
+def _window(arg: Evaluator, a: int, b: int, beyond: int, pick: np.ufunc, empty: float) -> Evaluator:
+    """G or F; `beyond` steps must follow one at which `arg` is told."""
+
+    def run(traces: Traces, lo: int, hi: int, worst: bool) -> Values:
+        if b == END and traces.end == "strict":
+            return _to_the_end(arg(traces, lo, traces.last - beyond, worst), hi - lo + 1, pick)
+        if hi + b <= traces.last:
+            return slide(arg(traces, lo + a, hi + b, worst), b - a + 1, pick)
+        start, stop = _capped(traces, a, b, lo)
+        ahead = _ahead(arg, traces, lo + start, hi + stop, worst, empty)
         return slide(ahead, stop - start + 1, pick)
 
     return run
 
 
-def _until_plan(left: Plan, right: Plan, a: int, b: int, algebra: Algebra) -> Plan:
-    def run(recording: Recording, lo: int, hi: int, worst: bool) -> Values:
-        start, stop = _capped(recording, a, b, lo)
-        goal = _ahead(right, recording, lo + start, hi + stop, worst, algebra.bottom)
+def _until(left: Evaluator, right: Evaluator, a: int, b: int, beyond: int) -> Evaluator:
+    def run(traces: Traces, lo: int, hi: int, worst: bool) -> Values:
+        if b == END and traces.end == "strict":
+            last = traces.last - beyond
+            goal = right(traces, lo, last, worst)
+            if last == lo:
+                return goal
+            guard, padding = left(traces, lo, last - 1, worst), np.full((len(goal), hi - lo), -math.inf)
+            return until(np.hstack([guard, padding]), np.hstack([goal, padding]), 0, hi - lo + 1)
+        start, stop = _capped(traces, a, b, lo)
+        goal = _ahead(right, traces, lo + start, hi + stop, worst, -math.inf)
         if stop == 0:
             return goal
-        guard = _ahead(left, recording, lo, hi + stop - 1, worst, algebra.top)
+        guard = _ahead(left, traces, lo, hi + stop - 1, worst, math.inf)
         return until(guard, goal, start, hi - lo + 1)
 
     return run
 
 
-def _capped(recording: Recording, a: int, b: int, lo: int) -> tuple[int, int]:
+def _to_the_end(values: Values, count: int, pick: np.ufunc) -> Values:
+    """`pick` over each of the first `count` steps and all that follow it."""
+    if count == 1:
+        return pick.reduce(values, axis=1, keepdims=True)  # type: ignore[no-any-return]
+    later: Values = pick.accumulate(values[:, ::-1], axis=1)[:, ::-1]
+    return later[:, :count]
+
+
+def _capped(traces: Traces, a: int, b: int, lo: int) -> tuple[int, int]:
     """Interval ends, cut where every window is past the end already, so that huge intervals cost no memory."""
-    beyond = recording.last - lo + 1
+    beyond = traces.last - lo + 1
     return min(a, beyond), min(b, beyond)
 
 
-def _ahead(plan: Plan, recording: Recording, lo: int, hi: int, worst: bool, empty: float | bool) -> Values:
+def _ahead(arg: Evaluator, traces: Traces, lo: int, hi: int, worst: bool, empty: float) -> Values:
     """Values at lo..hi where hi may lie past the end: `empty` there, or under `interval` the unknown value."""
-    last = recording.last
+    last = traces.last
     if hi <= last:
-        return plan(recording, lo, hi, worst)
-    if recording.policy == "interval":
-        known = plan(recording, min(lo, last), last, worst)
+        return arg(traces, lo, hi, worst)
+    if traces.end == "interval":
+        known = arg(traces, min(lo, last), last, worst)
         return _pad(known, hi - max(lo, last), known[:, -1:])[:, -(hi - lo + 1) :]
     if lo > last:
-        dtype = bool if isinstance(empty, bool) else float
-        return np.full((recording.samples.shape[0], hi - lo + 1), empty, dtype=dtype)
-    return _pad(plan(recording, lo, last, worst), hi - last, empty)
+        return np.full((traces.samples.shape[0], hi - lo + 1), empty)
+    return _pad(arg(traces, lo, last, worst), hi - last, empty)
 
 
 def _pad(values: Values, count: int, fill: Any) -> Values:

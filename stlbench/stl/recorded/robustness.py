@@ -1,191 +1,109 @@
 """Robustness and satisfaction of recorded traces, at t = 0 or as a full trace.
 
-Satisfaction is its own evaluation in the Boolean semantics, never the sign of the robustness: at robustness 0 the two
-say different things (`x >= 0` holds at x = 0, `x > 0` does not).
+Satisfaction is told by sided values (see `sided`), never by the sign of the robustness: at robustness 0 the two say
+different things (`x >= 0` holds at x = 0, `x > 0` does not).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, Literal, TypeAlias, overload
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stlbench.stl.errors import ShortTraceError, UndefinedError
-from stlbench.stl.language.horizon import horizon
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.language.traversal import signals
-from stlbench.stl.predicates.compiler import check_names
-from stlbench.stl.recorded.evaluator import BOOLEAN, ROBUST, Algebra, Plan, Policy, Recording, plan
-from stlbench.stl.recorded.windows import Values
+from stlbench.stl.predicates.compiler import compile_margin, compile_sided
+from stlbench.stl.recorded.evaluation import Floats, evaluate
 
-Floats: TypeAlias = NDArray[np.float64]
 Bools: TypeAlias = NDArray[np.bool_]
-#: samples evaluated together, a signal; few enough for the cache, many enough to hide the interpreter
-SAMPLES = 2**15
+#: what to do with a trace that ends before the horizon
+ShortTraces: TypeAlias = Literal["strict", "clip"]
 
 
-@dataclass(frozen=True)
-class _Question:
-    """A formula on named signals, with what is worked out once: how far it looks ahead and its plan."""
+class RobustnessBounds(NamedTuple):
+    """Least and greatest robustness over all continuations of a trace; equal from horizon + 1 samples on."""
 
-    algebra: Algebra
-    formula: Formula
-    names: tuple[str, ...]
-    ahead: int
-    plan: Plan
+    lower: Floats
+    upper: Floats
 
 
-@lru_cache(maxsize=128)
-def _question(algebra: Algebra, formula: Formula, names: tuple[str, ...]) -> _Question:
-    check_names(formula, names)
-    return _Question(algebra, formula, names, horizon(formula), plan(formula, names, algebra))
+class SatisfactionBounds(NamedTuple):
+    """Whether every continuation of a trace satisfies the formula, and whether some may."""
+
+    certainly: Bools
+    possibly: Bools
 
 
-@overload
-def robustness(
-    formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Literal["strict", "clip"] = "strict"
-) -> Floats: ...
-@overload
-def robustness(
-    formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Literal["interval"]
-) -> tuple[Floats, Floats]: ...
-def robustness(
-    formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Policy = "strict"
-) -> Floats | tuple[Floats, Floats]:
+def robustness(formula: Formula, trace: ArrayLike, names: Sequence[str], policy: ShortTraces = "strict") -> Floats:
     """Robustness of `formula` at t = 0.
 
     Args:
-        formula: any formula; intervals in steps.
-        trace: (..., T+1, k) floats in the signals' units; samples beyond the horizon are not read.
+        formula: any formula; intervals in steps. An operator without one reads to the end of the trace.
+        trace: (..., T+1, k) floats in the signals' units; samples that the formula does not read may be NaN.
         names: the k signals, in the order of the last axis.
         policy: for T < horizon: `strict` is an error; `clip` cuts windows at T as rtamt does (an empty window is +inf
-            for G and -inf for F and U); `interval` bounds the value over all continuations of the trace.
+            for G and -inf for F and U). See `robustness_bounds` for a trace that is not over.
 
     Returns:
-        rho (...,), or for `interval` the pair (lower, upper), equal where T >= horizon.
+        rho (...,).
 
     Raises:
         ShortTraceError: under `strict`, "needs 2001 samples, got 200".
         UnknownSignalError: the formula uses a signal not in `names`.
-        UndefinedError: a sample that is read is NaN, or a predicate has no value there.
+        UndefinedError: a predicate has no value at a sample that is read; a signal is NaN there, or its arithmetic
+            has no value.
+        TypeError: the formula is no formula, `names` is text, or the trace is a masked array.
         ValueError: shapes, names or policy do not fit.
     """
-    answer: Floats | tuple[Floats, Floats] = evaluate(ROBUST, formula, trace, names, policy, full=False)
-    return answer
+    return evaluate(compile_margin, formula, trace, names, _checked(policy), full=False)[0]
 
 
-@overload
 def robustness_trace(
-    formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Literal["strict", "clip"] = "strict"
-) -> Floats: ...
-@overload
-def robustness_trace(
-    formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Literal["interval"]
-) -> tuple[Floats, Floats]: ...
-def robustness_trace(
-    formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Policy = "strict"
-) -> Floats | tuple[Floats, Floats]:
-    """Robustness at every t: (..., T+1-horizon) under `strict`, (..., T+1) under the others; else as `robustness`."""
-    answer: Floats | tuple[Floats, Floats] = evaluate(ROBUST, formula, trace, names, policy, full=True)
-    return answer
+    formula: Formula, trace: ArrayLike, names: Sequence[str], policy: ShortTraces = "strict"
+) -> Floats:
+    """Robustness at every t: (..., T+1-horizon) under `strict`, (..., T+1) under `clip`; else as `robustness`."""
+    return evaluate(compile_margin, formula, trace, names, _checked(policy), full=True)[0]
 
 
-@overload
-def satisfied(
-    formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Literal["strict", "clip"] = "strict"
-) -> Bools: ...
-@overload
-def satisfied(
-    formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Literal["interval"]
-) -> tuple[Bools, Bools]: ...
-def satisfied(
-    formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Policy = "strict"
-) -> Bools | tuple[Bools, Bools]:
-    """Whether the trace satisfies `formula` at t = 0, by the Boolean semantics (not by the sign of the robustness).
-
-    Returns bool (...,), or for `interval` the pair (certainly, possibly) over all continuations; else as `robustness`.
-    """
-    answer: Bools | tuple[Bools, Bools] = evaluate(BOOLEAN, formula, trace, names, policy, full=False)
-    return answer
+def satisfied(formula: Formula, trace: ArrayLike, names: Sequence[str], policy: ShortTraces = "strict") -> Bools:
+    """Whether the trace satisfies `formula` at t = 0, bool (...,), by the Boolean semantics; else as `robustness`."""
+    return evaluate(compile_sided, formula, trace, names, _checked(policy), full=False)[0] > 0.0
 
 
-@overload
-def satisfied_trace(
-    formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Literal["strict", "clip"] = "strict"
-) -> Bools: ...
-@overload
-def satisfied_trace(
-    formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Literal["interval"]
-) -> tuple[Bools, Bools]: ...
-def satisfied_trace(
-    formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Policy = "strict"
-) -> Bools | tuple[Bools, Bools]:
+def satisfied_trace(formula: Formula, trace: ArrayLike, names: Sequence[str], policy: ShortTraces = "strict") -> Bools:
     """Satisfaction at every t, shapes as `robustness_trace`."""
-    answer: Bools | tuple[Bools, Bools] = evaluate(BOOLEAN, formula, trace, names, policy, full=True)
-    return answer
+    return evaluate(compile_sided, formula, trace, names, _checked(policy), full=True)[0] > 0.0
 
 
-def evaluate(
-    algebra: Algebra, formula: Formula, trace: ArrayLike, names: Sequence[str], policy: Policy, full: bool
-) -> Any:
-    """The value of `formula` in `algebra` at t = 0 or (`full`) at every t; arguments and errors as `robustness`."""
-    if policy not in ("strict", "clip", "interval"):
-        raise ValueError(f"policy is 'strict', 'clip' or 'interval', got {policy!r}")
-    question = _question(algebra, formula, tuple(names))
-    samples = np.asarray(trace)
-    _check(question, samples, policy)
-    steps = samples.shape[-2]
-    count = 1 if not full else steps - question.ahead if policy == "strict" else steps
-    read = count + question.ahead if policy == "strict" else steps if full else min(steps, question.ahead + 1)
-    flat = samples.reshape(math.prod(samples.shape[:-2]), *samples.shape[-2:])[:, :read]
-    shape = (*samples.shape[:-2], count) if full else samples.shape[:-2]
-    lower = _in_chunks(question, flat, policy, count, True).reshape(shape)
-    if policy != "interval":
-        return lower
-    return lower, _in_chunks(question, flat, policy, count, False).reshape(shape)
+def robustness_bounds(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> RobustnessBounds:
+    """Bounds (...,) of the robustness at t = 0 over all continuations of the trace; else as `robustness`."""
+    lower, upper = evaluate(compile_margin, formula, trace, names, "interval", full=False)
+    return RobustnessBounds(lower, upper)
 
 
-def _in_chunks(question: _Question, flat: NDArray[Any], policy: Policy, count: int, worst: bool) -> Values:
-    """Values at steps 0..count-1 of all traces (n, T+1, k), chunk by chunk: (n, count)."""
-    dtype = question.algebra.dtype
-    out: Values = np.empty((flat.shape[0], count), dtype=dtype)
-    steps = flat.shape[1]
-    last = steps if policy == "interval" else steps - 1
-    chunk = max(1, SAMPLES // max(1, steps))
-    for start in range(0, flat.shape[0], chunk):
-        recording = Recording(np.asarray(flat[start : start + chunk], dtype=np.float64), policy, last)
-        part = out[start : start + chunk]
-        try:
-            with np.errstate(all="ignore"):
-                part[...] = question.plan(recording, 0, count - 1, worst)
-            undefined = dtype is float and bool(np.isnan(part).any())
-        except UndefinedError:
-            undefined = True
-        if undefined:
-            raise _undefined(recording.samples, start, question)
-    return out
+def robustness_bounds_trace(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> RobustnessBounds:
+    """The bounds at every t of the trace, (..., T+1)."""
+    lower, upper = evaluate(compile_margin, formula, trace, names, "interval", full=True)
+    return RobustnessBounds(lower, upper)
 
 
-def _check(question: _Question, samples: NDArray[Any], policy: Policy) -> None:
-    names = question.names
-    if samples.ndim < 2 or samples.shape[-1] != len(names):
-        raise ValueError(
-            f"a trace has shape (..., T+1, {len(names)}) for signals {', '.join(names)}, got {samples.shape}"
-        )
-    needed = 1 if policy == "clip" else 0 if policy == "interval" else question.ahead + 1
-    if samples.shape[-2] < needed:
-        raise ShortTraceError(needed, samples.shape[-2])
+def satisfaction_bounds(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> SatisfactionBounds:
+    """Whether all continuations of the trace satisfy `formula` at t = 0, and whether some may, bool (...,)."""
+    lower, upper = evaluate(compile_sided, formula, trace, names, "interval", full=False)
+    return SatisfactionBounds(lower > 0.0, upper > 0.0)
 
 
-def _undefined(samples: Floats, start: int, question: _Question) -> UndefinedError:
-    for name in signals(question.formula):
-        bad = np.argwhere(np.isnan(samples[:, :, question.names.index(name)]))
-        if len(bad):
-            return UndefinedError(f"signal {name!r} is NaN at sample {bad[0][1]} of trace {start + bad[0][0]}")
-    causes = "square root of a negative number, 0/0 or inf - inf"
-    return UndefinedError(f"a predicate of {question.formula} has no value on this trace ({causes})")
+def satisfaction_bounds_trace(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> SatisfactionBounds:
+    """The same at every t of the trace, (..., T+1)."""
+    lower, upper = evaluate(compile_sided, formula, trace, names, "interval", full=True)
+    return SatisfactionBounds(lower > 0.0, upper > 0.0)
+
+
+def _checked(policy: object) -> ShortTraces:
+    if policy == "strict":
+        return "strict"
+    if policy == "clip":
+        return "clip"
+    hint = "; for bounds call robustness_bounds or satisfaction_bounds" if policy == "interval" else ""
+    raise ValueError(f"policy is 'strict' or 'clip', got {policy!r}{hint}")

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from stlbench.stl.errors import UndefinedError
 from stlbench.stl.language.syntax import Formula, Not
 from stlbench.stl.predicates.compiler import compile_sided
-from stlbench.stl.running import scalar_operators
-from stlbench.stl.running.operator_tree import Ends, Interval, Kit, Leaf
+from stlbench.stl.recorded.evaluation import evaluate
+from stlbench.stl.recorded.evaluator import cause
+from stlbench.stl.running.operator_tree import Ends, Interval, Kit, Leaf, Pointwise
 
 Floats: TypeAlias = NDArray[np.float64]
 Steps: TypeAlias = NDArray[np.int64]
 Mask: TypeAlias = NDArray[np.bool_]
-#: (samples (n, k), which of them are asked about) -> sided values (n,)
+#: the value of a Pointwise: (samples (n, k), which of them are asked about) -> sided values (n,)
 Psi: TypeAlias = Callable[[Floats, Mask], Floats]
 #: a mask or indices of traces
 Which: TypeAlias = Any
@@ -36,8 +37,12 @@ class Operator(Leaf):
         self.initial = initial
         self.ends: Ends = np.full(count, initial[0]), np.full(count, initial[1])
 
-    def step(self, now: Steps, samples: Floats) -> None:
-        """Take the next samples (n, k)."""
+    def read(self, now: Steps, samples: Floats) -> Any:
+        """What `take` needs of the next samples (n, k): changes nothing, and raises UndefinedError with the trace."""
+        raise NotImplementedError
+
+    def take(self, now: Steps, value: Any) -> None:
+        """Count what was read."""
         raise NotImplementedError
 
     def restart(self, which: Which) -> None:
@@ -54,17 +59,22 @@ class Operator(Leaf):
 class Lowest(Operator):
     """G[a,b] psi."""
 
-    def __init__(self, count: int, psi: Psi, interval: Interval, unknown: Ends, flipped: bool) -> None:
+    def __init__(self, count: int, psi: Pointwise, interval: Interval, unknown: Ends, flipped: bool) -> None:
         super().__init__(count, *interval, unknown, flipped)
         self.psi, self.unknown = psi, unknown
         self.least = np.full(count, np.inf)
 
-    def step(self, now: Steps, samples: Floats) -> None:
-        """Take the next samples."""
+    def read(self, now: Steps, samples: Floats) -> Floats:
+        """The values of psi."""
+        values: Floats = self.psi.value(samples, self.within(now))
+        return values
+
+    def take(self, now: Steps, value: Floats) -> None:
+        """Count the values of psi."""
         active = self.within(now)
-        np.minimum(self.least, self.psi(samples, active), out=self.least, where=active)
-        for end, value in zip(self.ends, self.unknown, strict=True):
-            np.copyto(end, np.where(now < self.stop, np.minimum(self.least, value), self.least), where=active)
+        np.minimum(self.least, value, out=self.least, where=active)
+        for end, unknown in zip(self.ends, self.unknown, strict=True):
+            np.copyto(end, np.where(now < self.stop, np.minimum(self.least, unknown), self.least), where=active)
 
     def restart(self, which: Which) -> None:
         """Forget the samples of some traces."""
@@ -75,7 +85,9 @@ class Lowest(Operator):
 class Nested(Operator):
     """F[a,c] G[d,e] psi."""
 
-    def __init__(self, count: int, psi: Psi, outer: Interval, inner: Interval, unknown: Ends, flipped: bool) -> None:
+    def __init__(
+        self, count: int, psi: Pointwise, outer: Interval, inner: Interval, unknown: Ends, flipped: bool
+    ) -> None:
         (a, c), (d, e) = outer, inner
         super().__init__(count, a + d, c + e, unknown, flipped)
         self.psi, self.unknown = psi, unknown
@@ -83,14 +95,18 @@ class Nested(Operator):
         self.window = SlidingLeast(count, e - d + 1)
         self.best, self.open = np.full(count, -np.inf), np.full(count, np.inf)
 
-    def step(self, now: Steps, samples: Floats) -> None:
-        """Take the next samples. All windows slide together: one that counts lies within a single run of a trace."""
+    def read(self, now: Steps, samples: Floats) -> Floats:
+        """The values of psi."""
+        values: Floats = self.psi.value(samples, self.within(now))
+        return values
+
+    def take(self, now: Steps, value: Floats) -> None:
+        """Count the values of psi. All windows slide together: one that counts lies within a single run of a trace."""
         active = self.within(now)
-        values = self.psi(samples, active)
-        np.maximum(self.best, self.window.step(values), out=self.best, where=active & (now >= self.first))
-        np.minimum(self.open, values, out=self.open, where=active & (now >= self.last))
-        for end, value in zip(self.ends, self.unknown, strict=True):
-            ahead = np.where(now < self.stop, np.minimum(self.open, value), -np.inf)
+        np.maximum(self.best, self.window.step(value), out=self.best, where=active & (now >= self.first))
+        np.minimum(self.open, value, out=self.open, where=active & (now >= self.last))
+        for end, unknown in zip(self.ends, self.unknown, strict=True):
+            ahead = np.where(now < self.stop, np.minimum(self.open, unknown), -np.inf)
             np.maximum(self.best, ahead, out=end, where=active)
 
     def restart(self, which: Which) -> None:
@@ -128,7 +144,12 @@ class Until(Operator):
     """left U[a,b] right."""
 
     def __init__(
-        self, count: int, psis: tuple[Psi, Psi], interval: Interval, unknowns: tuple[Ends, Ends], flipped: bool
+        self,
+        count: int,
+        psis: tuple[Pointwise, Pointwise],
+        interval: Interval,
+        unknowns: tuple[Ends, Ends],
+        flipped: bool,
     ) -> None:
         a, b = interval
         super().__init__(count, 0, b, (-np.inf, np.inf), flipped)
@@ -136,13 +157,18 @@ class Until(Operator):
         self.left, self.right = psis
         self.best, self.guard = np.full(count, -np.inf), np.full(count, np.inf)
 
-    def step(self, now: Steps, samples: Floats) -> None:
-        """Take the next samples."""
-        active = self.within(now)
-        goal, before = active & (now >= self.a), now < self.stop
-        reached = np.minimum(self.right(samples, goal), self.guard)
-        np.maximum(self.best, reached, out=self.best, where=goal)
-        np.minimum(self.guard, self.left(samples, before), out=self.guard, where=before)
+    def read(self, now: Steps, samples: Floats) -> tuple[Floats, Floats]:
+        """The values of left and of right."""
+        left: Floats = self.left.value(samples, now < self.stop)
+        right: Floats = self.right.value(samples, self.within(now) & (now >= self.a))
+        return left, right
+
+    def take(self, now: Steps, value: tuple[Floats, Floats]) -> None:
+        """Count the values of left and of right."""
+        guard, goal = value
+        active, before = self.within(now), now < self.stop
+        np.maximum(self.best, np.minimum(goal, self.guard), out=self.best, where=active & (now >= self.a))
+        np.minimum(self.guard, guard, out=self.guard, where=before)
         for end, left, right in zip(self.ends, *self.unknowns, strict=True):
             ahead = np.minimum(self.guard, np.where(now >= self.a - 1, right, min(left, right)))
             np.maximum(self.best, np.where(before, ahead, -np.inf), out=end, where=active)
@@ -154,24 +180,36 @@ class Until(Operator):
 
 
 class Replayed(Operator):
-    """Any other formula, trace by trace as `scalar_operators` does it."""
+    """Any other formula: keeps the samples and evaluates them anew at each step, traces of one age together."""
 
-    def __init__(self, count: int, formula: Formula, names: tuple[str, ...], horizon: int) -> None:
-        super().__init__(count, 0, horizon, (-np.inf, np.inf), False)
-        self.fresh = partial(scalar_operators.Replayed, formula, names, horizon)
-        self.traces = [self.fresh() for _ in range(count)]
+    def __init__(self, count: int, formula: Formula, names: tuple[str, ...], last: int) -> None:
+        super().__init__(count, 0, last, (-np.inf, np.inf), False)
+        self.formula, self.names = formula, names
+        self.samples = np.empty((count, 1, len(names)))
 
-    def step(self, now: Steps, samples: Floats) -> None:
-        """Take the next samples."""
-        for i in np.flatnonzero(self.within(now)):
-            self.traces[i].step(int(now[i]), samples[i].tolist())
-            self.ends[0][i], self.ends[1][i] = self.traces[i].ends
+    def read(self, now: Steps, samples: Floats) -> tuple[Floats, Floats, Floats]:
+        """The samples, and bounds with them."""
+        lower, upper = (end.copy() for end in self.ends)
+        rows = np.flatnonzero(self.within(now))
+        for age in np.unique(now[rows]):
+            same = rows[now[rows] == age]
+            known = np.concatenate([self.samples[same, :age], samples[same, np.newaxis]], axis=1)
+            try:
+                ends = evaluate(compile_sided, self.formula, known, self.names, "interval", full=False)
+            except UndefinedError as error:
+                raise UndefinedError(error.what, trace=int(same[error.trace or 0])) from None
+            lower[same], upper[same] = ends
+        return samples, lower, upper
 
-    def restart(self, which: Which) -> None:
-        """Forget the samples of some traces."""
-        super().restart(which)
-        for i in np.arange(len(self.traces))[which]:
-            self.traces[i] = self.fresh()
+    def take(self, now: Steps, value: tuple[Floats, Floats, Floats]) -> None:
+        """Keep the samples."""
+        samples, *ends = value
+        rows = np.flatnonzero(self.within(now))
+        if now[rows].max(initial=0) >= self.samples.shape[1]:
+            self.samples = np.concatenate([self.samples, np.empty_like(self.samples)], axis=1)
+        self.samples[rows, now[rows]] = samples[rows]
+        for end, new in zip(self.ends, ends, strict=True):
+            end[rows] = new[rows]
 
 
 def many(count: int) -> Kit[Operator]:
@@ -190,8 +228,7 @@ def _compile(psi: Formula, names: tuple[str, ...], negated: bool) -> Psi:
         wrong = np.isnan(values)
         if wrong.any() and (wrong & asked).any():
             trace = int((wrong & asked).argmax())
-            sample = dict(zip(names, samples[trace].tolist(), strict=True))
-            raise UndefinedError(f"{psi} has no value at {sample} of trace {trace}")
+            raise UndefinedError(cause(psi, names, samples[trace]), trace=trace)
         return values
 
     return run

@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stlbench.stl.errors import UndefinedError
-from stlbench.stl.language.horizon import horizon
 from stlbench.stl.language.syntax import Formula
+from stlbench.stl.language.traversal import require_formula
 from stlbench.stl.predicates.compiler import check_names
 from stlbench.stl.predicates.scalars import Sample
 from stlbench.stl.predicates.sided import SIDE
-from stlbench.stl.running.operator_tree import Tree
-from stlbench.stl.running.scalar_operators import ONE
+from stlbench.stl.recorded.evaluation import as_array, as_names
+from stlbench.stl.recorded.evaluator import cause
+from stlbench.stl.running.operator_tree import Tree, last_step
+from stlbench.stl.running.scalar_operators import ONE, Operator
 
 
 class Interval(NamedTuple):
@@ -40,9 +42,13 @@ _INTERVAL = partial(tuple.__new__, Interval)
 class Monitor:
     """Watches one trace for `formula`; for many traces at once see `BatchMonitor`.
 
-    G, F, G F, F G and until over formulas without temporal operators cost constant amortised time a step and at most
-    one window of memory, also inside !, &, | and ->. Any other nesting keeps up to horizon + 1 samples and re-evaluates
-    them at each step. `copy.deepcopy` forks a monitor.
+    G, F, G F, F G and until over formulas without temporal operators, with intervals or without, cost constant
+    amortised time a step and at most one window of memory, also inside !, &, | and ->. Any other nesting keeps up to
+    horizon + 1 samples and evaluates them anew at each step. `copy.deepcopy` forks a monitor.
+
+    Attributes:
+        steps: how many samples were taken.
+        horizon: the last step that the formula reads; `END` where an operator has no interval.
 
     Raises:
         UnknownSignalError: the formula uses a signal that is not in `names`.
@@ -50,14 +56,17 @@ class Monitor:
 
     def __init__(self, formula: Formula, names: Sequence[str]) -> None:
         """Start before the first sample; `names` are the signals of a sample, in order."""
-        self.formula, self.names = formula, tuple(names)
+        require_formula(formula)
+        self.formula, self.names = formula, as_names(names)
         check_names(formula, self.names)
-        self.horizon = horizon(formula)
+        self.horizon = last_step(formula)
         self.steps = 0
         self._tree = Tree(formula, self.names, ONE)
         self._width = len(self.names)
         self._turn = 0  # the next step at which a leaf starts or stops reading
-        self._active: list[Callable[[int, Sample], bool]] = []
+        self._reading: list[Operator] = []
+        self._readers: list[Callable[[Sample], Any]] = []
+        self._takers: list[Callable[[int, Any], bool]] = []
         self._answer = Interval(-math.inf, math.inf, None)
 
     def update(self, sample: ArrayLike) -> Interval:
@@ -67,7 +76,9 @@ class Monitor:
         samples change nothing.
 
         Raises:
-            UndefinedError: the sample has a NaN, or a predicate has no value at it.
+            UndefinedError: a predicate that is read has no value at the sample: a signal is NaN, or its arithmetic has
+                none. The monitor stays as it was before the sample.
+            TypeError: a masked array.
             ValueError: the sample is not of shape (k,).
         """
         now = self.steps
@@ -75,16 +86,20 @@ class Monitor:
             return self._answer
         row: Any = sample.tolist() if isinstance(sample, np.ndarray) else sample
         try:
-            total = sum(row)  # NaN if any is, or for inf - inf: `_checked` looks closer
+            total = sum(row)  # no float, or NaN, for what has to be looked at closer
             if type(total) is not float or total != total or len(row) != self._width:
                 row = self._checked(sample)
         except TypeError:
             row = self._checked(sample)
         if now == self._turn:
             self._reschedule(now)
+        try:
+            values = [read(row) for read in self._readers]
+        except UndefinedError as error:
+            raise self._located(error, row) from None
         changed = now == 0
-        for step in self._active:
-            if step(now, row):
+        for take, value in zip(self._takers, values, strict=True):
+            if take(now, value):
                 changed = True
         self.steps = now + 1
         if changed:
@@ -92,21 +107,29 @@ class Monitor:
         return self._answer
 
     def _checked(self, sample: ArrayLike) -> list[float]:
-        """Anything that NumPy reads as (k,) floats, checked."""
-        values = np.asarray(sample, dtype=float)
+        """Anything that NumPy reads as (k,) floats."""
+        values = np.asarray(as_array(sample), dtype=float)
         if values.shape != (self._width,):
             raise ValueError(f"a sample has shape ({self._width},) for {', '.join(self.names)}, got {values.shape}")
-        if np.isnan(values).any():
-            name = self.names[int(np.isnan(values).argmax())]
-            raise UndefinedError(f"signal {name!r} is NaN at sample {self.steps}")
         row: list[float] = values.tolist()
         return row
 
     def _reschedule(self, now: int) -> None:
         leaves = self._tree.leaves
-        self._active = [leaf.step for leaf in leaves if leaf.start <= now <= leaf.stop]
-        turns = (turn for leaf in leaves for turn in (leaf.start, leaf.stop + 1) if turn > now)
-        self._turn = min(turns, default=-1)
+        self._reading = [leaf for leaf in leaves if leaf.start <= now <= leaf.stop]
+        self._readers = [leaf.reader(now) for leaf in self._reading]
+        self._takers = [leaf.take for leaf in self._reading]
+        self._turn = min((turn for leaf in leaves for turn in leaf.turns if turn > now), default=-1)
+
+    def _located(self, error: UndefinedError, row: Sequence[float]) -> UndefinedError:
+        """The error with the signal or predicate at fault, and the step."""
+        for leaf in self._reading:
+            for psi, value in leaf.asks(self.steps):
+                try:
+                    value(row)
+                except UndefinedError:
+                    return UndefinedError(cause(psi, self.names, np.array(row)), self.steps)
+        return error
 
     def _ask(self) -> Interval:
         lower, upper = self._tree.root.bounds()

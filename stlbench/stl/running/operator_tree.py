@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeAlias, TypeVar
+from typing import Any, Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from stlbench.stl.language.horizon import horizon
-from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Implies, Not, Or, Until
+from stlbench.stl.language.horizon import horizon, unbounded
+from stlbench.stl.language.syntax import END, Always, And, Eventually, Formula, Implies, Not, Or, Until
 from stlbench.stl.language.traversal import is_temporal
-from stlbench.stl.recorded.evaluator import SIDED, unknown
+from stlbench.stl.predicates.compiler import compile_sided
+from stlbench.stl.recorded.evaluator import unknown
 
 #: least and greatest value, as floats or as arrays
 Ends: TypeAlias = tuple[Any, Any]
@@ -26,8 +27,21 @@ class Part(Protocol):
         """(lower, upper), sided."""
 
 
+class Pointwise(NamedTuple):
+    """A formula without temporal operators that a leaf asks about: itself, and its value at a sample.
+
+    `value` changes nothing and raises UndefinedError where there is no value.
+    """
+
+    psi: Formula
+    value: Any
+
+
 class Leaf:
     """A node that reads samples, at steps `start`..`stop` alone; its bounds `ends` cannot change at others.
+
+    A sample is first read by all leaves, which may fail and changes nothing, and then taken by all, which cannot fail:
+    a sample that is refused leaves no trace.
 
     Every leaf is a minimum at heart: F psi is -(G !psi), so a `flipped` leaf publishes its bounds negated and swapped.
     """
@@ -68,15 +82,15 @@ class Kit(Generic[L]):
         lowest: (psi, (a, b), unknown, flipped) -> G[a,b] psi; `unknown` bounds psi at a sample not yet come.
         nested: (psi, (a, c), (d, e), unknown, flipped) -> F[a,c] G[d,e] psi.
         until: ((psi1, psi2), (a, b), (unknown1, unknown2), flipped) -> psi1 U[a,b] psi2.
-        replayed: (formula, names, horizon) -> any formula.
+        replayed: (formula, names, last step it reads) -> any formula.
     """
 
     least: Callable[[Sequence[Any]], Any]
     greatest: Callable[[Sequence[Any]], Any]
     psi: Callable[[Formula, tuple[str, ...], bool], Any]
-    lowest: Callable[[Any, Interval, Ends, bool], L]
-    nested: Callable[[Any, Interval, Interval, Ends, bool], L]
-    until: Callable[[tuple[Any, Any], Interval, tuple[Ends, Ends], bool], L]
+    lowest: Callable[[Pointwise, Interval, Ends, bool], L]
+    nested: Callable[[Pointwise, Interval, Interval, Ends, bool], L]
+    until: Callable[[tuple[Pointwise, Pointwise], Interval, tuple[Ends, Ends], bool], L]
     replayed: Callable[[Formula, tuple[str, ...], int], L]
 
 
@@ -111,31 +125,47 @@ class Tree(Generic[L]):
                 return self._lowest(psi, (a, b), False, negated)
             case Eventually(a, b, psi) if not is_temporal(psi):
                 return self._lowest(psi, (a, b), True, not negated)
+            case Always(a, c, Always(d, e, psi)) if not is_temporal(psi):
+                return self._lowest(psi, _added((a, c), (d, e)), False, negated)
+            case Eventually(a, c, Eventually(d, e, psi)) if not is_temporal(psi):
+                return self._lowest(psi, _added((a, c), (d, e)), True, not negated)
             case Eventually(a, c, Always(d, e, psi)) if not is_temporal(psi):
                 return self._nested(psi, (a, c), (d, e), False, negated)
             case Always(a, c, Eventually(d, e, psi)) if not is_temporal(psi):
                 return self._nested(psi, (a, c), (d, e), True, not negated)
             case Until(a, b, left, right) if not is_temporal(left) and not is_temporal(right):
-                psis, unknowns = zip(self._psi(left), self._psi(right), strict=True)
-                return self._leaf(self.kit.until(psis, (a, b), unknowns, negated))
+                (first, before), (second, after) = self._psi(left), self._psi(right)
+                return self._leaf(self.kit.until((first, second), (a, b), (before, after), negated))
             case _:
                 whole = Not(formula) if negated else formula
-                return self._leaf(self.kit.replayed(whole, self.names, horizon(formula)))
+                return self._leaf(self.kit.replayed(whole, self.names, last_step(formula)))
 
     def _lowest(self, psi: Formula, interval: Interval, negated: bool, flipped: bool) -> Part:
         run, ends = self._psi(psi, negated)
         return self._leaf(self.kit.lowest(run, interval, ends, flipped))
 
     def _nested(self, psi: Formula, outer: Interval, inner: Interval, negated: bool, flipped: bool) -> Part:
+        if inner[1] == END:  # of the windows that all reach on for ever the last one asks least
+            return self._lowest(psi, (outer[1], END), negated, flipped)
         run, ends = self._psi(psi, negated)
         return self._leaf(self.kit.nested(run, outer, inner, ends, flipped))
 
-    def _psi(self, psi: Formula, negated: bool = False) -> tuple[Any, Ends]:
-        """The closure of `psi` or of its negation, and its bounds at a sample that has not come yet."""
+    def _psi(self, psi: Formula, negated: bool = False) -> tuple[Pointwise, Ends]:
+        """`psi` or its negation, and its bounds at a sample that has not come yet."""
         asked = Not(psi) if negated else psi
-        lower, upper = (float(unknown(asked, SIDED, self.names, worst)) for worst in (True, False))
-        return self.kit.psi(psi, self.names, negated), (lower, upper)
+        lower, upper = (unknown(asked, self.names, compile_sided, worst) for worst in (True, False))
+        return Pointwise(psi, self.kit.psi(psi, self.names, negated)), (lower, upper)
 
     def _leaf(self, leaf: L) -> L:
         self.leaves.append(leaf)
         return leaf
+
+
+def last_step(formula: Formula) -> int:
+    """The last step that `formula` reads at t = 0: its horizon, or `END`."""
+    return END if unbounded(formula) is not None else horizon(formula)
+
+
+def _added(outer: Interval, inner: Interval) -> Interval:
+    """The interval of G G or F F as one operator."""
+    return outer[0] + inner[0], END if END in (outer[1], inner[1]) else outer[1] + inner[1]

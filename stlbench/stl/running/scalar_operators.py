@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import TypeAlias
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates.scalars import Psi, Sample, compile_scalar
-from stlbench.stl.recorded.evaluator import SIDED
-from stlbench.stl.recorded.robustness import evaluate
-from stlbench.stl.running.operator_tree import Kit, Leaf
+from stlbench.stl.predicates.compiler import compile_sided
+from stlbench.stl.predicates.scalars import Sample, compile_scalar
+from stlbench.stl.recorded.evaluation import evaluate
+from stlbench.stl.running.operator_tree import Kit, Leaf, Pointwise
 
 Bounds: TypeAlias = tuple[float, float]
 
@@ -18,23 +19,44 @@ Bounds: TypeAlias = tuple[float, float]
 class Operator(Leaf):
     """A leaf that takes the samples of one trace."""
 
-    def step(self, now: int, sample: Sample) -> bool:
-        """Take the sample of step `now` in start..stop; whether `ends` may have changed."""
+    @property
+    def turns(self) -> tuple[int, ...]:
+        """The steps from which on something else is read than before."""
+        return self.start, self.stop + 1
+
+    def asks(self, now: int) -> tuple[Pointwise, ...]:
+        """What is asked of the sample of step `now` in start..stop; the same until the next turn."""
+        raise NotImplementedError
+
+    def reader(self, now: int) -> Callable[[Sample], Any]:
+        """What reads that sample for `take`: changes nothing, and raises UndefinedError where there is no value."""
+        psis = self.asks(now)
+        if len(psis) == 1:
+            read: Callable[[Sample], Any] = psis[0].value
+            return read
+        first, second = (psi.value for psi in psis)
+        return lambda sample: (first(sample), second(sample))
+
+    def take(self, now: int, value: Any) -> bool:
+        """Count what was read at step `now`; whether `ends` may have changed."""
         raise NotImplementedError
 
 
 class Lowest(Operator):
     """G[a,b] psi: one running minimum. `unknown` bounds psi at a sample that has not come yet."""
 
-    def __init__(self, psi: Psi, interval: tuple[int, int], unknown: Bounds, flipped: bool) -> None:
+    def __init__(self, psi: Pointwise, interval: tuple[int, int], unknown: Bounds, flipped: bool) -> None:
         super().__init__(*interval, flipped)
         self.psi, self.unknown = psi, unknown
         self.least = math.inf
         self.ends = unknown
 
-    def step(self, now: int, sample: Sample) -> bool:
-        """Take the next sample."""
-        value = self.psi(sample)
+    def asks(self, now: int) -> tuple[Pointwise, ...]:
+        """Psi, at every step."""
+        return (self.psi,)
+
+    def take(self, now: int, value: Any) -> bool:
+        """Count the value of psi."""
         if value < self.least:
             self.least = value
         elif now < self.stop:
@@ -52,7 +74,7 @@ class Nested(Operator):
     """
 
     def __init__(
-        self, psi: Psi, outer: tuple[int, int], inner: tuple[int, int], unknown: Bounds, flipped: bool
+        self, psi: Pointwise, outer: tuple[int, int], inner: tuple[int, int], unknown: Bounds, flipped: bool
     ) -> None:
         (a, c), (d, e) = outer, inner
         super().__init__(a + d, c + e, flipped)
@@ -62,9 +84,12 @@ class Nested(Operator):
         self.queue: deque[tuple[int, float]] = deque()  # times and values, both rising
         self.ends = unknown
 
-    def step(self, now: int, sample: Sample) -> bool:
-        """Take the next sample."""
-        value = self.psi(sample)
+    def asks(self, now: int) -> tuple[Pointwise, ...]:
+        """Psi, at every step."""
+        return (self.psi,)
+
+    def take(self, now: int, value: Any) -> bool:
+        """Count the value of psi."""
         queue = self.queue
         while queue and queue[-1][1] >= value:
             queue.pop()
@@ -90,30 +115,44 @@ class Until(Operator):
     """left U[a,b] right: the minimum of left so far and the best of right within it."""
 
     def __init__(
-        self, psis: tuple[Psi, Psi], interval: tuple[int, int], unknowns: tuple[Bounds, Bounds], flipped: bool
+        self,
+        psis: tuple[Pointwise, Pointwise],
+        interval: tuple[int, int],
+        unknowns: tuple[Bounds, Bounds],
+        flipped: bool,
     ) -> None:
         super().__init__(0, interval[1], flipped)
         self.left, self.right = psis
         self.a = interval[0]
-        self.turns = {0, self.a - 1, self.stop}  # where the bounds change of themselves
+        self.changes = {0, self.a - 1, self.stop}  # where the bounds change of themselves
         self.lows, self.highs = zip(*unknowns, strict=True)  # of left and of right
         self.best, self.guard = -math.inf, math.inf
         self.ends = -math.inf, math.inf
 
-    def step(self, now: int, sample: Sample) -> bool:
-        """Take the next sample."""
-        changed = now in self.turns
+    @property
+    def turns(self) -> tuple[int, ...]:
+        """Left is read before the end of the interval, right within it."""
+        return self.start, self.a, self.stop, self.stop + 1
+
+    def asks(self, now: int) -> tuple[Pointwise, ...]:
+        """Left, right or both."""
+        return (self.left,) * (now < self.stop) + (self.right,) * (now >= self.a)
+
+    def take(self, now: int, value: Any) -> bool:
+        """Count the values of left and right."""
+        changed = now in self.changes
         if now >= self.a:
-            value = self.right(sample)
-            value = value if value < self.guard else self.guard
-            if value > self.best:
-                self.best = value
+            if now < self.stop:
+                value, goal = value
+            else:
+                goal = value
+            goal = goal if goal < self.guard else self.guard
+            if goal > self.best:
+                self.best = goal
                 changed = True
-        if now < self.stop:
-            value = self.left(sample)
-            if value < self.guard:
-                self.guard = value
-                changed = True
+        if now < self.stop and value < self.guard:
+            self.guard = value
+            changed = True
         if changed:
             self.ends = self._end(now, *self.lows), self._end(now, *self.highs)
         return changed
@@ -128,18 +167,32 @@ class Until(Operator):
 
 
 class Replayed(Operator):
-    """Any other formula: keeps at most horizon + 1 samples and evaluates them anew at each step (work: the horizon)."""
+    """Any other formula: keeps the samples that it may still read and evaluates them anew at each step."""
 
-    def __init__(self, formula: Formula, names: tuple[str, ...], horizon: int) -> None:
-        super().__init__(0, horizon, False)
+    def __init__(self, formula: Formula, names: tuple[str, ...], last: int) -> None:
+        super().__init__(0, last, False)
         self.formula, self.names = formula, names
         self.samples: list[Sample] = []
 
-    def step(self, now: int, sample: Sample) -> bool:
-        """Take the next sample."""
-        self.samples.append(tuple(sample))
-        lower, upper = evaluate(SIDED, self.formula, self.samples, self.names, "interval", full=False)
-        self.ends = lower.item(), upper.item()
+    def asks(self, now: int) -> tuple[Pointwise, ...]:
+        """Nothing by itself: the evaluation says where it fails."""
+        return ()
+
+    def reader(self, now: int) -> Callable[[Sample], Any]:
+        """The bounds with one more sample."""
+        return self._read
+
+    def _read(self, sample: Sample) -> tuple[Sample, float, float]:
+        sample = tuple(sample)
+        known = [*self.samples, sample]
+        lower, upper = evaluate(compile_sided, self.formula, known, self.names, "interval", full=False)
+        return sample, lower.item(), upper.item()
+
+    def take(self, now: int, value: Any) -> bool:
+        """Keep the sample."""
+        sample, lower, upper = value
+        self.samples.append(sample)
+        self.ends = lower, upper
         return True
 
 

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 
 from stlbench.stl import (
     Formula,
+    UndefinedError,
     UnknownSignalError,
     holds_trace,
     horizon,
@@ -39,11 +40,12 @@ def test_equals_the_checked_ones(formula: Formula, seed: int) -> None:
     assert verdict.dtype == bool
 
 
-def test_no_value_is_nan_and_false() -> None:
-    samples = np.array([[[np.nan], [1.0], [1.0]]])
-    formula = parse("G[0,1] x >= 0")
-    assert np.isnan(margin_trace(formula, ["x"])(samples)).tolist() == [[True, False]]
-    assert holds_trace(formula, ["x"])(samples).tolist() == [[False, True]]
+def test_a_sample_without_a_value_is_an_error_where_it_is_read() -> None:
+    samples = np.array([[[1.0], [1.0], [np.nan]]])
+    for compiled in (margin_trace(parse("G[0,1] x >= 0"), ["x"]), holds_trace(parse("G[0,1] x >= 0"), ["x"])):
+        with pytest.raises(UndefinedError, match=r"^signal 'x' is NaN at sample 2 of trace 0$"):
+            compiled(samples)
+        assert compiled(samples[:, :2]).shape == (1, 1)
 
 
 def test_an_unknown_signal() -> None:

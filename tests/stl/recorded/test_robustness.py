@@ -29,7 +29,10 @@ from stlbench.stl import (
     horizon,
     parse,
     robustness,
+    robustness_bounds,
+    robustness_bounds_trace,
     robustness_trace,
+    satisfaction_bounds,
     satisfied,
     satisfied_trace,
 )
@@ -213,11 +216,11 @@ def test_interval_contains_every_continuation(formula: Formula, seed: int, data:
     full = traces(horizon(formula) + 1, seed, (20,))
     cut = data.draw(st.integers(0, full.shape[1]))
     full[:, :cut] = full[0, :cut]  # one beginning, many continuations
-    lower, upper = robustness(formula, full[:, :cut], NAMES, "interval")
+    lower, upper = robustness_bounds(formula, full[:, :cut], NAMES)
     rho, verdict = robustness(formula, full, NAMES), satisfied(formula, full, NAMES)
     assert np.all(lower <= rho + 1e-9)
     assert np.all(rho <= upper + 1e-9)
-    certainly, possibly = satisfied(formula, full[:, :cut], NAMES, "interval")
+    certainly, possibly = satisfaction_bounds(formula, full[:, :cut], NAMES)
     assert np.all(certainly <= verdict)
     assert np.all(verdict <= possibly)
     if cut == full.shape[1]:
@@ -226,20 +229,20 @@ def test_interval_contains_every_continuation(formula: Formula, seed: int, data:
 
 
 def test_interval_trace_closes_as_the_future_becomes_known() -> None:
-    lower, upper = robustness_trace(parse("G[0,2] x >= 0"), [[1.0], [3.0], [2.0]], ["x"], "interval")
+    lower, upper = robustness_bounds_trace(parse("G[0,2] x >= 0"), [[1.0], [3.0], [2.0]], ["x"])
     assert lower.tolist() == [1, -math.inf, -math.inf]
     assert upper.tolist() == [1, 2, 2]
 
 
 def test_interval_of_no_samples_is_what_the_formula_alone_says() -> None:
-    lower, upper = robustness(parse("G[0,2] (True | x >= 0)"), np.empty((0, 1)), ["x"], "interval")
+    lower, upper = robustness_bounds(parse("G[0,2] (True | x >= 0)"), np.empty((0, 1)), ["x"])
     assert (lower.item(), upper.item()) == (math.inf, math.inf)
 
 
 def test_huge_intervals_cost_no_memory_on_short_traces() -> None:
     formula = parse("G[0,1000000000000] F[5,2000000000000] x >= 0 & (x >= 0 U[3,1000000000000] x >= 1)")
     assert robustness(formula, X, ["x"], "clip") == -math.inf
-    lower, upper = robustness(formula, X, ["x"], "interval")
+    lower, upper = robustness_bounds(formula, X, ["x"])
     assert (lower.item(), upper.item()) == (-math.inf, -2)  # x < 0 at step 2 comes before any t' >= 3 of the until
 
 
@@ -287,8 +290,8 @@ def test_shapes_and_names_are_checked(trace: Any, names: list[str], message: str
 
 
 def test_policy_is_checked() -> None:
-    with pytest.raises(ValueError, match="'strict', 'clip' or 'interval', got 'lenient'"):
-        robustness(parse("x >= 0"), X, ["x"], "lenient")  # type: ignore[call-overload]
+    with pytest.raises(ValueError, match="'strict' or 'clip', got 'lenient'"):
+        robustness(parse("x >= 0"), X, ["x"], "lenient")  # type: ignore[arg-type]
 
 
 def test_integer_and_strided_traces_are_read() -> None:

@@ -126,7 +126,7 @@ def test_undefined_samples_are_errors_while_a_trace_is_read() -> None:
     monitor = BatchMonitor(parse("G[0,1] sqrt(x) >= 0"), ["x"], 3)
     with pytest.raises(UndefinedError, match="'x' is NaN at sample 0 of trace 2"):
         monitor.update([[0.0], [1.0], [math.nan]])
-    with pytest.raises(UndefinedError, match=r"has no value at \{'x': -1.0\} of trace 1"):
+    with pytest.raises(UndefinedError, match=r"^sqrt\(x\) >= 0 has no value .* where x = -1 at sample 0 of trace 1$"):
         monitor.update([[0.0], [-1.0], [0.0]])
     late = BatchMonitor(parse("G[0,0] sqrt(x) >= 0"), ["x"], 2)
     late.update([[1.0], [2.0]])

@@ -26,6 +26,8 @@ from stlbench.stl import (
     margin,
     parse,
     robustness,
+    robustness_bounds,
+    satisfaction_bounds,
     satisfied,
 )
 from stlbench.stl.running.scalar_operators import Lowest, Nested
@@ -55,9 +57,9 @@ def check(formula: Formula, seed: int) -> None:
     monitor = Monitor(formula, NAMES)
     for n in range(1, len(trace) + 1):
         now = monitor.update(trace[n - 1])
-        lower, upper = robustness(formula, trace[:n], NAMES, "interval")
+        lower, upper = robustness_bounds(formula, trace[:n], NAMES)
         np.testing.assert_allclose(now[:2], (lower, upper), rtol=1e-12, atol=1e-12)
-        certainly, possibly = satisfied(formula, trace[:n], NAMES, "interval")
+        certainly, possibly = satisfaction_bounds(formula, trace[:n], NAMES)
         assert now.verdict == (True if certainly else None if possibly else False)
     np.testing.assert_allclose(now[:2], [robustness(formula, trace, NAMES)] * 2, rtol=1e-12, atol=1e-12)
     assert now.verdict == satisfied(formula, trace, NAMES)

@@ -1,0 +1,36 @@
+"""Operators that are written with others, so that every evaluator has them at once.
+
+They print as what they stand for.
+"""
+
+from __future__ import annotations
+
+from stlbench.stl.errors import Position
+from stlbench.stl.language.syntax import Always, And, Formula, Implies, Not, Or, Until
+
+
+def iff(left: Formula, right: Formula, position: Position | None = None) -> Formula:
+    """`left <-> right`: (left -> right) & (right -> left)."""
+    ways = Implies(left, right, position=position), Implies(right, left, position=position)
+    return And(ways, position=position)
+
+
+def xor(left: Formula, right: Formula, position: Position | None = None) -> Formula:
+    """`left xor right`: (left | right) & !(left & right)."""
+    both = And((left, right), position=position)
+    return And((Or((left, right), position=position), Not(both, position=position)), position=position)
+
+
+def release(a: int, b: int, left: Formula, right: Formula, position: Position | None = None) -> Formula:
+    """`left R[a,b] right`: !(!left U[a,b] !right), intervals in steps.
+
+    At every step t' of [t+a, t+b] there is right, or left at some step of [t, t') before.
+    """
+    until = Until(a, b, Not(left, position=position), Not(right, position=position), position=position)
+    return Not(until, position=position)
+
+
+def weak_until(a: int, b: int, left: Formula, right: Formula, position: Position | None = None) -> Formula:
+    """`left W[a,b] right`: (left U[a,b] right) | G[0,b] left, that is until, or left all the way."""
+    until = Until(a, b, left, right, position=position)
+    return Or((until, Always(0, b, left, position=position)), position=position)
