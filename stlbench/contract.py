@@ -3,14 +3,10 @@
 
 Four kinds of plugin, each found by its entry-point group and named by its entry point:
 
-=================== ========================== ==============================================
-group               the entry point names      it provides
-=================== ========================== ==============================================
-stlbench.methods    a `RewardMethod` subclass  the reward of a transition, and its own memory
-stlbench.tasks      a `System` subclass        dynamics, beside a `task.yaml` in its package
-stlbench.agents     an `Agent` subclass        training: environment in, policy out
-stlbench.executors  an `Executor` subclass     cells run in processes, here or on a cluster
-=================== ========================== ==============================================
+- `stlbench.methods`, a `RewardMethod` subclass: the reward of a transition, and its own memory;
+- `stlbench.tasks`, a `System` subclass: dynamics, beside a `task.yaml` in its package;
+- `stlbench.agents`, an `Agent` subclass: training, environment in, policy out;
+- `stlbench.executors`, an `Executor` subclass: cells run in processes, here or on a cluster.
 
 Conventions, everywhere: arrays are NumPy float64 and batched, rows first. `N` is the number of copies that run in
 lock-step, `n` the state's size, `k` the number of signals, `m` the memory's size, `D` the observation's. Time is a

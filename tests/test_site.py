@@ -1,0 +1,55 @@
+"""The pages as they are built: nothing from elsewhere, formulas drawn, every public name in the reference."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+MODULES = tuple(sorted(path.stem for path in (ROOT / "docs" / "api").glob("*.md") if path.stem != "stlbench"))
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    ran = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    return folder
+
+
+def test_no_page_loads_anything_from_elsewhere(site: Path) -> None:
+    loading = re.compile(r"<(?:script|link|img|iframe|source)\b[^>]*\b(?:src|href)=.?(?:https?:)?//[^>]*>")
+    loaded = {path.name: loading.findall(path.read_text(encoding="utf-8")) for path in site.rglob("*.html")}
+    assert len(loaded) > 20
+    assert {name: tags for name, tags in loaded.items() if tags} == {}
+
+
+def test_formulas_are_drawn_and_no_star_is_an_emphasis(site: Path) -> None:
+    page = (site / "reference" / "methods.html").read_text(encoding="utf-8")
+    assert "<msup><mi>t</mi><mo>\N{ASTERISK OPERATOR}</mo></msup>" in page
+    assert '<math display="block">' in page
+    for path in site.rglob("*.html"):
+        text = path.read_text(encoding="utf-8")
+        assert "arithmatex" not in text, path
+        assert re.findall(r"t<em>", text) == [], path
+    assert not (site / "hooks").exists()
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_every_public_name_is_in_the_reference(site: Path, name: str) -> None:
+    page = (site / "api" / f"{name}.html").read_text(encoding="utf-8")
+    public = importlib.import_module(f"stlbench.{name}").__all__
+    assert public
+    assert [each for each in public if f'id="stlbench.{name}.{each}"' not in page] == []
+
+
+def test_every_public_module_has_a_page() -> None:
+    top = {path.stem for path in (ROOT / "stlbench").glob("*.py")} - {"__init__"}
+    inner = {"origin", "actions", "executor"}  # their public names are those of `stlbench.contract`
+    assert top - inner <= {*MODULES}
