@@ -1,24 +1,32 @@
-"""What a cell leaves behind: frozen values that go to the ledger as JSON and come back equal."""
+"""Which cell it is, and what it leaves behind: frozen values that go to the ledger as JSON and come back equal."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
-from typing import Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import ConfigDict, TypeAdapter
+from pydantic import BeforeValidator, ConfigDict, PlainSerializer, TypeAdapter
+
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.registry.choices import Choice, choice_of, parse_choice
 
 __all__ = [
     "ACCIDENTS",
     "FORMAT",
+    "IDENTITY",
     "MAIN",
+    "CellId",
     "CurvePoint",
     "Measurement",
     "Result",
     "Score",
+    "Setting",
     "Status",
+    "find_cell",
     "from_json",
     "to_json",
 ]
@@ -34,6 +42,84 @@ Status = Literal["done", "raised", "timeout", "killed", "intractable", "unsuitab
 
 ACCIDENTS: tuple[Status, ...] = ("raised", "timeout", "killed")
 """What a retry runs again."""
+
+
+# --------------------------------------------------------------------------------------------------------- identity
+
+_Chosen = Annotated[Choice, BeforeValidator(choice_of), PlainSerializer(str)]
+"""A choice, which JSON and tables write as its text."""
+
+
+@dataclass(frozen=True, order=True)
+class Setting:
+    """What cells have in common that differ in nothing but the seed. Comparisons are made between settings."""
+
+    task: _Chosen
+    method: _Chosen
+    agent: _Chosen
+    budget: str
+
+    @property
+    def name(self) -> str:
+        """For people: hold-disc/funnel/dqn, without the budget."""
+        return f"{self.task}/{self.method}/{self.agent}"
+
+
+@dataclass(frozen=True, order=True)
+class CellId:
+    """Which cell: the one identity that plans, results, tables and the gate share."""
+
+    task: _Chosen
+    """The task, or an ablation of it: overlap[without=cuts]."""
+    method: _Chosen
+    """With the parameters that the user set: funnel[ginf=0.02,variant=code]."""
+    agent: _Chosen
+    seed: int
+    budget: str
+
+    @classmethod
+    def parse(cls, name: str, budget: str) -> Self:
+        """The inverse of `name`, which does not say the budget. Raises `UsageError`."""
+        parts = name.split("/")
+        if len(parts) != 4 or not (parts[3].isascii() and parts[3].isdigit()):
+            raise UsageError(f"'{name}' names no cell; a name is task/method/agent/seed, as in hold-disc/funnel/dqn/0")
+        task, method, agent = map(parse_choice, parts[:3])
+        return cls(task, method, agent, int(parts[3]), budget)
+
+    @property
+    def name(self) -> str:
+        """For people, and in the names of files: hold-disc/funnel/dqn/0. Budgets share it."""
+        return f"{self.task}/{self.method}/{self.agent}/{self.seed}"
+
+    @property
+    def setting(self) -> Setting:
+        """All but the seed."""
+        return Setting(self.task, self.method, self.agent, self.budget)
+
+
+IDENTITY = tuple(part.name for part in fields(CellId))
+"""The names of the parts, which are columns of every table of cells."""
+
+
+def find_cell(cells: Iterable[CellId], name: str, budget: str | None = None) -> CellId:
+    """The one of the cells that a user names.
+
+    Raises:
+        UsageError: there is none of that name and budget, or several budgets and none is given.
+    """
+    known = list(cells)
+    wanted = CellId.parse(name, budget or "").name
+    budgets = {cell.budget: cell for cell in known if cell.name == wanted}
+    if not budgets:
+        raise UsageError(f"there is no cell '{name}'{did_you_mean(wanted, {cell.name for cell in known})}")
+    if budget is None and len(budgets) > 1:
+        raise UsageError(f"{name} has the budgets {', '.join(sorted(budgets))}; say which")
+    if budget is not None and budget not in budgets:
+        raise UsageError(f"{name} has no budget '{budget}'{did_you_mean(budget, budgets)}")
+    return budgets[budget] if budget is not None else next(iter(budgets.values()))
+
+
+# ----------------------------------------------------------------------------------------------------------- result
 
 
 @dataclass(frozen=True)
@@ -106,14 +192,9 @@ class Measurement:
 class Result:
     """One row of the ledger."""
 
+    id: CellId
     key: str
-    """Hash of what can change the result (see `matrix.Cell`)."""
-    task: str
-    method: str
-    """With its parameters as the user wrote them, in canonical order: funnel[ginf=0.02,variant=code]."""
-    agent: str
-    seed: int
-    budget: str
+    """Hash of what can change the result (see `plan.Cell`)."""
     status: Status
     reason: str = ""
     """One line, where status is not `done`."""
@@ -124,11 +205,6 @@ class Result:
     provenance: Mapping[str, str] = field(default_factory=dict)
     """Versions, machine, jobs beside it, time: what might explain a result without being part of its key."""
 
-    @property
-    def name(self) -> str:
-        """The cell's human name: hold-disc/funnel/dqn/0."""
-        return f"{self.task}/{self.method}/{self.agent}/{self.seed}"
-
 
 @lru_cache
 def _adapter() -> TypeAdapter[Result]:
@@ -136,10 +212,15 @@ def _adapter() -> TypeAdapter[Result]:
 
 
 def to_json(result: Result) -> str:
-    """The result as one line of JSON."""
-    return _adapter().dump_json(result).decode()
+    """The result as one line of JSON, the parts of its identity beside the rest."""
+    content = _adapter().dump_python(result, mode="json")
+    return json.dumps({**content.pop("id"), **content})
 
 
 def from_json(text: str | bytes) -> Result:
-    """The inverse of `to_json`. Raises `pydantic.ValidationError` on anything else."""
-    return _adapter().validate_json(text)
+    """The inverse of `to_json`. Raises `ValueError` on anything else."""
+    content = json.loads(text)
+    if not isinstance(content, dict):
+        raise ValueError(f"expected an object, got {text!r:.80}")
+    identity = {name: content.pop(name) for name in IDENTITY if name in content}
+    return _adapter().validate_python({"id": identity, **content})

@@ -16,7 +16,7 @@ import typer
 from stlbench.cli import app
 from stlbench.contract import Outcome
 from stlbench.registry import choices, plugins
-from stlbench.study import matrix
+from stlbench.study.plan import plan_cells
 from stlbench.study.trial import run_cell
 from stlbench.task import load_task
 from stlbench.task.file import Budget, TaskFile
@@ -156,7 +156,7 @@ def test_the_examples_of_task_and_agent_run_together(site: Callable[..., Path]) 
     assert str(loaded.formula) == "F[0,40] G[0,10] abs(x - 1) <= 0.2"
     check_task("cart-reach")
     methods, agents = choices.parse_choices("raw"), choices.parse_choices("dqn,random-search[copies=4]")
-    for cell in matrix.plan(["cart-reach"], methods, agents, [0], "smoke"):
+    for cell in plan_cells(choices.parse_choices("cart-reach"), methods, agents, [0], "smoke"):
         result = run_cell(cell)
         assert result.measurement is not None
         assert result.measurement.env_steps == 3200

@@ -17,10 +17,7 @@ from stlbench.errors import UsageError
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["LEDGER", "Commands", "Json", "console", "print_json", "refuse", "warn"]
-
-LEDGER = "ledger.sqlite"
-"""Name of the ledger in a folder of results."""
+__all__ = ["Commands", "Json", "console", "print_json", "refuse", "warn"]
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, on stdout.")]
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stlbench.cli.common import LEDGER, warn
+from stlbench.cli.common import warn
 from stlbench.errors import UsageError, did_you_mean
+
+if TYPE_CHECKING:
+    from stlbench.registry.choices import Choice
 
 
 def plot(
@@ -33,28 +36,28 @@ def plot(
       stlbench plot results --tasks robot-nav --methods "funnel,funnel[variant=code]" --out pictures
     """
     from stlbench.report.figures import plots
-    from stlbench.study.ledger import Ledger
+    from stlbench.study.ledger import FILE, Ledger
 
-    with Ledger(run / LEDGER, create=False) as ledger:
+    with Ledger(run / FILE, create=False) as ledger:
         results = list(ledger.results())
-    wanted = {"task": _known(tasks, {result.task for result in results}, "task", run)}
-    wanted["method"] = _known(methods, {result.method for result in results}, "method", run)
-    chosen = [result for result in results if all(getattr(result, key) in names for key, names in wanted.items())]
+    some_tasks = _known(tasks, {result.id.task for result in results}, "task", run)
+    some_methods = _known(methods, {result.id.method for result in results}, "method", run)
+    chosen = [result for result in results if result.id.task in some_tasks and result.id.method in some_methods]
     if not chosen:
-        raise UsageError(f"{run / LEDGER} holds no result of these tasks and methods")
+        raise UsageError(f"{run / FILE} holds no result of these tasks and methods")
     for path in plots.draw(chosen, run, out or run / "figures", tell=_tell, warn=warn):
         typer.echo(path)
 
 
-def _known(text: str | None, names: set[str], kind: str, run: Path) -> set[str]:
-    """The names that a comma list gives, each of them in the run; all where there is no list."""
+def _known(text: str | None, known: set[Choice], kind: str, run: Path) -> set[Choice]:
+    """The choices that a comma list names, each of them in the run; all where there is no list."""
     from stlbench.registry.choices import parse_choices
 
     if text is None:
-        return names
-    chosen = {str(choice) for choice in parse_choices(text)}
-    for name in sorted(chosen - names):
-        raise UsageError(f"{run} has no {kind} '{name}'{did_you_mean(name, names)}")
+        return known
+    chosen = set(parse_choices(text))
+    for choice in sorted(chosen - known):
+        raise UsageError(f"{run} has no {kind} '{choice}'{did_you_mean(str(choice), map(str, known))}")
     return chosen
 
 

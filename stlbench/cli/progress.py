@@ -1,4 +1,4 @@
-"""What a run says while it lasts: one line a finished cell on stderr, under them a bar where there is a terminal."""
+"""What a study says while it runs: one line per finished cell on stderr, under them a bar where there is a terminal."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ __all__ = ["Progress"]
 
 
 class Progress:
-    """Counts the cells of one command.
+    """Counts the cells of one command (`study.run.Progress`); as a context manager it takes the bar away at the end."""
 
-    Args:
-        total: cells of the command.
-        done: those that have a result from before.
-    """
-
-    def __init__(self, total: int, done: int) -> None:
-        self.total, self.before, self.done = total, done, done
+    def __init__(self) -> None:
+        self.total = self.before = self.done = 0
         self.console = Console(stderr=True, highlight=False, soft_wrap=True)
         columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-        quiet = not self.console.is_terminal or done == total
-        self.bar = Bar(*columns, console=self.console, disable=quiet, refresh_per_second=2)
-        self.begin = time.monotonic()
+        self.bar = Bar(*columns, console=self.console, disable=not self.console.is_terminal, refresh_per_second=2)
+        self.task = self.bar.add_task("")
 
     def __enter__(self) -> Self:
-        earlier = f", {self.before} of them done before" if self.before else ""
-        self._say(f"{self.total} {'cell' if self.total == 1 else 'cells'}{earlier}")
-        self.bar.start()
-        self.task = self.bar.add_task("", total=self.total, completed=self.done)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.bar.stop()
+
+    def begin(self, total: int, done: int) -> None:
+        """Say how many cells there are, and begin to count the time."""
+        self.total, self.before, self.done = total, done, done
+        self.since = time.monotonic()
+        earlier = f", {done} of them done before" if done else ""
+        self._say(f"{total} {'cell' if total == 1 else 'cells'}{earlier}")
+        if done < total:
+            self.bar.reset(self.task, total=total, completed=done)
+            self.bar.start()
 
     def ended(self, result: Result) -> None:
         """Say how a cell ended, and how long the others may take."""
@@ -49,7 +49,7 @@ class Progress:
         self.bar.update(self.task, completed=self.done, description=self._left())
 
     def _left(self) -> str:
-        elapsed = time.monotonic() - self.begin
+        elapsed = time.monotonic() - self.since
         left = elapsed / (self.done - self.before) * (self.total - self.done)
         return f"about {_duration(left)} left" if left else ""
 
@@ -59,11 +59,12 @@ class Progress:
 
 def describe(result: Result) -> str:
     """One line: name, status, and the two numbers that matter, or the reason."""
+    name = result.id.name
     if result.measurement is None:
-        return f"{result.name} {result.status}: {result.reason}" if result.reason else f"{result.name} {result.status}"
+        return f"{name} {result.status}: {result.reason}" if result.reason else f"{name} {result.status}"
     score = result.measurement.selected[MAIN]
     return (
-        f"{result.name} done: robustness {score.mean:.3f}, satisfied {100 * score.satisfaction:.1f} %, "
+        f"{name} done: robustness {score.mean:.3f}, satisfied {100 * score.satisfaction:.1f} %, "
         f"{result.measurement.wall_seconds:.1f} s"
     )
 

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
-from stlbench.cli.common import LEDGER, warn
-from stlbench.errors import UsageError, did_you_mean
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from stlbench.result import Result
+from stlbench.cli.common import warn
+from stlbench.errors import UsageError
 
 
 def render(
@@ -38,37 +33,26 @@ def render(
     """
     from stlbench.report.figures.drawing import file_name
     from stlbench.report.film import film, video
-    from stlbench.result import MAIN
+    from stlbench.result import MAIN, find_cell
     from stlbench.rollout.traces import load
-    from stlbench.study.ledger import Ledger
+    from stlbench.study.ledger import FILE, Ledger
     from stlbench.task import load_task
 
     video.check_format(form)
-    with Ledger(run / LEDGER, create=False) as ledger:
-        result = _only(list(ledger.results()), cell, budget, run)
+    with Ledger(run / FILE, create=False) as ledger:
+        results = {result.id: result for result in ledger.results()}
+    result = results[find_cell(results, cell, budget)]
+    name = result.id.name
     if result.measurement is None:
         reason = f": {result.reason}" if result.reason else ""
-        raise UsageError(f"{cell} has no policy to film: {result.status}{reason}")
-    task = load_task(result.task)
+        raise UsageError(f"{name} has no policy to film: {result.status}{reason}")
+    task = load_task(result.id.task)
     recording = load(task, result, run)
-    name = file_name("film", *result.name.split("/"), result.budget)
-    path = (out or run / "films") / f"{name}.{form}"
+    path = (out or run / "films") / f"{file_name('film', *name.split('/'), result.id.budget)}.{form}"
     try:
-        remark = film.write(task, recording, result.measurement.selected[MAIN].robustness, result.name, path)
+        remark = film.write(task, recording, result.measurement.selected[MAIN].robustness, name, path)
     except OSError as error:
         raise UsageError(f"cannot write the film: {error}") from error
     if remark:
         warn(remark)
     typer.echo(path)
-
-
-def _only(results: Sequence[Result], cell: str, budget: str | None, run: Path) -> Result:
-    """The one result of that name and budget."""
-    found = {result.budget: result for result in results if result.name == cell}
-    if not found:
-        raise UsageError(f"{run} has no cell '{cell}'{did_you_mean(cell, {result.name for result in results})}")
-    if budget is not None and budget not in found:
-        raise UsageError(f"{cell} has no budget '{budget}' in {run}{did_you_mean(budget, found)}")
-    if budget is None and len(found) > 1:
-        raise UsageError(f"{cell} is in {run} with the budgets {', '.join(sorted(found))}; say which by --budget")
-    return found[budget] if budget is not None else next(iter(found.values()))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stlbench.cli.common import LEDGER, Json, console, print_json
+from stlbench.cli.common import Json, console, print_json
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -31,12 +31,12 @@ def report(
       stlbench report results --json
     """
     from stlbench.report import condense, write
-    from stlbench.study.ledger import Ledger
+    from stlbench.study.ledger import FILE, Ledger
 
-    with Ledger(folder / LEDGER, create=False) as ledger:
+    with Ledger(folder / FILE, create=False) as ledger:
         groups = condense(ledger.results())
     if not groups:
-        raise UsageError(f"{folder / LEDGER} holds no result yet")
+        raise UsageError(f"{folder / FILE} holds no result yet")
     if as_json:
         scores = _controllers(groups)
         write(groups, scores, folder)
@@ -61,15 +61,15 @@ def _controllers(groups: Sequence[Group]) -> dict[str, Score]:
     """Task -> the score of its controller by hand. Some seconds for a task on a MuJoCo model."""
     from stlbench.rollout import controller
 
-    return controller.scores(group.task for group in groups)
+    return controller.scores(group.setting.task for group in groups)
 
 
 def _content(groups: Sequence[Group], scores: Mapping[str, Score]) -> dict[str, Any]:
-    from stlbench.report import cells, controllers, cost, robustness, to_records
+    from stlbench.report import cells_table, controllers_table, robustness_table, time_table, to_records
 
     return {
-        "robustness": to_records(robustness(groups)),
-        "controllers": to_records(controllers(scores)),
-        "time": to_records(cost(groups)),
-        "cells": to_records(cells(row for group in groups for row in group.rows)),
+        "robustness": to_records(robustness_table(groups)),
+        "controllers": to_records(controllers_table(scores)),
+        "time": to_records(time_table(groups)),
+        "cells": to_records(cells_table(row for group in groups for row in group.rows)),
     }

@@ -2,26 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import re
-from collections.abc import Sequence
-from contextlib import closing
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import Annotated
 
 import typer
 
-from stlbench.cli.common import LEDGER
+from stlbench.cli.options import Executor, Jobs, plan
 from stlbench.cli.report import show_report
-from stlbench.errors import UsageError
-
-if TYPE_CHECKING:
-    from stlbench.contract import Executor
-    from stlbench.study.ledger import Ledger
-    from stlbench.study.matrix import Cell
-
-MOST_SEEDS = 10_000
 
 
 def run(
@@ -48,11 +35,9 @@ def run(
     budget: Annotated[
         str, typer.Option(metavar="NAME", help="How much training; `stlbench show task NAME` lists budgets.")
     ] = "quick",
-    jobs: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Cells at a time.", show_default="2, or 1 on a single core")
-    ] = None,
+    jobs: Jobs = None,
     results: Annotated[Path, typer.Option(metavar="DIR", help="Folder of ledger, traces, tables.")] = Path("results"),
-    executor: Annotated[str, typer.Option(metavar="NAME", help="Where cells run.")] = "local",
+    executor: Executor = "local",
     retry: Annotated[
         bool, typer.Option("--retry", help="Run cells again that raised, timed out or were killed.")
     ] = False,
@@ -68,78 +53,24 @@ def run(
       stlbench run --tasks hold-disc --methods funnel,flag --seeds 3 --jobs 2
       stlbench run --methods "funnel,funnel[variant=code],flag[beta=10]" --budget paper --results study
     """
+    from stlbench.cli.progress import Progress
     from stlbench.report import condense
     from stlbench.result import ACCIDENTS
-    from stlbench.study import matrix
-    from stlbench.study.ledger import Ledger
+    from stlbench.study.ledger import FILE, Ledger
+    from stlbench.study.run import build_executor, run_study
 
     cells = plan(tasks, methods, agents, seeds, budget)
-    place = build_executor(executor, jobs or min(2, os.cpu_count() or 1))
-    with Ledger(results / LEDGER) as ledger:
-        done = ledger.finished((cell.key for cell in cells), retry)
-        matrix.check(cell for cell in cells if cell.key not in done)
-        try:
-            run_missing(cells, len(done), ledger, place, retry, results)
-        except KeyboardInterrupt:
-            count = len(ledger.finished(cell.key for cell in cells))
-            recorded = f"{count} of {len(cells)} cells are recorded in {results}/"
-            typer.echo(f"interrupted: {recorded}; say the same command again to go on", err=True)
-            raise typer.Exit(130) from None
-        groups = condense(ledger.results({cell.key for cell in cells}))
+    keys = {cell.key for cell in cells}
+    try:
+        with Progress() as progress:
+            run_study(cells, results, build_executor(executor, jobs), retry=retry, progress=progress)
+    except KeyboardInterrupt:
+        with Ledger(results / FILE) as ledger:
+            recorded = f"{len(ledger.finished(keys))} of {len(cells)} cells are recorded in {results}/"
+        typer.echo(f"interrupted: {recorded}; say the same command again to go on", err=True)
+        raise typer.Exit(130) from None
+    with Ledger(results / FILE, create=False) as ledger:
+        groups = condense(ledger.results(keys))
     show_report(groups, results)
     if any(row.status in ACCIDENTS for group in groups for row in group.rows):
         raise typer.Exit(1)
-
-
-def plan(tasks: str, methods: str, agents: str | None, seeds: str | None, budget: str) -> tuple[Cell, ...]:
-    """The cells that the options name."""
-    from stlbench.registry.choices import parse_choices
-    from stlbench.study import matrix
-
-    wanted = None if seeds is None else parse_seeds(seeds)
-    trained = None if agents is None else parse_choices(agents)
-    return matrix.plan([*map(str, parse_choices(tasks))], parse_choices(methods), trained, wanted, budget)
-
-
-def parse_seeds(text: str) -> tuple[int, ...]:
-    """A lone number is a count, "3" -> 0, 1, 2; with a comma or a dash it is a list, "0-2,7" -> 0, 1, 2, 7. Sorted."""
-    if re.fullmatch(r"\s*[0-9]{1,5}\s*", text):
-        ranges = [(0, int(text) - 1)]
-    else:
-        ranges = [_seed_range(item, text) for item in text.split(",")]
-    if any(first > last or last >= MOST_SEEDS for first, last in ranges):
-        raise UsageError(f"--seeds {text}: at least one seed, each less than {MOST_SEEDS}, ranges from low to high")
-    return tuple(sorted({seed for first, last in ranges for seed in range(first, last + 1)}))
-
-
-def _seed_range(item: str, text: str) -> tuple[int, int]:
-    ends = re.fullmatch(r"\s*([0-9]{1,5})(?:-([0-9]{1,5}))?\s*", item)
-    if not ends:
-        raise UsageError(f"--seeds {text}: expected a count, as in 3, or a list of seeds, as in 3,7 or 0-4")
-    return int(ends[1]), int(ends[2] or ends[1])
-
-
-def build_executor(text: str, jobs: int) -> Executor:
-    """The executor that the options name."""
-    from stlbench.registry import plugins
-    from stlbench.registry.choices import parse_choice
-
-    return cast("Executor", plugins.build("executors", parse_choice(text), defaults={"jobs": jobs}))
-
-
-def run_missing(
-    cells: Sequence[Cell], done: int, ledger: Ledger, executor: Executor, retry: bool, folder: Path
-) -> None:
-    """Run the cells without a result, and say how each ended."""
-    from stlbench.cli.progress import Progress
-    from stlbench.study import scheduler, trial
-    from stlbench.study.provenance import collect
-    from stlbench.task import load_task
-
-    limits = {name: load_task(name) for name in {cell.task for cell in cells}}
-    deadlines = [limits[cell.task].budget(cell.budget).deadline for cell in cells]
-    function = partial(trial.run_cell, folder=folder / "traces")
-    results = scheduler.run(cells, ledger, executor, function, deadlines, collect(executor.jobs), retry)
-    with Progress(len(cells), done) as progress, closing(results):
-        for result in results:
-            progress.ended(result)

@@ -10,7 +10,7 @@ from stlbench.cli.common import Json, console, print_json, warn
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
-    from stlbench.report import Table
+    from stlbench.report import Table, Value
     from stlbench.result import Score
     from stlbench.task.task import Task
 
@@ -49,7 +49,7 @@ def task(
     from stlbench.task import load_task
 
     loaded = load_task(name)
-    plugin = plugins.find("tasks", loaded.plugin)
+    plugin = plugins.find("tasks", loaded.choice.name)
     found = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | facts(loaded)
     if as_json:
         print_json(found)
@@ -206,7 +206,7 @@ def _named(title: str, entries: dict[str, dict[str, Any]]) -> list[dict[str, Any
 def _summary(entry: dict[str, Any]) -> dict[str, Any]:
     """The columns of a method's row."""
     if entry["status"] != "suitable":
-        return {"inputs added": "-", "what it makes of the task": f"{entry['status']}: {entry['reason']}"}
+        return {"inputs added": None, "what it makes of the task": f"{entry['status']}: {entry['reason']}"}
     rest = {key: value for key, value in entry.items() if key not in ("status", "inputs_added")}
     return {"inputs added": entry["inputs_added"], "what it makes of the task": _listed(rest)}
 
@@ -219,7 +219,12 @@ def _table(title: str, entries: list[dict[str, Any]], *notes: str) -> Table:
     from stlbench.report import Column, Table
 
     columns = tuple(Column(key, right=isinstance(value, int | float)) for key, value in (entries or [{}])[0].items())
-    return Table(title, columns, tuple(tuple(map(_text, entry.values())) for entry in entries), notes)
+    return Table(title, columns, tuple(tuple(map(_value, entry.values())) for entry in entries), notes)
+
+
+def _value(value: Any) -> Value:
+    """As a table has it: numbers as they are."""
+    return value if value is None or type(value) in (int, float) else _text(value)
 
 
 def _text(value: Any) -> str:

@@ -1,6 +1,6 @@
-"""Is a new recording worse than its base? One rule, four metrics, paired seeds.
+"""Is a new snapshot worse than its base? One rule, four metrics, paired seeds.
 
-Each seed gives one *gain*, positive where the new recording is better. Of the gains of a group, that is of one task,
+Each seed gives one *gain*, positive where the new snapshot is better. Of the gains of a setting, that is of one task,
 method, agent and budget:
 
 - **worse**: on average they lose more than is tolerated, and a t-test says that they do lose.
@@ -14,22 +14,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, groupby
+from itertools import chain
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from stlbench.gate.comparison import Pair, Sample
-from stlbench.result import ACCIDENTS
+from stlbench.gate.snapshot import Pair, Sample
+from stlbench.result import ACCIDENTS, CellId, Setting
 
 __all__ = ["EXIT", "METRICS", "Comparison", "Finding", "Judgement", "Metric", "Verdict", "judge"]
 
 Floats = NDArray[np.float64]
 Verdict = Literal["no worse", "worse", "cannot tell", "missing"]
-Group = tuple[str, str, str, str]
-"""Task, method, agent, budget."""
 
 EXIT: dict[Verdict, int] = {"no worse": 0, "worse": 1, "cannot tell": 3, "missing": 4}
 """Exit code of each verdict. Where several are found, the whole has the first of: worse, missing, cannot tell."""
@@ -43,7 +41,7 @@ FREEDOM = 2
 
 
 def relative(base: Floats, new: Floats) -> Floats:
-    """Gain over the size of the base, a seed: its own, or half the mean over the seeds where that is more."""
+    """Gain over the size of the base, per seed: its own, or half the mean over the seeds where that is more."""
     size = np.abs(base)
     size = np.maximum(size, size.mean() / 2)
     gain: Floats = (new - base) / np.where(size > 0, size, 1.0)
@@ -74,7 +72,7 @@ class Metric:
     shown: str
     """How a change is written (see `change`)."""
     timing: bool = False
-    """A CPU time. Its gains scatter alike in all groups, so the scatter is taken from all of them together."""
+    """A CPU time. Its gains scatter alike in all settings, so the scatter is taken from all of them together."""
 
     def change(self, gain: float) -> float:
         """A gain for people: of a time, new over base; otherwise the gain itself."""
@@ -100,9 +98,9 @@ METRICS = (
 
 @dataclass(frozen=True)
 class Comparison:
-    """One metric of one group. `gain`, `low` and `high` are in the unit of the metric's gain."""
+    """One metric of one setting. `gain`, `low` and `high` are in the unit of the metric's gain."""
 
-    group: Group
+    setting: Setting
     metric: Metric
     base: float
     """Mean over the paired seeds."""
@@ -123,7 +121,7 @@ class Comparison:
 class Finding:
     """A cell of the base without a measurement to compare."""
 
-    cell: str
+    cell: CellId
     verdict: Verdict
     reason: str
 
@@ -138,21 +136,21 @@ class Judgement:
     @property
     def verdict(self) -> Verdict:
         """Of the whole; see `EXIT`. Nothing compared is `missing`."""
-        found = {entry.verdict for entry in self.comparisons} | {entry.verdict for entry in self.findings}
+        verdicts = {comparison.verdict for comparison in self.comparisons}
+        verdicts |= {finding.verdict for finding in self.findings}
         order: tuple[Verdict, ...] = ("worse", "missing", "cannot tell")
-        worst: Verdict = next((verdict for verdict in order if verdict in found), "no worse")
+        worst: Verdict = next((verdict for verdict in order if verdict in verdicts), "no worse")
         return "missing" if worst == "no worse" and not self.comparisons else worst
 
 
 def judge(pairs: Sequence[Pair]) -> Judgement:
-    """Compare every cell of the base with its twin (`comparison.pair`, whose order it needs)."""
+    """Compare every cell of the base with its twin (`snapshot.pair`)."""
     findings = tuple(finding for base, new in pairs for finding in _accidents(base, new))
-    done = [(base, new) for base, new in pairs if new is not None and base.status == new.status == "done"]
-    groups = {
-        group: list(members)
-        for group, members in groupby(done, lambda both: (both[0].task, both[0].method, both[0].agent, both[0].budget))
-    }
-    tests = [_test(group, metric, members) for metric in METRICS for group, members in groups.items()]
+    done: dict[Setting, list[tuple[Sample, Sample]]] = {}
+    for base, new in pairs:
+        if new is not None and base.status == new.status == "done":
+            done.setdefault(base.id.setting, []).append((base, new))
+    tests = [_test(setting, metric, members) for metric in METRICS for setting, members in done.items()]
     families = ([test for test in tests if test and test.metric.timing == timing] for timing in (False, True))
     return Judgement(tuple(chain.from_iterable(map(_decide, families))), findings)
 
@@ -160,11 +158,11 @@ def judge(pairs: Sequence[Pair]) -> Judgement:
 def _accidents(base: Sample, new: Sample | None) -> list[Finding]:
     """What a pair without two measurements says. Methods that do not fit, before or now, are no accidents."""
     if new is None:
-        return [Finding(base.name, "missing", f"there is no result of it, and the base says {base.status}")]
+        return [Finding(base.id, "missing", f"there is no result of it, and the base says {base.status}")]
     if new.status != base.status and new.status != "done" and (base.status == "done" or new.status in ACCIDENTS):
-        return [Finding(base.name, "worse", f"{new.status}, the base says {base.status}: {new.reason}")]
+        return [Finding(base.id, "worse", f"{new.status}, the base says {base.status}: {new.reason}")]
     if new.status == base.status and new.status in ACCIDENTS:
-        return [Finding(base.name, "missing", f"{new.status}, as in the base: {new.reason}")]
+        return [Finding(base.id, "missing", f"{new.status}, as in the base: {new.reason}")]
     return []
 
 
@@ -172,12 +170,12 @@ def _accidents(base: Sample, new: Sample | None) -> list[Finding]:
 class _Test:
     """One metric of one group, before it is decided."""
 
-    group: Group
+    setting: Setting
     metric: Metric
     base: Floats
     new: Floats
     gains: Floats
-    """A gain a seed."""
+    """One gain per seed."""
 
     @property
     def differs(self) -> bool:
@@ -185,8 +183,8 @@ class _Test:
         return bool(self.gains.any())
 
 
-def _test(group: Group, metric: Metric, members: Iterable[tuple[Sample, Sample]]) -> _Test | None:
-    """The seeds that both recordings have a number of; None where there is none."""
+def _test(setting: Setting, metric: Metric, members: Iterable[tuple[Sample, Sample]]) -> _Test | None:
+    """The seeds that both snapshots have a number of; None where there is none."""
     values = [(metric.value(base), metric.value(new)) for base, new in members]
     both = [(base, new) for base, new in values if base is not None and new is not None and math.isfinite(base)]
     if not both:
@@ -194,7 +192,7 @@ def _test(group: Group, metric: Metric, members: Iterable[tuple[Sample, Sample]]
     one, two = np.array(both, dtype=np.float64).T
     with np.errstate(invalid="ignore"):  # a robustness that is no number any more is an infinite loss
         gains = np.nan_to_num(metric.gain(one, two), nan=-np.inf, posinf=0.0, neginf=-np.inf)
-    return _Test(group, metric, one, two, gains)
+    return _Test(setting, metric, one, two, gains)
 
 
 def _decide(family: Sequence[_Test]) -> list[Comparison]:
@@ -210,12 +208,12 @@ def _decide(family: Sequence[_Test]) -> list[Comparison]:
         gain = float(test.gains.mean())
         means = float(test.base.mean()), float(test.new.mean())
         verdict = _verdict(test, gain, low, chance)
-        decided.append(Comparison(test.group, test.metric, *means, len(test.gains), gain, low, high, chance, verdict))
+        decided.append(Comparison(test.setting, test.metric, *means, len(test.gains), gain, low, high, chance, verdict))
     return decided
 
 
 def _tamed(pool: Sequence[_Test]) -> list[_Test]:
-    """Times with each gain within three times the scatter of its group's median: the first cell of a worker may be
+    """Times with each gain within three times the scatter of its setting's median: the first cell of a worker may be
     twice as slow as the others, and says nothing of them. Other metrics as they are: there a bad seed is a result."""
     if not pool or not pool[0].metric.timing:
         return list(pool)

@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from stlbench.errors import UsageError, did_you_mean
 
-__all__ = ["NAME", "Choice", "Parameter", "base_name", "check", "declared", "parse_choice", "parse_choices"]
+__all__ = ["NAME", "Choice", "Parameter", "check", "choice_of", "declared", "parse_choice", "parse_choices"]
 
 NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
 """What a plugin may be called. Names become keys, paths and column heads, so nothing else is let in."""
@@ -22,7 +22,7 @@ _KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _VALUE = re.compile(r"[A-Za-z0-9._+-]+")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class Choice:
     """A plugin's name and the parameters that the user set. `str` gives the canonical text, which parses back."""
 
@@ -48,6 +48,14 @@ def parse_choices(text: str) -> tuple[Choice, ...]:
         UsageError: with what is wrong and where in the list.
     """
     return tuple(dict.fromkeys(parse_choice(item) for item in _split(text)))
+
+
+def choice_of(value: Choice | str) -> Choice:
+    """The choice that a caller means, by value or by text. Raises `UsageError` where the text is none.
+
+    What is public takes either and calls this once; everything behind it takes choices.
+    """
+    return parse_choice(value) if isinstance(value, str) else value
 
 
 def parse_choice(text: str) -> Choice:
@@ -99,11 +107,6 @@ def _item(text: str, start: int, end: int) -> str:
     if not text[start:end].strip():
         raise UsageError(f"empty item at column {start + 1} of '{text}'; separate names by single commas")
     return text[start:end]
-
-
-def base_name(text: str) -> str:
-    """The name in a choice's text, unchecked: "overlap" of "overlap[without=cuts]"."""
-    return text.partition("[")[0]
 
 
 # --------------------------------------------------------------------------------------------------------- checking

@@ -9,8 +9,15 @@ from stlbench.errors import UsageError
 from stlbench.report.tables.circumstances import circumstances
 from stlbench.report.tables.formats import to_csv, to_latex, to_markdown, to_records, to_screen
 from stlbench.report.tables.rows import Group, Row, group, row
-from stlbench.report.tables.table import Column, Table
-from stlbench.report.tables.tables import cells, controllers, cost, robustness, summary, unfinished
+from stlbench.report.tables.table import Column, Table, Value, show
+from stlbench.report.tables.tables import (
+    cells_table,
+    controllers_table,
+    robustness_table,
+    summary,
+    time_table,
+    unfinished_table,
+)
 from stlbench.result import Result, Score
 
 __all__ = [
@@ -18,26 +25,28 @@ __all__ = [
     "Group",
     "Row",
     "Table",
-    "cells",
+    "Value",
+    "cells_table",
     "condense",
-    "controllers",
-    "cost",
+    "controllers_table",
     "group",
-    "robustness",
+    "robustness_table",
     "row",
+    "show",
     "summary",
+    "time_table",
     "to_csv",
     "to_latex",
     "to_markdown",
     "to_records",
     "to_screen",
-    "unfinished",
+    "unfinished_table",
     "write",
 ]
 
 
 def condense(results: Iterable[Result]) -> tuple[Group, ...]:
-    """Read results one at a time, keep a few numbers of each, and gather them by task, method, agent and budget."""
+    """Read results one at a time, keep a few numbers of each, and gather those that differ in nothing but the seed."""
     return group(row(result) for result in results)
 
 
@@ -63,7 +72,7 @@ def write(groups: Sequence[Group], scores: Mapping[str, Score], folder: Path) ->
 
 def _texts(groups: Sequence[Group], scores: Mapping[str, Score]) -> dict[str, str]:
     """File name -> content."""
-    robust, hand, price = robustness(groups), controllers(scores), cost(groups)
+    robust, hand, time = robustness_table(groups), controllers_table(scores), time_table(groups)
     tables = (*summary(groups, scores), circumstances(groups))
     return {
         "report.md": "# stlbench report\n\n" + "\n".join(map(to_markdown, tables)),
@@ -71,7 +80,7 @@ def _texts(groups: Sequence[Group], scores: Mapping[str, Score]) -> dict[str, st
         "robustness.tex": to_latex(robust),
         "controllers.csv": to_csv(hand),
         "controllers.tex": to_latex(hand),
-        "time.csv": to_csv(price),
-        "time.tex": to_latex(price),
-        "cells.csv": to_csv(cells(row for group in groups for row in group.rows)),
+        "time.csv": to_csv(time),
+        "time.tex": to_latex(time),
+        "cells.csv": to_csv(cells_table(row for group in groups for row in group.rows)),
     }

@@ -7,16 +7,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-__all__ = ["Statistic", "interval", "iqm"]
+__all__ = ["Interval", "Statistic", "interval", "iqm"]
 
 Statistic = Callable[..., Any]
 """A function of values and `axis`, such as `np.mean`, `np.median` or `iqm`."""
+
+
+class Interval(NamedTuple):
+    """Both ends, in the unit of the values."""
+
+    low: float
+    high: float
 
 
 def iqm(values: Iterable[float] | NDArray[np.float64], axis: int = 0) -> Any:
@@ -27,16 +34,14 @@ def iqm(values: Iterable[float] | NDArray[np.float64], axis: int = 0) -> Any:
     return stats.trim_mean(_array(values), 0.25, axis=axis)
 
 
-def interval(
-    values: Iterable[float], statistic: Statistic, seed: int = 0, level: float = 0.95
-) -> tuple[float, float] | None:
-    """Percentile bootstrap interval of a statistic, one value a seed.
+def interval(values: Iterable[float], statistic: Statistic, seed: int = 0, level: float = 0.95) -> Interval | None:
+    """Percentile bootstrap interval of a statistic, one value per seed.
 
     The same values give the same interval, in whatever order they come. With few seeds the interval is narrow by
     construction: with 3 it lies between the smallest and the largest value, whatever the level.
 
     Args:
-        values: one number a seed.
+        values: one number per seed.
         statistic: applied to the resampled values, along `axis`.
         seed: of the resampling.
         level: share of the resampled statistics inside, in (0, 1).
@@ -48,17 +53,17 @@ def interval(
     if len(data) < 2 or not np.isfinite(data).all():
         return None
     if data[0] == data[-1]:
-        return float(data[0]), float(data[0])
+        return Interval(float(data[0]), float(data[0]))
     return _bootstrapped(tuple(data.tolist()), statistic, seed, level)
 
 
 @lru_cache(maxsize=4096)
-def _bootstrapped(values: tuple[float, ...], statistic: Statistic, seed: int, level: float) -> tuple[float, float]:
+def _bootstrapped(values: tuple[float, ...], statistic: Statistic, seed: int, level: float) -> Interval:
     """Cached, since a report shows an interval on screen, in files and in a figure, and each takes milliseconds."""
     rng = np.random.default_rng(seed)
     batch = max(1, 1_000_000 // len(values))  # resamples held in memory at a time
-    found = stats.bootstrap((values,), statistic, confidence_level=level, method="percentile", batch=batch, rng=rng)
-    return float(found.confidence_interval.low), float(found.confidence_interval.high)
+    result = stats.bootstrap((values,), statistic, confidence_level=level, method="percentile", batch=batch, rng=rng)
+    return Interval(float(result.confidence_interval.low), float(result.confidence_interval.high))
 
 
 def _array(values: Iterable[float] | NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers, RewardMethod
 from stlbench.errors import UsageError
-from stlbench.registry.choices import base_name
+from stlbench.registry.choices import Choice
 from stlbench.registry.plugins import PluginWarning
 from stlbench.result import Score
 from stlbench.rollout import referee
@@ -51,16 +51,16 @@ def score(task: Task) -> Score | None:
     return None if traces is None else referee.score(task.formula, traces, task.signals)
 
 
-def scores(tasks: Iterable[str]) -> dict[str, Score]:
-    """Task -> `score`, each once, in the order given; an ablation counts as the task that it is one of.
+def scores(tasks: Iterable[Choice]) -> dict[str, Score]:
+    """Name of a task -> `score`, each once, in the order given; an ablation counts as the task that it is one of.
 
     Left out are tasks without one, and those that are not installed or cannot be loaded: results may come from another
     machine.
     """
     found = dict[str, Score]()
-    for name in dict.fromkeys(base_name(task) for task in tasks):
+    for name in dict.fromkeys(task.name for task in tasks):
         try:
-            task = load_task(name)
+            task = load_task(Choice(name))
         except (UsageError, ImportError):
             continue
         except Exception as error:

@@ -11,11 +11,14 @@ import numpy as np
 
 from stlbench.contract import Array, Integers
 from stlbench.errors import UsageError
-from stlbench.result import MAIN, Result
+from stlbench.result import MAIN, CellId, Result
 from stlbench.rollout.referee import Report
 from stlbench.task.task import Task
 
-__all__ = ["Film", "Recording", "gather", "load", "save", "trace_file"]
+__all__ = ["FOLDER", "Film", "Recording", "gather", "load", "save", "trace_file"]
+
+FOLDER = "traces"
+"""Name of the folder of traces in a folder of results."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +53,14 @@ def load(task: Task, result: Result, run: Path) -> Recording:
     Raises:
         UsageError: there is no file, it is damaged, or it is of another version of the task.
     """
-    path = trace_file(run / "traces", result.name, result.key)
+    path = trace_file(run / FOLDER, result.id, result.key)
     try:
         with np.load(path) as saved:
             traces, names = saved["traces"], tuple(saved["signals"].tolist())
             film = Film(saved["extremes"], saved["states"]) if "states" in saved else None
     except FileNotFoundError:
         raise UsageError(
-            f"{result.name} has no traces at {path}; `stlbench run` records them when it trains a cell"
+            f"{result.id.name} has no traces at {path}; `stlbench run` records them when it trains a cell"
         ) from None
     except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
         raise UsageError(f"cannot read the traces {path}: {error}") from error
@@ -71,13 +74,13 @@ def gather(recordings: Sequence[Recording]) -> Recording:
     return Recording(np.concatenate([entry.traces for entry in recordings]), len(recordings))
 
 
-def trace_file(folder: Path, name: str, key: str) -> Path:
+def trace_file(folder: Path, cell: CellId, key: str) -> Path:
     """Where a cell's traces are saved: an .npz with `traces` (N, T + 1, k) and `signals` (k,), their names.
 
     For films, `extremes` (2,) says which starts were the best and the worst, and `states` (2, decisions + 1, n) what
     states these went through.
     """
-    return folder / f"{name.replace('/', '_')}_{key[:12]}.npz"
+    return folder / f"{cell.name.replace('/', '_')}_{key[:12]}.npz"
 
 
 def save(path: Path, report: Report, signals: tuple[str, ...]) -> None:

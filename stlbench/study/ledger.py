@@ -1,4 +1,4 @@
-"""The ledger: one SQLite file, one row and one transaction a cell. Only the parent process writes."""
+"""The ledger: one SQLite file, one row and one transaction per cell. Only the parent process writes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from typing import Self
 from stlbench.errors import UsageError
 from stlbench.result import ACCIDENTS, MAIN, Result, from_json, to_json
 
-__all__ = ["VERSION", "Ledger", "is_sqlite"]
+__all__ = ["FILE", "VERSION", "Ledger", "is_sqlite"]
+
+FILE = "ledger.sqlite"
+"""Its name in a folder of results."""
 
 VERSION = 1
 """Of the tables below, in `PRAGMA user_version`."""
@@ -127,10 +130,10 @@ def is_sqlite(path: Path) -> bool:
 
 
 def _row(result: Result) -> tuple[str | int | float | None, ...]:
-    measured = result.measurement
+    cell, measured = result.id, result.measurement
     score = measured.selected[MAIN] if measured else None
     return (
-        *(result.key, result.task, result.method, result.agent, result.seed, result.budget),
+        *(result.key, str(cell.task), str(cell.method), str(cell.agent), cell.seed, cell.budget),
         *(result.status, result.reason),
         score.mean if score else None,
         score.satisfaction if score else None,

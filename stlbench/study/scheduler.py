@@ -1,4 +1,4 @@
-"""Cells to results: skips what is finished, runs the rest on an executor, records each result as it ends."""
+"""Cells to results: runs them on an executor, and records each result as it ends."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import replace
 from stlbench.contract import Executor, Outcome
 from stlbench.result import Result
 from stlbench.study.ledger import Ledger
-from stlbench.study.matrix import Cell
+from stlbench.study.plan import Cell
 
 __all__ = ["run"]
 
@@ -19,29 +19,22 @@ def run(
     ledger: Ledger,
     executor: Executor,
     run_cell: Callable[[Cell], Result],
-    deadlines: Sequence[float],
     provenance: Mapping[str, str],
-    retry: bool = False,
 ) -> Generator[Result]:
-    """Yield the result of each cell that was not finished, as they end. A result is in the ledger when it is yielded.
+    """Yield the result of each cell, as they end. A result is in the ledger when it is yielded.
 
     ctrl-C, or closing the iterator, stops the workers; what ended before is recorded.
 
     Args:
-        cells: what to have results of, in the order in which to begin.
-        ledger: says what is finished, and takes the rest.
+        cells: what to run, in the order in which to begin.
+        ledger: takes the results.
         executor: runs the cells.
         run_cell: an importable function. What it raises becomes a result with status `raised`.
-        deadlines: wall seconds for each of the cells.
         provenance: put on every result that is recorded (see `provenance.collect`).
-        retry: run cells again that raised, or were stopped or killed.
     """
-    finished = ledger.finished((cell.key for cell in cells), retry)
-    limits = {cell: limit for cell, limit in zip(cells, deadlines, strict=True) if cell.key not in finished}
-    todo = tuple(limits)
-    with closing(executor.run(run_cell, todo, tuple(limits.values()))) as outcomes:
+    with closing(executor.run(run_cell, cells, [cell.deadline for cell in cells])) as outcomes:
         for outcome in outcomes:
-            result = replace(_result(todo[outcome.index], outcome), provenance=provenance)
+            result = replace(_result(cells[outcome.index], outcome), provenance=provenance)
             ledger.record(result)
             yield result
 

@@ -1,4 +1,4 @@
-"""One cell, from its name to its result: train, select, report. Runs in a worker process."""
+"""One cell, from its identity to its result: train, select, report. Runs in a worker process."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from stlbench.contract import Agent, Intractable, Policy, RewardMethod, Training, Unsuitable
-from stlbench.registry.choices import base_name
 from stlbench.result import CurvePoint, Measurement, Result
 from stlbench.rollout.environment import BatchEnvironment, Simulator
 from stlbench.rollout.referee import Referee, Report
 from stlbench.rollout.traces import save, trace_file
-from stlbench.study.matrix import Cell, derive_seed
+from stlbench.study.plan import Cell, derive_seed
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.task.file import Budget
 
@@ -34,16 +33,16 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         The cell's result; a method that does not fit the task is a result, with its reason. Any other error of a
         plugin is raised, for the scheduler to record.
     """
-    task = load_task(cell.task)
+    task = load_task(cell.id.task)
     try:
-        method = build_method(task, cell.method)
+        method = build_method(task, cell.id.method)
     except Intractable as reason:
         return cell.ended("intractable", str(reason))
     except Unsuitable as reason:
         return cell.ended("unsuitable", str(reason))
-    measurement, reported = measure(task, method, build_agent(task, cell.agent), cell)
+    measurement, reported = measure(task, method, build_agent(task, cell.id.agent), cell)
     if folder is not None:
-        save(trace_file(folder, cell.name, cell.key), reported, task.signals)
+        save(trace_file(folder, cell.id, cell.key), reported, task.signals)
     return cell.ended("done", measurement=measurement)
 
 
@@ -86,7 +85,7 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
     """Train, and score the selected and the final policy: the measurement and the selected policy's report."""
     whole = _Clock()
     referee = Referee(task, method)
-    budget = task.budget(cell.budget)
+    budget = task.budget(cell.id.budget)
     used: list[BatchEnvironment] = []
     clock = _Clock()
     selection = _Selection(referee, clock)
@@ -98,7 +97,7 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
     clock.pause()
     taken = sum(environment.taken for environment in used)
     if taken > budget.steps:
-        raise RuntimeError(f"agent {cell.agent} took {taken} environment steps, its budget is {budget.steps}")
+        raise RuntimeError(f"agent {cell.id.agent} took {taken} environment steps, its budget is {budget.steps}")
     selected = final if selection.best is None else selection.best
     reported = referee.report(selected)
     last = reported if selected is final else referee.report(final)
@@ -128,16 +127,14 @@ def _training(
     report: Callable[[Policy, int], None],
     made: Callable[[BatchEnvironment], None],
 ) -> Training:
-    agent = base_name(cell.agent)
+    plugin, agent, seed = task.choice.name, cell.id.agent.name, cell.id.seed
 
     def make(count: int) -> BatchEnvironment:
-        environment = BatchEnvironment(task, method, count, derive_seed(task.plugin, "initial states", cell.seed))
+        environment = BatchEnvironment(task, method, count, derive_seed(plugin, "initial states", seed))
         made(environment)
         return environment
 
-    return Training(
-        make, budget.steps, derive_seed(task.plugin, agent, "training", cell.seed), report, budget.checkpoints
-    )
+    return Training(make, budget.steps, derive_seed(plugin, agent, "training", seed), report, budget.checkpoints)
 
 
 def _warm_up(agent: Agent, training: Training, hold: int) -> None:

@@ -6,22 +6,22 @@ from typing import cast
 
 from stlbench.contract import Agent, Intractable, RewardMethod
 from stlbench.registry import plugins
-from stlbench.registry.choices import parse_choice
+from stlbench.registry.choices import Choice, choice_of
 from stlbench.task.task import Task
 
 __all__ = ["build_agent", "build_method"]
 
 
-def build_method(task: Task, text: str) -> RewardMethod:
-    """The method named `text`, with its parameters, for a task. Raises `Intractable`, `Unsuitable`, `UsageError`."""
-    method = cast(RewardMethod, plugins.build("methods", parse_choice(text), task.specification))
+def build_method(task: Task, choice: Choice | str) -> RewardMethod:
+    """The chosen method, with its parameters, for a task. Raises `Intractable`, `Unsuitable`, `UsageError`."""
+    method = cast(RewardMethod, plugins.build("methods", choice_of(choice), task.specification))
     limit = task.specification.input_limit
     if method.memory_size > limit:
         raise Intractable(f"needs {method.memory_size} inputs, limit {limit}")
     return method
 
 
-def build_agent(task: Task, text: str) -> Agent:
-    """The agent named `text` with the task's recipe, which parameters in the text override."""
-    choice = parse_choice(text)
+def build_agent(task: Task, choice: Choice | str) -> Agent:
+    """The chosen agent with the task's recipe, which the parameters of the choice override."""
+    choice = choice_of(choice)
     return cast(Agent, plugins.build("agents", choice, defaults=task.recipe(choice.name)))

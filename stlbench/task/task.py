@@ -12,7 +12,7 @@ from stlbench import stl
 from stlbench.contract import ActionBox, ActionGrid, Actions, Specification, System
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import plugins
-from stlbench.registry.choices import Choice, parse_choice
+from stlbench.registry.choices import Choice, choice_of
 from stlbench.task.file import Budget, TaskFile, read_task_file
 
 __all__ = ["Task", "load_task"]
@@ -22,15 +22,15 @@ __all__ = ["Task", "load_task"]
 class Task:
     """A task that is ready: file, formulas in steps, system."""
 
-    name: str
-    """Canonical text of the choice: overlap, or overlap[without=cuts]."""
+    choice: Choice
+    """The plugin, and for an ablation what it is without: overlap[without=cuts]."""
     file: TaskFile
     system: System
 
     @property
-    def plugin(self) -> str:
-        """The name of its entry point."""
-        return parse_choice(self.name).name
+    def name(self) -> str:
+        """The text of the choice."""
+        return str(self.choice)
 
     @cached_property
     def formula(self) -> stl.Formula:
@@ -85,17 +85,17 @@ class Task:
         return self.file.agents[agent]
 
 
-def load_task(text: str) -> Task:
+def load_task(choice: Choice | str) -> Task:
     """Find, read and check a task.
 
     Args:
-        text: its name; for an ablation with what it is to do without, joined by +: overlap[without=cuts+violation].
+        choice: the task; for an ablation with what it is to do without, joined by +: overlap[without=cuts+violation].
 
     Raises:
         UsageError: no such task, a task file with errors (the message lists all of them), or without a thing that the
             task does not have.
     """
-    choice = parse_choice(text)
+    choice = choice_of(choice)
     name = choice.name
     plugin = plugins.find("tasks", name)
     kind = plugin.load()
@@ -107,7 +107,7 @@ def load_task(text: str) -> Task:
     except ImportError as error:
         raise UsageError(f"task {name} cannot be loaded: {error}") from error
     _check_states(name, file, system)
-    return Task(str(choice), file, system)
+    return Task(choice, file, system)
 
 
 def _without(file: TaskFile, choice: Choice) -> TaskFile:

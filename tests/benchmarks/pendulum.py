@@ -8,6 +8,7 @@ import numpy as np
 import yaml
 
 from stlbench.contract import Array, Integers, System
+from stlbench.registry.choices import Choice
 from stlbench.task.file import read_task_file
 from stlbench.task.task import Task
 
@@ -66,4 +67,4 @@ def _wrapped(angle: Array) -> Array:
 def pendulum(actions: int) -> Task:
     """The task with 61 or 273 actions."""
     text = yaml.safe_dump(_FILE | {"actions": _GRIDS[actions]}, sort_keys=False)
-    return Task("pendulum", read_task_file(text, "pendulum"), Pendulum(0.01))
+    return Task(Choice("pendulum"), read_task_file(text, "pendulum"), Pendulum(0.01))

@@ -17,17 +17,16 @@ import pytest
 from helpers.synthetic_results import measurement
 
 from benchmarks.conftest import Race, ratios
-from stlbench.cli.common import LEDGER
 from stlbench.registry.choices import parse_choices
 from stlbench.result import CurvePoint, Result
-from stlbench.study import matrix
-from stlbench.study.ledger import Ledger
+from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.plan import Cell, plan_cells
 
 SEEDS = 2500
 METHODS = "funnel,flag,tau-mdp,raw"
 CELLS = 4 * SEEDS
 MATRIX, MINUTES_LONG = 20, 120.0
-"""Cells, and CPU seconds of training of each, of the matrix for which the harness' share is told."""
+"""Cells, and CPU seconds of training of each, of the study for which the harness' share is told."""
 
 
 def children_seconds() -> float:
@@ -49,7 +48,7 @@ def test_plan(race: Race) -> None:
 @of_children
 def test_resume(race: Race, full: Path) -> None:
     """Plan them, and find in the ledger that each is finished."""
-    times = race.run(lambda: _python(_PLAN + _RESUME, str(full / LEDGER)), {}, turns=3)["ours"]
+    times = race.run(lambda: _python(_PLAN + _RESUME, str(full / FILE)), {}, turns=3)["ours"]
     race.note(resume_10000_seconds=times)
 
 
@@ -66,7 +65,7 @@ def test_overhead(race: Race, tmp_path: Path) -> None:
     """CPU seconds of `stlbench run` and of all its workers, above those of training.
 
     Runs of one cell and of three, of some ten seconds each, tell what a run costs and what each cell costs more, most
-    of it the referee, who scores 20 checkpoints. Told as a share of a matrix of twenty cells of two minutes each.
+    of it the referee, who scores 20 checkpoints. Told as a share of a study of twenty cells of two minutes each.
     """
     once, each, share = list[float](), list[float](), list[float]()
 
@@ -105,18 +104,20 @@ def test_two_workers(race: Race, tmp_path: Path) -> None:
 def full(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a ledger in which 10,000 cells are finished."""
     folder = tmp_path_factory.mktemp("full")
-    cells = matrix.plan(["hold-disc"], parse_choices(METHODS), parse_choices("dqn"), range(SEEDS), "quick")
-    with Ledger(folder / LEDGER) as ledger:
+    cells = plan_cells(parse_choices("hold-disc"), parse_choices(METHODS), parse_choices("dqn"), range(SEEDS), "quick")
+    with Ledger(folder / FILE) as ledger:
         for cell in cells:
             ledger.record(_finished(cell))
     return folder
 
 
-def _finished(cell: matrix.Cell) -> Result:
+def _finished(cell: Cell) -> Result:
     """As large as a real one: 64 starts, four protocols, 20 checkpoints."""
-    robustness = [0.1 + 0.0003 * (cell.seed % 97) + 0.001 * start for start in range(64)]
+    robustness = [0.1 + 0.0003 * (cell.id.seed % 97) + 0.001 * start for start in range(64)]
     return Result(
-        *(cell.key, cell.task, cell.method, cell.agent, cell.seed, cell.budget, "done"),
+        cell.id,
+        cell.key,
+        "done",
         measurement=measurement(
             robustness,
             further={name: robustness for name in ("paper", "tail", "centre")},
@@ -132,7 +133,7 @@ def _run_cells(folder: Path, seeds: int, jobs: int) -> None:
 
 
 def _results(folder: Path) -> Sequence[Result]:
-    with Ledger(folder / LEDGER, create=False) as ledger:
+    with Ledger(folder / FILE, create=False) as ledger:
         return tuple(ledger.results())
 
 
@@ -147,15 +148,16 @@ def _python(program: str, *arguments: str) -> str:
 
 _PLAN = f"""
 import sys
-from stlbench.study import matrix
 from stlbench.registry.choices import parse_choices
-cells = matrix.plan(["hold-disc"], parse_choices("{METHODS}"), parse_choices("dqn"), range({SEEDS}), "quick")
+from stlbench.study.plan import plan_cells
+tasks, methods, agents = map(parse_choices, ("hold-disc", "{METHODS}", "dqn"))
+cells = plan_cells(tasks, methods, agents, range({SEEDS}), "quick")
 assert len(cells) == {CELLS}
 """
 
 _RESUME = f"""
 from pathlib import Path
-from stlbench.study.ledger import Ledger
+from stlbench.study.ledger import FILE, Ledger
 with Ledger(Path(sys.argv[1]), create=False) as ledger:
     assert len(ledger.finished(cell.key for cell in cells)) == {CELLS}
 """

@@ -107,7 +107,7 @@ def test_it_goes_on_where_it_was(reference, say, monkeypatch):
 
 def test_another_version_of_anything_measures_anew(reference, say, monkeypatch):
     reference()
-    monkeypatch.setattr("stlbench.registry.fingerprint.fingerprint", lambda module: "edited " * 5)
+    monkeypatch.setattr("stlbench.gate.measure.fingerprint", lambda module: "edited " * 5)
     done = say(*GATE)
     assert (done.exit_code, done.stderr.splitlines()[0]) == (0, "3 cells")
 
@@ -210,7 +210,7 @@ def test_compare_misses_cells(reference, say):
     assert "there is no result of it, and the base says done" in done.stdout
     more = say("compare", "results", "reference")
     assert more.exit_code == 0
-    assert "- Cells of the new recording alone, which were not compared: 1." in more.stdout
+    assert "- Cells of the new snapshot alone, which were not compared: 1." in more.stdout
 
 
 def test_compare_as_json(reference, say):

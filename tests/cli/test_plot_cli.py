@@ -73,11 +73,12 @@ def test_a_method_that_cannot_be_scored_leaves_no_figure(run, say):
         (("plot", "results", "--tasks", "line"), "error: results has no task 'line'; did you mean 'toy-line'?"),
         (("render", "resluts", CELL), "error: there is no ledger at resluts/ledger.sqlite; `stlbench run` writes one"),
         (
-            ("render", "results", "toy-lime/toy-raw/0"),
-            "has no cell 'toy-lime/toy-raw/0'; did you mean 'toy-line/toy-raw/",
+            ("render", "results", "toy-lime/toy-raw/toy-agent/0"),
+            "there is no cell 'toy-lime/toy-raw/toy-agent/0'; did you mean 'toy-line/toy-raw/",
         ),
+        (("render", "results", "toy-line/toy-raw/0"), "'toy-line/toy-raw/0' names no cell; a name is task/method/"),
         (("render", "results", "toy-line/toy-large/toy-agent/0"), "has no policy to film: intractable: needs 6003"),
-        (("render", "results", CELL, "--budget", "quikc"), "has no budget 'quikc' in results; did you mean 'quick'?"),
+        (("render", "results", CELL, "--budget", "quikc"), "has no budget 'quikc'; did you mean 'quick'?"),
         (("render", "results", CELL, "--format", "avi"), "'avi' is not one of 'gif', 'mp4'"),
     ],
 )
@@ -134,6 +135,6 @@ def test_two_budgets_of_one_cell_are_told_apart(run, say, toy):
     quick = "  quick: {steps: 8, seeds: 2, deadline: 60, checkpoints: 2}\n"
     task.write_text(task.read_text().replace(quick, quick + quick.replace("quick: {steps: 8", "other: {steps: 16")))
     say(*RUN, "toy-raw", "--budget", "other")
-    assert refused(say("render", "results", CELL)).endswith("with the budgets other, quick; say which by --budget")
+    assert refused(say("render", "results", CELL)).endswith("has the budgets other, quick; say which")
     done = say("render", "results", CELL, "--budget", "other")
     assert done.stdout == "results/films/film-toy-line-toy-raw-toy-agent-0-other.gif\n"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from stlbench.cli.run import parse_seeds
+from stlbench.cli.options import parse_seeds
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.study.ledger import Ledger
@@ -33,7 +33,7 @@ def test_runs_every_cell_and_prints_both_tables(run):
     done = run("toy-raw,toy-raw[weight=2]")
     assert done.exit_code == 0
     assert "Robustness: task toy-line, agent toy-agent, budget quick" in done.stdout
-    assert "Wall time and cost: task toy-line, agent toy-agent, budget quick" in done.stdout
+    assert "Time: task toy-line, agent toy-agent, budget quick" in done.stdout
     assert cells() == [(method, seed, "done") for method in ("toy-raw", "toy-raw[weight=2]") for seed in "01"]
 
 
@@ -139,7 +139,7 @@ def test_report_as_json(run):
     assert found["controllers"] == []
     large, raw = found["robustness"]
     assert (large["mean robustness"], large["remarks"]) == (None, "intractable: needs 6003 inputs, limit 512")
-    assert (raw["satisfied [%]"], raw["seeds"]) == (100.0, "2 of 2")
+    assert (raw["satisfied [%]"], raw["seeds done"]) == (100.0, 2)
     assert raw["mean robustness"] == raw["end"]
 
 

@@ -1,4 +1,4 @@
-"""What is worse, what is not, and what nobody can tell: on made-up recordings, with values computed by hand."""
+"""What is worse, what is not, and what nobody can tell: on made-up snapshots, with values computed by hand."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stlbench.gate.comparison import Recording, Sample, pair
 from stlbench.gate.judge import EXIT, METRICS, Comparison, Judgement, absolute, holm, judge, relative, speed
-from stlbench.result import Status
+from stlbench.gate.snapshot import Sample, Snapshot, pair
+from stlbench.registry.choices import Choice
+from stlbench.result import CellId, Status
 
 ROBUSTNESS, SATISFACTION, CPU, REWARD = METRICS
 TASKS = ("disc", "disc-coarse", "line", "nav")
@@ -28,15 +29,21 @@ def cell(seed: int = 0, status: Status = "done", **numbers: Any) -> Sample:
         "reward_nanoseconds": 20.0,
         "calibration_seconds": 0.01,
     }
-    return Sample("disc", "funnel", "dqn", seed, "smoke", status, **((measured if status == "done" else {}) | numbers))
+    return Sample(
+        CellId.parse(f"disc/funnel/dqn/{seed}", "smoke"), status, **((measured if status == "done" else {}) | numbers)
+    )
 
 
-def recording(*samples: Sample) -> Recording:
-    return Recording({sample.identity: sample for sample in samples})
+def of_method(sample: Sample, method: str) -> Sample:
+    return replace(sample, id=replace(sample.id, method=Choice(method)))
+
+
+def snapshot(*samples: Sample) -> Snapshot:
+    return Snapshot({sample.id: sample for sample in samples})
 
 
 def compared(base: Sequence[Sample], new: Sequence[Sample]) -> Judgement:
-    return judge(pair(recording(*base), recording(*new)))
+    return judge(pair(snapshot(*base), snapshot(*new)))
 
 
 def satisfactions(base: Sequence[float], new: Sequence[float]) -> Comparison:
@@ -80,21 +87,21 @@ def test_the_t_test() -> None:
     assert comparison.verdict == "cannot tell"
 
 
-def test_the_scatter_of_times_is_that_of_all_groups() -> None:
+def test_the_scatter_of_times_is_that_of_all_settings() -> None:
     def group(method: str, seconds: Sequence[float]) -> list[Sample]:
-        return [replace(cell(seed, training_cpu_seconds=s), method=method) for seed, s in enumerate(seconds)]
+        return [of_method(cell(seed, training_cpu_seconds=s), method) for seed, s in enumerate(seconds)]
 
     e = math.e
     base = group("a", [1, 1]) + group("b", [1, 1]) + group("c", [1])
     new = group("a", [e, 1]) + group("b", [1, 1 / e]) + group("c", [1])
-    judged = {entry.group[1]: entry for entry in compared(base, new).comparisons if entry.metric is CPU}
+    judged = {entry.setting.method.name: entry for entry in compared(base, new).comparisons if entry.metric is CPU}
     # Gains are (-1, 0) and (0, 1): each has squares 1/2, together 1 with 2 degrees of freedom, error sqrt(1/2 / 2).
     assert judged["a"].gain - judged["a"].low == pytest.approx(2.91999 * 0.5, abs=1e-5)
     assert judged["b"].high - judged["b"].gain == pytest.approx(2.91999 * 0.5, abs=1e-5)
     assert judged["c"].low == judged["c"].high == 0
 
 
-def test_one_slow_cell_does_not_speak_for_its_group() -> None:
+def test_one_slow_cell_does_not_speak_for_its_setting() -> None:
     gains = [0.0, 0.02, -0.02, 0.01, math.log(4)]
     new = [cell(seed, training_cpu_seconds=2 * math.exp(gain)) for seed, gain in enumerate(gains)]
     comparison = found(compared([cell(seed) for seed in range(5)], new), "CPU")
@@ -165,12 +172,12 @@ def test_how_cells_ended(base: Status, new: Status | None, verdict: str | None) 
     assert judgement.verdict == (verdict or "no worse")
     assert [entry.verdict for entry in judgement.findings] == ([verdict] if verdict else [])
     for finding in judgement.findings:
-        assert finding.cell == "disc/funnel/dqn/3"
+        assert finding.cell.name == "disc/funnel/dqn/3"
         assert ("too bad" in finding.reason) == (new is not None)
 
 
 def test_the_worst_counts_and_nothing_is_not_fine() -> None:
-    fine, other = [cell(seed) for seed in range(3)], [replace(cell(seed), method="raw") for seed in range(3)]
+    fine, other = [cell(seed) for seed in range(3)], [of_method(cell(seed), "raw") for seed in range(3)]
     unclear = [replace(entry, satisfaction=value) for entry, value in zip(fine, (0.9, 0.1, 0.8), strict=True)]
     assert compared(fine, fine).verdict == "no worse"
     assert compared(fine, unclear).verdict == "cannot tell"
@@ -204,7 +211,9 @@ def reference(seeds: int = 5) -> list[Sample]:
                     "training_cpu_seconds": float(cpu),
                     "reward_nanoseconds": float(reward),
                 }
-                samples.append(timed(replace(cell(seed, **values), task=task, method=method), rng))
+                samples.append(
+                    timed(replace(cell(seed, **values), id=CellId.parse(f"{task}/{method}/dqn/{seed}", "smoke")), rng)
+                )
     return samples
 
 
@@ -249,7 +258,7 @@ def test_equal_code_on_another_machine_is_called_worse_at_most_once_in_50_runs()
 
 
 def broken(method: str, change: Callable[[Sample], Sample]) -> Callable[[Sample, np.random.Generator], Sample]:
-    return lambda sample, rng: change(sample) if sample.method == method else sample
+    return lambda sample, rng: change(sample) if sample.id.method.name == method else sample
 
 
 def flipped(sample: Sample) -> Sample:
@@ -286,7 +295,11 @@ def test_a_broken_method_is_caught_and_named_in_each_of_20_runs(change: Callable
     for number in range(20):
         judgement = rerun(broken("funnel", change), number)
         assert judgement.verdict == "worse"
-        worse = {entry.group[:2] for entry in judgement.comparisons if entry.verdict == "worse"}
+        worse = {
+            (entry.setting.task.name, entry.setting.method.name)
+            for entry in judgement.comparisons
+            if entry.verdict == "worse"
+        }
         assert worse <= {(task, "funnel") for task in TASKS}
         named = [entry for entry in judgement.comparisons if (entry.metric.name, entry.verdict) == (metric, "worse")]
         assert len(named) >= 3

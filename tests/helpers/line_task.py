@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 
 from stlbench.contract import Array, Integers, Policy, RewardMethod, System
+from stlbench.registry.choices import Choice
 from stlbench.task.file import read_task_file
 from stlbench.task.task import Task
 
@@ -51,7 +52,7 @@ def text(**changes: Any) -> str:
 
 def line(**changes: Any) -> Task:
     """The task, with some entries of its file replaced."""
-    return Task("line", read_task_file(text(**changes), "line"), Line(FILE["sampling_time"]))
+    return Task(Choice("line"), read_task_file(text(**changes), "line"), Line(FILE["sampling_time"]))
 
 
 class Probe(RewardMethod):

@@ -7,6 +7,7 @@ from typing import Any
 import yaml
 
 from stlbench.contract import Array, Integers, System
+from stlbench.registry.choices import Choice
 from stlbench.task.file import read_task_file
 from stlbench.task.task import Task
 
@@ -46,4 +47,5 @@ FILE: dict[str, Any] = {
 def pair(**changes: Any) -> Task:
     """The task, with some entries of its file replaced; None removes one."""
     content = {key: value for key, value in (FILE | changes).items() if value is not None}
-    return Task("pair", read_task_file(yaml.safe_dump(content, sort_keys=False), "pair"), Pair(FILE["sampling_time"]))
+    file = read_task_file(yaml.safe_dump(content, sort_keys=False), "pair")
+    return Task(Choice("pair"), file, Pair(FILE["sampling_time"]))

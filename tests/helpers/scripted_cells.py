@@ -6,22 +6,23 @@ import os
 import signal
 import time
 
-from stlbench.result import Result
-from stlbench.study.matrix import Cell
+from stlbench.result import CellId, Result
+from stlbench.study.plan import Cell
 
 
-def cells(*methods: str) -> tuple[Cell, ...]:
-    """One cell a method."""
-    return tuple(Cell("task", method, "agent", seed, "smoke", f"key-{seed}") for seed, method in enumerate(methods))
+def cells(*methods: str, deadline: float = 60) -> tuple[Cell, ...]:
+    """One cell per method."""
+    ids = [CellId.parse(f"task/{method}/agent/{seed}", "smoke") for seed, method in enumerate(methods)]
+    return tuple(Cell(cell, f"key-{cell.seed}", deadline) for cell in ids)
 
 
 def run_cell(cell: Cell) -> Result:
     """End as the cell's method says."""
-    if cell.method == "raise":
+    method = cell.id.method.name
+    if method == "raise":
         raise ValueError("no such luck")
-    if cell.method == "hang":
+    if method == "hang":
         time.sleep(600)
-    if cell.method == "kill":
+    if method == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
-    key = "of another cell" if cell.method == "lie" else cell.key
-    return Result(key, cell.task, cell.method, cell.agent, cell.seed, cell.budget, "unsuitable", "for the test")
+    return Result(cell.id, "of another cell" if method == "lie" else cell.key, "unsuitable", "for the test")

@@ -1,11 +1,11 @@
-"""Synthetic results: the fewest words that make a cell's row, for tests of what is done with results."""
+"""Synthetic results: the fewest words that make a cell's result, for tests of what is done with results."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from stlbench.result import MAIN, CurvePoint, Measurement, Result, Score, Status
+from stlbench.result import MAIN, CellId, CurvePoint, Measurement, Result, Score, Status
 
 
 def score(robustness: Sequence[float], first_failed: Mapping[str, int] | None = None) -> Score:
@@ -52,14 +52,11 @@ def result(
     jobs: int | None = 2,
     **measured: Any,
 ) -> Result:
-    """One row of the ledger; `measured` is passed to `measurement` where status is `done`."""
+    """What one cell left behind; `measured` is passed to `measurement` where status is `done`."""
+    name = f"{task}/{method}/{agent}/{seed}"
     return Result(
-        key=f"{task}/{method}/{agent}/{seed}/{budget}",
-        task=task,
-        method=method,
-        agent=agent,
-        seed=seed,
-        budget=budget,
+        CellId.parse(name, budget),
+        key=f"{name}/{budget}",
         status=status,
         reason=reason,
         measurement=measurement(**measured) if status == "done" else None,

@@ -13,6 +13,7 @@ from helpers.line_task import Line, Probe, Rule, line
 
 from stlbench.contract import Array, Integers
 from stlbench.registry import plugins
+from stlbench.registry.choices import Choice, parse_choices
 from stlbench.result import MAIN
 from stlbench.rollout import controller, referee
 from stlbench.rollout.referee import Referee
@@ -114,7 +115,8 @@ class TestScores:
             "none": line(),
         }
 
-        def load(name: str) -> Task:
+        def load(choice: Choice) -> Task:
+            name = str(choice)
             asked.append(name)
             if name == "torn":
                 raise ImportError("it needs the extra mujoco")
@@ -128,18 +130,18 @@ class TestScores:
         return asked
 
     def test_a_task_is_scored_once(self, tasks: list[str]) -> None:
-        found = controller.scores(["up", "down", "up", "up[without=cuts]"])
+        found = controller.scores(parse_choices("up,down,up[without=cuts]"))
         assert list(found) == tasks == ["up", "down"]
         assert (found["up"].satisfaction, found["down"].satisfaction) == (0, 1)
 
     def test_what_cannot_be_scored_is_left_out_silently(self) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            assert list(controller.scores(["gone", "none", "torn", "../x", "", "down"])) == ["down"]
+            assert list(controller.scores(map(Choice, ("gone", "none", "torn", "../x", "", "down")))) == ["down"]
 
     def test_a_controller_that_fails_is_a_warning(self) -> None:
         with pytest.warns(plugins.PluginWarning) as told:
-            assert list(controller.scores(["broken", "unmade", "up"])) == ["up"]
+            assert list(controller.scores(parse_choices("broken,unmade,up"))) == ["up"]
         assert [str(entry.message) for entry in told] == [
             "task line: its controller cannot be scored: ValueError: no such luck",
             "task unmade: its controller cannot be scored: OSError: its table is not there",

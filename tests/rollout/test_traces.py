@@ -17,7 +17,7 @@ TRACES = np.arange(36.0).reshape(4, 9, 1)
 
 @pytest.fixture
 def save(tmp_path):
-    path = trace_file(tmp_path / "traces", RESULT.name, RESULT.key)
+    path = trace_file(tmp_path / "traces", RESULT.id, RESULT.key)
     path.parent.mkdir(parents=True)
 
     def write(**content):

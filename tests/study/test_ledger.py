@@ -109,7 +109,7 @@ def test_what_was_recorded_survives_a_kill(path):
     ended = subprocess.run([sys.executable, "-c", KILLED, path], env=environment, check=False)
     assert ended.returncode == -signal.SIGKILL
     with Ledger(path) as ledger:
-        assert [entry.seed for entry in ledger.results()] == list(range(20))
+        assert [entry.id.seed for entry in ledger.results()] == list(range(20))
 
 
 def test_a_reader_sees_what_a_writer_has_recorded_meanwhile(path):
@@ -125,7 +125,7 @@ def test_reading_while_recording(path):
             ledger.record(result(seed=seed))
         for entry in ledger.results():
             ledger.record(dataclasses.replace(entry, reason="seen"))
-        assert [(entry.seed, entry.reason) for entry in ledger.results()] == [(seed, "seen") for seed in range(5)]
+        assert [(entry.id.seed, entry.reason) for entry in ledger.results()] == [(seed, "seen") for seed in range(5)]
 
 
 def other_database(path):

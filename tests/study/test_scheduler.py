@@ -1,4 +1,4 @@
-"""Cells to rows: accidents become rows, what is finished is not run again, an interrupt loses nothing that ended."""
+"""Cells to rows: accidents become rows, an interrupt loses nothing that ended."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Here(Executor):
     def run(self, function, items, deadlines):
         try:
             for index, item in reversed(list(enumerate(items))):
-                self.ran.append((item.seed, deadlines[index]))
+                self.ran.append((item.id.seed, deadlines[index]))
                 try:
                     yield Outcome(index, "done", function(item))
                 except ValueError as error:
@@ -44,12 +44,10 @@ def ledger(tmp_path):
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_accidents_become_rows_with_their_reasons_and_the_others_go_on(ledger, jobs):
-    cells = scripted_cells.cells("a", "raise", "b", "kill", "c", "hang", "d", "lie", "e")
-    found = list(
-        scheduler.run(cells, ledger, LocalExecutor(jobs=jobs), scripted_cells.run_cell, [3.0] * len(cells), {})
-    )
-    assert sorted(result.seed for result in found) == list(range(9))
-    rows = {result.method: (result.status, result.reason) for result in ledger.results()}
+    cells = scripted_cells.cells("a", "raise", "b", "kill", "c", "hang", "d", "lie", "e", deadline=3)
+    found = list(scheduler.run(cells, ledger, LocalExecutor(jobs=jobs), scripted_cells.run_cell, {}))
+    assert sorted(result.id.seed for result in found) == list(range(9))
+    rows = {result.id.method.name: (result.status, result.reason) for result in ledger.results()}
     assert rows.pop("lie")[0] == "raised"
     assert rows == {
         "raise": ("raised", "ValueError: no such luck"),
@@ -57,58 +55,25 @@ def test_accidents_become_rows_with_their_reasons_and_the_others_go_on(ledger, j
         "hang": ("timeout", "no result after 3 s"),
         **{method: ("unsuitable", "for the test") for method in "abcde"},
     }
-    details = {result.method: result.details for result in found}
+    details = {result.id.method.name: result.details for result in found}
     assert 'raise ValueError("no such luck")' in details["raise"]
 
 
-def test_a_row_has_the_cells_words(ledger):
+def test_a_row_has_the_cells_identity(ledger):
     (cell,) = scripted_cells.cells("raise")
-    (result,) = scheduler.run([cell], ledger, Here(), scripted_cells.run_cell, [1.0], {})
-    assert (result.key, result.name, result.budget, result.details) == (cell.key, cell.name, "smoke", "trace")
+    (result,) = scheduler.run([cell], ledger, Here(), scripted_cells.run_cell, {})
+    assert (result.id, result.key, result.details) == (cell.id, cell.key, "trace")
     assert list(ledger.results()) == [result]
-
-
-def test_what_is_finished_is_not_run_again_and_each_keeps_its_deadline(ledger):
-    cells = scripted_cells.cells("a", "b", "c", "d")
-    ledger.record(scripted_cells.run_cell(cells[1]))
-    executor = Here()
-    found = list(scheduler.run(cells, ledger, executor, scripted_cells.run_cell, [1.0, 2.0, 3.0, 4.0], {}))
-    assert executor.ran == [(3, 4.0), (2, 3.0), (0, 1.0)]
-    assert [result.seed for result in found] == [3, 2, 0]
-    executor = Here()
-    assert list(scheduler.run(cells, ledger, executor, scripted_cells.run_cell, [1.0] * 4, {})) == []
-    assert executor.ran == []
-
-
-def test_retry_runs_accidents_again_and_nothing_else(ledger):
-    cells = scripted_cells.cells("a", "raise")
-    list(scheduler.run(cells, ledger, Here(), scripted_cells.run_cell, [1.0, 1.0], {}))
-    for retry, ran in ((False, []), (True, [(1, 1.0)])):
-        executor = Here()
-        list(scheduler.run(cells, ledger, executor, scripted_cells.run_cell, [1.0, 1.0], {}, retry))
-        assert executor.ran == ran
-
-
-def test_a_cell_given_twice_runs_once(ledger):
-    (cell,) = scripted_cells.cells("a")
-    executor = Here()
-    assert len(list(scheduler.run([cell, cell], ledger, executor, scripted_cells.run_cell, [1.0, 1.0], {}))) == 1
-    assert len(executor.ran) == 1
 
 
 def test_a_result_is_recorded_when_it_is_yielded_and_closing_stops_the_executor(ledger):
     cells, executor = scripted_cells.cells("a", "b", "c"), Here()
-    running = scheduler.run(cells, ledger, executor, scripted_cells.run_cell, [1.0] * 3, {})
+    running = scheduler.run(cells, ledger, executor, scripted_cells.run_cell, {})
     first = next(running)
     assert list(ledger.results()) == [first]
     running.close()
     assert executor.closed
     assert len(executor.ran) == 1
-
-
-def test_every_cell_needs_a_deadline(ledger):
-    with pytest.raises(ValueError, match="zip"):
-        list(scheduler.run(scripted_cells.cells("a", "b"), ledger, Here(), scripted_cells.run_cell, [1.0], {}))
 
 
 PROGRAM = """
@@ -121,9 +86,9 @@ from stlbench_executors.local import LocalExecutor
 if __name__ == "__main__":
     cells = scripted_cells.cells("a", "b", "hang", "hang", "c", "hang")
     with Ledger(Path(sys.argv[1])) as ledger:
-        runs = scheduler.run(cells, ledger, LocalExecutor(jobs=2), scripted_cells.run_cell, [600.0] * len(cells), {})
+        runs = scheduler.run(cells, ledger, LocalExecutor(jobs=2), scripted_cells.run_cell, {})
         for result in runs:
-            print(result.method, flush=True)
+            print(result.id.method, flush=True)
 """
 
 
@@ -141,4 +106,4 @@ def test_an_interrupted_or_killed_run_has_recorded_what_ended(tmp_path, sent):
     parent.communicate(timeout=60)
     assert parent.returncode == -sent
     with Ledger(path) as ledger:
-        assert {result.method for result in ledger.results()} == {"a", "b"}
+        assert {result.id.method.name for result in ledger.results()} == {"a", "b"}

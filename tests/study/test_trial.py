@@ -17,15 +17,15 @@ from stlbench import stl
 from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.registry.choices import parse_choices
-from stlbench.result import MAIN, Measurement, Result
+from stlbench.result import MAIN, CellId, Measurement, Result
 from stlbench.rollout.traces import trace_file
-from stlbench.study import matrix, trial
-from stlbench.study.matrix import Cell
+from stlbench.study import trial
+from stlbench.study.plan import Cell, plan_cells
 from stlbench.task import build_agent, build_method, load_task, starts
 
 
 def smoke(method: str = "flag", task: str = "hold-disc", agent: str = "dqn", seed: int = 0) -> Cell:
-    (cell,) = matrix.plan([task], parse_choices(method), parse_choices(agent), [seed], "smoke")
+    (cell,) = plan_cells(parse_choices(task), parse_choices(method), parse_choices(agent), [seed], "smoke")
     return cell
 
 
@@ -49,7 +49,7 @@ def measured(result: Result) -> Measurement:
 class TestResult:
     def test_it_is_that_cells(self, result: Result) -> None:
         cell = smoke()
-        assert (result.key, result.name, result.budget, result.status) == (cell.key, cell.name, "smoke", "done")
+        assert (result.id, result.key, result.status) == (cell.id, cell.key, "done")
         assert (result.reason, result.details) == ("", "")
 
     def test_the_budget_was_spent_and_no_more(self, measured: Measurement) -> None:
@@ -83,7 +83,7 @@ class TestResult:
 
 class TestTraces:
     def test_scoring_them_again_gives_exactly_what_was_recorded(self, folder: Path, measured: Measurement) -> None:
-        with np.load(trace_file(folder, smoke().name, smoke().key)) as saved:
+        with np.load(trace_file(folder, smoke().id, smoke().key)) as saved:
             traces, names = saved["traces"], tuple(saved["signals"].tolist())
         assert (traces.shape, names) == ((64, 201, 2), ("x", "y"))
         task = load_task("hold-disc")
@@ -95,7 +95,7 @@ class TestTraces:
 
     def test_the_file_is_named_after_the_cell_and_stays_in_its_folder(self, folder: Path) -> None:
         cell = smoke("funnel[ginf=0.02]")
-        path = trace_file(folder, cell.name, cell.key)
+        path = trace_file(folder, cell.id, cell.key)
         assert path.parent == folder
         assert path.name == f"hold-disc_funnel[ginf=0.02]_dqn_0_{cell.key[:12]}.npz"
 
@@ -116,7 +116,7 @@ def test_the_same_cell_gives_the_same_bits(folder: Path, tmp_path: Path, measure
     assert [replace(point, cpu_seconds=0) for point in again.curve] == [
         replace(point, cpu_seconds=0) for point in measured.curve
     ]
-    files = [np.load(trace_file(place, smoke().name, smoke().key))["traces"] for place in (folder, tmp_path)]
+    files = [np.load(trace_file(place, smoke().id, smoke().key))["traces"] for place in (folder, tmp_path)]
     assert np.array_equal(*files)
 
 
@@ -172,7 +172,7 @@ class TestScript:
 
     @staticmethod
     def cell(method: str = "raw", seed: int = 0) -> Cell:
-        return Cell("zz-line", method, "zz-script", seed, "smoke", 32 * "0")
+        return Cell(CellId.parse(f"zz-line/{method}/zz-script/{seed}", "smoke"), 32 * "0", 60)
 
     def test_the_best_checkpoint_is_selected_and_the_final_policy_reported_beside_it(
         self, agent: Callable[[int], Any]

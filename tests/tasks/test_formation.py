@@ -10,8 +10,9 @@ from helpers.controlled_traces import all_starts, trace
 
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array, Intractable
+from stlbench.result import CellId
 from stlbench.rollout import referee
-from stlbench.study.matrix import Cell
+from stlbench.study.plan import Cell
 from stlbench.study.trial import run_cell
 from stlbench.task import build_method, load_task
 from stlbench.testing import check_task
@@ -137,7 +138,7 @@ def test_tau_mdp_is_intractable_and_says_so_in_a_row() -> None:
     """131 samples of 6 signals."""
     with pytest.raises(Intractable, match=r"^needs 786 inputs, limit 512$"):
         build_method(TASK, "tau-mdp")
-    result = run_cell(Cell("formation", "tau-mdp", "dqn-per-robot", 0, "smoke", "key"))
+    result = run_cell(Cell(CellId.parse("formation/tau-mdp/dqn-per-robot/0", "smoke"), "key", 60))
     assert (result.status, result.reason) == ("intractable", "needs 786 inputs, limit 512")
 
 

@@ -36,11 +36,12 @@ class Style(NamedTuple):
 
 def styles(groups: Sequence[Group]) -> list[Style]:
     """The styles of the groups of one task, at most `MOST` of them all different."""
-    several = [len({getattr(group, name) for group in groups}) > 1 for name in ("agent", "budget")]
+    several = [len({getattr(group.setting, name) for group in groups}) > 1 for name in ("agent", "budget")]
     found = []
     for i, group in enumerate(groups):
-        further = [part for part, shown in zip((group.agent, group.budget), several, strict=True) if shown]
-        label = f"{', '.join([group.method, *further])}: {_standing(group)}"
+        parts = (str(group.setting.agent), group.setting.budget)
+        further = [part for part, shown in zip(parts, several, strict=True) if shown]
+        label = f"{', '.join([str(group.setting.method), *further])}: {_standing(group)}"
         found.append(Style(label, COLOURS[i % len(COLOURS)], LINES[i // len(COLOURS) % len(LINES)]))
     return found
 

@@ -25,12 +25,12 @@ def draw(groups: Sequence[Group], folder: Path) -> list[Path]:
     Where a task has more groups than can be told apart, further figures have names that end in _2, _3, ...
     """
     paths = []
-    for task, members in groupby(groups, key=lambda group: group.task):
+    for task, members in groupby(groups, key=lambda group: group.setting.task):
         shown = list(members)
         if any(group.done for group in shown):
             for end, page in pages(shown):
-                paths += save(robustness_by_method(page), folder, file_name("robustness", task) + end)
-                paths += save(learning_curves(page), folder, file_name("learning", task) + end)
+                paths += save(robustness_by_method(page), folder, file_name("robustness", str(task)) + end)
+                paths += save(learning_curves(page), folder, file_name("learning", str(task)) + end)
     return paths
 
 
@@ -45,7 +45,7 @@ def robustness_by_method(groups: Sequence[Group]) -> Figure:
     axes.set_yticks(range(len(groups)), [style.label.replace(": ", "\n") for style in looks])
     axes.set_ylim(len(groups) - 0.5, -0.5)
     axes.set_xlabel("mean robustness over the report starts [unit of the predicates]")
-    axes.set_title(f"{groups[0].task}: robustness by method", loc="left")
+    axes.set_title(f"{groups[0].setting.task}: robustness by method", loc="left")
     axes.grid(axis="x", alpha=0.3)
     _key_of_points(figure)
     return figure

@@ -41,7 +41,9 @@ def learning_curves(groups: Sequence[Group]) -> Figure:
         axes.set_xlabel("environment steps")
         axes.xaxis.set_major_formatter(EngFormatter(sep=""))
         axes.grid(alpha=0.3)
-    figure.suptitle(f"{groups[0].task}: learning curves on the selection starts (mean over seeds, 95 % interval)")
+    figure.suptitle(
+        f"{groups[0].setting.task}: learning curves on the selection starts (mean over seeds, 95 % interval)"
+    )
     marks = [
         Line2D([], [], color=style.colour, linestyle=style.line if group.done else "", linewidth=1.8, label=style.label)
         for group, style in zip(groups, found, strict=True)

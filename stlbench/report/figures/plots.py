@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.presentation import Band, Banded
+from stlbench.registry.choices import Choice
 from stlbench.report.figures.drawing import file_name, pages, save
 from stlbench.report.figures.learning import learning_curves
 from stlbench.report.figures.margins import robustness_in_time
@@ -59,28 +60,24 @@ def draw(results: Iterable[Result], run: Path, out: Path, *, tell: Tell, warn: T
     done = [replace(result, measurement=None) for result in kept if result.measurement is not None]
     places, paths, count = _Places(run, out, warn), list[Path](), 0
     try:
-        for name, members in groupby(groups, key=lambda entry: entry.task):
+        for _, members in groupby(groups, key=lambda entry: entry.setting.task):
             shown = list(members)
             paths += _learning(shown, out)
             for entry in shown:
                 count += 1
-                files = _group(entry, [result for result in done if _of(entry, result)], places)
-                tell(f"[{count}/{len(groups)}] {name}/{entry.method}/{entry.agent} {entry.budget}: {len(files)} files")
+                files = _group(entry, [result for result in done if result.id.setting == entry.setting], places)
+                tell(f"[{count}/{len(groups)}] {entry.setting.name} {entry.setting.budget}: {len(files)} files")
                 paths += files
     except OSError as error:
         raise UsageError(f"cannot write the figures: {error}") from error
     return paths
 
 
-def _of(entry: Group, result: Result) -> bool:
-    return all(getattr(entry, name) == getattr(result, name) for name in ("task", "method", "agent", "budget"))
-
-
 def _learning(groups: Sequence[Group], out: Path) -> list[Path]:
     paths = []
     for end, page in pages(groups):
         if any(entry.done for entry in page):
-            paths += save(learning_curves(page), out, file_name("learning", groups[0].task) + end)
+            paths += save(learning_curves(page), out, file_name("learning", str(groups[0].setting.task)) + end)
     return paths
 
 
@@ -88,10 +85,11 @@ def _group(entry: Group, results: Sequence[Result], places: _Places) -> list[Pat
     """The figures of one method on one task, from the traces of its seeds."""
     if not results:
         return []
+    setting = entry.setting
     try:
-        task = load_task(entry.task)
+        task = load_task(setting.task)
     except UsageError as error:
-        places.warn(f"no traces of {entry.task} are drawn: {error}")
+        places.warn(f"no traces of {setting.task} are drawn: {error}")
         return []
     recordings = list[Recording]()
     for result in results:
@@ -101,10 +99,10 @@ def _group(entry: Group, results: Sequence[Result], places: _Places) -> list[Pat
             places.warn(str(error))
     if not recordings:
         return []
-    pooled, parts = gather(recordings), (entry.task, entry.method, entry.agent, entry.budget)
-    title = f"{entry.task}, {entry.method} ({entry.agent}, {entry.budget})"
+    pooled, parts = gather(recordings), (str(setting.task), str(setting.method), str(setting.agent), setting.budget)
+    title = f"{setting.task}, {setting.method} ({setting.agent}, {setting.budget})"
     figures: dict[str, Figure | None] = {
-        "time": robustness_in_time(task, pooled, _bands(task, entry.method), title),
+        "time": robustness_in_time(task, pooled, _bands(task, setting.method), title),
         "trajectories": trajectories(task, pooled, title),
     }
     return [
@@ -115,7 +113,7 @@ def _group(entry: Group, results: Sequence[Result], places: _Places) -> list[Pat
     ]
 
 
-def _bands(task: Task, method: str) -> Sequence[Band]:
+def _bands(task: Task, method: Choice) -> Sequence[Band]:
     """The method's bounds on the robustness; none where it has none, or is not installed here any more."""
     try:
         made = build_method(task, method)

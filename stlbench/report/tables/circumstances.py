@@ -13,7 +13,7 @@ _OTHERS = {"machine", "jobs", "time", "calibration_seconds"}
 
 
 def circumstances(groups: Sequence[Group]) -> Table:
-    """Machine, versions, cells at a time, days, cells and CPU hours: a row each; values that differ are all said."""
+    """Machine, versions, cells at a time, days, cells and CPU hours: one row each; where cells differ, all values."""
     rows = [row for group in groups for row in group.rows]
     values: dict[str, set[str]] = {}
     for row in rows:

@@ -1,20 +1,19 @@
-"""One table, written in several ways: Markdown, CSV, LaTeX, plain values, and on a terminal."""
+"""One table, written in several ways: Markdown, LaTeX and on a terminal for people, CSV and records in full."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
 import re
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from itertools import chain
 
 from rich import box
 from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from stlbench.report.tables.table import NOTHING, Column, Table
+from stlbench.report.tables.table import NOTHING, Column, Plain, Table, Value, show
 
 __all__ = ["to_csv", "to_latex", "to_markdown", "to_records", "to_screen"]
 
@@ -32,10 +31,17 @@ _LATEX = {
 } | {character: "\\" + character for character in "&%$#_{}"}
 
 
+def _texts(table: Table) -> list[list[str]]:
+    """The rows for people."""
+    return [
+        [show(value, column.digits) for value, column in zip(row, table.columns, strict=True)] for row in table.rows
+    ]
+
+
 def to_markdown(table: Table) -> str:
     """A section: heading, table with padded columns, notes."""
-    header = [_MARKDOWN.sub(r"\\\1", column.title) for column in table.columns]
-    body = [[_MARKDOWN.sub(r"\\\1", text) for text in row] for row in table.rows]
+    header = [_MARKDOWN.sub(r"\\\1", column.heading) for column in table.columns]
+    body = [[_MARKDOWN.sub(r"\\\1", text) for text in row] for row in _texts(table)]
     widths = [max(3, *(len(line[i]) for line in [header, *body])) for i in range(len(header))]
     rule = [
         "-" * (width - 1) + (":" if column.right else "-") for width, column in zip(widths, table.columns, strict=True)
@@ -53,12 +59,32 @@ def _padded(line: Sequence[str], widths: Sequence[int], columns: Sequence[Column
 
 
 def to_csv(table: Table) -> str:
-    """Header and rows, without title and notes; nothing to show is an empty field."""
+    """Header and rows in full, without title and notes; nothing to show is an empty field."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(column.title for column in table.columns)
-    writer.writerows([["" if field == NOTHING else field for field in row] for row in table.rows])
+    writer.writerow(_headings(table))
+    writer.writerows(_plain(row, table.columns) for row in table.rows)
     return text.getvalue()
+
+
+def to_records(table: Table) -> list[dict[str, Plain]]:
+    """One mapping per row, from heading to value, in full."""
+    return [dict(zip(_headings(table), _plain(row, table.columns), strict=True)) for row in table.rows]
+
+
+def _headings(table: Table) -> list[str]:
+    return list(chain.from_iterable(column.headings for column in table.columns))
+
+
+def _plain(row: Sequence[Value], columns: Sequence[Column]) -> list[Plain]:
+    """The values of a row, those of compound ones side by side."""
+    values: list[Plain] = []
+    for value, column in zip(row, columns, strict=True):
+        if isinstance(value, tuple):
+            values += value
+        else:
+            values += [value, *[None] * (len(column.headings) - 1)]
+    return values
 
 
 def to_latex(table: Table) -> str:
@@ -69,9 +95,9 @@ def to_latex(table: Table) -> str:
             *(f"% {' '.join(line.split())}" for line in (table.title, *table.notes)),
             rf"\begin{{tabular}}{{{layout}}}",
             r"\toprule",
-            _latex_row([column.title for column in table.columns]),
+            _latex_row([column.heading for column in table.columns]),
             r"\midrule",
-            *(_latex_row(row) for row in table.rows),
+            *(_latex_row(row) for row in _texts(table)),
             r"\bottomrule",
             r"\end{tabular}",
             "",
@@ -95,16 +121,18 @@ def to_screen(table: Table, console: Console) -> None:
 
     Where that is still too wide, columns are left out, and a line says which.
     """
-    shared = [i for i, column in enumerate(table.columns) if column.shared and len({row[i] for row in table.rows}) == 1]
-    below = [i for i, column in enumerate(table.columns) if column.below]
-    inside = [i for i in range(len(table.columns)) if i not in (*shared, *below)]
-    shown = _fitting(table, inside, console.width)
-    common = ", ".join(f"{table.columns[i].title} {table.rows[0][i]}" for i in shared)
+    columns, rows = table.columns, _texts(table)
+    shared = [i for i, column in enumerate(columns) if column.shared and len({row[i] for row in rows}) == 1]
+    below = [i for i, column in enumerate(columns) if column.below]
+    inside = [i for i in range(len(columns)) if i not in (*shared, *below)]
+    widths = {i: _least(columns[i], [row[i] for row in rows]) for i in inside}
+    shown = _fitting(columns, widths, console.width)
+    common = ", ".join(f"{columns[i].heading} {rows[0][i]}" for i in shared)
     console.print(Text(f"{table.title}: {common}" if common else table.title, style="bold"))
-    console.print(_laid_out(table, shown))
+    console.print(_laid_out(columns, rows, {i: widths[i] for i in shown}))
     console.print()
-    left_out = ", ".join(table.columns[i].title for i in inside if i not in shown)
-    remarks = _lines_below(table, below)
+    left_out = ", ".join(columns[i].heading for i in inside if i not in shown)
+    remarks = _lines_below(columns, rows, below)
     notes = [*([f"Left out on this narrow screen: {left_out}."] if left_out else []), *table.notes]
     for line in [*(Text(remark) for remark in remarks), *(Text(note, style="dim") for note in notes)]:
         console.print(line)
@@ -112,54 +140,38 @@ def to_screen(table: Table, console: Console) -> None:
         console.print()
 
 
-def _laid_out(table: Table, shown: Sequence[int]) -> RichTable:
+def _laid_out(columns: Sequence[Column], rows: Sequence[Sequence[str]], widths: Mapping[int, int]) -> RichTable:
     laid_out = RichTable(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
-    for i in shown:
-        column = table.columns[i]
-        if column.right:
-            laid_out.add_column(Text(column.header), justify="right", width=_least(table, i))
+    for i, width in widths.items():
+        if columns[i].right:
+            laid_out.add_column(Text(columns[i].header), justify="right", width=width)
         else:
-            laid_out.add_column(Text(column.header), overflow="fold")
-    for row in table.rows:
-        laid_out.add_row(*(Text(row[i]) for i in shown))
+            laid_out.add_column(Text(columns[i].header), overflow="fold")
+    for row in rows:
+        laid_out.add_row(*(Text(row[i]) for i in widths))
     return laid_out
 
 
-def _fitting(table: Table, columns: Sequence[int], width: int) -> list[int]:
+def _fitting(columns: Sequence[Column], widths: Mapping[int, int], width: int) -> list[int]:
     """Those of the columns that fit into `width` characters: droppable ones go first."""
-    shown = list(columns)
-    while sum(_least(table, i) + 2 for i in shown) > width and any(table.columns[i].drop for i in shown):
-        shown.remove(max(reversed(shown), key=lambda i: table.columns[i].drop))
+    shown = list(widths)
+    while sum(widths[i] + 2 for i in shown) > width and any(columns[i].drop for i in shown):
+        shown.remove(max(reversed(shown), key=lambda i: columns[i].drop))
     return shown
 
 
-def _least(table: Table, i: int) -> int:
+def _least(column: Column, texts: Sequence[str]) -> int:
     """The width at which a column still reads well: numbers unbroken, texts and headers broken between words."""
-    header = max(len(word) for word in table.columns[i].header.split())
-    longest = max((len(row[i]) for row in table.rows), default=0)
-    return max(header, longest if table.columns[i].right else min(longest, 16))
+    header = max(len(word) for word in column.header.split())
+    longest = max(map(len, texts), default=0)
+    return max(header, longest if column.right else min(longest, 16))
 
 
-def _lines_below(table: Table, below: Sequence[int]) -> list[str]:
-    identity = [i for i, column in enumerate(table.columns) if column.shared or column.title == "method"]
+def _lines_below(columns: Sequence[Column], rows: Sequence[Sequence[str]], below: Sequence[int]) -> list[str]:
+    identity = [i for i, column in enumerate(columns) if column.shared or column.title == "method"]
     return [
-        f"{table.columns[i].title}: {'/'.join(row[j] for j in identity)}: {row[i]}"
+        f"{columns[i].title}: {'/'.join(row[j] for j in identity)}: {row[i]}"
         for i in below
-        for row in table.rows
+        for row in rows
         if row[i] != NOTHING
     ]
-
-
-def to_records(table: Table) -> list[dict[str, Any]]:
-    """One mapping a row, from header to text; in columns of numbers to a number, or to the two of an interval."""
-    titles = [column.title for column in table.columns]
-    return [dict(zip(titles, map(_value, row, table.columns), strict=True)) for row in table.rows]
-
-
-def _value(text: str, column: Column) -> Any:
-    if text in (NOTHING, ""):
-        return None
-    try:
-        return json.loads(text) if column.right else text
-    except ValueError:
-        return text

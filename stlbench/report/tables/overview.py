@@ -1,4 +1,4 @@
-"""The whole comparison at a glance: a row a task, a column a method."""
+"""The whole comparison at a glance: one row per task, one column per method."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from stlbench.registry.choices import base_name
 from stlbench.report.tables.rows import Group
-from stlbench.report.tables.table import NOTHING, Column, Table, decimal
+from stlbench.report.tables.table import Column, Learned, Table, Value
 from stlbench.result import Score
 
 __all__ = ["LEARNED", "overview"]
@@ -24,25 +23,28 @@ def overview(groups: Sequence[Group], scores: Mapping[str, Score]) -> Table:
         groups: of one or more tasks, agents and budgets, which are the rows.
         scores: of the tasks' controllers by hand.
     """
-    methods = sorted({group.method for group in groups})
-    found = {((group.task, group.agent, group.budget), group.method): group for group in groups}
-    rows = dict.fromkeys(row for row, _ in found)
+    methods = sorted({group.setting.method for group in groups})
+    rows: dict[tuple[Value, ...], dict[object, Group]] = {}
+    for group in groups:
+        setting = group.setting
+        by_method = rows.setdefault((str(setting.task), str(setting.agent), setting.budget), {})
+        by_method[setting.method] = group
     columns = (
         Column("task", right=False, shared=True),
         Column("agent", right=False, shared=True),
         Column("budget", right=False, shared=True),
-        *([Column("by hand")] if scores else []),
-        *(Column(method) for method in methods),
-        Column("cell CPU [s]", drop=1),
+        *([Column("by hand", digits=3)] if scores else []),
+        *(Column(str(method), digits=3, kind=Learned) for method in methods),
+        Column("cell CPU", unit="s", digits=0, drop=1),
     )
     body = tuple(
         (
             *row,
-            *([_by_hand(row[0], scores)] if scores else []),
-            *(_said(found.get((row, method))) for method in methods),
-            _cost(group for (key, _), group in found.items() if key == row),
+            *([_by_hand(by_method.values(), scores)] if scores else []),
+            *(_learned(by_method.get(method)) for method in methods),
+            _cpu_seconds(by_method.values()),
         )
-        for row in rows
+        for row, by_method in rows.items()
     )
     note = (
         "Robustness, averaged over starts and seeds. In parentheses the seeds that learned the task: "
@@ -51,23 +53,24 @@ def overview(groups: Sequence[Group], scores: Mapping[str, Score]) -> Table:
     return Table("Overview", columns, body, (note,))
 
 
-def _by_hand(task: str, scores: Mapping[str, Score]) -> str:
-    score = scores.get(base_name(task))
-    return NOTHING if score is None else decimal(score.mean)
+def _by_hand(groups: Iterable[Group], scores: Mapping[str, Score]) -> float | None:
+    """What the controller of the task, or of the task that it is an ablation of, gets."""
+    score = scores.get(next(iter(groups)).setting.task.name)
+    return None if score is None else score.mean
 
 
-def _said(group: Group | None) -> str:
-    """0.396 (5/5); where no seed finished, how they ended."""
+def _learned(group: Group | None) -> Value:
+    """Where no seed finished, how they ended."""
     if group is None:
-        return NOTHING
+        return None
     if not group.done:
         return ", ".join(sorted({row.status for row in group.rows}))
     learned = sum(numbers.satisfaction >= LEARNED for numbers in group.done)
     mean = float(np.mean(group.values(lambda numbers: numbers.robustness_mean)))
-    return f"{decimal(mean)} ({learned}/{len(group.rows)})"
+    return Learned(mean, learned, len(group.rows))
 
 
-def _cost(groups: Iterable[Group]) -> str:
-    """CPU seconds a cell, mean over all of them."""
+def _cpu_seconds(groups: Iterable[Group]) -> float | None:
+    """Per cell, mean over all of them."""
     seconds = [numbers.cpu_seconds for group in groups for numbers in group.done]
-    return decimal(float(np.mean(seconds)) if seconds else None, 0)
+    return float(np.mean(seconds)) if seconds else None

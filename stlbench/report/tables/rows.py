@@ -1,4 +1,4 @@
-"""Results boiled down: a few numbers a cell, and the cells of one task, method, agent and budget as a group."""
+"""Results boiled down: a few numbers per cell, and the cells that differ in nothing but the seed as a group."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
-from stlbench.result import MAIN, Measurement, Result, Status
+from stlbench.report.tables.table import FirstFailed, Seeds
+from stlbench.result import MAIN, CellId, Measurement, Result, Setting, Status
 
 __all__ = ["CurveRow", "Group", "Numbers", "Row", "group", "row"]
 
@@ -35,23 +36,19 @@ class Numbers:
     further: Mapping[str, float] = field(default_factory=dict)
     """Further protocol -> mean robustness of the selected policy."""
     first_failed: Mapping[str, int] = field(default_factory=dict)
-    """Subformula -> starts that lost it first, selected policy."""
+    """Conjunct -> starts that failed it first, selected policy."""
     curve: tuple[CurveRow, ...] = ()
 
 
 @dataclass(frozen=True)
 class Row:
-    """One cell. Holds no value a start, so that thousands of them fit into memory."""
+    """One cell. Holds no value of a single start, so that thousands of them fit into memory."""
 
-    task: str
-    method: str
-    agent: str
-    seed: int
-    budget: str
+    id: CellId
     status: Status
     reason: str
     provenance: Mapping[str, str]
-    """How the result came about (`stlbench.provenance`)."""
+    """How the result came about (`provenance.collect`)."""
     numbers: Numbers | None
 
     @property
@@ -59,20 +56,12 @@ class Row:
         """How many cells ran at a time; empty where the provenance does not say."""
         return self.provenance.get("jobs", "")
 
-    @property
-    def name(self) -> str:
-        """The cell's human name: hold-disc/funnel/dqn/0."""
-        return f"{self.task}/{self.method}/{self.agent}/{self.seed}"
-
 
 @dataclass(frozen=True)
 class Group:
     """The cells that differ in nothing but the seed, in the order of their seeds."""
 
-    task: str
-    method: str
-    agent: str
-    budget: str
+    setting: Setting
     rows: tuple[Row, ...]
 
     @cached_property
@@ -85,14 +74,10 @@ class Group:
         return tuple(number(numbers) for numbers in self.done)
 
     @property
-    def seeds(self) -> str:
-        """Over how many seeds the aggregates are: "3 of 3", or "9 of 10, 1 timeout"."""
-        unfinished = Counter(row.status for row in self.rows if row.status != "done")
-        parts = [
-            f"{len(self.done)} of {len(self.rows)}",
-            *(f"{count} {status}" for status, count in unfinished.items()),
-        ]
-        return ", ".join(parts)
+    def seeds(self) -> Seeds:
+        """Over how many seeds the aggregates are: of how many, and how the others ended."""
+        others = Counter(row.status for row in self.rows if row.status != "done")
+        return Seeds(len(self.done), len(self.rows), ", ".join(f"{count} {status}" for status, count in others.items()))
 
     @property
     def remarks(self) -> str:
@@ -101,22 +86,19 @@ class Group:
         return "; ".join(f"{status}: {reason}" if reason else status for status, reason in unfinished)
 
     @cached_property
-    def failures(self) -> tuple[tuple[str, int], ...]:
-        """Subformulas that were lost first, the most frequent first, counted over the starts of all seeds."""
-        counts: Counter[str] = Counter()
-        for numbers in self.done:
-            counts.update(numbers.first_failed)
-        return tuple(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+    def first_failed(self) -> FirstFailed | None:
+        """The conjunct that failed first most often, counted over the starts of all seeds; None where none failed."""
+        counts = sum((Counter(numbers.first_failed) for numbers in self.done), Counter[str]())
+        if not counts:
+            return None
+        formula = min(counts, key=lambda text: (-counts[text], text))
+        return FirstFailed(formula, counts[formula], counts.total())
 
 
 def row(result: Result) -> Row:
     """A result without its values of single starts."""
     return Row(
-        task=result.task,
-        method=result.method,
-        agent=result.agent,
-        seed=result.seed,
-        budget=result.budget,
+        id=result.id,
         status=result.status,
         reason=" ".join(result.reason.split()),
         provenance=_shared(tuple(result.provenance.items())),
@@ -131,11 +113,13 @@ def _shared(items: tuple[tuple[str, str], ...]) -> Mapping[str, str]:
 
 
 def group(rows: Iterable[Row]) -> tuple[Group, ...]:
-    """Rows, gathered by task, method, agent and budget; sorted, whatever order they come in."""
-    gathered: dict[tuple[str, str, str, str], list[Row]] = {}
-    for entry in rows:
-        gathered.setdefault((entry.task, entry.method, entry.agent, entry.budget), []).append(entry)
-    return tuple(Group(*key, tuple(sorted(gathered[key], key=lambda row: row.seed))) for key in sorted(gathered))
+    """Rows, gathered by their setting; sorted, whatever order they come in."""
+    gathered: dict[Setting, list[Row]] = {}
+    for row in rows:
+        gathered.setdefault(row.id.setting, []).append(row)
+    return tuple(
+        Group(setting, tuple(sorted(gathered[setting], key=lambda row: row.id.seed))) for setting in sorted(gathered)
+    )
 
 
 def _numbers(measurement: Measurement) -> Numbers:

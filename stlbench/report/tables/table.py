@@ -1,23 +1,75 @@
-"""A table as text that is ready to be laid out, and how numbers are written in it."""
+"""A table of values. How they are rounded and laid out is said by the columns, and done by `formats`."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
-__all__ = ["NOTHING", "Column", "Table", "decimal"]
+from stlbench.report.statistics import Interval
+
+__all__ = ["NOTHING", "Column", "FirstFailed", "Learned", "Plain", "Seeds", "Table", "Value", "decimal", "show"]
 
 NOTHING = "-"
-"""What a cell shows where there is nothing to show."""
+"""What is shown where there is nothing to show."""
+
+
+def decimal(value: float | None, digits: int | None = 3) -> str:
+    """A number with so many decimals, never "-0.000"; with six significant digits where None is asked for."""
+    if value is None:
+        return NOTHING
+    text = f"{value:.6g}" if digits is None else f"{value:.{digits}f}"
+    return text.removeprefix("-") if math.isfinite(value) and float(text) == 0 else text
+
+
+class Seeds(NamedTuple):
+    """Over how many seeds something is."""
+
+    done: int
+    planned: int
+    others: str = ""
+    """How the others ended: "1 timeout"."""
+
+
+class FirstFailed(NamedTuple):
+    """What starts that violate the formula most often failed first."""
+
+    formula: str
+    starts: int
+    """That failed it first."""
+    failing: int
+    """All starts that violate."""
+
+
+class Learned(NamedTuple):
+    """Mean robustness, and how many of the seeds learned the task."""
+
+    robustness: float
+    learned: int
+    seeds: int
+
+
+Plain = float | int | str | None
+"""What CSV and JSON have."""
+
+Compound = Interval | Seeds | FirstFailed | Learned
+"""Shown as one, and in CSV and JSON one column for each part."""
+
+Value = Plain | Compound
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its header with the unit, and how a narrow screen may treat it."""
+    """A column: what its values are, and how they are shown."""
 
     title: str
     short: str = ""
-    """The header on screen, where it may be shorter."""
+    """The title on screen, where it may be shorter."""
+    unit: str = ""
+    digits: int | None = None
+    """Decimals that are shown; None for six significant digits. CSV and JSON have all."""
+    kind: type[Compound] | None = None
+    """Of compound values."""
     right: bool = True
     """Aligned to the right, as numbers are."""
     drop: int = 0
@@ -28,24 +80,48 @@ class Column:
     """Long text: on screen it is a line under the table."""
 
     @property
+    def heading(self) -> str:
+        """Title and unit: training CPU [s]."""
+        return self._with_unit(self.title)
+
+    @property
     def header(self) -> str:
-        """The header on screen."""
-        return self.short or self.title
+        """The heading on screen."""
+        return self._with_unit(self.short or self.title)
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """The headings in CSV and JSON."""
+        parts = self.kind._fields if self.kind else ("",)
+        return tuple(self._with_unit(f"{self.title} {part}".strip()) for part in parts)
+
+    def _with_unit(self, title: str) -> str:
+        return f"{title} [{self.unit}]" if self.unit else title
 
 
 @dataclass(frozen=True)
 class Table:
-    """Text in rows, each as long as `columns`."""
+    """Values in rows, each as long as `columns`."""
 
     title: str
     columns: tuple[Column, ...]
-    rows: tuple[tuple[str, ...], ...]
+    rows: tuple[tuple[Value, ...], ...]
     notes: tuple[str, ...] = ()
 
 
-def decimal(value: float | None, digits: int = 3) -> str:
-    """A number with so many decimals, never "-0.000"; NOTHING where there is none."""
-    if value is None:
-        return NOTHING
-    text = f"{value:.{digits}f}"
-    return text.removeprefix("-") if math.isfinite(value) and float(text) == 0 else text
+def show(value: Value, digits: int | None = None) -> str:
+    """A value for people, rounded."""
+    match value:
+        case Interval(low, high):
+            return f"[{decimal(low, digits)}, {decimal(high, digits)}]"
+        case Seeds(done, planned, others):
+            return f"{done} of {planned}{', ' if others else ''}{others}"
+        case FirstFailed(formula, starts, failing):
+            return f"{formula} ({decimal(100 * starts / failing, 0)} % of {failing} failing starts)"
+        case Learned(robustness, learned, seeds):
+            return f"{decimal(robustness, digits)} ({learned}/{seeds})"
+        case float():
+            return decimal(value, digits)
+        case None:
+            return NOTHING
+    return str(value)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers import synthetic_results
 
 from stlbench.errors import UsageError
+from stlbench.registry.choices import Choice
 from stlbench.report.figures import plots
 from stlbench.report.figures.drawing import MOST
 from stlbench.rollout.traces import trace_file
@@ -19,7 +22,7 @@ class Run:
         self.folder, self.told, self.warnings = folder, [], []
 
     def save(self, result):
-        path = trace_file(self.folder / "traces", result.name, result.key)
+        path = trace_file(self.folder / "traces", result.id, result.key)
         path.parent.mkdir(parents=True, exist_ok=True)
         t = np.linspace(0, 1, 201)
         traces = np.stack([2 + t * i / 4 for i in range(4)])
@@ -87,8 +90,9 @@ def test_further_groups_go_to_a_further_page(run):
 
 
 def test_a_name_cannot_leave_the_folder(run):
+    result = synthetic_results.result()
     with pytest.raises(UsageError, match="cannot name a figure's file"):
-        run.draw(synthetic_results.result(task="../x"))
+        run.draw(replace(result, id=replace(result.id, task=Choice("../x"))))
     assert not list(run.folder.iterdir())
 
 

@@ -7,6 +7,7 @@ import pytest
 from helpers.line_task import FILE, Line, line
 from PIL import Image
 
+from stlbench.registry.choices import Choice
 from stlbench.report.film import film
 from stlbench.rollout.traces import Film, Recording
 from stlbench.task import load_task
@@ -31,7 +32,7 @@ class Broken(Line):
 
 
 def task(kind=Line, **changes):
-    return Task("line", line(**changes).file, kind(FILE["sampling_time"]))
+    return Task(Choice("line"), line(**changes).file, kind(FILE["sampling_time"]))
 
 
 def filmed():

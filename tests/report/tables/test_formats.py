@@ -8,13 +8,16 @@ import re
 
 import pytest
 from helpers.synthetic_results import result, score
+from hypothesis import given
+from hypothesis import strategies as st
 from rich.console import Console
 
 from stlbench.report import (
     Column,
     Table,
     condense,
-    robustness,
+    robustness_table,
+    show,
     summary,
     to_csv,
     to_latex,
@@ -22,11 +25,13 @@ from stlbench.report import (
     to_records,
     to_screen,
 )
+from stlbench.report.statistics import Interval
+from stlbench.report.tables.table import FirstFailed, Learned, Seeds
 
 TABLE = Table(
     "Scores",
-    (Column("method", right=False), Column("share [%]"), Column("interval")),
-    (("funnel[ginf=0.02]", "98.0", "[-0.100, 0.200]"), ("a|b_c*d & <e>", "-", "-")),
+    (Column("method", right=False), Column("share", unit="%", digits=1), Column("gain", digits=3, kind=Interval)),
+    (("funnel[ginf=0.02]", 98.04, Interval(-0.1, 0.2)), ("a|b_c*d & <e>", None, None)),
     ("One note.",),
 )
 
@@ -40,7 +45,7 @@ def screen(table, width):
 def test_markdown():
     assert to_markdown(TABLE) == (
         "## Scores\n\n"
-        "| method            | share [%] |        interval |\n"
+        "| method            | share [%] |            gain |\n"
         "| ----------------- | --------: | --------------: |\n"
         "| funnel[ginf=0.02] |      98.0 | [-0.100, 0.200] |\n"
         "| a\\|b_c\\*d & \\<e>  |         - |               - |\n"
@@ -48,11 +53,11 @@ def test_markdown():
     )
 
 
-def test_csv_reads_back_and_nothing_is_empty():
+def test_csv_has_all_digits_both_ends_of_an_interval_and_nothing_is_empty():
     assert list(csv.reader(io.StringIO(to_csv(TABLE)))) == [
-        ["method", "share [%]", "interval"],
-        ["funnel[ginf=0.02]", "98.0", "[-0.100, 0.200]"],
-        ["a|b_c*d & <e>", "", ""],
+        ["method", "share [%]", "gain low", "gain high"],
+        ["funnel[ginf=0.02]", "98.04", "-0.1", "0.2"],
+        ["a|b_c*d & <e>", "", "", ""],
     ]
 
 
@@ -62,7 +67,7 @@ def test_latex():
         "% One note.",
         r"\begin{tabular}{lrr}",
         r"\toprule",
-        r"method & share {[}\%{]} & interval \\",
+        r"method & share {[}\%{]} & gain \\",
         r"\midrule",
         r"funnel{[}ginf=0.02{]} & 98.0 & {[}$-$0.100, 0.200{]} \\",
         r"a\textbar{}b\_c*d \& \textless{}e\textgreater{} & -- & -- \\",
@@ -78,11 +83,40 @@ def test_latex_leaves_no_special_character(text):
     assert not re.search(r"[\\%#&$_^~{}<>|]", bare.removesuffix(r" \\"))
 
 
-def test_records_have_numbers_where_a_column_has_numbers():
+def test_records_have_numbers_in_full():
     assert to_records(TABLE) == [
-        {"method": "funnel[ginf=0.02]", "share [%]": 98.0, "interval": [-0.1, 0.2]},
-        {"method": "a|b_c*d & <e>", "share [%]": None, "interval": None},
+        {"method": "funnel[ginf=0.02]", "share [%]": 98.04, "gain low": -0.1, "gain high": 0.2},
+        {"method": "a|b_c*d & <e>", "share [%]": None, "gain low": None, "gain high": None},
     ]
+
+
+@given(st.floats())
+def test_csv_and_records_lose_no_digit(value):
+    table = Table("t", (Column("x", unit="m", digits=1),), ((value,),))
+    (record,) = to_records(table)
+    assert repr(record["x [m]"]) == repr(value)
+    assert repr(float(to_csv(table).splitlines()[1])) == repr(value)
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [
+        (-0.0001, 3, "0.000"),
+        (0.16666, 3, "0.167"),
+        (float("-inf"), 3, "-inf"),
+        (0.1234567, None, "0.123457"),
+        (1000000, None, "1000000"),
+        (None, 3, "-"),
+        ("as it is", None, "as it is"),
+        (Interval(-0.1, 0.2), 1, "[-0.1, 0.2]"),
+        (Seeds(9, 10, "1 timeout"), None, "9 of 10, 1 timeout"),
+        (Seeds(3, 3), None, "3 of 3"),
+        (FirstFailed("F[0,2] b > 0", 5, 8), None, "F[0,2] b > 0 (62 % of 8 failing starts)"),
+        (Learned(-0.1, 2, 3), 3, "-0.100 (2/3)"),
+    ],
+)
+def test_how_values_are_shown(value, digits, text):
+    assert show(value, digits) == text
 
 
 RESULTS = [
@@ -124,7 +158,7 @@ def test_a_narrow_screen_says_what_it_left_out():
 def test_what_all_rows_share_goes_into_the_title():
     first = screen(summary(condense(RESULTS), {})[0], 120).splitlines()[0]
     assert first == "Robustness: task hold-disc, agent dqn, budget quick"
-    other = screen(robustness(condense([*RESULTS, result(task="other")])), 120).splitlines()[0]
+    other = screen(robustness_table(condense([*RESULTS, result(task="other")])), 120).splitlines()[0]
     assert other == "Robustness: agent dqn, budget quick"
 
 

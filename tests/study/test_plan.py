@@ -9,8 +9,8 @@ import pytest
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import parse_choices
-from stlbench.study import matrix
-from stlbench.study.matrix import derive_seed
+from stlbench.study import plan as planning
+from stlbench.study.plan import check_cells, derive_seed, plan_cells
 from stlbench.task import load_task
 
 ENTRIES = """
@@ -86,7 +86,7 @@ def lab(site):
 
 
 def plan(tasks="zz-line", methods="zz-pay", agents="zz-agent", seeds=None, budget="smoke"):
-    return matrix.plan(tasks.split(","), parse_choices(methods), parse_choices(agents), seeds, budget)
+    return plan_cells(parse_choices(tasks), parse_choices(methods), parse_choices(agents), seeds, budget)
 
 
 def keys(**words):
@@ -96,7 +96,7 @@ def keys(**words):
 @pytest.mark.usefixtures("lab")
 def test_the_first_seed_of_everything_comes_first():
     cells = plan(tasks="zz-line,zz-long", methods="zz-pay[beta=2],zz-more")
-    assert [cell.name for cell in cells] == [
+    assert [cell.id.name for cell in cells] == [
         "zz-line/zz-pay[beta=2]/zz-agent/0",
         "zz-line/zz-more/zz-agent/0",
         "zz-long/zz-pay[beta=2]/zz-agent/0",
@@ -119,7 +119,7 @@ def test_planning_imports_no_method_and_no_agent():
 
 @pytest.mark.usefixtures("lab")
 def test_the_number_of_seeds_can_be_given_and_more_seeds_keep_the_keys_of_the_first():
-    assert [cell.seed for cell in plan(seeds=range(4))] == [0, 1, 2, 3]
+    assert [cell.id.seed for cell in plan(seeds=range(4))] == [0, 1, 2, 3]
     assert keys(seeds=range(4))[:2] == keys(seeds=range(2)) == keys()
 
 
@@ -143,13 +143,13 @@ def test_what_the_user_says_is_part_of_the_key_however_it_is_written():
 
 @pytest.mark.usefixtures("lab")
 def test_a_task_for_which_no_agent_is_named_is_trained_with_the_first_that_it_has_a_recipe_for():
-    assert matrix.plan(["zz-line"], parse_choices("zz-pay"), None, None, "smoke") == plan()
+    assert plan_cells(parse_choices("zz-line"), parse_choices("zz-pay"), None, None, "smoke") == plan()
 
 
 def test_an_ablation_is_a_task_of_its_own(lab):
     edit(lab, "line/task.yaml", "initial:", "training: {cuts: [2]}\ninitial:")
     whole, ablated = plan(tasks="zz-line,zz-line[without=cuts]", seeds=[0])
-    assert ablated.name == "zz-line[without=cuts]/zz-pay/zz-agent/0"
+    assert ablated.id.name == "zz-line[without=cuts]/zz-pay/zz-agent/0"
     assert whole.key != ablated.key
     edit(lab, "line/task.yaml", "training: {cuts: [2]}\n", "")
     assert keys(seeds=[0]) == [ablated.key]
@@ -224,17 +224,17 @@ def test_unknown_names_are_usage_errors(words, message):
 
 @pytest.mark.usefixtures("lab")
 def test_check_finds_wrong_parameters_before_anything_runs():
-    matrix.check(plan(methods="zz-pay[beta=2],zz-more", agents="zz-agent[rate=0.2]"))
+    check_cells(plan(methods="zz-pay[beta=2],zz-more", agents="zz-agent[rate=0.2]"))
     with pytest.raises(UsageError, match=r"zz-pay\[beta=x\]: beta should be a number, got 'x'"):
-        matrix.check(plan(methods="zz-more,zz-pay[beta=x]"))
+        check_cells(plan(methods="zz-more,zz-pay[beta=x]"))
     with pytest.raises(UsageError, match="no parameter 'rat'; did you mean 'rate'"):
-        matrix.check(plan(agents="zz-agent[rat=1]"))
+        check_cells(plan(agents="zz-agent[rat=1]"))
 
 
 def test_check_reads_the_recipe_too(lab):
     edit(lab, "line/task.yaml", "rate: 0.1", "rate: fast")
     with pytest.raises(UsageError, match="zz-agent: rate should be a number, got 'fast' in the recipe"):
-        matrix.check(plan())
+        check_cells(plan())
 
 
 def test_seeds_are_derived_from_named_parts():
@@ -249,11 +249,11 @@ def test_which_signals_figures_show_is_not_part_of_the_key(monkeypatch):
     task = load_task("hold-disc")
 
     def key():
-        (cell,) = matrix.plan(["hold-disc"], parse_choices("raw"), parse_choices("dqn"), [0], "smoke")
+        (cell,) = plan_cells(parse_choices("hold-disc"), parse_choices("raw"), parse_choices("dqn"), [0], "smoke")
         return cell.key
 
     before = key()
     other = replace(task, file=task.file.model_copy(update={"plane": None}))
-    monkeypatch.setattr(matrix, "load_task", lambda name: other)
+    monkeypatch.setattr(planning, "load_task", lambda name: other)
     assert task.file.plane == ("x", "y")
     assert key() == before

@@ -1,4 +1,4 @@
-"""Recordings: from ledgers, from tables, and back; whatever is wrong is said with its place."""
+"""Snapshots: from ledgers, from tables, and back; whatever is wrong is said with its place."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from helpers import synthetic_results
 from stlbench import report
 from stlbench.errors import UsageError
 from stlbench.gate.calibration import CALIBRATION
-from stlbench.gate.comparison import Recording, Sample, gather, load, pair, sample, save
-from stlbench.result import Result
+from stlbench.gate.files import load, save
+from stlbench.gate.snapshot import Sample, Snapshot, gather, pair, sample
+from stlbench.result import CellId, Result
 from stlbench.study.ledger import Ledger
 
 HEADER = "task,method,agent,seed,budget,status,reason,robustness_mean,satisfaction,training_cpu_seconds"
@@ -35,15 +36,14 @@ def test_a_sample_has_the_numbers_of_the_selected_policy() -> None:
     found = sample(
         calibrated(synthetic_results.result(robustness=(-0.5, 1.0), final=(9, 9)), **{CALIBRATION: "0.0125"})
     )
-    assert found == Sample("hold-disc", "funnel", "dqn", 0, "quick", "done", "", 0.25, 0.5, 10.0, 21.0, 0.0125)
-    assert found.identity == ("hold-disc", "funnel", "dqn", "quick", 0)
+    assert found == Sample(CellId.parse("hold-disc/funnel/dqn/0", "quick"), "done", "", 0.25, 0.5, 10.0, 21.0, 0.0125)
 
 
 def test_a_reference_comes_back_as_it_was(tmp_path: Path) -> None:
-    recording = gather(results())
-    save(tmp_path / "reference", recording)
-    assert load(tmp_path / "reference") == recording
-    assert recording.provenance == {"jobs": "2", "machine": "m"}
+    snapshot = gather(results())
+    save(tmp_path / "reference", snapshot)
+    assert load(tmp_path / "reference") == snapshot
+    assert snapshot.provenance == {"jobs": "2", "machine": "m"}
 
 
 def test_a_reference_is_a_line_a_cell_in_order(tmp_path: Path) -> None:
@@ -68,8 +68,8 @@ def test_a_ledger_a_folder_and_the_table_of_a_report(tmp_path: Path) -> None:
 
 
 def test_pairs_are_in_order_and_those_of_the_base() -> None:
-    one, two, three = (Sample("disc", "raw", "dqn", seed, "smoke", "done") for seed in (1, 2, 10))
-    base, new = (Recording({entry.identity: entry for entry in entries}) for entries in ((three, two), (one, two)))
+    one, two, three = (Sample(CellId.parse(f"disc/raw/dqn/{seed}", "smoke"), "done") for seed in (1, 2, 10))
+    base, new = (Snapshot({entry.id: entry for entry in entries}) for entries in ((three, two), (one, two)))
     assert pair(base, new) == [(two, two), (three, None)]
 
 
@@ -112,12 +112,12 @@ def test_a_wrong_place(tmp_path: Path) -> None:
         load(tmp_path)
 
 
-def test_an_empty_table_is_an_empty_recording(tmp_path: Path) -> None:
+def test_an_empty_table_is_an_empty_snapshot(tmp_path: Path) -> None:
     (tmp_path / "cells.csv").write_text(HEADER)
-    assert load(tmp_path) == Recording()
+    assert load(tmp_path) == Snapshot()
 
 
 def test_a_reference_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match="cannot write the reference"):
-        save(tmp_path / "file", Recording())
+        save(tmp_path / "file", Snapshot())

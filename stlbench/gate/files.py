@@ -1,0 +1,125 @@
+"""Snapshots on disk: ledgers, tables of cells, and references.
+
+A *reference* is a folder with `cells.csv`, one row per cell, which is small enough for git and shows in a diff what
+changed, and `provenance.json`, which says how it was measured.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from stlbench.errors import UsageError
+from stlbench.gate.snapshot import Sample, Snapshot, gather
+from stlbench.result import IDENTITY, CellId
+from stlbench.study.ledger import FILE, Ledger, is_sqlite
+
+__all__ = ["load", "save"]
+
+TABLE, PROVENANCE = "cells.csv", "provenance.json"
+NUMBERS = ("robustness_mean", "satisfaction", "training_cpu_seconds", "reward_nanoseconds")
+COLUMNS = (*IDENTITY, *(part.name for part in fields(Sample) if part.name != "id"))
+
+
+def load(path: Path) -> Snapshot:
+    """Read a reference, a folder of results, a ledger, or a table of cells.
+
+    In a folder of results the ledger goes before the table.
+
+    Raises:
+        UsageError: there is nothing of these, or it is not as it should be; the message says where.
+    """
+    if (path / PROVENANCE).is_file():
+        return _reference(path)
+    for file, read in ((path / FILE, _ledger), (path / TABLE, _table)):
+        if file.is_file():
+            return read(file)
+    if path.is_dir():
+        raise UsageError(f"{path} has neither {FILE} nor {TABLE}; `stlbench run` and `stlbench gate` write them")
+    return _table(path) if path.suffix == ".csv" else _ledger(path)
+
+
+def save(folder: Path, snapshot: Snapshot) -> None:
+    """Write a reference. Robustness and satisfaction have all digits, so that equal results are seen to be equal."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / TABLE).open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(COLUMNS)
+            for cell in sorted(snapshot.samples):
+                values = vars(cell) | vars(snapshot.samples[cell])
+                writer.writerow([_text(values[name], name) for name in COLUMNS])
+        provenance = json.dumps(dict(snapshot.provenance), indent=2, ensure_ascii=False) + "\n"
+        (folder / PROVENANCE).write_text(provenance, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write the reference {folder}: {error}") from error
+
+
+def _text(value: object, column: str) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float) and math.isfinite(value) and column.endswith("seconds"):
+        return f"{value:.4g}"
+    return str(value)
+
+
+def _ledger(path: Path) -> Snapshot:
+    if path.is_file() and not is_sqlite(path):
+        raise UsageError(f"{path} is neither a ledger nor a table of cells (.csv)")
+    with Ledger(path, create=False) as ledger:
+        return gather(ledger.results())
+
+
+def _reference(folder: Path) -> Snapshot:
+    file = folder / PROVENANCE
+    try:
+        provenance = _adapter(dict[str, str]).validate_json(file.read_bytes())
+    except (OSError, ValidationError) as error:
+        raise UsageError(f"cannot read {file}: an object of texts is expected") from error
+    return Snapshot(_table(folder / TABLE).samples, provenance)
+
+
+def _table(path: Path) -> Snapshot:
+    samples: dict[CellId, Sample] = {}
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            for line, row in enumerate(csv.DictReader(file, strict=True), start=2):
+                sample = _row(row, f"{path}, line {line}")
+                if samples.setdefault(sample.id, sample) is not sample:
+                    raise UsageError(
+                        f"{path}, line {line}: a second row of {sample.id.name}, budget {sample.id.budget}"
+                    )
+    except (OSError, UnicodeError, csv.Error) as error:
+        raise UsageError(f"cannot read {path}: {error}") from error
+    return Snapshot(samples)
+
+
+def _row(row: Mapping[str, str | None], where: str) -> Sample:
+    missing = [name for name in (*IDENTITY, "status", *NUMBERS) if row.get(name) is None]
+    if missing:
+        raise UsageError(f"{where}: no column {', '.join(missing)}; expected are {', '.join(COLUMNS)}")
+    texts = {name: row.get(name) or "" for name in COLUMNS}
+    cell = {name: texts[name] for name in IDENTITY}
+    rest = {name: text for name, text in texts.items() if name not in IDENTITY and (text or name == "reason")}
+    try:
+        sample: Sample = _adapter(Sample).validate_python({"id": cell, **rest})
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = next(str(part) for part in first["loc"] if part != "id")
+        raise UsageError(f"{where}: {name} is {texts[name]!r}: {first['msg']}") from error
+    if sample.status == "done" and any(getattr(sample, name) is None for name in NUMBERS):
+        raise UsageError(f"{where}: status is done and one of {', '.join(NUMBERS)} is empty")
+    return sample
+
+
+@lru_cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)

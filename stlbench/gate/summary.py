@@ -1,0 +1,157 @@
+"""How `stlbench compare` and `stlbench gate` say what they found: as values for JSON, and as Markdown for people."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from stlbench.errors import UsageError
+from stlbench.gate.judge import EXIT, METRICS, Comparison, Finding, Judgement
+from stlbench.gate.snapshot import Snapshot
+from stlbench.report import Column, Table, Value, to_markdown
+
+__all__ = ["Named", "facts", "markdown", "notes", "write"]
+
+Named = tuple[str, Snapshot]
+"""Where a snapshot lies, and what it holds."""
+
+
+def write(folder: Path, judgement: Judgement, base: Named, new: Named) -> None:
+    """Write gate.json and gate.md. Raises `UsageError` where the folder cannot be written."""
+    found = facts(judgement, base, new)
+    try:
+        (folder / "gate.json").write_text(json.dumps(found, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        (folder / "gate.md").write_text(markdown("stlbench gate", judgement, base, new), encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write the summary: {error}") from error
+
+
+# ------------------------------------------------------------------------------------------------------------- JSON
+
+
+def facts(judgement: Judgement, base: Named, new: Named) -> dict[str, Any]:
+    """All that was found, as values that JSON has. Changes: robustness relative, satisfaction absolute, times x/y."""
+    return {
+        "verdict": judgement.verdict,
+        "exit_code": EXIT[judgement.verdict],
+        "base": _source(*base),
+        "new": _source(*new),
+        "notes": notes(base[1], new[1]),
+        "comparisons": [_record(entry) for entry in judgement.comparisons],
+        "findings": [vars(entry) | {"cell": entry.cell.name} for entry in judgement.findings],
+    }
+
+
+def _source(path: str, snapshot: Snapshot) -> dict[str, Any]:
+    return {"path": path, "cells": len(snapshot.samples), "provenance": dict(snapshot.provenance)}
+
+
+def _record(entry: Comparison) -> dict[str, Any]:
+    metric, limits = entry.metric, sorted((entry.metric.change(entry.low), entry.metric.change(entry.high)))
+    numbers = {
+        "base": entry.base,
+        "new": entry.new,
+        "change": metric.change(entry.gain),
+        "low": limits[0],
+        "high": limits[1],
+        "tolerated": metric.change(-metric.tolerated),
+        "p_value": entry.chance,
+    }
+    setting = {name: str(part) for name, part in vars(entry.setting).items()}
+    finite = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
+    return {**setting, "metric": metric.name, "seeds": entry.seeds, **finite, "verdict": entry.verdict}
+
+
+# --------------------------------------------------------------------------------------------------------- Markdown
+
+
+def markdown(title: str, judgement: Judgement, base: Named, new: Named) -> str:
+    """A summary for a terminal, a file, or the page of a CI job: the verdict, what led to it, and all settings."""
+    lines = [f"# {title}: {judgement.verdict}", "", _said("base", *base), _said("new", *new)]
+    lines += [f"- {note}" for note in notes(base[1], new[1])]
+    tables = [table for table in (_trouble(judgement), _settings(judgement)) if table.rows]
+    return "\n".join([*lines, "", *(to_markdown(table) for table in tables)])
+
+
+def _said(role: str, path: str, snapshot: Snapshot) -> str:
+    provenance = ", ".join(f"{name} {value}" for name, value in snapshot.provenance.items())
+    return f"- {role}: `{path}`, {len(snapshot.samples)} cells{'; ' if provenance else ''}{provenance}"
+
+
+def notes(base: Snapshot, new: Snapshot) -> list[str]:
+    """What a reader should know of the two before believing the verdict."""
+    further = len(new.samples.keys() - base.samples.keys())
+    uncalibrated = [
+        name
+        for name, snapshot in (("base", base), ("new", new))
+        if not any(entry.calibration_seconds for entry in snapshot.samples.values())
+    ]
+    machines = {snapshot.provenance.get("machine") for snapshot in (base, new)}
+    found = [
+        (further, f"Cells of the new snapshot alone, which were not compared: {further}."),
+        (uncalibrated, f"CPU times were not compared: no calibration in {' and '.join(uncalibrated)}."),
+        (len(machines) > 1, "The two were measured on different machines: robustness differs by chance as well."),
+        (
+            len({snapshot.provenance.get("jobs") for snapshot in (base, new)}) > 1,
+            "The two ran with different numbers of jobs, or one does not say; CPU times suffer from neighbours.",
+        ),
+    ]
+    return [note for applies, note in found if applies]
+
+
+def _trouble(judgement: Judgement) -> Table:
+    """One row for each thing that is not fine, the worst first; as texts, since each row has its metric's unit."""
+    titles = ("verdict", "where", "metric", "base", "new", "change", "95 % limits", "tolerated", "seeds", "p", "reason")
+    rows = [(EXIT[entry.verdict], _finding(entry)) for entry in judgement.findings]
+    rows += [(EXIT[entry.verdict], _comparison(entry)) for entry in judgement.comparisons if EXIT[entry.verdict]]
+    columns = tuple(Column(title, right=title not in ("verdict", "where", "metric", "reason")) for title in titles)
+    return Table("What is not fine", columns, tuple(row for _, row in sorted(rows, key=lambda row: row[0])))
+
+
+def _finding(entry: Finding) -> tuple[Value, ...]:
+    return (entry.verdict, entry.cell.name, *[None] * 8, entry.reason or None)
+
+
+def _comparison(entry: Comparison) -> tuple[Value, ...]:
+    metric = entry.metric
+    limits = sorted((entry.low, entry.high), key=metric.change)
+    return (
+        *(entry.verdict, entry.setting.name, metric.name, f"{entry.base:.4g}", f"{entry.new:.4g}"),
+        *(metric.text(entry.gain), f"[{metric.text(limits[0])}, {metric.text(limits[1])}]"),
+        *(metric.text(-metric.tolerated), entry.seeds, f"{entry.chance:.2g}", None),
+    )
+
+
+def _settings(judgement: Judgement) -> Table:
+    """One row per setting, one column per metric."""
+    compared = {(entry.setting, entry.metric.name): entry for entry in judgement.comparisons}
+    names = [metric.name for metric in METRICS]
+    titles = ("task", "method", "agent", "budget", "seeds", *names)
+    columns = tuple(Column(title, right=place > 3) for place, title in enumerate(titles))
+    rows = tuple(
+        (*map(str, vars(setting).values()), *_row([compared.get((setting, name)) for name in names]))
+        for setting in sorted({setting for setting, _ in compared})
+    )
+    remarks = (
+        "Robustness and satisfaction: mean over the paired seeds of base and new, and the change.",
+        "CPU: seconds of training, new over base; reward: its time per step; both over the calibration beside them.",
+        "What is tolerated, and how it is tested: docs/ci.md.",
+    )
+    return Table("All settings", columns, rows, remarks)
+
+
+def _row(entries: Sequence[Comparison | None]) -> list[Value]:
+    seeds = max((entry.seeds for entry in entries if entry), default=0)
+    return [seeds, *(None if entry is None else _change(entry) for entry in entries)]
+
+
+def _change(entry: Comparison) -> str:
+    if entry.metric.timing:
+        return entry.metric.text(entry.gain)
+    same = entry.gain == entry.low == entry.high == 0
+    return (
+        f"{entry.new:.3f} (same)" if same else f"{entry.base:.3f} to {entry.new:.3f} ({entry.metric.text(entry.gain)})"
+    )

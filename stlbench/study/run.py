@@ -1,0 +1,84 @@
+"""A study, from its plan to its results: check it, run what is missing, record it. Prints nothing."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Protocol, cast
+
+from stlbench.contract import Executor
+from stlbench.registry import plugins
+from stlbench.registry.choices import Choice, choice_of
+from stlbench.result import Result
+from stlbench.rollout.traces import FOLDER
+from stlbench.study import scheduler, trial
+from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.plan import Cell, check_cells
+from stlbench.study.provenance import collect
+
+__all__ = ["Progress", "build_executor", "run_study"]
+
+
+class Progress(Protocol):
+    """Is told how a study goes on."""
+
+    def begin(self, total: int, done: int) -> None:
+        """The study has `total` cells, and `done` of them have a result from before."""
+
+    def ended(self, result: Result) -> None:
+        """One more cell has ended."""
+
+
+class _Silent:
+    def begin(self, total: int, done: int) -> None: ...
+
+    def ended(self, result: Result) -> None: ...
+
+
+def build_executor(choice: Choice | str = "local", jobs: int | None = None) -> Executor:
+    """The chosen executor, with so many cells at a time; two where a machine has more than one core and none is said.
+
+    Raises:
+        UsageError: there is no such executor, or a parameter is wrong.
+    """
+    defaults = {"jobs": jobs or min(2, os.cpu_count() or 1)}
+    return cast(Executor, plugins.build("executors", choice_of(choice), defaults=defaults))
+
+
+def run_study(
+    cells: Sequence[Cell],
+    folder: Path,
+    executor: Executor,
+    *,
+    retry: bool = False,
+    progress: Progress | None = None,
+    open_ledger: Callable[[Path], Ledger] = Ledger,
+) -> None:
+    """Run those of the cells that have no result in the folder's ledger, and record each as it ends.
+
+    An interrupt (`KeyboardInterrupt`) stops the workers; what ended before is recorded, and the same call goes on.
+
+    Args:
+        cells: the whole plan (`plan_cells`).
+        folder: of results: the ledger and the traces.
+        executor: runs the cells.
+        retry: run cells again that raised, were stopped or killed.
+        progress: is told how it goes on.
+        open_ledger: makes the ledger from its path.
+
+    Raises:
+        UsageError: a plugin cannot be loaded, or has wrong parameters; nothing has run then. Or the ledger is none.
+    """
+    told = progress or _Silent()
+    with open_ledger(folder / FILE) as ledger:
+        finished = ledger.finished((cell.key for cell in cells), retry)
+        missing = [*{cell.key: cell for cell in cells if cell.key not in finished}.values()]
+        check_cells(missing)
+        told.begin(len(cells), len(cells) - len(missing))
+        run_cell = partial(trial.run_cell, folder=folder / FOLDER)
+        with closing(scheduler.run(missing, ledger, executor, run_cell, collect(executor.jobs))) as results:
+            for result in results:
+                told.ended(result)

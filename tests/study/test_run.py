@@ -1,0 +1,112 @@
+"""A study: what is missing runs once, what is finished does not, and the caller is told."""
+
+from __future__ import annotations
+
+import pytest
+from helpers import scripted_cells
+
+from stlbench.contract import Executor, Outcome
+from stlbench.errors import UsageError
+from stlbench.study import run, trial
+from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.run import build_executor, run_study
+
+
+class Here(Executor):
+    """Runs items in this process, and remembers which, with what deadlines."""
+
+    def __init__(self, *, jobs: int = 1) -> None:
+        super().__init__(jobs=jobs)
+        self.ran = []
+
+    def run(self, function, items, deadlines):
+        for index, item in enumerate(items):
+            self.ran.append((item.id.method.name, deadlines[index]))
+            try:
+                yield Outcome(index, "done", scripted_cells.run_cell(item))
+            except ValueError as error:
+                yield Outcome(index, "raised", reason=str(error))
+
+
+class Told:
+    def __init__(self):
+        self.lines = []
+
+    def begin(self, total, done):
+        self.lines.append((total, done))
+
+    def ended(self, result):
+        self.lines.append((result.id.method.name, result.status))
+
+
+@pytest.fixture(autouse=True)
+def scripted(monkeypatch):
+    monkeypatch.setattr(run, "check_cells", lambda cells: None)
+
+
+def study(folder, cells, **words):
+    executor, told = Here(), Told()
+    run_study(cells, folder, executor, progress=told, **words)
+    return executor.ran, told.lines
+
+
+def test_what_is_missing_runs_with_its_deadline_and_the_caller_is_told(tmp_path):
+    cells = scripted_cells.cells("a", "b", "raise", deadline=7)
+    ran, lines = study(tmp_path, cells)
+    assert ran == [("a", 7), ("b", 7), ("raise", 7)]
+    assert lines == [(3, 0), ("a", "unsuitable"), ("b", "unsuitable"), ("raise", "raised")]
+    with Ledger(tmp_path / FILE, create=False) as ledger:
+        assert [result.id for result in ledger.results()] == [cell.id for cell in cells]
+
+
+def test_what_is_finished_is_not_run_again(tmp_path):
+    cells = scripted_cells.cells("a", "b", "c")
+    study(tmp_path, cells[:2])
+    assert study(tmp_path, cells) == ([("c", 60)], [(3, 2), ("c", "unsuitable")])
+    assert study(tmp_path, cells) == ([], [(3, 3)])
+
+
+def test_retry_runs_accidents_again_and_nothing_else(tmp_path):
+    cells = scripted_cells.cells("a", "raise")
+    study(tmp_path, cells)
+    assert study(tmp_path, cells)[0] == []
+    assert study(tmp_path, cells, retry=True)[0] == [("raise", 60)]
+
+
+def test_a_cell_given_twice_runs_once(tmp_path):
+    (cell,) = scripted_cells.cells("a")
+    assert study(tmp_path, [cell, cell])[0] == [("a", 60)]
+
+
+def test_nothing_runs_where_one_cell_is_wrong_and_only_missing_cells_are_checked(tmp_path, monkeypatch):
+    def refuse(cells):
+        if any(cell.id.method.name == "wrong" for cell in cells):
+            raise UsageError("wrong: no parameter")
+
+    monkeypatch.setattr(run, "check_cells", refuse)
+    cells = scripted_cells.cells("a", "wrong")
+    with pytest.raises(UsageError, match="no parameter"):
+        study(tmp_path, cells)
+    with Ledger(tmp_path / FILE) as ledger:
+        assert list(ledger.results()) == []
+        ledger.record(cells[1].ended("unsuitable"))
+    assert study(tmp_path, cells)[0] == [("a", 60)]
+
+
+def test_an_executor_by_name():
+    assert build_executor(jobs=3).jobs == 3
+    assert build_executor("local").jobs in (1, 2)
+    with pytest.raises(UsageError, match="no executor 'locale'; did you mean 'local'"):
+        build_executor("locale")
+
+
+def test_cells_are_run_by_the_trial_with_a_folder_for_their_traces(tmp_path, monkeypatch):
+    seen = []
+
+    class Remembers(Here):
+        def run(self, function, items, deadlines):
+            seen.append((function.func, function.keywords))
+            return super().run(function, items, deadlines)
+
+    run_study(scripted_cells.cells("a"), tmp_path, Remembers())
+    assert seen == [(trial.run_cell, {"folder": tmp_path / "traces"})]
