@@ -93,14 +93,17 @@ class Monitor:
             row = self._checked(sample)
         if now == self._turn:
             self._reschedule(now)
+        readers, takers = self._readers, self._takers
+        changed = now == 0
         try:
-            values = [read(row) for read in self._readers]
+            if len(readers) == 1:  # without a list, for speed
+                changed |= takers[0](now, readers[0](row))
+            else:
+                values = [read(row) for read in readers]  # all of them, before one is taken
+                for take, value in zip(takers, values, strict=True):
+                    changed |= take(now, value)
         except UndefinedError as error:
             raise self._located(error, row) from None
-        changed = now == 0
-        for take, value in zip(self._takers, values, strict=True):
-            if take(now, value):
-                changed = True
         self.steps = now + 1
         if changed:
             self._answer = self._ask()
