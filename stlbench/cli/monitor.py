@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
-from stlbench.cli.common import Json, print_json
+from stlbench.cli.common import Json, print_json, warn
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
-    from stlbench.cli.trace import Trace
+    from stlbench import stl
+    from stlbench.rollout.trace_files import SavedTraces
 
-Policy = Literal["strict", "clip"]
+ShortTraces = Literal["strict", "clip"]
 
 
 class Source(NamedTuple):
@@ -24,52 +25,79 @@ class Source(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What a trace makes of a formula at its first row."""
+    """What a trace makes of a formula at its first row; `start` says which trace of several."""
 
     formula: str
     robustness: float
     satisfied: bool
+    start: int | None
+
+    def content(self) -> dict[str, Any]:
+        """As JSON has it."""
+        content = self._asdict()
+        return content if self.start is not None else {name: content[name] for name in self._fields if name != "start"}
+
+    def __str__(self) -> str:
+        word = "satisfied" if self.satisfied else "violated"
+        start = "" if self.start is None else f"start {self.start:<3}  "
+        return f"{word:<9}  robustness {self.robustness:< 10.6g}  {start}{self.formula}"
 
 
 def monitor(
     inputs: Annotated[
-        list[str], typer.Argument(metavar="[FORMULA] TRACE", help="A formula, left out with --formulas; a CSV file.")
+        list[str],
+        typer.Argument(
+            metavar="[FORMULA] TRACE", help="A formula, left out with --formulas; a CSV file, '-' or an .npz of a run."
+        ),
     ],
     formulas: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Formulas, one a line; blank lines and '# ...' lines are skipped."),
+        typer.Option(metavar="FILE", help="Formulas, one per line; blank lines and '# ...' lines are skipped."),
     ] = None,
     dt: Annotated[
         float | None,
         typer.Option(metavar="SECONDS", help="Sampling time; intervals are then in seconds, else in rows."),
     ] = None,
     policy: Annotated[
-        Policy, typer.Option(help="A trace that ends too early is an error (strict), or cuts the intervals (clip).")
+        ShortTraces,
+        typer.Option(help="A trace that ends too early is an error (strict), or cuts intervals (clip)."),
     ] = "strict",
+    start: Annotated[
+        int | None, typer.Option(metavar="I", help="One start of an .npz, counted from 0; else all.", min=0)
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Robustness and verdict of a recorded trace.
 
-    TRACE is a CSV file: a header row that names the signals, then one row a step. The formula is evaluated at the
-    first row. The exit code is 0 whatever the verdict. --json prints a list of {"formula", "robustness", "satisfied"};
-    an infinite robustness is null there. Before a formula that begins with '-' write '--'.
+    TRACE is a table of text: a header row that names the signals, then one row per step, separated by commas,
+    semicolons or tabs; '-' reads it from standard input. Columns that no formula uses may hold anything; a column
+    'time' is checked against --dt. Or TRACE is an .npz from the folder 'traces' of a run, with the traces from all
+    starts. The formula is evaluated at the first row. The exit code is 0 whatever the verdict. --json prints a list of
+    {"formula", "robustness", "satisfied"}, for an .npz with "start"; an infinite robustness is null there. Before a
+    formula that begins with '-' write '--'.
 
     \b
     Examples:
       stlbench monitor "G[0,100] norm(x - 1, y) < 0.5" trace.csv
       stlbench monitor --formulas requirements.txt --dt 0.1 trace.csv
+      stlbench monitor "G x <= 1" results/traces/CELL.npz --start 3
     """
-    from stlbench.cli.trace import read_trace
+    from stlbench import stl
 
     sources, path = _sources(inputs, formulas)
-    trace = read_trace(path)
-    verdicts = [_judge(source, trace, dt, policy) for source in sources]
+    parsed = [_parsed(source, dt) for source in sources]
+    used = {name for formula in parsed for name in stl.signals(formula)}
+    traces, starts = _traces(path, used, dt, start)
+    verdicts = [
+        verdict
+        for source, formula in zip(sources, parsed, strict=True)
+        for verdict in _judge(source, formula, traces, starts, policy)
+    ]
     if as_json:
-        print_json([verdict._asdict() for verdict in verdicts])
+        print_json([verdict.content() for verdict in verdicts])
         return
     for verdict in verdicts:
-        word = "satisfied" if verdict.satisfied else "violated"
-        typer.echo(f"{word:<9}  robustness {verdict.robustness:< 10.6g}  {verdict.formula}")
+        typer.echo(str(verdict))
 
 
 def _sources(inputs: list[str], formulas: Path | None) -> tuple[list[Source], Path]:
@@ -91,20 +119,57 @@ def _read_formulas(path: Path) -> list[Source]:
     sources = [Source(line.strip(), f"{path}, line {number}") for number, line in enumerate(lines, 1)]
     sources = [source for source in sources if source.text and not source.text.startswith("#")]
     if not sources:
-        raise UsageError(f"{path} holds no formula; write one a line")
+        raise UsageError(f"{path} holds no formula; write one per line")
     return sources
 
 
-def _judge(source: Source, trace: Trace, dt: float | None, policy: Policy) -> Verdict:
+def _parsed(source: Source, dt: float | None) -> stl.Formula:
     from stlbench import stl
 
     try:
-        formula = stl.parse(source.text, dt=dt)
-        value = stl.robustness(formula, trace.samples, trace.names, policy=policy)
-        verdict = stl.satisfied(formula, trace.samples, trace.names, policy=policy)
+        return stl.parse(source.text, dt=dt)
+    except ValueError as error:
+        raise UsageError(f"{source.place}: {error}") from error
+
+
+def _traces(path: Path, used: set[str], dt: float | None, start: int | None) -> tuple[SavedTraces, list[int | None]]:
+    """The traces that are judged, and which starts they are from, None for a table."""
+    from stlbench.rollout.trace_files import SavedTraces, read_saved, read_table
+
+    if path.suffix == ".npz":
+        saved = read_saved(path)
+        count = len(saved.samples)
+        if start is None:
+            return saved, list(range(count))
+        if start >= count:
+            raise UsageError(f"{path} has starts 0 to {count - 1}, got --start {start}")
+        return saved._replace(samples=saved.samples[start : start + 1]), [start]
+    if start is not None:
+        raise UsageError(f"--start chooses from the traces of an .npz; {path} is one trace")
+    table = read_table(path)
+    if table.delimiter != "commas":
+        warn(f"{table.source} is separated by {table.delimiter}, and read so")
+    if dt is not None and "time" in table.names:
+        if "time" in used or table.is_numeric("time"):
+            table.check_times(dt)
+        else:
+            warn(f"the column 'time' of {table.source} is not in numbers; --dt is not checked against it")
+    return SavedTraces(table.names, table.samples(used)[None]), [None]
+
+
+def _judge(
+    source: Source, formula: stl.Formula, traces: SavedTraces, starts: list[int | None], policy: ShortTraces
+) -> list[Verdict]:
+    from stlbench import stl
+
+    names, samples = traces
+    try:
+        values = stl.robustness(formula, samples, names, policy=policy)
+        verdicts = stl.satisfied(formula, samples, names, policy=policy)
     except stl.ShortTraceError as error:
         rule = f"needs {error.needed} rows, the trace has {error.got}; --policy clip evaluates short traces"
         raise UsageError(f"{source.place}: {rule}") from error
     except ValueError as error:
         raise UsageError(f"{source.place}: {error}") from error
-    return Verdict(source.text, float(value), bool(verdict))
+    judged = zip(values.tolist(), verdicts.tolist(), starts, strict=True)
+    return [Verdict(source.text, value, verdict, start) for value, verdict, start in judged]

@@ -164,8 +164,8 @@ def say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result
     folder.mkdir()
     monkeypatch.chdir(folder)
 
-    def invoke(*words: object) -> Result:
-        found = CliRunner().invoke(app, [str(word) for word in words])
+    def invoke(*words: object, stdin: str | None = None) -> Result:
+        found = CliRunner().invoke(app, [str(word) for word in words], input=stdin)
         if found.exception and not isinstance(found.exception, SystemExit):
             raise found.exception
         return found

@@ -5,7 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from helpers.line_task import Probe, Rule, line
+
+from stlbench.result import MAIN
+from stlbench.rollout.referee import Referee
+from stlbench.rollout.traces import save
 
 TRACE = "x,y\n0,1\n1,3\n2,-1\n"
 
@@ -81,8 +87,10 @@ def test_other_ways_to_write_the_same_trace(say, text):
         ("x,y\n1,2\n3\n", "row 3 has 1 values, the header names 2 signals"),
         ("x,y\n1,2,3\n", "row 2 has 3 values, the header names 2 signals"),
         ("x,y\n1,2\n\n3,4\n", "row 3 has 0 values, the header names 2 signals"),
-        ("x,y\n1,2\n3,four\n", "row 3, column 2 (y): 'four' is no finite number"),
-        ("x,y\n1,nan\n", "row 2, column 2 (y): 'nan' is no finite number"),
+        ("y,x\n1,2\n3,four\n", "row 3, column 2 (x): 'four' is no finite number"),
+        ("y,x\n1,nan\n", "row 2, column 2 (x): 'nan' is no finite number"),
+        ("y;x\n1;2,5\n", "row 2, column 2 (x): '2,5' is no finite number; write decimals with a point"),
+        ("x;y\n1;2\n3\n", "row 3 has 1 values, the header names 2 signals (separated by semicolons, as the header is)"),
         ("x,y\n-inf,0\n", "row 2, column 1 (x): '-inf' is no finite number"),
         ("x,y\n,0\n", "row 2, column 1 (x): '' is no finite number"),
         ("x,y\n1_0,0\n", "row 2, column 1 (x): '1_0' is no finite number"),
@@ -94,7 +102,7 @@ def test_a_bad_trace_is_one_line(say, text, rule):
     Path("bad.csv").write_text(text)
     done = say("monitor", "x > 0", "bad.csv")
     assert (done.exit_code, done.stdout) == (2, "")
-    assert done.stderr == f"error: bad.csv: {rule}\n"
+    assert done.stderr.splitlines()[-1] == f"error: bad.csv: {rule}"
 
 
 @pytest.mark.parametrize("content", [b"x,y\n\xff,1\n", b'x,y\n1,"2\n', None])
@@ -138,3 +146,98 @@ def test_bad_input_exits_2_with_a_clear_line(say, trace, words, message):
     assert (done.exit_code, done.stdout) == (2, "")
     assert done.stderr.startswith("error: ")
     assert message in done.stderr.splitlines()[0]
+
+
+@pytest.mark.parametrize(("delimiter", "name"), [(";", "semicolons"), ("\t", "tabs")])
+def test_other_delimiters_are_read_and_named(say, delimiter, name):
+    Path("trace.csv").write_text(TRACE.replace(",", delimiter))
+    done = say("monitor", "--json", "G[0,2] y >= 0", "trace.csv")
+    assert json.loads(done.stdout)[0]["robustness"] == -1.0
+    assert done.stderr == f"warning: trace.csv is separated by {name}, and read so\n"
+
+
+def test_columns_that_no_formula_uses_may_hold_anything(say):
+    Path("trace.csv").write_text("x,remark,y\n1,start,1\n,,3\n2,end,-1\n")
+    done = say("monitor", "--json", "G[0,2] y >= 0", "trace.csv")
+    assert (done.exit_code, json.loads(done.stdout)[0]["robustness"]) == (0, -1.0)
+    done = say("monitor", "G[0,2] x >= 0", "trace.csv")
+    assert (done.exit_code, done.stderr) == (2, "error: trace.csv: row 3, column 1 (x): '' is no finite number\n")
+
+
+def test_the_time_column_is_checked_against_dt(say):
+    Path("trace.csv").write_text("time,x\n5.00,1\n5.33,2\n5.67,3\n")
+    assert say("monitor", "F[0,0] x > 0", "trace.csv", "--dt", "0.33333").exit_code == 0
+    done = say("monitor", "F[0,0] x > 0", "trace.csv", "--dt", "0.1")
+    rule = "row 3 has time 5.33, with --dt 0.1 it should be 5.1; rows are one sampling time apart"
+    assert (done.exit_code, done.stderr) == (2, f"error: trace.csv: {rule}\n")
+    assert say("monitor", "x > 0", "trace.csv").exit_code == 0  # intervals in rows: no rule about times
+
+
+def test_a_gap_in_time_is_an_error(say):
+    Path("trace.csv").write_text("time,x\n0,1\n1,2\n3,3\n")
+    assert "row 4 has time 3, with --dt 1 it should be 2" in say("monitor", "x > 0", "trace.csv", "--dt", "1").stderr
+
+
+def test_times_that_are_no_numbers_are_not_checked_and_said_so(say):
+    Path("trace.csv").write_text("time,x\n12:00,1\n12:01,2\n")
+    done = say("monitor", "F[0,60] x >= 2", "trace.csv", "--dt", "60")
+    assert done.exit_code == 0
+    assert done.stderr == "warning: the column 'time' of trace.csv is not in numbers; --dt is not checked against it\n"
+
+
+def test_standard_input(say):
+    done = say("monitor", "--json", "G[0,2] y >= 0", "-", stdin=TRACE)
+    assert json.loads(done.stdout)[0]["robustness"] == -1.0
+    done = say("monitor", "z >= 0", "-", stdin="")
+    assert done.stderr == "error: standard input: the file is empty; its first row must name the signals\n"
+
+
+def saved(**arrays):
+    """cell.npz as a run saves it: x of two starts at three steps."""
+    content = {"traces": np.array([[[1.0], [2.0], [3.0]], [[1.0], [-2.0], [3.0]]]), "signals": np.array(["x"])}
+    np.savez("cell.npz", **(content | arrays))
+
+
+def test_traces_of_a_run(say):
+    saved()
+    done = say("monitor", "G x >= 0", "cell.npz")
+    assert [line.split()[:5] for line in done.stdout.splitlines()] == [
+        ["satisfied", "robustness", "1", "start", "0"],
+        ["violated", "robustness", "-2", "start", "1"],
+    ]
+    done = say("monitor", "G x >= 0", "cell.npz", "--start", "1", "--json")
+    assert json.loads(done.stdout) == [{"formula": "G x >= 0", "robustness": -2.0, "satisfied": False, "start": 1}]
+
+
+def test_what_is_no_trace_of_a_run_is_one_line(say, trace):
+    saved()
+    done = say("monitor", "x >= 0", "cell.npz", "--start", "2")
+    assert (done.exit_code, done.stderr) == (2, "error: cell.npz has starts 0 to 1, got --start 2\n")
+    done = say("monitor", "x >= 0", trace, "--start", "0")
+    assert done.stderr == "error: --start chooses from the traces of an .npz; trace.csv is one trace\n"
+    saved(traces=np.zeros((2, 3, 2)))
+    done = say("monitor", "x >= 0", "cell.npz")
+    assert done.stderr == "error: cell.npz: traces have shape (starts, steps, 1 signals), got (2, 3, 2)\n"
+    saved(traces=np.array([None]))  # would be a pickle
+    Path("text.npz").write_text("x,y")
+    np.savez("other.npz", x=1)
+    for name in ("text.npz", "none.npz", "other.npz", "cell.npz"):
+        done = say("monitor", "x >= 0", name)
+        assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+        assert done.stderr.startswith(f"error: cannot read {name} as traces of stlbench: ")
+
+
+def test_the_traces_that_the_referee_saves_are_read(say):
+    task, path = line(), Path("cell.npz")
+    report = Referee(task, Probe(task.specification)).report(Rule(lambda seen: np.zeros(len(seen), dtype=int)))
+    save(path, report, task.signals)
+    done = say("monitor", "--json", str(task.formula), path)
+    assert [verdict["robustness"] for verdict in json.loads(done.stdout)] == list(report.scores[MAIN].robustness)
+
+
+def test_a_formula_beyond_the_limits_is_one_line_and_its_place(say, trace):
+    done = say("monitor", "!" * 300 + "x > 0", trace)
+    assert (done.exit_code, len(done.stderr.splitlines())) == (2, 3)
+    assert done.stderr.startswith("error: formula: line 1, column 121: expected at most 120 levels of nesting")
+    done = say("monitor", " & ".join(["G[0,2] x >= 0 & y > -2"] * 1000), trace)
+    assert (done.exit_code, done.stdout.split()[:3]) == (0, ["satisfied", "robustness", "0"])

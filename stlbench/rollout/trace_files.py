@@ -1,0 +1,164 @@
+"""Traces in files: tables of text (CSV), and the traces that the referee recorded (.npz)."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import sys
+import zipfile
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stlbench.errors import UsageError
+
+__all__ = ["STDIN", "SavedTraces", "TraceTable", "read_saved", "read_table"]
+
+STDIN = Path("-")
+_DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+#: how far a row's time may be from its place, in steps
+_JITTER = 0.1
+
+
+class SavedTraces(NamedTuple):
+    """Samples (N, T + 1, k) of k named signals from N starts."""
+
+    names: tuple[str, ...]
+    samples: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TraceTable:
+    """A trace as text: a header that names the columns, then one row per step.
+
+    In messages rows and columns count from 1, and the header is row 1.
+    """
+
+    source: str
+    names: tuple[str, ...]
+    rows: list[list[str]]
+    delimiter: str
+    """In words, such as "commas"."""
+
+    def samples(self, used: Collection[str]) -> NDArray[np.float64]:
+        """The columns `used` as numbers, (T + 1, k) with NaN in all others. Raises UsageError at what is none."""
+        samples = np.full((len(self.rows), len(self.names)), np.nan)
+        for column, name in enumerate(self.names):
+            if name in used:
+                samples[:, column] = self.column(name)
+        return samples
+
+    def column(self, name: str) -> list[float]:
+        """One column as numbers.
+
+        Raises:
+            UsageError: a value is no finite number.
+        """
+        column = self.names.index(name)
+        values = []
+        for number, row in enumerate(self.rows, 2):
+            value = _number(row[column])
+            if value is None or not math.isfinite(value):
+                hint = "; write decimals with a point" if "," in row[column] else ""
+                place = f"{self.source}: row {number}, column {column + 1} ({name})"
+                raise UsageError(f"{place}: '{row[column]}' is no finite number{hint}")
+            values.append(value)
+        return values
+
+    def is_numeric(self, name: str) -> bool:
+        """Whether a column has numbers alone."""
+        column = self.names.index(name)
+        return all(_number(row[column]) is not None for row in self.rows)
+
+    def check_times(self, dt: float) -> None:
+        """See that the column `time`, in seconds, has a row every `dt`, to a tenth of it.
+
+        Raises:
+            UsageError: it has not, or a time is no finite number.
+        """
+        times = self.column("time")
+        for i, time in enumerate(times):
+            due = times[0] + i * dt
+            if abs(time - due) > _JITTER * dt:
+                rule = f"with --dt {dt:g} it should be {due:g}; rows are one sampling time apart"
+                raise UsageError(f"{self.source}: row {i + 2} has time {time:g}, {rule}")
+
+
+def read_table(path: Path) -> TraceTable:
+    """Read a table of text from a file, or from standard input for `-`.
+
+    Values are separated by commas, semicolons or tabs, whichever the header has most of.
+
+    Raises:
+        UsageError: no such file, no header, no row, or a row that is longer or shorter than the header.
+    """
+    source = "standard input" if path == STDIN else str(path)
+    try:
+        text = (sys.stdin.buffer.read() if path == STDIN else path.read_bytes()).decode("utf-8-sig")
+        header, _, _ = text.partition("\n")
+        delimiter = max(_DELIMITERS, key=header.count)
+        lines = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True, strict=True)
+        rows = list(lines)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise UsageError(f"cannot read {source}: {error}") from error
+    try:
+        return _table(source, rows, _DELIMITERS[delimiter])
+    except UsageError as error:
+        raise UsageError(f"{source}: {error}") from None
+
+
+def read_saved(path: Path) -> SavedTraces:
+    """Read the traces that `stlbench run` saved of one cell.
+
+    Raises:
+        UsageError: no such file, or none with `traces` (N, T + 1, k) and the names of k `signals`.
+    """
+    try:
+        with np.load(path) as saved:
+            samples, names = np.asarray(saved["traces"], dtype=np.float64), tuple(map(str, saved["signals"].tolist()))
+    except (OSError, ValueError, TypeError, KeyError, zipfile.BadZipFile, EOFError) as error:
+        raise UsageError(f"cannot read {path} as traces of stlbench: {error}") from error
+    if samples.ndim != 3 or 0 in samples.shape or samples.shape[2] != len(names):
+        raise UsageError(f"{path}: traces have shape (starts, steps, {len(names)} signals), got {samples.shape}")
+    return SavedTraces(names, samples)
+
+
+def _table(source: str, rows: list[list[str]], delimiter: str) -> TraceTable:
+    while rows and not rows[-1]:
+        rows.pop()
+    if not rows:
+        raise UsageError("the file is empty; its first row must name the signals")
+    names = _names(rows[0])
+    for number, row in enumerate(rows[1:], 2):
+        if len(row) != len(names):
+            separated = "" if delimiter == "commas" else f" (separated by {delimiter}, as the header is)"
+            raise UsageError(f"row {number} has {len(row)} values, the header names {len(names)} signals{separated}")
+    if not rows[1:]:
+        raise UsageError("there is no row below the header")
+    return TraceTable(source, names, rows[1:], delimiter)
+
+
+def _names(header: list[str]) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in header)
+    if not any(names):
+        raise UsageError("the file is empty; its first row must name the signals")
+    if all(_number(name) is not None for name in names):
+        raise UsageError(f"the first row must name the signals, got the numbers {', '.join(names)}")
+    for column, name in enumerate(names, 1):
+        if not name:
+            raise UsageError(f"column {column} has no name in the header")
+        if name in names[: column - 1]:
+            raise UsageError(f"the header names '{name}' twice")
+    return names
+
+
+def _number(text: str) -> float | None:
+    try:
+        return None if "_" in text else float(text)  # Python reads 1_000, CSV files do not mean it
+    except ValueError:
+        return None
