@@ -61,7 +61,7 @@ ABLATION := $(BIN)/stlbench run --results results/ablation
 ablation: $(VENV)/ready-all
 	$(ABLATION) --methods raw --seeds 2 --tasks fetch-reach --agents "td3[averaging=0],sb3-td3,sb3-sac,sb3-ppo"
 	$(ABLATION) --methods funnel --seeds 2 --tasks "\
-	overlap[without=rewarded],overlap[without=cuts],overlap[without=violation]"
+	overlap[without=rewarded],overlap[without=cuts],overlap[without=ends]"
 	$(ABLATION) --methods raw --seeds 5 --tasks reach-stay --agents "\
 	dqn[head=joint],dqn[averaging=0],dqn[n_steps=1],dqn[double=false]"
 	$(ABLATION) --methods raw --seeds 2 --tasks pendulum --agents "dqn[head=joint],dqn[averaging=0]"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from stlbench.task.task import Task
 
 _TRAINING_NOTES = (
-    "Cuts are steps. The reward of violation or lost counts as if paid for ever after, in units of a method's scale.",
+    "Cuts are steps. The reward of an end counts as if paid for ever after, in units of a method's scale.",
     "Exploring: this share of the episodes begins at a random time and lasts about length decisions, or to the end.",
     "Of these, the share kept begins in the state in which the last episode ended, the others in states, or as all do.",
 )
@@ -83,7 +83,7 @@ def facts(task: Task) -> dict[str, Any]:
         "protocols": {
             key: {
                 "title": entry.title,
-                "formula": str(file.parsed(entry.formula or file.formula)),
+                "formula": str(entry.formula or file.formula),
                 "starts": entry.starts,
             }
             for key, entry in file.protocols.items()
@@ -229,7 +229,7 @@ def _value(value: Any) -> Value:
 
 def _text(value: Any) -> str:
     if isinstance(value, tuple):
-        return ", ".join(map(_text, value))
+        return ("\n" if value and isinstance(value[0], dict) else ", ").join(map(_text, value))
     if isinstance(value, dict):
         return _region(value) if "box" in value else _listed(value)
     return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -138,7 +138,12 @@ def declared(kind: type) -> dict[str, Parameter]:
     }
 
 
-def check(known: Mapping[str, Parameter], choice: Choice, defaults: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def check(
+    known: Mapping[str, Parameter],
+    choice: Choice,
+    defaults: Mapping[str, Any] | None = None,
+    origin: str = " in the recipe",
+) -> dict[str, Any]:
     """The keyword arguments: those of `defaults`, overridden by the choice's, each of the type declared in `known`.
 
     Raises:
@@ -153,8 +158,8 @@ def check(known: Mapping[str, Parameter], choice: Choice, defaults: Mapping[str,
         try:
             values[name] = _converted(known[name].hint, value)
         except ValidationError as error:
-            origin = "" if name in dict(choice.parameters) else " in the recipe"
-            problems.append(_sentence(name, error.errors()[0]) + origin)
+            place = "" if name in dict(choice.parameters) else origin
+            problems.append(_sentence(name, error.errors()[0]) + place)
     required = [name for name, entry in known.items() if entry.default is inspect.Parameter.empty]
     problems += [f"parameter '{name}' must be given" for name in required if name not in given]
     if problems:

@@ -175,10 +175,15 @@ def _declared(plugin: Plugin) -> dict[str, choices.Parameter]:
         raise plugin._error(f"annotations of its constructor: {error}") from error
 
 
-def check(kind: str, choice: Choice, defaults: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """The checked keyword arguments with which `build` would call the plugin. Raises `UsageError`."""
+def check(
+    kind: str, choice: Choice, defaults: Mapping[str, Any] | None = None, origin: str = " in the recipe"
+) -> dict[str, Any]:
+    """The checked keyword arguments with which `build` would call the plugin. Raises `UsageError`.
+
+    `origin` ends what the message says of a wrong value among the `defaults`.
+    """
     plugin = find(kind, choice.name)
-    return choices.check(_declared(plugin), choice, defaults)
+    return choices.check(_declared(plugin), choice, defaults, origin)
 
 
 def build(kind: str, choice: Choice, *args: Any, defaults: Mapping[str, Any] | None = None) -> Any:

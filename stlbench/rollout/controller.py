@@ -44,7 +44,7 @@ def score(task: Task) -> Score | None:
     None where the task has none, or where it fails, and then with a `PluginWarning`.
     """
     try:
-        traces = record(task, referee.start_states(task))
+        traces = record(task, referee.start_states(task)[0])
     except Exception as error:
         _warn(task.name, error)
         return None

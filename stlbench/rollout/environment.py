@@ -88,21 +88,21 @@ class Simulator:
 
 
 class _Endings:
-    """Where training episodes end before their time: a term G[a,b] psi is violated, or all is lost."""
+    """Where training episodes end early, as the task's `training.ends` say."""
 
     def __init__(self, task: Task) -> None:
-        training, specification = task.file.training, task.specification
-        t = np.arange(specification.steps + 1)
+        specification, t = task.specification, np.arange(task.file.steps + 1)
         self._ends: list[tuple[Callable[[Array], Truth], bool, Truth, float]] = []
         """A predicate, the verdict that ends the episode, the steps at which it does, and what is paid."""
-        if training.violation is not None:
+        for ending in task.file.training.ends:
+            if isinstance(ending.where, stl.Formula):
+                anywhere = np.ones_like(t, dtype=np.bool_)
+                self._ends.append((specification.holds(ending.where), True, anywhere, ending.reward))
+                continue
             for term in specification.terms:
                 if term.kind == "G":
                     active = (term.start <= t) & (t <= term.end)
-                    self._ends.append((specification.holds(term.psi), False, active, training.violation))
-        if training.lost is not None:
-            where = specification.holds(stl.parse(training.lost.where))
-            self._ends.append((where, True, np.ones_like(t, dtype=np.bool_), training.lost.reward))
+                    self._ends.append((specification.holds(term.psi), False, active, ending.reward))
 
     def __bool__(self) -> bool:
         return bool(self._ends)

@@ -23,10 +23,12 @@ from stlbench.task.task import Task
 __all__ = ["Evaluation", "Referee", "Report", "follow", "record", "score", "start_states"]
 
 
-def start_states(task: Task, part: int = 0) -> Array:
-    """The states (starts, n) behind the main score of the report; with `part` 1, those that selection is on."""
-    file = task.file
-    return task.system.initial_states(starts.grid(file.initial, file.starts, part))
+def start_states(task: Task) -> tuple[Array, Array]:
+    """The states (starts, n) behind the main score of the report, and those on which checkpoints are selected.
+
+    The two sets share no state.
+    """
+    return starts.grid_apart(task.file.initial, task.file.starts, task.system.initial_states)
 
 
 def record(
@@ -128,10 +130,10 @@ class Referee:
     def __init__(self, task: Task, method: RewardMethod) -> None:
         self.task, self.method = task, method
         file = task.file
-        self._selection = start_states(task, part=1)
-        self._protocols = {MAIN: Evaluation(task.formula, start_states(task))}
+        reported, self._selection = start_states(task)
+        self._protocols = {MAIN: Evaluation(task.formula, reported)}
         for name, protocol in file.protocols.items():
-            formula = task.formula if protocol.formula is None else file.parsed(protocol.formula)
+            formula = protocol.formula or task.formula
             region = protocol.initial or file.initial
             self._protocols[name] = Evaluation(
                 formula, task.system.initial_states(starts.grid(region, protocol.starts))

@@ -2,53 +2,102 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from itertools import islice
+
 import numpy as np
 
 from stlbench.contract import Array
 from stlbench.errors import UsageError
-from stlbench.task.file import Region
+from stlbench.task.region import Region
 
-__all__ = ["grid", "sample"]
+__all__ = ["grid", "grid_apart", "sample"]
 
 _ROUNDS = 200
+_ROUNDS_APART = 20
 
 
 def sample(region: Region, generator: np.random.Generator, count: int) -> Array:
     """Draw `count` states uniformly from a region: (count, n). Raises `UsageError` where its condition is hopeless."""
     low, high = region.low, region.high
-    found: list[Array] = []
+    drawn: list[Array] = []
     missing = count
     for _ in range(_ROUNDS):
         states = region.keep(generator.uniform(low, high, (missing, len(low))))
-        found.append(states)
+        drawn.append(states)
         missing -= len(states)
         if missing == 0:
-            return np.concatenate(found)
-    raise UsageError(f"initial states: the condition '{region.where}' holds (almost) nowhere in the box")
+            return np.concatenate(drawn)
+    raise _hopeless(region)
 
 
-def grid(region: Region, count: int, part: int = 0) -> Array:
-    """`count` states (count, n) that fill a region evenly, the same at every call: a Halton sequence without noise.
+def grid(region: Region, count: int) -> Array:
+    """`count` states (count, n) that fill a region evenly, the same at every call.
 
-    Different `part`s of the sequence have no state in common: part 0 is what the referee reports on, part 1 what
-    checkpoints are selected on. A coordinate that the region fixes is the same in all states.
+    A coordinate that the region fixes is the same in all states; a region of one state repeats it. Raises `UsageError`
+    where its condition is hopeless.
     """
+    return next(_blocks(region, count))
+
+
+def grid_apart(region: Region, count: int, begun: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Two sets of initial states that have none in common: to report on, and to select checkpoints on.
+
+    Args:
+        region: where they lie.
+        count: how many states in each set.
+        begun: from points of the region to the states in which episodes begin, `System.initial_states`; several points
+            may lead to one state.
+
+    Returns:
+        The states that `grid` leads to, (count, n); and others, which come next in the same sequence, (count, n). No
+        state of the second set is there twice, unless a region has too few of them: then they are repeated, and where
+        it has no others at all, the second set is the first.
+    """
+    blocks = _blocks(region, count)
+    first = begun(next(blocks))
+    seen, others = {_key(state) for state in first}, list[Array]()
+    for block in islice(blocks, _ROUNDS_APART):
+        for state in begun(block):
+            if _key(state) not in seen:
+                seen.add(_key(state))
+                others.append(state)
+        if len(others) >= count:
+            break
+    if not others:
+        return first, first
+    return first, np.resize(np.stack(others), (count, first.shape[1]))
+
+
+def _key(state: Array) -> bytes:
+    return (state + 0.0).tobytes()  # 0 and -0 are one number
+
+
+def _blocks(region: Region, count: int) -> Iterator[Array]:
+    """An even sequence of states, a Halton sequence without noise, in blocks (count, n)."""
     from scipy.stats import qmc
 
     free = np.flatnonzero(region.low < region.high)
     if not len(free):
-        states = region.keep(region.low[None])
-        if not len(states):
+        if not len(region.keep(region.low[None])):
             raise UsageError(f"initial states: the one state breaks the condition '{region.where}'")
-        return np.repeat(states, count, axis=0)
-    wanted = count * (part + 1)
+        while True:
+            yield np.repeat(region.low[None], count, axis=0)
     points = qmc.Halton(d=len(free), scramble=False)
     points.fast_forward(1)
-    found: list[Array] = []
-    for _ in range(_ROUNDS):
-        states = np.tile(region.low, (wanted, 1))
-        states[:, free] += points.random(wanted) * (region.high - region.low)[free]
-        found.append(region.keep(states))
-        if sum(map(len, found)) >= wanted:
-            return np.concatenate(found)[wanted - count : wanted]
-    raise UsageError(f"initial states: the condition '{region.where}' holds (almost) nowhere in the box")
+    rest = np.empty((0, len(region.low)))
+    while True:
+        for _ in range(_ROUNDS):
+            if len(rest) >= count:
+                break
+            states = np.tile(region.low, (count, 1))
+            states[:, free] += points.random(count) * (region.high - region.low)[free]
+            rest = np.concatenate([rest, region.keep(states)])
+        else:
+            raise _hopeless(region)
+        yield rest[:count]
+        rest = rest[count:]
+
+
+def _hopeless(region: Region) -> UsageError:
+    return UsageError(f"initial states: the condition '{region.where}' holds (almost) nowhere in the box")

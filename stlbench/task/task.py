@@ -6,14 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
-from typing import Any
+from typing import Any, cast
 
 from stlbench import stl
 from stlbench.contract import ActionBox, ActionGrid, Actions, Specification, System
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, choice_of
-from stlbench.task.file import Budget, TaskFile, read_task_file
+from stlbench.task.checks import check_regions
+from stlbench.task.file import Budget, TaskFile
+from stlbench.task.parts import Parts
+from stlbench.task.reading import errors_of, read
 
 __all__ = ["Task", "load_task"]
 
@@ -32,10 +35,10 @@ class Task:
         """The text of the choice."""
         return str(self.choice)
 
-    @cached_property
+    @property
     def formula(self) -> stl.Formula:
         """The task's formula, intervals in steps."""
-        return self.file.parsed(self.file.formula)
+        return self.file.formula
 
     @cached_property
     def signals(self) -> tuple[str, ...]:
@@ -56,13 +59,13 @@ class Task:
         """What a reward method is told of the task."""
         ranges = self.file.signals.values()
         return Specification(
-            formula=self.formula if self.file.rewarded is None else self.file.parsed(self.file.rewarded),
+            formula=self.file.rewarded or self.formula,
             signals=self.signals,
             low=tuple(entry.low for entry in ranges),
             high=tuple(entry.high for entry in ranges),
             steps=self.file.steps,
             dt=self.file.sampling_time,
-            nested=None if self.file.nested is None else self.file.parsed(self.file.nested),
+            nested=self.file.nested,
             input_limit=self.file.input_limit,
         )
 
@@ -89,7 +92,7 @@ def load_task(choice: Choice | str) -> Task:
     """Find, read and check a task.
 
     Args:
-        choice: the task; for an ablation with what it is to do without, joined by +: overlap[without=cuts+violation].
+        text: its name; for an ablation with what it is to do without, joined by +: overlap[without=cuts+ends].
 
     Raises:
         UsageError: no such task, a task file with errors (the message lists all of them), or without a thing that the
@@ -99,14 +102,20 @@ def load_task(choice: Choice | str) -> Task:
     name = choice.name
     plugin = plugins.find("tasks", name)
     kind = plugin.load()
-    file = _without(read_task_file(_text(name, kind), name), choice)
+    reading = read(_text(name, kind), name)
+    errors = list(reading.errors)
+    system = None
     try:
-        system = kind(file.sampling_time, **file.parameters)
-    except TypeError as error:
-        raise UsageError(f"task {name}: parameters: {error}") from error
+        system = _system(plugin, reading.parts)
     except ImportError as error:
-        raise UsageError(f"task {name} cannot be loaded: {error}") from error
-    _check_states(name, file, system)
+        if not errors:
+            raise UsageError(f"task {name} cannot be loaded: {error}") from error
+    except ValueError as error:
+        errors.append(str(error))
+    errors += check_regions(reading.parts, _coordinates(system or kind))
+    if errors or reading.file is None or system is None:
+        raise errors_of(name, errors)
+    file = _without(reading.file, choice)
     return Task(choice, file, system)
 
 
@@ -133,13 +142,19 @@ def _text(name: str, kind: type) -> str:
         raise UsageError(f"task {name}: there is no task.yaml in the package {package}") from error
 
 
-def _check_states(name: str, file: TaskFile, system: System) -> None:
-    exploring = file.training.exploring
-    regions = {"initial": file.initial, "training.starts": file.training_starts}
-    if exploring is not None and exploring.states is not None:
-        regions["training.exploring.states"] = exploring.states
-    regions |= {f"protocols.{key}.initial": entry.initial for key, entry in file.protocols.items() if entry.initial}
-    names = system.state if system.coordinates is None else system.coordinates
-    wrong = [place for place, region in regions.items() if tuple(region.box) != names]
-    if wrong:
-        raise UsageError(f"task {name}: {', '.join(wrong)}: the box must name {', '.join(names)}, in this order")
+def _system(plugin: plugins.Plugin, parts: Parts) -> System | None:
+    """The system with the file's parameters; None where what it is made of is wrong. Raises `ValueError`."""
+    if "parameters" not in parts:
+        return None
+    try:
+        keywords = plugins.check("tasks", Choice(plugin.name), parts["parameters"], origin="")
+        if "sampling_time" not in parts:
+            return None
+        return cast(System, plugin.load()(parts["sampling_time"], **keywords))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"parameters: {str(error).removeprefix(f'{plugin.name}: ')}") from error
+
+
+def _coordinates(system: System | type[System]) -> tuple[str, ...]:
+    """The names that boxes of initial states speak of."""
+    return system.state if system.coordinates is None else system.coordinates

@@ -9,7 +9,7 @@ import yaml
 
 from stlbench.contract import Array, Integers, System
 from stlbench.registry.choices import Choice
-from stlbench.task.file import read_task_file
+from stlbench.task.reading import read_task_file
 from stlbench.task.task import Task
 
 __all__ = ["Pendulum", "pendulum"]

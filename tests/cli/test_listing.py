@@ -55,7 +55,7 @@ def test_a_task_in_full(say, toy):
     (term,) = found["terms"]
     assert (term["formula"], term["rho_min"], term["rho_max"]) == ("G[0,4] x <= 1", pytest.approx(-2), pytest.approx(3))
     assert found["actions"]["v"] == {"low": -1.0, "high": 1.0, "unit": "", "count": 3}
-    assert (found["controller"], found["robots"], found["training"]) == (None, {}, {"cuts": []})
+    assert (found["controller"], found["robots"], found["training"]) == (None, {}, {"cuts": [], "ends": []})
     assert found["own_agent"] == "toy-agent"
     assert found["budgets"]["quick"] == {"steps": 8, "seeds": 2, "deadline": 60.0, "checkpoints": 2}
     assert found["protocols"]["end"]["formula"] == "F[4,4] x <= 1"
@@ -102,8 +102,7 @@ robots: {left: [v], right: [w]}
 training:
   starts: {box: {x: [-0.5, 0.5]}}
   cuts: [2, 3]
-  violation: -0.25
-  lost: {where: x >= 2, reward: -1}
+  ends: [{where: violation, reward: -0.25}, {where: x >= 2, reward: -1}]
   exploring: {share: 0.5, kept: 0.25, states: {box: {x: [0, 2]}, where: x <= 1}, length: 2}
 """
 
@@ -125,8 +124,7 @@ def test_robots_and_training_as_json(say, richer):
     assert found["training"] == {
         "starts": {"box": {"x": [-0.5, 0.5]}},
         "cuts": [2, 3],
-        "violation": -0.25,
-        "lost": {"where": "x >= 2", "reward": -1.0},
+        "ends": [{"where": "violation", "reward": -0.25}, {"where": "x >= 2", "reward": -1.0}],
         "exploring": {"share": 0.5, "kept": 0.25, "states": {"box": {"x": [0.0, 2.0]}, "where": "x <= 1"}, "length": 2},
     }
     assert (found["own_agent"], list(found["agents"])) == ("z-first", ["z-first", "toy-agent"])
@@ -143,8 +141,9 @@ def test_robots_and_training_on_screen(say, richer):
         "right w",
         "starts x in [-0.5, 0.5]",
         "cuts 2, 3",
-        "violation -0.25",
-        "lost where: x >= 2",
+        "ends where: violation",
+        "reward: -0.25",
+        "where: x >= 2",
         "reward: -1",
         "exploring share: 0.5",
         "kept: 0.25",

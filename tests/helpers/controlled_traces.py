@@ -34,4 +34,4 @@ def trace(task: Task, states: Array) -> Array:
 
 def all_starts(task: Task) -> Array:
     """The starts of the report and those of the selection: (2 * starts, n)."""
-    return np.concatenate([referee.start_states(task, part) for part in (0, 1)])
+    return np.concatenate(referee.start_states(task))

@@ -12,6 +12,8 @@ from stlbench.task import build_method, load_task
 DOWN, STAY, UP = 0, 1, 2
 """x moves by -.5, 0, .5 a step."""
 
+VIOLATED, FAR = {"where": "violation", "reward": -0.5}, {"where": "x >= 1.5", "reward": -3}
+
 
 def always(action: int, count: int) -> np.ndarray:
     return np.full(count, action)
@@ -186,7 +188,7 @@ class TestTrainingOptions:
         assert last.arrived.tolist() == [[-4, 8, 1]] * 2
 
     def test_a_violation_ends_the_episode_and_is_paid_for_ever(self) -> None:
-        environment = self.make(violation=-0.5)
+        environment = self.make(ends=[VIOLATED])
         environment.reset()
         first = environment.step(np.array([UP, DOWN]))  # 1.0 and -1.0: x <= 1 holds with robustness 0
         assert first.terminal.tolist() == [False, False]
@@ -198,7 +200,7 @@ class TestTrainingOptions:
         assert second.observation.tolist() == [[0, 0, -1], [-2, 4, 0]]
 
     def test_beyond_the_interval_of_a_term_nothing_is_violated(self) -> None:
-        environment = self.make(violation=-0.5)
+        environment = self.make(ends=[VIOLATED])
         environment.reset()
         for action in (DOWN, STAY, UP, UP):  # -1 at t = 4, then up to 1
             transition = environment.step(always(action, 2))
@@ -207,15 +209,15 @@ class TestTrainingOptions:
 
     def test_a_violation_within_a_held_action_counts_though_it_is_over_at_its_end(self) -> None:
         """x = 1.5 at t = 2, the last sample that the formula reads; and at t = 3."""
-        task = line(hold=4, formula="G[0,2] (x <= 1)", training={"violation": -1})
+        task = line(hold=4, formula="G[0,2] (x <= 1)", training={"ends": [{"where": "violation", "reward": -1}]})
         environment = BatchEnvironment(task, Probe(task.specification), 2, seed=0)
         environment.reset()
         environment.simulator.reset(np.array([[0.5], [0.0]]))
         first = environment.step(always(UP, 2))
         assert first.terminal.tolist() == [True, False]
 
-    def test_what_is_lost_ends_the_episode_at_any_time(self) -> None:
-        environment = self.make(violation=-0.5, lost={"where": "x <= -2", "reward": -3})
+    def test_a_condition_ends_the_episode_at_any_time(self) -> None:
+        environment = self.make(ends=[VIOLATED, {"where": "x <= -2", "reward": -3}])
         environment.reset()
         environment.step(always(STAY, 2))
         environment.step(always(STAY, 2))
@@ -224,11 +226,12 @@ class TestTrainingOptions:
         assert last.terminal.tolist() == [False, True]
         assert last.reward[1] == -3
 
-    def test_a_violation_and_a_loss_at_once_are_paid_as_the_violation(self) -> None:
-        environment = self.make(1, violation=-0.5, lost={"where": "x >= 1.5", "reward": -3})
-        environment.reset()
-        environment.simulator.reset(np.array([[1.0]]))
-        assert environment.step(always(UP, 1)).reward.tolist() == [-0.5]
+    def test_of_two_ends_at_once_the_first_is_paid(self) -> None:
+        for ends, paid in (([VIOLATED, FAR], -0.5), ([FAR, VIOLATED], -3)):
+            environment = self.make(1, ends=ends)
+            environment.reset()
+            environment.simulator.reset(np.array([[1.0]]))
+            assert environment.step(always(UP, 1)).reward.tolist() == [paid]
 
     def test_exploring_episodes_begin_at_every_decision_from_their_own_states(self) -> None:
         environment = self.make(400, exploring={"share": 0.5, "states": {"box": {"x": 7}}})
@@ -264,5 +267,5 @@ class TestTrainingOptions:
         assert set(observation[:, 1]) == {0, 2, 4, 6}
 
     def test_nothing_else_is_drawn_without_exploring_starts(self) -> None:
-        plain, cut = self.make(3, x=[-1, 1]), self.make(3, x=[-1, 1], cuts=[2], violation=-5)
+        plain, cut = self.make(3, x=[-1, 1]), self.make(3, x=[-1, 1], cuts=[2], ends=[VIOLATED])
         assert plain.reset().tolist() == cut.reset().tolist()

@@ -9,7 +9,7 @@ from helpers.line_task import Probe, Rule, line
 from stlbench import stl
 from stlbench.contract import Array, Integers
 from stlbench.result import MAIN, Score
-from stlbench.rollout.referee import Referee, record, score
+from stlbench.rollout.referee import Referee, record, score, start_states
 from stlbench.task import starts
 
 THREE = "G[0,2] x <= 1 & F[0,3] x >= 5 & G[4,6] x <= 3"
@@ -113,7 +113,7 @@ class TestReferee:
     def test_selection_is_on_other_starts_than_the_report(self) -> None:
         task = line(starts=8)
         referee, policy = Referee(task, Probe(task.specification)), Rule(lambda seen: UP)
-        others, own = starts.grid(task.file.initial, 8, part=1)[:, 0], starts.grid(task.file.initial, 8)[:, 0]
+        own, others = (states[:, 0] for states in start_states(task))
         assert not set(others.round(9)) & set(own.round(9))
         # robustness is -1 - x_0 here
         assert referee.select(policy) == (0.0, pytest.approx(-1 - others.mean()))

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from stlbench.errors import UsageError
-from stlbench.task import starts
-from stlbench.task.file import Region
+from stlbench.registry import plugins
+from stlbench.rollout import referee
+from stlbench.task import load_task, starts
+from stlbench.task.region import Region
 
 DISC = Region(box={"x": (-1, 1), "y": (-1, 1), "heading": 0.5}, where="norm(x, y) <= 0.9")
 
@@ -43,10 +45,6 @@ class TestGrid:
         assert np.all(states[:, 2] == 0.5)
         assert len(np.unique(states, axis=0)) == 64
 
-    def test_parts_share_no_state(self) -> None:
-        report, selection = starts.grid(DISC, 64), starts.grid(DISC, 64, part=1)
-        assert len(np.unique(np.concatenate([report, selection]), axis=0)) == 128
-
     def test_is_spread_evenly(self) -> None:
         # a quarter of 200 in each quadrant; random draws would be off by 6 (a standard deviation)
         states = starts.grid(DISC, 200)
@@ -68,3 +66,41 @@ class TestGrid:
     def test_a_single_state_that_breaks_its_condition_is_an_error(self) -> None:
         with pytest.raises(UsageError, match="the one state breaks the condition 'x >= 2'"):
             starts.grid(Region(box={"x": 1}, where="x >= 2"), 3)
+
+
+class TestGridApart:
+    """The report's states are those of the grid; those for selection come next and are others."""
+
+    def test_the_second_set_goes_on_in_the_sequence(self) -> None:
+        """1/2, 1/4, 3/4, 1/8, 5/8, 3/8 of [0, 8], as 0, 1, 2, ... mirrored in base 2."""
+        report, selection = starts.grid_apart(Region(box={"x": (0, 8)}), 3, lambda points: points)
+        assert report.tolist() == [[4], [2], [6]]
+        assert selection.tolist() == [[1], [5], [3]]
+
+    def test_states_count_and_not_the_points_that_lead_to_them(self) -> None:
+        """Points are rounded down to even numbers: 4 2 6 | 0 4 2 6 0 ..., of which only 0 is new."""
+        region = Region(box={"x": (0, 8)})
+        report, selection = starts.grid_apart(region, 3, lambda points: 2 * np.floor(points / 2))
+        assert report.tolist() == [[4], [2], [6]]
+        assert selection.tolist() == [[0], [0], [0]]
+
+    def test_minus_zero_is_zero(self) -> None:
+        """Points 0, -4, 4; the first two lead to 0 and -0."""
+        region = Region(box={"x": (-8, 8)})
+        report, selection = starts.grid_apart(region, 1, lambda points: np.where(points < 0, -0.0, points))
+        assert (report.tolist(), selection.tolist()) == ([[0]], [[4]])
+
+    def test_where_all_points_lead_to_one_state_both_sets_have_it(self) -> None:
+        for region in (Region(box={"x": (0, 8)}), Region(box={"x": 7})):
+            report, selection = starts.grid_apart(region, 2, lambda points: np.ones((len(points), 2)))
+            assert report.tolist() == selection.tolist() == [[1, 1], [1, 1]]
+
+    @pytest.mark.parametrize("name", plugins.available("tasks"))
+    def test_no_task_selects_on_states_that_it_reports_on(self, name: str) -> None:
+        """Of `fetch-reach`, several points lead to one state: where no action is taken, the action does not matter."""
+        task = load_task(name)
+        report, selection = referee.start_states(task)
+        assert report.shape == selection.shape == (task.file.starts, len(task.system.state))
+        reported = {tuple(state) for state in report}
+        assert not reported & {tuple(state) for state in selection}
+        assert len({tuple(state) for state in selection}) == len(selection)

@@ -30,7 +30,9 @@ def test_the_paper() -> None:
 def test_the_protocols_measure_what_the_authors_program_prints() -> None:
     # the minimum over steps 100..200; of one episode under the name `paper`
     protocols = TASK.file.protocols
-    assert {protocols[name].formula for name in ("paper", "tail")} == {"G[100,200] (norm(x - 2, y - 2) <= 1)"}
+    assert {protocols[name].formula for name in ("paper", "tail")} == {
+        stl.parse("G[100,200] (norm(x - 2, y - 2) <= 1)")
+    }
     assert (protocols["paper"].starts, protocols["tail"].starts) == (1, 64)
     region = protocols["centre"].initial
     assert region is not None
@@ -78,7 +80,7 @@ def test_the_controller_never_leaves_its_start_and_settles_at_the_centre(name: s
     assert stl.robustness(task.formula, traces, task.signals) == pytest.approx(best)
     tail = task.file.protocols["tail"].formula
     assert tail is not None
-    assert stl.robustness(task.file.parsed(tail), traces, task.signals).min() > settled
+    assert stl.robustness(tail, traces, task.signals).min() > settled
 
 
 @pytest.mark.parametrize("name", ["hold-disc", "hold-disc-coarse"])

@@ -65,7 +65,7 @@ def test_the_controller_reaches_a_point_from_between() -> None:
     assert reach.formula is not None
     assert reach.initial is not None
     traces = trace(TASK, starts.grid(reach.initial, reach.starts))
-    assert stl.robustness(TASK.file.parsed(reach.formula), traces, TASK.signals).min() > 4.97
+    assert stl.robustness(reach.formula, traces, TASK.signals).min() > 4.97
 
 
 def test_training_starts_between_the_goals_too_and_reach_measures_them() -> None:
@@ -76,7 +76,7 @@ def test_training_starts_between_the_goals_too_and_reach_measures_them() -> None
     assert reach.initial is not None
     # From the middle, 25, at 3 m/s: at the edge of a goal, 10, after 15 / .03 = 500 steps, well before 1500.
     x = np.maximum(25 - 0.03 * np.arange(2001), 5)[None, :, None]
-    assert stl.robustness(TASK.file.parsed(reach.formula), x, ("x",)) == pytest.approx(5)
+    assert stl.robustness(reach.formula, x, ("x",)) == pytest.approx(5)
     assert stl.robustness(TASK.formula, x, ("x",)) == pytest.approx(-15)
 
 

@@ -1,0 +1,133 @@
+"""What the entries of a task file must be to each other, and to the system.
+
+Each check looks at entries that are right by themselves (`Parts`) and yields a line per broken rule: place and message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from stlbench import stl
+from stlbench.errors import did_you_mean
+from stlbench.result import MAIN
+from stlbench.task.entry import Timing
+from stlbench.task.parts import Parts
+from stlbench.task.training import VIOLATION
+
+__all__ = ["check_entries", "check_regions"]
+
+
+def check_entries(parts: Parts, timing: Timing) -> Iterator[str]:
+    """All rules between the entries of a file."""
+    yield from _ranges(parts)
+    yield from _formulas(parts, timing)
+    yield from _time(parts)
+    yield from _ends(parts, timing)
+    yield from _names(parts)
+    yield from _conditions(parts)
+
+
+def check_regions(parts: Parts, names: tuple[str, ...]) -> Iterator[str]:
+    """The boxes of all regions must name the system's states, or its coordinates, in their order."""
+    for place, region in _regions(parts):
+        if "box" in region and tuple(region["box"]) != names:
+            yield f"{place}: the box must name {', '.join(names)}, in this order"
+
+
+def _ranges(parts: Parts) -> Iterator[str]:
+    for kind in ("signals", "actions"):
+        for name, ends in parts.get(kind, {}).items():
+            if ends and {"low", "high"} <= ends.keys() and ends["low"] >= ends["high"]:
+                yield f"{kind}.{name}: low must be less than high, got {ends['low']} and {ends['high']}"
+
+
+def _formulas(parts: Parts, timing: Timing) -> Iterator[str]:
+    places = {name: parts.get(name) for name in ("formula", "rewarded", "nested")}
+    for name, protocol in parts.get("protocols", {}).items():
+        places[f"protocols.{name}.formula"] = (protocol or {}).get("formula")
+    formulas = {place: formula for place, formula in places.items() if formula is not None}
+    steps, main = parts.get("steps"), formulas.get("formula")
+    for place, formula in formulas.items():
+        yield from _unknown(place, "signal", formula, parts.get("signals"))
+        if not timing.known:
+            continue
+        horizon = stl.horizon(formula)
+        if steps is not None and horizon > steps:
+            yield f"{place}: its horizon of {horizon} steps exceeds steps = {steps}"
+        if place in ("rewarded", "nested") and main is not None and horizon != stl.horizon(main):
+            yield f"{place}: its horizon is {horizon} steps, that of the formula {stl.horizon(main)}"
+
+
+def _time(parts: Parts) -> Iterator[str]:
+    if not {"steps", "hold"} <= parts.keys():
+        return
+    steps, hold = parts["steps"], parts["hold"]
+    if steps % hold:
+        yield f"hold: an episode of {steps} steps is no multiple of hold = {hold}"
+    for cut in (parts.get("training") or {}).get("cuts", ()):
+        if cut % hold or cut >= steps:
+            yield f"training.cuts: {cut} is no multiple of hold = {hold} below steps = {steps}"
+
+
+def _ends(parts: Parts, timing: Timing) -> Iterator[str]:
+    for i, ending in enumerate((parts.get("training") or {}).get("ends", ())):
+        where, place = ending.get("where"), f"training.ends.{i}.where"
+        if where == VIOLATION and timing.known:
+            yield from _not_violable(place, parts.get("rewarded") or parts.get("formula"))
+        elif where not in (None, VIOLATION):
+            yield from _unknown(place, "signal", where, parts.get("signals"))
+
+
+def _not_violable(place: str, formula: stl.Formula | None) -> Iterator[str]:
+    if formula is None:
+        return
+    try:
+        kinds = {term.kind for term in stl.fragment(formula)}
+    except stl.FragmentError as error:
+        yield f"{place}: '{VIOLATION}' is of a term G[a,b] psi; {error}"
+    else:
+        if "G" not in kinds:
+            yield f"{place}: '{VIOLATION}' is of a term G[a,b] psi, which the formula has none of"
+
+
+def _names(parts: Parts) -> Iterator[str]:
+    signals, actions = parts.get("signals"), parts.get("actions")
+    plane: tuple[str, ...] = parts.get("plane") or ()
+    if signals is not None:
+        yield from (f"plane: no signal '{name}'{did_you_mean(name, signals)}" for name in plane if name not in signals)
+    if len(set(plane)) < len(plane):
+        yield f"plane: two different signals are needed, got '{plane[0]}' twice"
+    if actions is not None:
+        counted = {axis["count"] is None for axis in actions.values() if axis and "count" in axis}
+        if len(counted) > 1:
+            yield "actions: give each axis a count, for a grid, or none, for continuous actions"
+        owned = [name for names in parts.get("robots", {}).values() for name in names or ()]
+        if owned and owned != list(actions):
+            rule = f"they should have each of {', '.join(actions)} once, in this order"
+            yield f"robots: together they have {', '.join(owned)}; {rule}"
+    if MAIN in parts.get("protocols", {}):
+        yield f"protocols: the name '{MAIN}' is the task's own formula; take another"
+
+
+def _conditions(parts: Parts) -> Iterator[str]:
+    for place, region in _regions(parts):
+        if region.get("where") is not None:
+            yield from _unknown(f"{place}.where", "state", region["where"], region.get("box"))
+
+
+def _regions(parts: Parts) -> Iterator[tuple[str, Parts]]:
+    """Place and region, of all that the file has."""
+    training = parts.get("training") or {}
+    places = {"initial": parts.get("initial"), "training.starts": training.get("starts")}
+    places["training.exploring.states"] = (training.get("exploring") or {}).get("states")
+    for name, protocol in parts.get("protocols", {}).items():
+        places[f"protocols.{name}.initial"] = (protocol or {}).get("initial")
+    yield from ((place, region) for place, region in places.items() if region is not None)
+
+
+def _unknown(place: str, kind: str, formula: stl.Formula, names: Iterable[str] | None) -> Iterator[str]:
+    """Names that a formula uses and that are none of `names`, where there are any."""
+    known = list(names or ())
+    for name in stl.signals(formula) if known else ():
+        if name not in known:
+            yield f"{place}: no {kind} '{name}'{did_you_mean(name, known)}"

@@ -1,0 +1,59 @@
+"""What the entries of a task file consist of: numbers within limits, formulas, and mappings that know their keys."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, PlainValidator, ValidationInfo
+
+from stlbench import stl
+
+__all__ = ["Count", "Entry", "Finite", "Formula", "PointFormula", "Positive", "Timing", "read_point_formula"]
+
+Count = Annotated[int, Field(ge=1)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Entry(BaseModel):
+    """A mapping of the file. It has the keys that are declared and no others."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Timing(NamedTuple):
+    """How the intervals of a file's formulas are read; formulas are validated with it as the context."""
+
+    dt: float | None = None
+    """What `stl.parse` needs: seconds per step, None where intervals are in steps."""
+    steps: int | None = None
+    """Where operators without an interval end."""
+    known: bool = True
+    """False where `time`, `sampling_time` or `steps` is wrong: formulas are checked, their intervals mean nothing."""
+
+
+def _read_formula(value: Any, info: ValidationInfo) -> stl.Formula:
+    timing: Timing = info.context or Timing()
+    formula = stl.parse(_text(value), dt=timing.dt)
+    return formula if timing.steps is None else stl.resolve_end(formula, timing.steps)
+
+
+def read_point_formula(value: Any) -> stl.Formula:
+    """A formula without temporal operators. Raises `ValueError`."""
+    formula = stl.parse(_text(value))
+    if stl.is_temporal(formula):
+        raise ValueError(f"expected a formula without temporal operators, got {formula}")
+    return formula
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"expected a formula, got {value!r}")
+    return value
+
+
+Formula = Annotated[stl.Formula, PlainValidator(_read_formula), PlainSerializer(str)]
+"""A formula, read once: its intervals are in steps, and every operator has one."""
+
+PointFormula = Annotated[stl.Formula, PlainValidator(read_point_formula), PlainSerializer(str)]
+"""A formula without temporal operators."""

@@ -1,0 +1,79 @@
+"""From the text of a `task.yaml` to a task file, or to all that is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from stlbench.errors import UsageError
+from stlbench.task.checks import check_entries
+from stlbench.task.entry import Timing
+from stlbench.task.file import TaskFile
+from stlbench.task.parts import Parts, as_parts, right_parts
+
+__all__ = ["Reading", "errors_of", "read", "read_task_file"]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What was read: a file, or errors and the entries that are right by themselves."""
+
+    file: TaskFile | None
+    parts: Parts
+    errors: tuple[str, ...]
+    """A line per error, with its place; none where there is a file."""
+
+
+def read(text: str, name: str) -> Reading:
+    """A task file's text, with every error. Raises `UsageError` where it is no YAML."""
+    try:
+        content = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise UsageError(f"task {name}: task.yaml is no YAML: {error}") from error
+    timing = _timing(content)
+    try:
+        file = TaskFile.model_validate(content, context=timing)
+    except ValidationError as error:
+        parts = right_parts(TaskFile, content, timing)
+        return Reading(None, parts, (*_lines(error), *check_entries(parts, timing)))
+    parts = as_parts(file)
+    errors = tuple(check_entries(parts, timing))
+    return Reading(None if errors else file, parts, errors)
+
+
+def read_task_file(text: str, name: str) -> TaskFile:
+    """A task file's text, checked by itself, without its system. Raises `UsageError` that lists every error."""
+    reading = read(text, name)
+    if reading.file is None:
+        raise errors_of(name, reading.errors)
+    return reading.file
+
+
+def errors_of(name: str, errors: Sequence[str]) -> UsageError:
+    """All errors of a task's file as one message."""
+    lines = "\n".join(errors).replace("\n", "\n  ")
+    return UsageError(f"task {name}: task.yaml has errors:\n  {lines}")
+
+
+def _timing(content: Any) -> Timing:
+    """How the file's intervals are read, from what its `time`, `sampling_time` and `steps` say."""
+    if not isinstance(content, Mapping):
+        return Timing(known=False)
+    some = {key: content[key] for key in ("time", "sampling_time", "steps") if key in content}
+    parts = right_parts(TaskFile, some, Timing())
+    if parts.get("time") == "steps" and "steps" in parts:
+        return Timing(None, parts["steps"])
+    if parts.get("time") == "seconds" and {"sampling_time", "steps"} <= parts.keys():
+        return Timing(parts["sampling_time"], parts["steps"])
+    return Timing(1e-6, known=False)  # so small that every end of an interval that anyone writes is whole
+
+
+def _lines(error: ValidationError) -> Iterator[str]:
+    for item in error.errors():
+        place = ".".join(str(part) for part in item["loc"])
+        message = item["msg"].removeprefix("Value error, ")
+        yield f"{place}: {message}" if place else message

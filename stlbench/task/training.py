@@ -1,0 +1,55 @@
+"""How training episodes differ from those that the referee scores."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PlainSerializer, PlainValidator
+
+from stlbench import stl
+from stlbench.task.entry import Count, Entry, Finite, read_point_formula
+from stlbench.task.region import Region
+
+__all__ = ["VIOLATION", "Ending", "Exploring", "TrainingEpisodes"]
+
+VIOLATION: Literal["violation"] = "violation"
+"""Where a term G[a,b] psi of the formula is violated."""
+
+
+def _read_where(value: Any) -> stl.Formula | Literal["violation"]:
+    return VIOLATION if value == VIOLATION else read_point_formula(value)
+
+
+class Ending(Entry):
+    """Where a training episode ends early, as if `reward` were paid for ever after."""
+
+    where: Annotated[stl.Formula | Literal["violation"], PlainValidator(_read_where), PlainSerializer(str)]
+    """A formula without temporal operators over the signals, such as of a pole that fell; or `VIOLATION`."""
+    reward: Finite
+    """In units of the method's `scale`."""
+
+
+class Exploring(Entry):
+    """Training episodes that begin at a random time of the task, a decision's, instead of at its start."""
+
+    share: Annotated[float, Field(gt=0, le=1)]
+    """Of the training episodes."""
+    kept: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Of these, the share that begins in the state in which the copy's last episode ended."""
+    states: Region | None = None
+    """Where the others begin; among the states from which episodes start where left out."""
+    length: Count | None = None
+    """They are broken off after this many decisions on average; at the end of the task where left out."""
+
+
+class TrainingEpisodes(Entry):
+    """How training episodes differ from those that the referee scores, the same for every method and agent."""
+
+    starts: Region | None = None
+    """Where episodes start; `initial` where left out."""
+    cuts: tuple[Count, ...] = ()
+    """Phase boundaries, steps at which the reward begins to ask for something else. A return stops there, with the
+    value of going on as before: an agent that looks across leaves too early (anticipation)."""
+    ends: tuple[Ending, ...] = ()
+    """Where episodes end early. Of two that hold at once, the first counts."""
+    exploring: Exploring | None = None
