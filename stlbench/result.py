@@ -31,7 +31,7 @@ __all__ = [
     "to_json",
 ]
 
-FORMAT = 1
+FORMAT = 2
 """Version of what is recorded and of how it is computed; part of every cell's key."""
 
 MAIN = "formula"
