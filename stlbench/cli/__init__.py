@@ -26,7 +26,6 @@ app = typer.Typer(
     cls=Commands,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    add_completion=False,
     invoke_without_command=True,
 )
 app.command("run", short_help="Train and score methods on tasks, and compare them.")(run)

@@ -7,14 +7,22 @@ from typing import Annotated
 
 import typer
 
+from stlbench.cli.completion import names
 from stlbench.cli.options import Executor, Jobs, plan
 from stlbench.cli.report import show_report
 
 
 def run(
-    tasks: Annotated[str, typer.Option(metavar="LIST", help="Tasks, a comma list.")] = "hold-disc",
+    tasks: Annotated[
+        str, typer.Option(metavar="LIST", help="Tasks, a comma list.", autocompletion=names("tasks"))
+    ] = "hold-disc",
     methods: Annotated[
-        str, typer.Option(metavar="LIST", help="Reward methods, a comma list; parameters in brackets.")
+        str,
+        typer.Option(
+            metavar="LIST",
+            help="Reward methods, a comma list; parameters in brackets.",
+            autocompletion=names("methods"),
+        ),
     ] = "funnel,flag",
     agents: Annotated[
         str | None,
@@ -22,6 +30,7 @@ def run(
             metavar="LIST",
             help="Agents, a comma list; parameters override the task's recipe.",
             show_default="each task's own",
+            autocompletion=names("agents"),
         ),
     ] = None,
     seeds: Annotated[

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stlbench.cli.common import Json, console, print_json, warn
+from stlbench.cli.completion import names
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -36,7 +37,10 @@ def show() -> None:
 
 @app.command("task")
 def task(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="As `stlbench list tasks` says.")], as_json: Json = False
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="As `stlbench list tasks` says.", autocompletion=names("tasks"))
+    ],
+    as_json: Json = False,
 ) -> None:
     """Show a task: formula, signals, actions, training, budgets, what its controller gets, what methods make of it.
 
