@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test quick lint types imports unit coverage docs gate bench reference ablation clean
+.PHONY: run test quick lint types imports unit coverage lowest docs gate bench reference ablation clean
 
 ## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
 run: $(VENV)/ready
@@ -35,6 +35,13 @@ unit: $(VENV)/ready-dev
 ## The unit tests, with the share of lines and branches that they reach; also as coverage.xml.
 coverage: $(VENV)/ready-dev
 	$(BIN)/python -m pytest -q -n auto --dist loadfile --cov --cov-report term --cov-report xml
+
+## The unit tests with the lowest versions that pyproject.toml allows, in a virtual environment of their own.
+lowest: LOW := $(VENV)-lowest
+lowest: | $(VENV)-lowest/bin
+	$(LOW)/bin/python -m pip install --quiet uv
+	$(LOW)/bin/uv pip install --quiet --python $(LOW)/bin/python --resolution lowest-direct -e '.[dev]'
+	$(LOW)/bin/python -m pytest -q -n auto --dist loadfile
 
 docs: $(VENV)/ready-dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
@@ -72,14 +79,14 @@ ablation: $(VENV)/ready-all
 	$(BIN)/stlbench report results/ablation
 
 clean:
-	rm -rf $(VENV) site dist build
+	rm -rf $(VENV) $(VENV)-lowest site dist build
 
-$(VENV)/bin:
+$(VENV)/bin $(VENV)-lowest/bin:
 	@command -v $(PYTHON) > /dev/null || \
 	  { echo "no $(PYTHON) here; stlbench needs Python 3.11 or later: make PYTHON=python3.12 ..."; exit 2; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "$(PYTHON) is older than Python 3.11, which stlbench needs: make PYTHON=python3.12 ..."; exit 2; }
-	$(PYTHON) -m venv $(VENV)
+	$(PYTHON) -m venv $(@D)
 
 $(VENV)/ready: pyproject.toml constraints.txt | $(VENV)/bin
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e .

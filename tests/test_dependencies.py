@@ -1,0 +1,58 @@
+"""What the package imports is what it declares: the core has no more than its dependencies, and needs all of them."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("stlbench", "plugins/stlbench_agents", "plugins/stlbench_executors", "plugins/stlbench_methods")
+EXTRAS = ("torch", "stable_baselines3", "mujoco", "dm_control", "gymnasium_robotics", "pettingzoo")
+OWN = {"stlbench", "stlbench_agents", "stlbench_executors", "stlbench_methods", "stlbench_tasks"}
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def declared(requirements: list[str]) -> set[str]:
+    return {_plain(re.split(r"[\[<>=;]", item)[0]) for item in requirements}
+
+
+def imported() -> Iterator[str]:
+    """The top-level packages that any module of ours imports, also within functions."""
+    for folder in (*PACKAGES, "tasks/stlbench_tasks"):
+        for path in (ROOT / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Import):
+                    yield from (alias.name.partition(".")[0] for alias in node.names)
+                elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+                    yield node.module.partition(".")[0]
+
+
+def test_all_that_is_imported_is_declared_and_all_that_is_declared_is_imported() -> None:
+    extras = PROJECT["optional-dependencies"]
+    wanted = declared([*PROJECT["dependencies"], *extras["sb3"], *extras["mujoco"], *extras["multi"]])
+    providers = packages_distributions()
+    third = {name for name in imported() if name not in sys.stdlib_module_names and name not in OWN}
+    needed = {_plain(distribution) for name in third for distribution in providers[name]}
+    models = {"dm-control", "gymnasium-robotics"}  # of these the models are read, and nothing is imported
+    assert (needed - {"pydantic-core"}) | models == wanted  # pydantic-core is a part of pydantic
+
+
+def test_without_an_extra_every_plugin_can_be_listed() -> None:
+    program = (
+        "import sys\n"
+        f"sys.modules |= dict.fromkeys({EXTRAS})\n"
+        "from stlbench.registry import plugins\n"
+        "print([problem for kind in plugins.KINDS for problem in plugins.loadable(kind)[1]])"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert ran.stdout == "[]\n"
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
