@@ -118,7 +118,8 @@ class Specification:
     def range(self, psi: stl.Formula) -> tuple[float, float]:
         """Sound bounds (rho_min, rho_max) of the robustness of `psi` over the box of the signals."""
         box = {name: (low, high) for name, low, high in zip(self.signals, self.low, self.high, strict=True)}
-        return stl.bounds(psi, box)
+        proven = stl.bounds(psi, box)
+        return proven.low, proven.high
 
 
 class RewardMethod:

@@ -5,7 +5,7 @@
 2.0
 """
 
-from stlbench.stl.boxes.bounds import bounds
+from stlbench.stl.boxes.bounds import Bounds, bounds
 from stlbench.stl.errors import (
     FormulaLimitError,
     FragmentError,
@@ -64,6 +64,7 @@ __all__ = [
     "And",
     "BatchMonitor",
     "Binary",
+    "Bounds",
     "Call",
     "Eventually",
     "Expression",

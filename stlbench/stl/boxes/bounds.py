@@ -1,38 +1,38 @@
-"""Sound bounds of a margin over a box of signals, by interval branch and bound.
-
-Interval arithmetic over-estimates where a signal occurs more than once, and the less so the smaller the box. So the box
-whose upper end is highest is split until that end is within the tolerance of a value that is reached at some point.
-Points only decide what to drop; what is returned is always an interval end.
-"""
+"""Sound bounds of a margin over a box of signals."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from stlbench.stl.boxes.intervals import Proven, Range, expression_range, formula_range, negative
-from stlbench.stl.boxes.slopes import mean_value_range
-from stlbench.stl.errors import UndefinedError
-from stlbench.stl.language.syntax import Binary, Call, Expression, Formula, Number, Predicate
-from stlbench.stl.language.traversal import is_temporal, signals, walk
-from stlbench.stl.predicates.compiler import Operand, check_names, compile_margin
-
-Floats: TypeAlias = NDArray[np.float64]
-#: boxes split at once: enough to hide the interpreter, few enough to stay close to best-first order
-BATCH = 64
+from stlbench.stl.boxes.branch_and_bound import Maximum
+from stlbench.stl.boxes.domains import with_proven_domains
+from stlbench.stl.boxes.extremes import Search
+from stlbench.stl.language.syntax import Formula
+from stlbench.stl.language.traversal import is_temporal, signals
+from stlbench.stl.predicates.inputs import check_names
 
 
 @dataclass(frozen=True)
-class _Problem:
-    """A function to maximise: interval ends (m,) for m boxes, and values (m,) for m points (m, n)."""
+class Bounds:
+    """What was proven of a margin over a box: it lies in [low, high] at every point, and how tight that is."""
 
-    names: tuple[str, ...]
-    upper: Callable[[dict[str, Range]], Floats]
-    at: Callable[[Floats], Floats]
+    low: float
+    high: float
+    low_error: float
+    """The least margin is at most this far above `low`, as a point of the box shows (to rounding); inf if none does."""
+    high_error: float
+    """The greatest margin is at most this far below `high`, likewise."""
+    tolerance: float
+    """What was asked for."""
+
+    @property
+    def tight(self) -> bool:
+        """Whether both ends are within the tolerance."""
+        return self.low_error <= self.tolerance and self.high_error <= self.tolerance
 
 
 def bounds(
@@ -41,23 +41,24 @@ def bounds(
     names: Sequence[str] | None = None,
     tolerance: float = 1e-6,
     nodes: int = 200_000,
-) -> tuple[float, float]:
-    """Bounds (lower, upper) of the margin of `psi` over `box`: rho_min and rho_max of the paper.
+) -> Bounds:
+    """Bounds of the margin of `psi` over `box`: rho_min and rho_max of the paper.
 
     The interval provably contains the margin at every point of the box (in real arithmetic; interval ends are rounded
-    outwards). Each end is within `tolerance` of the true extreme where the budget suffices; where it does not - many
-    signals, or many occurrences of one signal - the ends are wider but still sound.
+    outwards). Each end is within `tolerance` of the true extreme where the work allowed suffices; where it does not -
+    many signals, or many occurrences of one signal - the ends are wider but still sound, and the answer says by how
+    much at most.
 
     Args:
         psi: a formula without temporal operators.
         box: {signal: (low, high)}, finite; or an array (k, 2) for the signals `names`. Extra signals are ignored.
         names: the signals of an array `box`, in order.
         tolerance: absolute, in the unit of the margin, > 0.
-        nodes: how many boxes may be examined for each end.
+        nodes: how many boxes may be examined for each end, >= 1; fewer are for a formula of many parts and signals.
 
     Raises:
         UnknownSignalError: psi uses a signal that the box does not have.
-        UndefinedError: a square root or a division that is not provably defined all over the box.
+        UndefinedError: a square root, a logarithm, a tangent or a division is not defined all over the box.
         ValueError: psi has temporal operators, or an end of the box is not finite or low > high.
     """
     if is_temporal(psi):
@@ -66,9 +67,13 @@ def bounds(
         raise ValueError(f"tolerance must be positive, got {tolerance}")
     ends = _ends(psi, box, names)
     with np.errstate(all="ignore"):
-        proven = _prove_domains(psi, ends, tolerance, nodes)
-        at = _points(compile_margin(psi, tuple(ends)))
-        return _extremes(_enclosure(psi, proven), at, ends, tolerance, nodes)
+        search = with_proven_domains(psi, Search(ends, tolerance, nodes))
+        lowest, highest = search.extremes(psi)
+    return Bounds(-lowest.bound, highest.bound, _error(lowest), _error(highest), tolerance)
+
+
+def _error(maximum: Maximum) -> float:
+    return maximum.bound - maximum.reached if maximum.bound > maximum.reached else 0.0
 
 
 def _ends(
@@ -88,112 +93,3 @@ def _ends(
         if not (np.isfinite(low) and np.isfinite(high) and low <= high):
             raise ValueError(f"bounds of {name!r} must be finite with low <= high, got [{low}, {high}]")
     return ends
-
-
-def _prove_domains(psi: Formula, ends: dict[str, tuple[float, float]], tolerance: float, nodes: int) -> Proven:
-    """Ranges of every argument of sqrt and every divisor, inner ones first; an error where one leaves its domain."""
-    proven: Proven = {}
-    for node in reversed(list(walk(psi))):
-        match node:
-            case Call("sqrt", (arg,)):
-                low, high = _range(arg, ends, proven, tolerance, nodes)
-                if low < -tolerance:
-                    raise UndefinedError(f"sqrt({arg}) is not defined all over the box: {arg} may be {low:g}")
-                proven[arg] = max(low, 0.0), max(high, 0.0)
-            case Binary("/", _, divisor):
-                low, high = _range(divisor, ends, proven, tolerance, nodes)
-                if low <= 0.0 <= high:
-                    raise UndefinedError(f"{node} is not defined all over the box: {divisor} may be 0")
-                proven[divisor] = low, high
-    return proven
-
-
-def _range(
-    node: Expression, ends: dict[str, tuple[float, float]], proven: Proven, tolerance: float, nodes: int
-) -> tuple[float, float]:
-    value = Predicate(">=", node, Number(0.0))
-    at = _points(compile_margin(value, tuple(ends)))
-    return _extremes(_enclosure(node, proven), at, ends, tolerance, nodes)
-
-
-def _enclosure(target: Formula | Expression, proven: Proven) -> Callable[[dict[str, Range]], Range]:
-    """The tighter of plain interval arithmetic and the mean-value form, end by end."""
-
-    def enclose(boxes: dict[str, Range]) -> Range:
-        plain = (
-            formula_range(target, boxes, proven)
-            if isinstance(target, Formula)
-            else expression_range(target, boxes, proven)
-        )
-        centred = mean_value_range(target, boxes, proven)
-        return np.fmax(plain[0], centred[0]), np.fmin(plain[1], centred[1])
-
-    return enclose
-
-
-def _points(compiled: Operand) -> Callable[[Floats], Floats]:
-    return lambda x: np.broadcast_to(np.asarray(compiled(x) if callable(compiled) else compiled), x.shape[:1])
-
-
-def _extremes(
-    enclose: Callable[[dict[str, Range]], Range],
-    at: Callable[[Floats], Floats],
-    ends: dict[str, tuple[float, float]],
-    tolerance: float,
-    nodes: int,
-) -> tuple[float, float]:
-    names = tuple(ends)
-    rows = np.array([ends[name] for name in names], dtype=float).reshape(-1, 2)
-    highest = _Problem(names, lambda boxes: enclose(boxes)[1], at)
-    lowest = _Problem(names, lambda boxes: negative(enclose(boxes))[1], lambda x: -at(x))
-    return -_maximum(lowest, rows, tolerance, nodes), _maximum(highest, rows, tolerance, nodes)
-
-
-def _maximum(problem: _Problem, rows: Floats, tolerance: float, nodes: int) -> float:
-    """A value that is at least the maximum over the box `rows` (n, 2), best box first."""
-    low, high = rows[None, :, 0], rows[None, :, 1]
-    widths = np.where(rows[:, 1] > rows[:, 0], rows[:, 1] - rows[:, 0], 1.0)
-    upper = _upper(problem, low, high)
-    reached = _reached(problem, low, high)
-    dropped = -np.inf
-    examined = 1
-    while len(upper) and upper.max() > reached + tolerance and examined < nodes:
-        best = np.argsort(-upper)[: max(BATCH, len(upper) // 4)]
-        new_low, new_high = _split(low[best], high[best], widths)
-        if not len(new_low):
-            break
-        new_upper = np.minimum(_upper(problem, new_low, new_high), np.tile(upper[best], 2))
-        reached = max(reached, _reached(problem, new_low, new_high))
-        low = np.concatenate([np.delete(low, best, axis=0), new_low])
-        high = np.concatenate([np.delete(high, best, axis=0), new_high])
-        upper = np.concatenate([np.delete(upper, best), new_upper])
-        examined += len(new_upper)
-        hopeless = upper <= reached + tolerance
-        dropped = max(dropped, upper[hopeless].max(initial=-np.inf))
-        low, high, upper = low[~hopeless], high[~hopeless], upper[~hopeless]
-    return float(max(dropped, upper.max(initial=-np.inf)))
-
-
-def _upper(problem: _Problem, low: Floats, high: Floats) -> Floats:
-    boxes = {name: (low[:, i], high[:, i]) for i, name in enumerate(problem.names)}
-    ends = np.broadcast_to(problem.upper(boxes), low.shape[:1])
-    return np.where(np.isnan(ends), np.inf, ends)
-
-
-def _reached(problem: _Problem, low: Floats, high: Floats) -> float:
-    """The best of the boxes' middles and two corners."""
-    points = np.concatenate([low / 2 + high / 2, low, high])
-    return float(np.nanmax(problem.at(points), initial=-np.inf))
-
-
-def _split(low: Floats, high: Floats, widths: Floats) -> tuple[Floats, Floats]:
-    """Both halves of each box, cut across the side that is longest in units of the whole box."""
-    if low.shape[1] == 0:
-        return low[:0], high[:0]
-    side = np.argmax((high - low) / widths, axis=1)
-    rows = np.arange(len(low))
-    middle = low[rows, side] / 2 + high[rows, side] / 2
-    first_high, second_low = high.copy(), low.copy()
-    first_high[rows, side] = middle
-    second_low[rows, side] = middle
-    return np.concatenate([low, second_low]), np.concatenate([first_high, high])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from stlbench.stl.language.grammar import COMPARISONS, FUNCTIONS, LEVEL_COMPARE, LEVEL_SUM
+from stlbench.stl.functions.table import FUNCTIONS
+from stlbench.stl.language.grammar import COMPARISONS, LEVEL_COMPARE, LEVEL_SUM
 from stlbench.stl.language.lexer import Token
 from stlbench.stl.language.syntax import And, AnyNode, Binary, Call, Expression, Formula, Number, Predicate
 from stlbench.stl.language.token_stream import TokenStream
@@ -29,8 +30,9 @@ class ExpressionParser(TokenStream):
             self.take()
             args.append(self.expression(LEVEL_SUM))
         self.expect(")", "',' or ')'")
-        if FUNCTIONS[name.text][1] == 1 and len(args) > 1:
-            self.fail(f"one argument of {name.text}", f"{len(args)}", opening.position)
+        function = FUNCTIONS[name.text]
+        if not function.takes(len(args)):
+            self.fail(f"{function.arguments} of {name.text}", f"{len(args)}", opening.position)
         return Call(name.text, tuple(args), position=name.position)
 
     def comparison(self, left: Expression) -> Formula:

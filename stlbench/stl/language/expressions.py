@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, TypeAlias
 
-from stlbench.stl.language.grammar import BINARY_LEVELS, FUNCTIONS, LEVEL_ATOM, LEVEL_MINUS, RESERVED
+from stlbench.stl.functions.table import FUNCTIONS
+from stlbench.stl.language.grammar import BINARY_LEVELS, LEVEL_ATOM, LEVEL_MINUS, RESERVED
 from stlbench.stl.language.node import Node
 
 
@@ -51,11 +52,11 @@ class Call(Node):
     def __post_init__(self) -> None:
         if self.name not in FUNCTIONS:
             raise ValueError(f"no function {self.name!r}; there are {', '.join(FUNCTIONS)}")
-        least, most = FUNCTIONS[self.name]
+        function = FUNCTIONS[self.name]
         object.__setattr__(self, "args", tuple(self.args))
         super().__post_init__()
-        if len(self.args) < least or (most is not None and len(self.args) > most):
-            raise ValueError(f"{self.name} takes {'one argument' if most else 'one or more arguments'}")
+        if not function.takes(len(self.args)):
+            raise ValueError(f"{self.name} takes {function.arguments}, got {len(self.args)}")
 
     def __str__(self) -> str:
         return f"{self.name}({', '.join(map(str, self.args))})"

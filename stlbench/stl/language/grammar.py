@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
+from stlbench.stl.functions.table import FUNCTIONS
+
 LEVEL_IFF, LEVEL_IMPLIES, LEVEL_XOR, LEVEL_OR, LEVEL_AND = 1, 2, 3, 4, 5
 LEVEL_UNTIL, LEVEL_PREFIX, LEVEL_COMPARE = 6, 7, 8
 LEVEL_SUM, LEVEL_PRODUCT, LEVEL_MINUS, LEVEL_POWER, LEVEL_ATOM = 9, 10, 11, 12, 13
 
 BINARY_LEVELS = {"+": LEVEL_SUM, "-": LEVEL_SUM, "*": LEVEL_PRODUCT, "/": LEVEL_PRODUCT, "**": LEVEL_POWER}
 COMPARISONS = ("<=", ">=", "<", ">")
-#: function name -> least and greatest number of arguments (None: any)
-FUNCTIONS: dict[str, tuple[int, int | None]] = {
-    **dict.fromkeys(("abs", "sqrt", "sin", "cos", "exp"), (1, 1)),
-    **dict.fromkeys(("min", "max", "norm", "norminf"), (1, None)),
-}
 OPERATOR_WORDS = {"not": "!", "and": "&", "or": "|", "xor": "xor", "implies": "->", "iff": "<->"}
 #: temporal operators before their operand, and between two
 PREFIX_WORDS = {"G": "G", "always": "G", "F": "F", "eventually": "F"}

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 
 from stlbench.stl.errors import FormulaLimitError
+from stlbench.stl.functions.table import FUNCTIONS
 from stlbench.stl.language.expression_parser import ExpressionParser, continuations
 from stlbench.stl.language.grammar import (
     BINARY_LEVELS,
     COMPARISONS,
-    FUNCTIONS,
     INFIX_WORDS,
     LEVEL_AND,
     LEVEL_COMPARE,

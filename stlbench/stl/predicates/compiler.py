@@ -1,211 +1,118 @@
-"""Formulas without temporal operators to closures over arrays of samples, whose last axis is the signals.
+"""Formulas without temporal operators to functions: of arrays of samples, whose last axis is the signals, or of floats.
 
-The closures run at every environment step, so the tree is walked once here and never again: constants are folded, a
-signal is one C-level `itemgetter`, and each operator is one NumPy call.
+They run at every environment step, so the formula is turned into Python source once, which is compiled. NumPy is the
+faster for many samples, and plain floats for one: both are the same source with another namespace.
 """
 
 from __future__ import annotations
 
-import math
-import operator
-from collections.abc import Callable
-from functools import reduce
-from operator import itemgetter
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from stlbench.stl.errors import UndefinedError, UnknownSignalError
-from stlbench.stl.language.syntax import (
-    And,
-    Binary,
-    Call,
-    Expression,
-    Formula,
-    Implies,
-    Negative,
-    Not,
-    Number,
-    Or,
-    Predicate,
-    Signal,
-    TrueFormula,
-)
-from stlbench.stl.language.traversal import is_temporal, signals, walk
-from stlbench.stl.predicates.sided import zero_side
+from stlbench.stl.errors import UndefinedError
+from stlbench.stl.language.syntax import Formula
+from stlbench.stl.language.traversal import is_temporal
+from stlbench.stl.predicates.dialect import ARRAYS, FLOATS
+from stlbench.stl.predicates.formula_source import FormulaWriter, Reading
+from stlbench.stl.predicates.inputs import check_names
 
-Closure: TypeAlias = Callable[[Any], Any]
-#: a compiled operand: a constant, or a closure over the sample
-Operand: TypeAlias = Closure | float | bool
+#: a function of samples (..., k)
+OfSamples: TypeAlias = Callable[[Any], Any]
+#: what a formula compiles to: a constant, or a function of samples
+Compiled: TypeAlias = OfSamples | float | bool
+Sample: TypeAlias = Sequence[float]
+#: a function of one sample of floats
+OfSample: TypeAlias = Callable[[Sample], float]
 
-_ARITHMETIC: dict[str, Callable[[Any, Any], Any]] = {
-    "+": operator.add,
-    "-": operator.sub,
-    "*": operator.mul,
-    "/": operator.truediv,
-}
+_ARGUMENT = "sample"
 
 
-_FUNCTIONS: dict[str, Closure] = {"abs": abs, "sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "exp": np.exp}
+def compile_margin(psi: Formula, names: tuple[str, ...]) -> Compiled:
+    """The robustness of `psi` as a constant or a function of samples (..., k)."""
+    return _of_arrays(psi, names, Reading.MARGIN)
 
 
-def compile_margin(psi: Formula, names: tuple[str, ...]) -> Operand:
-    """The robustness of `psi` as a constant or a closure over samples (..., k)."""
-    compiler = _Compiler(_index(psi, names))
-    return compiler.formula(psi, compiler.margin, operator.neg, math.inf)
+def compile_signed(psi: Formula, names: tuple[str, ...]) -> Compiled:
+    """The robustness of `psi` likewise, but never 0: see `signed_margin`."""
+    return _of_arrays(psi, names, Reading.SIGNED)
 
 
-def compile_sided(psi: Formula, names: tuple[str, ...]) -> Operand:
-    """The robustness of `psi` likewise, but never 0: see `sided`."""
-    compiler = _Compiler(_index(psi, names))
-
-    def predicate(node: Predicate) -> Operand:
-        side = zero_side(node)
-        h = compiler.margin(node)
-        return _apply(lambda value: np.where(value == 0.0, side, value), h) if callable(h) else h or side
-
-    return compiler.formula(psi, predicate, operator.neg, math.inf)
+def compile_holds(psi: Formula, names: tuple[str, ...]) -> Compiled:
+    """The verdict of `psi` likewise; a margin that is NaN counts as false."""
+    return _of_arrays(psi, names, Reading.HOLDS)
 
 
-def compile_holds(psi: Formula, names: tuple[str, ...], checked: bool = False) -> Operand:
-    """The verdict of `psi` likewise; `checked` raises UndefinedError on NaN margins."""
-    compiler = _Compiler(_index(psi, names))
+@lru_cache(maxsize=256)
+def compile_sample(psi: Formula, names: tuple[str, ...], negated: bool = False) -> OfSample:
+    """The signed value of `psi` (of `!psi` if `negated`) at one sample, floats in the order of `names`.
 
-    def predicate(node: Predicate) -> Operand:
-        test = operator.ge if node.op in ("<=", ">=") else operator.gt
-        h = compiler.margin(node)
-        if not callable(h):
-            return bool(test(h, 0.0))
-        if checked:
-            return lambda x: test(_defined(h(x)), 0.0)
-        return lambda x: test(h(x), 0.0)
-
-    return compiler.formula(psi, predicate, np.logical_not, True)
-
-
-def constant(node: Expression) -> float | None:
-    """The value of an expression without signals, None for one with signals."""
-    if any(isinstance(part, Signal) for part in walk(node)):
-        return None
-    return float(_Compiler({}).expression(node))  # type: ignore[arg-type]  # nothing in it is a closure
+    The function raises UndefinedError where a predicate has no value; where Python alone has none, as for exp(1000),
+    NumPy's counts.
+    """
+    body = FormulaWriter(_columns(psi, names), FLOATS, Reading.SIGNED).statements(psi, negated)
+    if not isinstance(body, list):
+        return lambda sample: body
+    tried = [
+        "try:",
+        *(f" {line}" for line in body),
+        "except (ArithmeticError, ValueError):",
+        " return in_arrays(sample)",
+    ]
+    return _function(
+        tried, {**FLOATS.namespace, "zero_or_nan": _zero_or_nan, "in_arrays": _in_arrays(psi, names, negated)}
+    )
 
 
-class _Compiler:
-    def __init__(self, index: dict[str, int]) -> None:
-        self.index = index
+def _in_arrays(psi: Formula, names: tuple[str, ...], negated: bool) -> OfSample:
+    """The same by way of arrays, which have infinity or NaN where Python raises."""
 
-    def formula(
-        self, psi: Formula, predicate: Callable[[Predicate], Operand], negate: Closure, true: float | bool
-    ) -> Operand:
-        def compile_(node: Formula) -> Operand:
-            match node:
-                case TrueFormula():
-                    return true
-                case Predicate():
-                    return predicate(node)
-                case Not(arg):
-                    return _apply(negate, compile_(arg))
-                case And(args):
-                    return reduce(lambda x, y: _combine(np.minimum, x, y), map(compile_, args))
-                case Or(args):
-                    return reduce(lambda x, y: _combine(np.maximum, x, y), map(compile_, args))
-                case Implies(left, right):
-                    return _combine(np.maximum, _apply(negate, compile_(left)), compile_(right))
-                case _:
-                    raise ValueError(f"expected a formula without temporal operators, got {node}")
+    def run(sample: Sample) -> float:
+        with np.errstate(all="ignore"):
+            value = float(_of_arrays(psi, names, Reading.SIGNED, negated)(np.array(sample, dtype=float)))  # type: ignore[operator]
+        if value != value:
+            where = dict(zip(names, sample, strict=True))
+            raise UndefinedError(f"{psi} has no value at {where}") from None
+        return value
 
-        return compile_(psi)
-
-    def margin(self, node: Predicate) -> Operand:
-        small, large = (node.left, node.right) if node.op in ("<=", "<") else (node.right, node.left)
-        return _combine(operator.sub, self.expression(large), self.expression(small))
-
-    def expression(self, node: Expression) -> Operand:
-        match node:
-            case Number(value):
-                return value
-            case Signal(name):
-                return itemgetter((Ellipsis, self.index[name]))
-            case Negative(arg):
-                return _apply(operator.neg, self.expression(arg))
-            case Binary("**", left, Number(value)):
-                exponent = int(value)
-                return _apply(lambda base: base**exponent, self.expression(left))
-            case Binary(op, left, right):
-                return _combine(_ARITHMETIC[op], self.expression(left), self.expression(right))
-            case Call(name, args):
-                return self.call(name, [self.expression(arg) for arg in args])
-
-    def call(self, name: str, args: list[Operand]) -> Operand:
-        match name:
-            case "min" | "max":
-                pick = np.minimum if name == "min" else np.maximum
-                return reduce(lambda x, y: _combine(pick, x, y), args)
-            case "norm":
-                squares = [_apply(_square, arg) for arg in args]
-                total = reduce(lambda x, y: _combine(operator.add, x, y), squares)
-                return _apply(_FUNCTIONS["sqrt"], total)
-            case "norminf":
-                return reduce(lambda x, y: _combine(np.maximum, x, y), [_apply(abs, arg) for arg in args])
-            case _:
-                return _apply(_FUNCTIONS[name], args[0])
+    return run
 
 
-def _square(value: Any) -> Any:
-    return value * value
+def _zero_or_nan(h: float, side: float) -> float:
+    """What stands for a margin that is neither above nor below 0."""
+    if h == 0.0:
+        return side
+    raise ArithmeticError
 
 
-def _apply(function: Closure, arg: Operand) -> Operand:
-    if callable(arg):
-        return lambda x: function(arg(x))
-    return _fold(function, arg)
+@lru_cache(maxsize=512)
+def _of_arrays(psi: Formula, names: tuple[str, ...], reading: Reading, negated: bool = False) -> Compiled:
+    body = FormulaWriter(_columns(psi, names), ARRAYS, reading).statements(psi, negated)
+    if not isinstance(body, list):
+        return body
+    return _function(body, ARRAYS.namespace)
 
 
-def _combine(function: Callable[[Any, Any], Any], left: Operand, right: Operand) -> Operand:
-    if callable(left) and callable(right):
-        return lambda x: function(left(x), right(x))
-    if callable(left):
-        return lambda x: function(left(x), right)
-    if callable(right):
-        return lambda x: function(left, right(x))
-    return _fold(function, left, right)
+def _function(body: Sequence[str], namespace: Mapping[str, Any]) -> Callable[[Any], Any]:
+    """The function of `sample` with these statements."""
+    source = "\n".join([f"def predicate({_ARGUMENT}):", *(f" {line}" for line in body)])
+    scope = {
+        **namespace,
+        "__builtins__": {},
+        "ArithmeticError": ArithmeticError,
+        "ValueError": ValueError,
+        "type": type,
+    }
+    # Safe: every character of the source is ours. Signals are column numbers, constants reprs of floats, operators and
+    # functions texts of our tables; `test_compiler` holds it to that with hostile names.
+    exec(compile(source, "<predicate>", "exec"), scope)  # noqa: S102
+    function: Callable[[Any], Any] = scope["predicate"]
+    return function
 
 
-def _fold(function: Callable[..., Any], *constants: float | bool) -> float | bool:
-    """The value of a constant subexpression, once, at compile time."""
-    with np.errstate(all="ignore"):
-        try:
-            value: float | bool = function(*constants)
-        except (ArithmeticError, ValueError):
-            value = math.nan
-    if math.isnan(value):
-        raise UndefinedError(f"a constant of the formula has no value ({', '.join(map(str, constants))})")
-    return value
-
-
-def _defined(h: Any) -> Any:
-    if np.isnan(h).any():
-        raise UndefinedError("a predicate has no value")
-    return h
-
-
-def _index(psi: Formula, names: tuple[str, ...]) -> dict[str, int]:
+def _columns(psi: Formula, names: tuple[str, ...]) -> dict[str, int]:
     if is_temporal(psi):
         raise ValueError(f"expected a formula without temporal operators, got {psi}")
     return check_names(psi, names)
-
-
-def check_names(formula: Formula, names: tuple[str, ...], where: str = "trace") -> dict[str, int]:
-    """Column of each name.
-
-    Raises:
-        UnknownSignalError: `formula` uses another signal.
-        ValueError: a name occurs twice.
-    """
-    index = {name: column for column, name in enumerate(names)}
-    if len(index) < len(names):
-        raise ValueError(f"signal names must differ, got {', '.join(names)}")
-    for name in signals(formula):
-        if name not in index:
-            raise UnknownSignalError(name, names, where)
-    return index

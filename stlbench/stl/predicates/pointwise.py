@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates.compiler import Closure, Operand, compile_holds, compile_margin
+from stlbench.stl.predicates.compiler import Compiled, OfSamples, compile_holds, compile_margin
 
 Samples: TypeAlias = NDArray[np.float64]
 
@@ -42,16 +42,16 @@ def holds(psi: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.
 
 
 @lru_cache(maxsize=256)
-def _margin(psi: Formula, names: tuple[str, ...]) -> Closure:
+def _margin(psi: Formula, names: tuple[str, ...]) -> OfSamples:
     return _filled(compile_margin(psi, names), float)
 
 
 @lru_cache(maxsize=256)
-def _holds(psi: Formula, names: tuple[str, ...]) -> Closure:
+def _holds(psi: Formula, names: tuple[str, ...]) -> OfSamples:
     return _filled(compile_holds(psi, names), bool)
 
 
-def _filled(compiled: Operand, dtype: type) -> Closure:
+def _filled(compiled: Compiled, dtype: type) -> OfSamples:
     """A constant formula still answers with the batch's shape."""
     if callable(compiled):
         return compiled

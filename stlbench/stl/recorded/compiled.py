@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.language.traversal import require_formula
-from stlbench.stl.predicates.compiler import compile_margin, compile_sided
-from stlbench.stl.recorded.evaluation import as_names, ask
+from stlbench.stl.predicates.compiler import compile_margin, compile_signed
+from stlbench.stl.predicates.inputs import as_names
+from stlbench.stl.recorded.evaluation import ask
 from stlbench.stl.recorded.evaluator import Compile, Traces
 
 Samples: TypeAlias = NDArray[np.float64]
@@ -40,7 +41,7 @@ def margin_trace(formula: Formula, names: Sequence[str]) -> Callable[[Samples], 
 
 def holds_trace(formula: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.bool_]]:
     """Compile the Boolean verdict of `formula` likewise, bool (n, T+1-horizon)."""
-    sided = _compiled(formula, names, compile_sided)
+    sided = _compiled(formula, names, compile_signed)
     return lambda samples: sided(samples) > 0.0
 
 

@@ -15,7 +15,7 @@ from stlbench.stl.errors import ShortTraceError, UndefinedError
 from stlbench.stl.language.horizon import lookahead, unbounded
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.language.traversal import require_formula
-from stlbench.stl.predicates.compiler import check_names
+from stlbench.stl.predicates.inputs import check_names
 from stlbench.stl.recorded.evaluator import Compile, End, Evaluator, Traces, evaluator
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -79,26 +79,6 @@ def evaluate(
         return [_in_chunks(question, flat, end, count, worst).reshape(shape) for worst in sides]
     except UndefinedError as error:
         raise UndefinedError(error.what, error.sample, error.trace if samples.ndim > 2 else None) from None
-
-
-def as_array(values: ArrayLike) -> NDArray[Any]:
-    """`values` as an array.
-
-    Raises:
-        TypeError: text, or a masked array, whose mask NumPy would drop without a word.
-    """
-    if isinstance(values, np.ma.MaskedArray):
-        raise TypeError("a masked array has samples without a value; cut them off, or put values in with filled()")
-    if isinstance(values, str | bytes):
-        raise TypeError(f"samples are numbers, got {type(values).__name__}")
-    return np.asarray(values)
-
-
-def as_names(names: Sequence[str]) -> tuple[str, ...]:
-    """`names` as a tuple. Raises TypeError for one text, which would be taken letter by letter."""
-    if isinstance(names, str | bytes):
-        raise TypeError(f"names is a sequence of signal names, got one text; write [{names!r}]")
-    return tuple(names)
 
 
 def _in_chunks(question: Question, flat: NDArray[Any], end: End, count: int, worst: bool) -> Floats:

@@ -1,7 +1,7 @@
 """Formulas compiled to functions that evaluate many traces at once.
 
 An evaluator answers "the values at steps lo..hi" and asks its operands for exactly the steps it needs, so that t = 0
-alone reads only the windows the formula names. Values are robustness, or sided values (see `sided`), whose sign is the
+alone reads only the windows the formula names. Values are robustness, or sided values (see `signed_margin`), whose sign is the
 verdict: only the way that predicates are compiled differs.
 """
 
@@ -19,13 +19,13 @@ from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.horizon import lookahead
 from stlbench.stl.language.syntax import END, Always, And, Eventually, Formula, Implies, Not, Or, TrueFormula, Until
 from stlbench.stl.language.traversal import is_temporal, signals
-from stlbench.stl.predicates.compiler import Operand
+from stlbench.stl.predicates.compiler import Compiled
 from stlbench.stl.recorded.windows import Values, slide, until
 
 #: what a trace that ends before the horizon means; "interval": its end is unknown, and values are bounds
 End: TypeAlias = Literal["strict", "clip", "interval"]
-#: a formula without temporal operators to a function of samples, or to a constant: `compile_margin`, `compile_sided`
-Compile: TypeAlias = Callable[[Formula, tuple[str, ...]], Operand]
+#: a formula without temporal operators to a function of samples, or to a constant: `compile_margin`, `compile_signed`
+Compile: TypeAlias = Callable[[Formula, tuple[str, ...]], Compiled]
 
 
 class Traces(NamedTuple):
@@ -119,8 +119,11 @@ def unknown(psi: Formula, names: tuple[str, ...], compile_: Compile, worst: bool
         case TrueFormula():
             return math.inf
         case _:
+            if signals(psi):
+                return -math.inf if worst else math.inf
             constant = compile_(psi, names)
-            return float(constant) if not callable(constant) else -math.inf if worst else math.inf
+            assert not callable(constant)
+            return float(constant)
 
 
 def _negated(arg: Evaluator) -> Evaluator:

@@ -1,6 +1,6 @@
 """Robustness and satisfaction of recorded traces, at t = 0 or as a full trace.
 
-Satisfaction is told by sided values (see `sided`), never by the sign of the robustness: at robustness 0 the two say
+Satisfaction is told by sided values (see `signed_margin`), never by the sign of the robustness: at robustness 0 the two say
 different things (`x >= 0` holds at x = 0, `x > 0` does not).
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates.compiler import compile_margin, compile_sided
+from stlbench.stl.predicates.compiler import compile_margin, compile_signed
 from stlbench.stl.recorded.evaluation import Floats, evaluate
 
 Bools: TypeAlias = NDArray[np.bool_]
@@ -68,12 +68,12 @@ def robustness_trace(
 
 def satisfied(formula: Formula, trace: ArrayLike, names: Sequence[str], policy: ShortTraces = "strict") -> Bools:
     """Whether the trace satisfies `formula` at t = 0, bool (...,), by the Boolean semantics; else as `robustness`."""
-    return evaluate(compile_sided, formula, trace, names, _checked(policy), full=False)[0] > 0.0
+    return evaluate(compile_signed, formula, trace, names, _checked(policy), full=False)[0] > 0.0
 
 
 def satisfied_trace(formula: Formula, trace: ArrayLike, names: Sequence[str], policy: ShortTraces = "strict") -> Bools:
     """Satisfaction at every t, shapes as `robustness_trace`."""
-    return evaluate(compile_sided, formula, trace, names, _checked(policy), full=True)[0] > 0.0
+    return evaluate(compile_signed, formula, trace, names, _checked(policy), full=True)[0] > 0.0
 
 
 def robustness_bounds(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> RobustnessBounds:
@@ -90,13 +90,13 @@ def robustness_bounds_trace(formula: Formula, trace: ArrayLike, names: Sequence[
 
 def satisfaction_bounds(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> SatisfactionBounds:
     """Whether all continuations of the trace satisfy `formula` at t = 0, and whether some may, bool (...,)."""
-    lower, upper = evaluate(compile_sided, formula, trace, names, "interval", full=False)
+    lower, upper = evaluate(compile_signed, formula, trace, names, "interval", full=False)
     return SatisfactionBounds(lower > 0.0, upper > 0.0)
 
 
 def satisfaction_bounds_trace(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> SatisfactionBounds:
     """The same at every t of the trace, (..., T+1)."""
-    lower, upper = evaluate(compile_sided, formula, trace, names, "interval", full=True)
+    lower, upper = evaluate(compile_signed, formula, trace, names, "interval", full=True)
     return SatisfactionBounds(lower > 0.0, upper > 0.0)
 
 

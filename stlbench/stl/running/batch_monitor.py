@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.language.traversal import require_formula
-from stlbench.stl.predicates.compiler import check_names
-from stlbench.stl.predicates.sided import SIDE
-from stlbench.stl.recorded.evaluation import as_array, as_names
+from stlbench.stl.predicates.inputs import as_array, as_names, check_names
+from stlbench.stl.predicates.signed_margin import SIDE
 from stlbench.stl.running.batch_operators import Floats, Mask, many
 from stlbench.stl.running.operator_tree import Tree, last_step
 

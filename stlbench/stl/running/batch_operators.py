@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from stlbench.stl.errors import UndefinedError
 from stlbench.stl.language.syntax import Formula, Not
-from stlbench.stl.predicates.compiler import compile_sided
+from stlbench.stl.predicates.compiler import compile_signed
 from stlbench.stl.recorded.evaluation import evaluate
 from stlbench.stl.recorded.evaluator import cause
 from stlbench.stl.running.operator_tree import Ends, Interval, Kit, Leaf, Pointwise
@@ -195,7 +195,7 @@ class Replayed(Operator):
             same = rows[now[rows] == age]
             known = np.concatenate([self.samples[same, :age], samples[same, np.newaxis]], axis=1)
             try:
-                ends = evaluate(compile_sided, self.formula, known, self.names, "interval", full=False)
+                ends = evaluate(compile_signed, self.formula, known, self.names, "interval", full=False)
             except UndefinedError as error:
                 raise UndefinedError(error.what, trace=int(same[error.trace or 0])) from None
             lower[same], upper[same] = ends
@@ -219,7 +219,7 @@ def many(count: int) -> Kit[Operator]:
 
 
 def _compile(psi: Formula, names: tuple[str, ...], negated: bool) -> Psi:
-    compiled = compile_sided(Not(psi) if negated else psi, names)
+    compiled = compile_signed(Not(psi) if negated else psi, names)
     if not callable(compiled):
         return lambda samples, asked: np.full(len(samples), compiled)
 

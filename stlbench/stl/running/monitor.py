@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike
 from stlbench.stl.errors import UndefinedError
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.language.traversal import require_formula
-from stlbench.stl.predicates.compiler import check_names
-from stlbench.stl.predicates.scalars import Sample
-from stlbench.stl.predicates.sided import SIDE
-from stlbench.stl.recorded.evaluation import as_array, as_names
+from stlbench.stl.predicates.compiler import Sample
+from stlbench.stl.predicates.inputs import as_array, as_names, check_names
+from stlbench.stl.predicates.signed_margin import SIDE
 from stlbench.stl.recorded.evaluator import cause
 from stlbench.stl.running.operator_tree import Tree, last_step
 from stlbench.stl.running.scalar_operators import ONE, Operator

@@ -1,6 +1,6 @@
 """A formula as a tree of online operators, the same for one trace (`scalar_operators`) and many (`batch_operators`).
 
-Values are sided (see `sided`); bounds are of the value at t = 0 over all continuations of the samples so far.
+Values are sided (see `signed_margin`); bounds are of the value at t = 0 over all continuations of the samples so far.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 from stlbench.stl.language.horizon import horizon, unbounded
 from stlbench.stl.language.syntax import END, Always, And, Eventually, Formula, Implies, Not, Or, Until
 from stlbench.stl.language.traversal import is_temporal
-from stlbench.stl.predicates.compiler import compile_sided
+from stlbench.stl.predicates.compiler import compile_signed
 from stlbench.stl.recorded.evaluator import unknown
 
 #: least and greatest value, as floats or as arrays
@@ -153,7 +153,7 @@ class Tree(Generic[L]):
     def _psi(self, psi: Formula, negated: bool = False) -> tuple[Pointwise, Ends]:
         """`psi` or its negation, and its bounds at a sample that has not come yet."""
         asked = Not(psi) if negated else psi
-        lower, upper = (unknown(asked, self.names, compile_sided, worst) for worst in (True, False))
+        lower, upper = (unknown(asked, self.names, compile_signed, worst) for worst in (True, False))
         return Pointwise(psi, self.kit.psi(psi, self.names, negated)), (lower, upper)
 
     def _leaf(self, leaf: L) -> L:

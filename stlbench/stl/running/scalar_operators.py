@@ -8,8 +8,7 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates.compiler import compile_sided
-from stlbench.stl.predicates.scalars import Sample, compile_scalar
+from stlbench.stl.predicates.compiler import Sample, compile_sample, compile_signed
 from stlbench.stl.recorded.evaluation import evaluate
 from stlbench.stl.running.operator_tree import Kit, Leaf, Pointwise
 
@@ -185,7 +184,7 @@ class Replayed(Operator):
     def _read(self, sample: Sample) -> tuple[Sample, float, float]:
         sample = tuple(sample)
         known = [*self.samples, sample]
-        lower, upper = evaluate(compile_sided, self.formula, known, self.names, "interval", full=False)
+        lower, upper = evaluate(compile_signed, self.formula, known, self.names, "interval", full=False)
         return sample, lower.item(), upper.item()
 
     def take(self, now: int, value: Any) -> bool:
@@ -196,4 +195,4 @@ class Replayed(Operator):
         return True
 
 
-ONE = Kit(min, max, compile_scalar, Lowest, Nested, Until, Replayed)
+ONE = Kit(min, max, compile_sample, Lowest, Nested, Until, Replayed)

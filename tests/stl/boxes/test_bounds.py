@@ -35,16 +35,23 @@ BOX = {"x": (-1.0, 1.0), "y": (-1.0, 1.0), "z": (0.0, 3.0)}
         ("sqrt(x * x - 2 * x * y + y * y) <= 1", -1, 1),
         ("sin(4 * x) >= cos(z)", -2, 1 - math.cos(3)),
         ("exp(-x) * y >= 0", -math.e, math.e),
+        ("tan(x) >= y", -math.tan(1) - 1, math.tan(1) + 1),
+        ("log(2 + x) <= z", -math.log(3), 3),
+        ("tanh(x) * tanh(x) >= 0", 0, math.tanh(1) ** 2),
+        ("atan2(y, x + 2) >= 0", -math.pi / 4, math.pi / 4),
+        ("atan2(x, y) <= 0", -math.pi, math.pi),
+        ("x ** 1000001 >= 0", -1, 1),
         ("min(x, y) >= 0 & max(x, 0.5) <= 2", -1, 1),
         ("1 <= 2", 1, 1),
         ("True", math.inf, math.inf),
     ],
 )
 def test_extremes(text: str, lower: float, upper: float) -> None:
-    low, high = bounds(parse(text), BOX, tolerance=1e-5)
-    assert low <= lower
-    assert high >= upper
-    assert (low, high) == pytest.approx((lower, upper), abs=2e-5)
+    proven = bounds(parse(text), BOX, tolerance=1e-5)
+    assert proven.low <= lower
+    assert proven.high >= upper
+    assert (proven.low, proven.high) == pytest.approx((lower, upper), abs=2e-5)
+    assert proven.tight
 
 
 @settings(max_examples=60, deadline=None)
@@ -52,33 +59,63 @@ def test_extremes(text: str, lower: float, upper: float) -> None:
 def test_no_sample_lies_outside(psi: Formula, seed: int) -> None:
     rng = np.random.default_rng(seed)
     ends = np.sort(rng.integers(-8, 9, (3, 2)) / 4.0, axis=1)
-    low, high = bounds(psi, ends, NAMES, tolerance=1e-3, nodes=500)
+    proven = bounds(psi, ends, NAMES, tolerance=1e-3, nodes=500)
     corner = rng.integers(0, 2, (300, 3))
     points = np.concatenate([rng.uniform(ends[:, 0], ends[:, 1], (300, 3)), np.where(corner, ends[:, 1], ends[:, 0])])
     values = margin(psi, NAMES)(points)
     slack = 1e-12 * (1 + np.abs(values[np.isfinite(values)]).max(initial=0))  # the samples round, too
-    assert np.all(low - slack <= values)
-    assert np.all(values <= high + slack)
+    assert np.all(proven.low - slack <= values)
+    assert np.all(values <= proven.high + slack)
 
 
 def test_two_joints_against_a_fine_grid() -> None:
     psi = parse("norm(sin(x) + sin(x + y) - 2, cos(x) + cos(x + y)) <= 0.1")
     axis = np.linspace(-1, 1, 401)
     values = margin(psi, ["x", "y"])(np.stack(np.meshgrid(axis, axis), axis=-1))
-    low, high = bounds(psi, BOX)
-    assert low <= values.min() <= low + 1e-3
-    assert high - 1e-3 <= values.max() <= high
+    proven = bounds(psi, BOX)
+    assert proven.low <= values.min() <= proven.low + 1e-3
+    assert proven.high - 1e-3 <= values.max() <= proven.high
 
 
 def test_a_poor_budget_widens_but_stays_sound() -> None:
     psi = parse("x * x - 2 * x * y + y * y + sin(9 * x * y) * z >= 0")
     poor, rich = bounds(psi, BOX, nodes=10), bounds(psi, BOX, nodes=20_000)
-    assert poor[0] <= rich[0] <= rich[1] <= poor[1]
+    assert poor.low <= rich.low <= rich.high <= poor.high
+    assert not poor.tight
+
+
+def test_what_was_proven_of_the_annulus_is_said() -> None:
+    # the greatest margin is 1.5, on the circle of radius 3.5; the tolerance is out of reach, for it is a whole circle
+    proven = bounds(parse("norm(x - 5, y - 5) >= 2 & norm(x - 5, y - 5) <= 5"), {"x": (0, 15), "y": (0, 15)})
+    assert proven.low <= 5 - 10 * math.sqrt(2) <= proven.low + proven.low_error + 1e-12
+    assert proven.low_error <= proven.tolerance
+    assert proven.high - proven.high_error - 1e-12 <= 1.5 <= proven.high
+    assert 1e-6 < proven.high_error < 2e-3
+    assert not proven.tight
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x ** 1000000 >= 0",
+        " + ".join(f"sin({i} * x)" for i in range(1, 21)) + " >= 0",
+        " + ".join(f"sin(s{i} * s{(i + 1) % 20})" for i in range(20)) + " >= 0",
+        " & ".join(f"norm(x - {i}, s0) >= {i}" for i in range(60)),
+    ],
+)
+def test_work_is_bounded_and_the_answer_sound(text: str) -> None:
+    box = {"x": (-1.5, 1.5)} | {f"s{i}": (-3.0, 3.0) for i in range(20)}
+    proven = bounds(parse(text), box)
+    ends = np.array(list(box.values()))
+    points = np.random.default_rng(0).uniform(ends[:, 0], ends[:, 1], (500, 21))
+    with np.errstate(over="ignore"):
+        values = margin(parse(text), list(box))(points)
+    assert proven.low <= values.min() <= values.max() <= proven.high
 
 
 def test_a_degenerate_box_is_a_point() -> None:
-    low, high = bounds(parse("x * y >= 1"), {"x": (2, 2), "y": (3, 3)})
-    assert (low, high) == pytest.approx((5, 5), abs=1e-12)
+    proven = bounds(parse("x * y >= 1"), {"x": (2, 2), "y": (3, 3)})
+    assert (proven.low, proven.high) == pytest.approx((5, 5), abs=1e-12)
 
 
 def test_usual_predicates_take_few_boxes() -> None:
@@ -86,9 +123,32 @@ def test_usual_predicates_take_few_boxes() -> None:
     assert bounds(psi, BOX, nodes=1000) == bounds(psi, BOX)
 
 
-@pytest.mark.parametrize("text", ["sqrt(x) >= 0", "sqrt(abs(x) - y * y) >= 0", "1 / x >= 0", "1 / (x * x + y) >= 1"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "sqrt(x) >= 0",
+        "sqrt(abs(x) - y * y) >= 0",
+        "1 / x >= 0",
+        "1 / (x * x + y) >= 1",
+        "log(z) >= 0",
+        "log(x) >= 0 | z >= 0",
+        "tan(z) >= 0",
+        "tan(3 * x + 2) >= 0",
+        "sqrt(x + 0.9999999) >= 0",  # below 0 by less than the tolerance
+        "sqrt((x - 0.3) ** 2 - 0.00000001) >= 0",  # and in a tiny part of the box
+        "sqrt(log(z + 0.99999999)) >= 0",
+        "sqrt(-1 - z) >= 0 & 1 / (-1 - z) <= 0",  # one argument, two domains
+        "1 / (-1 - z) <= 0 & sqrt(-1 - z) >= 0",
+    ],
+)
 def test_a_domain_that_the_box_leaves_is_an_error(text: str) -> None:
-    with pytest.raises(UndefinedError, match="not defined all over the box"):
+    with pytest.raises(UndefinedError, match=r"not defined all over the box: .* must be"):
+        bounds(parse(text), BOX)
+
+
+@pytest.mark.parametrize("text", ["x / 0 >= 1", "1 / (2 - 2) >= x", "log(0) >= x", "sqrt(-1) >= x"])
+def test_a_constant_without_a_value_is_an_error(text: str) -> None:
+    with pytest.raises(UndefinedError, match="no value"):
         bounds(parse(text), BOX)
 
 

@@ -128,12 +128,20 @@ def test_general_formulas_keep_at_most_the_horizon() -> None:
     assert len(monitor._tree.leaves[0].samples) == 6  # type: ignore[attr-defined]
 
 
-def test_division_by_zero_is_infinite_as_in_arrays() -> None:
+def test_what_overflows_is_infinite_as_in_arrays() -> None:
     trace = np.array([[0.0], [1.0]])
-    formula = parse("G[0,1] 1 / x >= 0 & exp(1000 * x) >= 1")
+    formula = parse("G[0,1] exp(1000 * x) >= 1")
     monitor = Monitor(formula, ["x"])
     monitor.update(trace[0])
     assert monitor.update(trace[1]).lower == robustness(formula, trace, ["x"]) == 0
+
+
+def test_a_division_by_zero_is_an_error_as_in_arrays() -> None:
+    formula = parse("G[0,1] 1 / x >= 0")
+    with pytest.raises(UndefinedError, match="no value"):
+        Monitor(formula, ["x"]).update([0.0])
+    with pytest.raises(UndefinedError, match="no value"):
+        robustness(formula, [[0.0], [1.0]], ["x"])
 
 
 def test_samples_of_any_kind_are_read_alike() -> None:

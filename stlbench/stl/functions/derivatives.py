@@ -1,0 +1,154 @@
+"""Bounds of partial derivatives on many boxes at once: sums, multiples, and the chain rule of each function.
+
+Kinks (abs, min, max) give the hull of the derivatives on both sides, which is Clarke's generalised gradient. Where a
+function jumps or its derivative is not bounded, the bounds are infinite or NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from typing import TypeAlias
+
+import numpy as np
+
+from stlbench.stl.functions.intervals import (
+    Range,
+    absolute,
+    cosine,
+    difference,
+    meets_branch_cut,
+    negative,
+    power,
+    product,
+    quotient,
+    sine,
+    total,
+)
+
+#: derivative by each signal; a signal that is missing has derivative 0
+Derivatives: TypeAlias = dict[str, Range]
+Ranges: TypeAlias = Sequence[Range]
+
+
+def negated(inner: Derivatives) -> Derivatives:
+    """Of -u."""
+    return {name: negative(range_) for name, range_ in inner.items()}
+
+
+def scaled(inner: Derivatives, factor: Range) -> Derivatives:
+    """Each times `factor`."""
+    return {name: product(range_, factor) for name, range_ in inner.items()}
+
+
+def added(left: Derivatives, right: Derivatives) -> Derivatives:
+    """Of u + v."""
+    both = {name: total(left[name], right[name]) for name in left.keys() & right.keys()}
+    return left | right | both
+
+
+# --- chain rules: (ranges of the arguments, their derivatives, range of the value) -> derivatives of the value
+
+
+def of_least(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """min: the hull of the derivatives of those arguments that can be the least."""
+    ceiling = reduce(np.minimum, [high for _, high in args])
+    active = [~(low > ceiling) for low, _ in args]  # NaN counts as active
+    count = np.sum(active, axis=0)
+    result: Derivatives = {}
+    for name in {name: None for derivatives in inner for name in derivatives}:
+        own = [(derivatives[name], can) for derivatives, can in zip(inner, active, strict=True) if name in derivatives]
+        low, high = np.full_like(ceiling, np.inf), np.full_like(ceiling, -np.inf)
+        for (lower, upper), can in own:
+            low = np.where(can, np.minimum(low, lower), low)
+            high = np.where(can, np.maximum(high, upper), high)
+        others = count > np.sum([can for _, can in own], axis=0)  # an argument without the signal can be the least
+        result[name] = np.where(others, np.minimum(low, 0.0), low), np.where(others, np.maximum(high, 0.0), high)
+    return result
+
+
+def of_greatest(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """max: the hull of the derivatives of those arguments that can be the greatest."""
+    return of_least([negative(arg) for arg in args], inner, negative(value))
+
+
+def of_absolute(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """abs: the argument's, with its sign."""
+    return scaled(inner[0], _sign(args[0]))
+
+
+def of_largest(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """norminf: as of max(|u|, ...)."""
+    sizes = [absolute(arg) for arg in args]
+    return of_greatest(sizes, [scaled(own, _sign(arg)) for own, arg in zip(inner, args, strict=True)], value)
+
+
+def of_norm(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """norm: the sum of u / norm times the derivative of u."""
+    return reduce(added, [scaled(own, _share(arg, value)) for own, arg in zip(inner, args, strict=True)])
+
+
+def of_root(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """sqrt: 1 / (2 sqrt)."""
+    half = np.full_like(value[0], 0.5)
+    return scaled(inner[0], quotient((half, half), value))
+
+
+def of_exponential(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """exp: itself."""
+    return scaled(inner[0], value)
+
+
+def of_logarithm(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """log: 1 / u."""
+    return {name: quotient(range_, args[0]) for name, range_ in inner[0].items()}
+
+
+def of_hyperbolic_tangent(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """tanh: 1 - tanh ** 2, which lies in [0, 1]."""
+    low, high = difference(_one(value), power(value, 2))
+    return scaled(inner[0], (np.maximum(low, 0.0), np.minimum(high, 1.0)))
+
+
+def of_sine(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """sin: cos."""
+    return scaled(inner[0], cosine(args[0]))
+
+
+def of_cosine(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """cos: -sin."""
+    return scaled(inner[0], negative(sine(args[0])))
+
+
+def of_tangent(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """tan: 1 + tan ** 2; of any value where a pole may lie in the angle."""
+    low, high = total(_one(value), power(value, 2))
+    return scaled(inner[0], (np.where(np.isfinite(value[0]), low, -np.inf), high))
+
+
+def of_direction(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
+    """atan2: (x dy - y dx) / (x ** 2 + y ** 2); of any value where it jumps, at the branch cut and at the origin."""
+    y, x = args
+    square = total(power(x, 2), power(y, 2))
+    jump = meets_branch_cut(y, x) | (square[0] <= 0)
+    along_y, along_x = (
+        (np.where(jump, -np.inf, low), np.where(jump, np.inf, high))
+        for low, high in (quotient(x, square), quotient(negative(y), square))
+    )
+    return added(scaled(inner[0], along_y), scaled(inner[1], along_x))
+
+
+def _one(like: Range) -> Range:
+    one = np.ones_like(like[0])
+    return one, one
+
+
+def _sign(range_: Range) -> Range:
+    """Derivative of |u|: -1, 1, or between them where u may be 0."""
+    return np.where(range_[0] > 0, 1.0, -1.0), np.where(range_[1] < 0, -1.0, 1.0)
+
+
+def _share(part: Range, whole: Range) -> Range:
+    """part / norm, which lies in [-1, 1] whatever the intervals say."""
+    low, high = quotient(part, whole)
+    return np.fmin(np.fmax(low, -1.0), 1.0), np.fmax(np.fmin(high, 1.0), -1.0)

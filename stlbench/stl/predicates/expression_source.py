@@ -1,0 +1,152 @@
+"""Expressions as Python source: nothing that a user wrote gets into it.
+
+A signal is the number of its column, a constant the `repr` of a float, and an operator or a function is looked up in a
+table of ours, whose text is taken.
+
+Deep nesting is no danger to Python's parser: an expression that nests deeper than `DEPTH` is put into a temporary
+variable. Temporaries are numbered as a stack, so that few arrays are alive at a time however long the formula.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stlbench.stl.errors import UndefinedError
+from stlbench.stl.functions.table import FUNCTIONS
+from stlbench.stl.language.syntax import Binary, Call, Expression, Negative, Number, Predicate, Signal
+from stlbench.stl.predicates.dialect import TWICE, Dialect
+
+#: deepest nesting of parentheses
+DEPTH = 8
+#: most operands of min, max, norm and norminf that are written out; more of them are a call
+WRITTEN_OUT = 4
+
+_OPERATORS: dict[str, Callable[..., Any]] = {
+    "-u": operator.neg,
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "**": operator.pow,
+    "square": lambda value: value * value,
+    "min": np.minimum,
+    "max": np.maximum,
+}
+
+
+class Part(NamedTuple):
+    """An operand: its text, the first temporary that is free after it, its depth, its value if it is constant."""
+
+    text: str
+    top: int
+    depth: int = 0
+    value: float | bool | None = None
+
+
+class ExpressionWriter:
+    """Writes expressions in one dialect; `lines` are the statements that go before the text of a part."""
+
+    def __init__(self, columns: Mapping[str, int], dialect: Dialect) -> None:
+        self.columns, self.dialect = columns, dialect
+        self.lines: list[str] = []
+        self.used: dict[int, None] = {}
+
+    def expression(self, node: Expression, base: int) -> Part:
+        """The value of `node`; temporaries from number `base` on are free."""
+        match node:
+            case Number(value):
+                return constant(value, base)
+            case Signal(name):
+                column = self.columns[name]
+                self.used[column] = None
+                return Part(f"x{column}", base)
+            case Negative(arg):
+                return self.operation("-u", [arg], node, base)
+            case Binary("**", left, Number(2.0)):
+                return self.operation("square", [left], node, base)
+            case Binary(op, left, right):
+                return self.operation(op, [left, right], node, base)
+            case Call(name, args) if len(args) <= WRITTEN_OUT and name in _WRITTEN_OUT:
+                return self.written_out(args, node, base)
+            case Call(name, args):
+                return self.operation(name, args, node, base)
+
+    def operation(self, op: str, args: Sequence[Expression], node: Expression | Predicate, base: int) -> Part:
+        """`op` of the arguments; a constant if all of them are."""
+        parts, top = [], base
+        for arg in args:
+            part = self.expression(arg, top)
+            parts.append(self.atom(part, top) if op in TWICE else part)
+            top = parts[-1].top
+        return self.applied(op, parts, node, base)
+
+    def applied(self, op: str, parts: Sequence[Part], node: Expression | Predicate, base: int) -> Part:
+        """`op` of operands that are written; `node` is what a message names."""
+        values = [part.value for part in parts if part.value is not None]
+        if op == "/" and parts[1].value == 0.0:
+            raise UndefinedError(f"a constant of the formula has no value: {node} divides by 0")
+        if len(values) == len(parts):
+            return constant(_folded(op, values, node), base)
+        part = self.write(op, parts)
+        return self.atom(part, base) if part.depth > DEPTH else part
+
+    def write(self, op: str, parts: Sequence[Part]) -> Part:
+        """The text of `op`: the dialect's template, or a call of the function."""
+        texts = [part.text for part in parts]
+        template = self.dialect.templates.get(op)
+        text = template.format(*texts) if template else f"{FUNCTIONS[op].name}({', '.join(texts)})"
+        return Part(text, max(part.top for part in parts), 1 + max(part.depth for part in parts))
+
+    def atom(self, part: Part, base: int) -> Part:
+        """The part as a name or a constant: in temporary number `base`, unless it is one already."""
+        if part.depth == 0:
+            return part
+        self.lines.append(f"t{base} = {part.text}")
+        return Part(f"t{base}", base + 1)
+
+    def written_out(self, args: Sequence[Expression], node: Call, base: int) -> Part:
+        """min, max, norm or norminf without a call, which would cost as much as all the rest."""
+        match node.name:
+            case "norm":
+                return self.applied("sqrt", [self.between("+", "square", args, node, base)], node, base)
+            case "norminf":
+                return self.between("max", "abs", args, node, base)
+            case pick:
+                return self.between(pick, None, args, node, base)
+
+    def between(self, op: str, each: str | None, args: Sequence[Expression], node: Call, base: int) -> Part:
+        """`op` between the arguments, grouped to the left, after the operation `each` on every one."""
+        result: Part | None = None
+        for arg in args:
+            top = base if result is None else result.top
+            part = self.operation(each, [arg], node, top) if each else self.expression(arg, top)
+            part = self.atom(part, top) if op in TWICE else part
+            result = part if result is None else self.applied(op, [result, part], node, base)
+            result = self.atom(result, base) if op in TWICE else result
+        assert result is not None
+        return result
+
+
+#: the functions that `written_out` knows
+_WRITTEN_OUT = ("min", "max", "norm", "norminf")
+
+
+def constant(value: float | bool, top: int) -> Part:
+    """A literal: its text is made of a float or a bool alone."""
+    text = repr(bool(value)) if isinstance(value, bool | np.bool_) else repr(float(value))
+    return Part(f"({text})" if text.startswith("-") else text, top, value=value)
+
+
+def _folded(op: str, values: Sequence[float | bool], node: Expression | Predicate) -> float:
+    """The value of a constant subexpression, once, as NumPy has it."""
+    function = _OPERATORS.get(op) or FUNCTIONS[op].arrays
+    with np.errstate(all="ignore"):
+        value = float(function(*map(np.float64, values)))
+    if math.isnan(value):
+        raise UndefinedError(f"a constant of the formula has no value: {node}")
+    return value
