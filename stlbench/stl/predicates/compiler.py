@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from stlbench.stl.errors import UndefinedError
+from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.language.traversal import is_temporal
 from stlbench.stl.predicates.dialect import ARRAYS, FLOATS
@@ -73,8 +73,7 @@ def _in_arrays(psi: Formula, names: tuple[str, ...], negated: bool) -> OfSample:
         with np.errstate(all="ignore"):
             value = float(_of_arrays(psi, names, Reading.SIGNED, negated)(np.array(sample, dtype=float)))  # type: ignore[operator]
         if value != value:
-            where = dict(zip(names, sample, strict=True))
-            raise UndefinedError(f"{psi} has no value at {where}") from None
+            raise UndefinedError(f"{shorten(str(psi))} has no value") from None
         return value
 
     return run

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.stl.language.syntax import Formula
+from stlbench.stl.language.traversal import require_formula
 from stlbench.stl.predicates.compiler import Compiled, OfSamples, compile_holds, compile_margin
+from stlbench.stl.predicates.inputs import as_array, as_names
 
 Samples: TypeAlias = NDArray[np.float64]
 
@@ -24,13 +26,17 @@ def margin(psi: Formula, names: Sequence[str]) -> Callable[[Samples], Samples]:
 
     Returns:
         A pure function: samples (..., k) of floats, in the signals' units -> rho (...,), > 0 where psi holds with that
-        margin, < 0 where it fails; for one sample (k,) a NumPy scalar. Undefined arithmetic gives inf or NaN.
+        margin, < 0 where it fails; for one sample (k,) a NumPy scalar. What has no value is NaN, what overflows inf.
+        Raises TypeError for a masked array.
 
     Raises:
+        TypeError: psi is text.
         UnknownSignalError: psi uses a signal that is not in `names`.
+        UndefinedError: a constant of psi has no value, as in 1 / 0.
         ValueError: psi has temporal operators, or a name occurs twice.
     """
-    return _margin(psi, tuple(names))
+    require_formula(psi)
+    return _margin(psi, as_names(names))
 
 
 def holds(psi: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.bool_]]:
@@ -38,7 +44,8 @@ def holds(psi: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.
 
     Arguments, errors and shapes as `margin`; the function returns bool (...,). NaN margins count as false.
     """
-    return _holds(psi, tuple(names))
+    require_formula(psi)
+    return _holds(psi, as_names(names))
 
 
 @lru_cache(maxsize=256)
@@ -55,4 +62,4 @@ def _filled(compiled: Compiled, dtype: type) -> OfSamples:
     """A constant formula still answers with the batch's shape."""
     if callable(compiled):
         return compiled
-    return lambda x: np.full(np.shape(x)[:-1], compiled, dtype=dtype)
+    return lambda samples: np.full(as_array(samples).shape[:-1], compiled, dtype=dtype)

@@ -41,8 +41,8 @@ def margin_trace(formula: Formula, names: Sequence[str]) -> Callable[[Samples], 
 
 def holds_trace(formula: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.bool_]]:
     """Compile the Boolean verdict of `formula` likewise, bool (n, T+1-horizon)."""
-    sided = _compiled(formula, names, compile_signed)
-    return lambda samples: sided(samples) > 0.0
+    signed = _compiled(formula, names, compile_signed)
+    return lambda samples: signed(samples) > 0.0
 
 
 def _compiled(formula: Formula, names: Sequence[str], compile_: Compile) -> Callable[[Samples], Samples]:

@@ -15,7 +15,7 @@ from stlbench.stl.errors import ShortTraceError, UndefinedError
 from stlbench.stl.language.horizon import lookahead, unbounded
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.language.traversal import require_formula
-from stlbench.stl.predicates.inputs import check_names
+from stlbench.stl.predicates.inputs import as_array, as_names, check_names
 from stlbench.stl.recorded.evaluator import Compile, End, Evaluator, Traces, evaluator
 
 Floats: TypeAlias = NDArray[np.float64]

@@ -1,8 +1,8 @@
 """Formulas compiled to functions that evaluate many traces at once.
 
 An evaluator answers "the values at steps lo..hi" and asks its operands for exactly the steps it needs, so that t = 0
-alone reads only the windows the formula names. Values are robustness, or sided values (see `signed_margin`), whose sign is the
-verdict: only the way that predicates are compiled differs.
+alone reads only the windows the formula names. Values are robustness, or signed values (see `signed_margin`), whose
+sign is the verdict: only the way that predicates are compiled differs.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def cause(psi: Formula, names: tuple[str, ...], sample: NDArray[np.float64]) -> 
         if math.isnan(value):
             return f"signal {shorten(name)!r} is NaN"
     shown = shorten(", ".join(f"{name} = {value:g}" for name, value in values.items()))
-    return f"{shorten(str(psi))} has no value (square root of a negative number, 0/0 or inf - inf) where {shown}"
+    return f"{shorten(str(psi))} has no value (square root below 0, division by 0 or inf - inf) where {shown}"
 
 
 def unknown(psi: Formula, names: tuple[str, ...], compile_: Compile, worst: bool) -> float:

@@ -113,5 +113,5 @@ class BatchMonitor:
         return Intervals(_robustness(lower), _robustness(upper), lower > 0.0, upper > 0.0)
 
 
-def _robustness(sided: Floats) -> Floats:
-    return np.where(abs(sided) <= SIDE, 0.0, sided)
+def _robustness(signed: Floats) -> Floats:
+    return np.where(abs(signed) <= SIDE, 0.0, signed)

@@ -23,7 +23,7 @@ from stlbench.stl.running.operator_tree import Ends, Interval, Kit, Leaf, Pointw
 Floats: TypeAlias = NDArray[np.float64]
 Steps: TypeAlias = NDArray[np.int64]
 Mask: TypeAlias = NDArray[np.bool_]
-#: the value of a Pointwise: (samples (n, k), which of them are asked about) -> sided values (n,)
+#: the value of a Pointwise: (samples (n, k), which of them are asked about) -> signed values (n,)
 Psi: TypeAlias = Callable[[Floats, Mask], Floats]
 #: a mask or indices of traces
 Which: TypeAlias = Any

@@ -1,6 +1,6 @@
 """A formula as a tree of online operators, the same for one trace (`scalar_operators`) and many (`batch_operators`).
 
-Values are sided (see `signed_margin`); bounds are of the value at t = 0 over all continuations of the samples so far.
+Values are signed (see `signed_margin`); bounds are of the value at t = 0 over all continuations of the samples so far.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Part(Protocol):
     """Any node of the tree."""
 
     def bounds(self) -> Ends:
-        """(lower, upper), sided."""
+        """(lower, upper), signed."""
 
 
 class Pointwise(NamedTuple):
@@ -51,7 +51,7 @@ class Leaf:
         self.ends: Ends
 
     def bounds(self) -> Ends:
-        """(lower, upper), sided."""
+        """(lower, upper), signed."""
         lower, upper = self.ends
         return (-upper, -lower) if self.flipped else (lower, upper)
 
@@ -67,7 +67,7 @@ class Joined:
     pick: Callable[[Sequence[Any]], Any]
 
     def bounds(self) -> Ends:
-        """(lower, upper), sided."""
+        """(lower, upper), signed."""
         ends = [part.bounds() for part in self.parts]
         return self.pick([lower for lower, _ in ends]), self.pick([upper for _, upper in ends])
 
