@@ -18,10 +18,12 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array, Intractable, RewardMethod, Specification, Unsuitable
+from stlbench.errors import UsageError
 from stlbench.presentation import Described
 from stlbench.registry import plugins
-from stlbench.registry.choices import parse_choice
-from stlbench.task import load_task, starts
+from stlbench.registry.choices import Choice, parse_choice
+from stlbench.rollout import controller
+from stlbench.task import Task, load_task, starts
 
 __all__ = ["check_method", "check_task"]
 
@@ -49,6 +51,7 @@ def check_method(method: type[RewardMethod] | str, task: str | None = None) -> N
     Raises:
         AssertionError: the rule that is broken.
         Unsuitable, Intractable: the method refuses the task; no rule is broken.
+        UsageError: no such method or task, or a wrong parameter; the message says what there is.
     """
     specifications = _SPECIFICATIONS if task is None else (load_task(task).specification,)
     refusals = list[Exception]()
@@ -64,28 +67,49 @@ def check_method(method: type[RewardMethod] | str, task: str | None = None) -> N
 
 
 def check_task(name: str) -> None:
-    """Check an installed task: its system under random actions, its formula on the traces, its agents' recipes.
+    """Check an installed task: its system under random actions and under its controller, its formula, its recipes.
 
-    The rules: `step`, `signals` and `features` give finite values of the contract's shapes, are pure and leave their
-    arguments alone, and a batch is its rows one by one; the initial states lie in the signals' ranges, and features
-    of states in there within [-5, 5]; the nested form has the formula's robustness; recipes fit their agents.
+    The rules: `initial_states`, `step`, `signals`, `features` and `controller` give finite values of the contract's
+    shapes, are pure and leave their arguments alone, and a batch is its rows one by one; the initial states lie in the
+    signals' ranges, and features of states in there within [-5, 5]; the nested form has the formula's robustness, and
+    the rewarded one is satisfied when the formula is; the controller, where there is one, satisfies the formula from
+    some of the report's starts; recipes are for agents that are installed, and fit them.
 
     Raises:
         AssertionError: the rule that is broken.
-        UsageError: no such task, a task file with errors, or a recipe that its agent does not understand.
+        UsageError: no such task, a task file with errors, or recipes that their agents do not understand, all of them.
     """
     task = load_task(name)
+    _check_recipes(task)
+    _check_forms(task, _random_traces(task))
+    _check_controller(task)
+
+
+def _check_recipes(task: Task) -> None:
+    problems = list[str]()
+    for agent, recipe in task.file.agents.items():
+        try:
+            plugins.check("agents", Choice(agent), recipe)
+        except UsageError as error:
+            problems.append(f"agents.{agent}: {str(error).removeprefix(f'{agent}: ')}")
+    if problems:
+        raise UsageError("\n".join([f"task {task.name}: recipes have errors:", *(f"  {line}" for line in problems)]))
+
+
+def _random_traces(task: Task) -> Array:
+    """Traces (N, T + 1, k) under random actions, along which the system's functions are checked."""
     generator, system, file, k = np.random.default_rng(0), task.system, task.file, len(task.signals)
     low, high = np.array(task.specification.low), np.array(task.specification.high)
     points = np.concatenate([starts.grid(file.initial, 4), starts.sample(file.training_starts, generator, 4)])
-    state = system.initial_states(points)
-    trace, n = [system.signals(state)], len(state)
+    n, size = len(points), len(system.state)
+    state = _check_function("initial_states", system.initial_states, (points,), (n, size))
+    trace = [system.signals(state)]
     _rule(bool(np.all((low <= trace[0]) & (trace[0] <= high))), "initial states lie in the signals' ranges", trace[0])
     for t in range(file.steps):
         if t % file.hold == 0:
             action = generator.uniform(task.actions.low, task.actions.high, (n, len(task.actions.names)))
         if t % max(1, file.steps // 8) == 0:
-            _check_function("step", system.step, (state, action), (n, len(system.state)))
+            _check_function("step", system.step, (state, action), (n, size))
             _check_function("signals", system.signals, (state,), (n, k))
             _check_function("signals of (1, N, n)", lambda one: system.signals(one[None])[0], (state,), (n, k))
             features = _check_function("features", system.features, (state, np.full(n, t)), (n, None))
@@ -93,15 +117,37 @@ def check_task(name: str) -> None:
             _rule(bool(np.all(np.abs(features[inside]) <= 5)), "features are about in [-1, 1]", features)
         state = system.step(state, action)
         trace.append(system.signals(state))
-    traces = np.stack(trace, axis=1)
-    robustness = stl.robustness(task.formula, traces, task.signals)
+    return np.stack(trace, axis=1)
+
+
+def _check_forms(task: Task, traces: Array) -> None:
+    """The rewarded and the nested form against the formula."""
     rewarded = stl.satisfied(task.specification.formula, traces, task.signals)
     same = np.array_equal(rewarded, stl.satisfied(task.formula, traces, task.signals))
     _rule(same, "the rewarded form is satisfied when the formula is", rewarded)
+    robustness = stl.robustness(task.formula, traces, task.signals)
     nested = stl.robustness(task.specification.nested or task.formula, traces, task.signals)
     _rule(np.allclose(nested, robustness), "the nested form has the formula's robustness", nested - robustness)
-    for agent in plugins.available("agents").keys() & file.agents.keys():
-        plugins.check("agents", parse_choice(agent), task.recipe(agent))
+
+
+def _check_controller(task: Task) -> None:
+    control, hold = task.system.controller, task.file.hold
+    state = task.system.initial_states(starts.grid(task.file.initial, 8))
+    if control(state, np.zeros(len(state), dtype=np.int64)) is None:
+        return
+
+    def actions(state: Array, t: Array) -> Array:
+        action = control(state, t.astype(np.int64))
+        _rule(action is not None, "a controller always has an action", action)
+        return np.asarray(action, dtype=np.float64)
+
+    for t in range(0, task.file.steps, hold * max(1, task.file.steps // hold // 8)):
+        _check_function("controller", actions, (state, np.full(len(state), t)), (len(state), len(task.actions.names)))
+    traces = controller.record(task, state)
+    assert traces is not None
+    satisfied = stl.satisfied(task.formula, traces, task.signals)
+    robustness = stl.robustness(task.formula, traces, task.signals)
+    _rule(bool(satisfied.any()), "the controller satisfies the formula from some starts", f"robustness {robustness}")
 
 
 def _made(method: type[RewardMethod] | str, specification: Specification) -> RewardMethod:

@@ -11,6 +11,7 @@ import pytest
 from helpers.line_task import Probe, text
 
 from stlbench.contract import Intractable, RewardMethod, Unsuitable
+from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.testing import check_method, check_task
 
@@ -133,8 +134,16 @@ class Line(System):
     def signals(self, state): return {signals}
     def features(self, state, t): return {features}
     def changed(self, state): state += 1; return state
+    def initial_states(self, points): return {initial_states}
+    def controller(self, state, t): return {controller}
 """
-SOUND = {"step": "state + self.dt * action", "signals": "state", "features": "state"}
+SOUND = {
+    "step": "state + self.dt * action",
+    "signals": "state",
+    "features": "state",
+    "initial_states": "points",
+    "controller": "-state",
+}
 
 
 @pytest.mark.parametrize(
@@ -148,6 +157,14 @@ SOUND = {"step": "state + self.dt * action", "signals": "state", "features": "st
         ({"features": "100 * state"}, {}, r"features are about in \[-1, 1\]"),
         ({"features": "state[:, 0]"}, {}, r"features has shape"),
         ({}, {"initial": {"box": {"x": [10.5, 11]}}}, "initial states lie in the signals' ranges"),
+        ({"initial_states": "points[:, 0]"}, {}, r"initial_states has shape \(8, 1\); found \(8,\)"),
+        ({"initial_states": "points + np.nan"}, {}, "initial_states is finite"),
+        ({"initial_states": "points - points.mean()"}, {}, "initial_states of a batch is that of its rows"),
+        ({"controller": "np.zeros((len(state), 2))"}, {}, r"controller has shape \(8, 1\); found \(8, 2\)"),
+        ({"controller": "state + np.nan"}, {}, "controller is finite"),
+        ({"controller": "self.changed(state)"}, {}, "controller leaves its arguments alone"),
+        ({"controller": "-state if t[0] == 0 else None"}, {}, "a controller always has an action; found None"),
+        ({"controller": "np.ones_like(state)"}, {}, "the controller satisfies the formula from some starts; found rob"),
         ({}, {"nested": "G[0,2] G[0,2] (x <= 0.9)"}, "the nested form has the formula's robustness"),
     ],
 )
@@ -165,12 +182,36 @@ def test_a_task_that_breaks_a_rule_is_told_which(
         check_task("zz-conform")
 
 
-def test_a_task_whose_recipe_its_agent_does_not_understand(site: Callable[..., Path]) -> None:
+def test_all_recipes_that_their_agents_do_not_understand_are_named(site: Callable[..., Path]) -> None:
     files = {
         "zz_conform/__init__.py": "",
         "zz_conform/system.py": SYSTEM.format(**SOUND),
-        "zz_conform/task.yaml": text(agents={"dqn": {"gama": 1}}),
+        "zz_conform/task.yaml": text(agents={"dqn": {"gama": 1, "head": "no"}, "dnq": {}, "td3": {"gamma": "x"}}),
     }
     site("zz-conform", "[stlbench.tasks]\nzz-conform = zz_conform.system:Line\n", files)
-    with pytest.raises(ValueError, match="no parameter 'gama'; did you mean 'gamma'"):
+    with pytest.raises(UsageError) as caught:
         check_task("zz-conform")
+    head, first, second, third = str(caught.value).splitlines()
+    assert head == "task zz-conform: recipes have errors:"
+    assert first.startswith("  agents.dqn: no parameter 'gama'; did you mean 'gamma'?; head should be ")
+    assert second == "  agents.dnq: no agent 'dnq'; did you mean 'dqn'?"
+    assert third == "  agents.td3: gamma should be a number, got 'x' in the recipe"
+
+
+@pytest.mark.parametrize(
+    ("check", "message"),
+    [
+        (lambda: check_method("funel[ginf=1]"), "no method 'funel'; did you mean 'funnel'?"),
+        (lambda: check_method("funnel[ginff=1]"), "funnel[ginff=1]: no parameter 'ginff'; did you mean 'ginf'?"),
+        (
+            lambda: check_method("funnel[shape=clipt]"),
+            "funnel[shape=clipt]: shape should be 'linear', 'clipped' or 'normalised', got 'clipt'",
+        ),
+        (lambda: check_method("funnel", "hold-disk"), "no task 'hold-disk'; did you mean 'hold-disc'?"),
+        (lambda: check_task("hold-disk"), "no task 'hold-disk'; did you mean 'hold-disc'?"),
+    ],
+)
+def test_a_mistyped_choice_fails_and_says_what_there_is(check: Callable[[], None], message: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        check()
+    assert str(caught.value) == message
