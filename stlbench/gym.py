@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid, Array, Integers
 from stlbench.errors import UsageError, did_you_mean
+from stlbench.presentation import Drawn, Pixels
 from stlbench.registry import plugins
 from stlbench.rollout.environment import Simulator
 from stlbench.task import build_method, load_task, starts
@@ -63,9 +64,17 @@ class _Copies:
     """N copies of a task under one clock, in Gymnasium's types: what both kinds of environment have in common."""
 
     def __init__(self, task: str, method: str, scaled: bool, render_mode: str | None) -> None:
-        if render_mode is not None:
-            raise UsageError(f"task {task}: there is nothing to render; leave render_mode out, got '{render_mode}'")
         self.task = load_task(task)
+        drawn = isinstance(self.task.system, Drawn)
+        decisions_per_second = 1 / (self.task.file.sampling_time * self.task.file.hold)
+        self.metadata: Info = {
+            "render_modes": ["rgb_array"] if drawn else [],
+            "render_fps": max(1, round(decisions_per_second)),
+        }
+        self.render_mode = render_mode if render_mode in self.metadata["render_modes"] else None
+        if render_mode != self.render_mode:
+            modes = "rgb_array alone" if drawn else "nothing, as the task has no picture of itself"
+            gymnasium.logger.warn(f"task {task} renders {modes}; render_mode is None, in place of {render_mode!r}")
         self.method = build_method(self.task, method)
         self._simulator = Simulator(self.task, self.method)
         self._scale = self.method.scale if scaled else 1.0
@@ -103,6 +112,13 @@ class _Copies:
         self._running = not over
         return self._simulator.observe().astype(np.float32), reward / self._scale, over, self._info(samples)
 
+    def pictures(self) -> tuple[Pixels, ...] | None:
+        """Each copy's state as a picture (height, width, 3); None without a render mode."""
+        system = self.task.system
+        if self.render_mode is None or not isinstance(system, Drawn):
+            return None
+        return tuple(system.frame(state) for state in self._simulator.state)
+
     def _info(self, samples: Array) -> Info:
         return {"signals": samples, "t": self._simulator.t.copy()}
 
@@ -123,7 +139,7 @@ class _Copies:
 class StlEnv(gymnasium.Env[Single, Any]):
     """One copy of a task with a reward method, as `gymnasium.make("stlbench/<task>-v0", method=...)` makes it."""
 
-    metadata: Info = {"render_modes": []}  # noqa: RUF012 - declared so by Gymnasium
+    metadata: Info = {"render_modes": ["rgb_array"]}  # noqa: RUF012 - declared so by Gymnasium; a copy knows its own
 
     def __init__(self, task: str, method: str, *, scaled: bool = False, render_mode: str | None = None) -> None:
         """The reward is the mean of the method's reward over the `hold` steps of an action, in the paper's units.
@@ -132,7 +148,8 @@ class StlEnv(gymnasium.Env[Single, Any]):
             task: its name; the environment's id says it.
             method: a reward method with or without parameters, "funnel" or "flag[beta=10]".
             scaled: divide rewards by the method's `scale`, as training in stlbench does.
-            render_mode: None.
+            render_mode: "rgb_array" or None. Where a task has no picture of itself, None stands in its place, with a
+                warning, so that libraries which always ask for pictures can train on it.
 
         Raises:
             UsageError: no such method, or a wrong parameter; the message says what there is.
@@ -140,6 +157,7 @@ class StlEnv(gymnasium.Env[Single, Any]):
         """
         self._copies = _Copies(task, method, scaled, render_mode)
         self.task, self.method = self._copies.task, self._copies.method
+        self.metadata, self.render_mode = self._copies.metadata, self._copies.render_mode
         self.observation_space, self.action_space = self._copies.observation_space, self._copies.action_space
 
     def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Single, Info]:
@@ -164,6 +182,14 @@ class StlEnv(gymnasium.Env[Single, Any]):
         observation, reward, over, info = self._copies.advance(np.asarray(action)[None])
         return observation[0], float(reward[0]), False, over, _first(info)
 
+    def render(self) -> Pixels | None:
+        """A picture (height, width, 3) of the current state; None without a render mode.
+
+        Raises `RuntimeError`, in one line, where this machine lacks what it takes to draw.
+        """
+        pictures = self._copies.pictures()
+        return None if pictures is None else pictures[0]
+
 
 def _kind(space: Discrete | Box) -> str:
     if isinstance(space, Discrete):
@@ -182,7 +208,10 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
     for number.
     """
 
-    metadata: Info = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012 - declared so by Gymnasium
+    metadata: Info = {  # noqa: RUF012 - declared so by Gymnasium; an instance knows its own
+        "render_modes": ["rgb_array"],
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+    }
 
     def __init__(
         self, num_envs: int, task: str, method: str, *, scaled: bool = False, render_mode: str | None = None
@@ -192,6 +221,7 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
             raise UsageError(f"num_envs must be at least 1, got {num_envs}")
         self._copies = _Copies(task, method, scaled, render_mode)
         self.task, self.method, self.num_envs = self._copies.task, self._copies.method, num_envs
+        self.metadata, self.render_mode = type(self).metadata | self._copies.metadata, self._copies.render_mode
         self.single_observation_space = self._copies.observation_space
         self.single_action_space = self._copies.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -230,6 +260,10 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
             info |= last
         info = self._masked(info)
         return observation, reward, np.zeros(self.num_envs, dtype=np.bool_), np.full(self.num_envs, over), info
+
+    def render(self) -> tuple[Pixels, ...] | None:
+        """Each copy's picture, see `StlEnv.render`."""
+        return self._copies.pictures()
 
     def _masked(self, info: Info) -> Info:
         """Gymnasium wants a mask beside each entry: which copies it is there for. Here: all."""

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stlbench.contract import Array, Pixels
+from stlbench.contract import Array
+from stlbench.presentation import Pixels
 from stlbench.task import load_task, starts
 from stlbench.task.task import Task
 
