@@ -19,6 +19,7 @@ __all__ = [
     "FORMAT",
     "IDENTITY",
     "MAIN",
+    "NOT_RUN",
     "CellId",
     "CurvePoint",
     "Measurement",
@@ -39,6 +40,9 @@ MAIN = "formula"
 
 Status = Literal["done", "raised", "timeout", "killed", "intractable", "unsuitable"]
 """How a cell ended. `intractable` and `unsuitable` are findings about a method; the three before them are accidents."""
+
+NOT_RUN: Literal["not run"] = "not run"
+"""In tables, in the place of a status: the cell was planned and has no result."""
 
 ACCIDENTS: tuple[Status, ...] = ("raised", "timeout", "killed")
 """What a retry runs again."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
@@ -46,6 +47,17 @@ class Commands(TyperGroup):
         if standalone_mode:
             sys.exit(code)
         return code
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the chosen command, and end quietly where the reader of stdout has gone, as `head` does."""
+        try:
+            try:
+                return super().invoke(ctx)
+            finally:
+                sys.stdout.flush()
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left in the buffer goes nowhere
+            raise typer.Exit(128 + 13) from None  # what a shell says of a command that SIGPIPE stopped
 
 
 def refuse(message: str) -> int:
@@ -94,4 +106,8 @@ def console() -> Console:
     """Where tables are printed: as wide as the terminal, and 120 columns in a file or a pipe."""
     from rich.console import Console
 
-    return Console(width=None if sys.stdout.isatty() else 120, highlight=False)
+    class Out(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # rich itself would exit with code 1, which has another meaning here
+
+    return Out(width=None if sys.stdout.isatty() else 120, highlight=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
@@ -11,16 +12,21 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as Bar
 from rich.text import Text
 
-from stlbench.result import MAIN, Result
+from stlbench.registry.choices import Choice
+from stlbench.result import MAIN, CellId, Result
 
 __all__ = ["Progress"]
+
+_UNFIT = ("intractable", "unsuitable")
+"""Found out at once and for every seed, so that such cells say nothing of how long others take."""
 
 
 class Progress:
     """Counts the cells of one command (`study.run.Progress`); as a context manager it takes the bar away at the end."""
 
     def __init__(self) -> None:
-        self.total = self.before = self.done = 0
+        self.total = self.done = self.ran = 0
+        self.missing = set[CellId]()
         self.console = Console(stderr=True, highlight=False, soft_wrap=True)
         columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
         self.bar = Bar(*columns, console=self.console, disable=not self.console.is_terminal, refresh_per_second=2)
@@ -32,10 +38,11 @@ class Progress:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.bar.stop()
 
-    def begin(self, total: int, done: int) -> None:
+    def begin(self, missing: Sequence[CellId], done: int) -> None:
         """Say how many cells there are, and begin to count the time."""
-        self.total, self.before, self.done = total, done, done
-        self.since = time.monotonic()
+        total = done + len(missing)
+        self.missing, self.done, self.ran = set(missing), done, 0
+        self.total, self.since = total, time.monotonic()
         earlier = f", {done} of them done before" if done else ""
         self._say(f"{total} {'cell' if total == 1 else 'cells'}{earlier}")
         if done < total:
@@ -45,16 +52,27 @@ class Progress:
     def ended(self, result: Result) -> None:
         """Say how a cell ended, and how long the others may take."""
         self.done += 1
+        self.missing.discard(result.id)
+        if result.status in _UNFIT:
+            self.missing -= {cell for cell in self.missing if _reward(cell) == _reward(result.id)}
+        else:
+            self.ran += 1
         self._say(f"[{self.done}/{self.total}] {describe(result)}")
         self.bar.update(self.task, completed=self.done, description=self._left())
 
     def _left(self) -> str:
-        elapsed = time.monotonic() - self.since
-        left = elapsed / (self.done - self.before) * (self.total - self.done)
-        return f"about {_duration(left)} left" if left else ""
+        """How long the rest may take, by the cells that ran; those of methods that do not fit their task take none."""
+        if not (self.ran and self.missing):
+            return ""
+        return f"about {_duration((time.monotonic() - self.since) / self.ran * len(self.missing))} left"
 
     def _say(self, line: str) -> None:
         self.console.print(Text(line))
+
+
+def _reward(cell: CellId) -> tuple[Choice, Choice]:
+    """What decides whether the method fits."""
+    return cell.task, cell.method
 
 
 def describe(result: Result) -> str:

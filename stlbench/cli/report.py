@@ -34,7 +34,7 @@ def report(
     from stlbench.study.ledger import FILE, Ledger
 
     with Ledger(folder / FILE, create=False) as ledger:
-        groups = condense(ledger.results())
+        groups = condense(ledger.results(), ledger.missing())
     if not groups:
         raise UsageError(f"{folder / FILE} holds no result yet")
     if as_json:
@@ -42,17 +42,18 @@ def report(
         write(groups, scores, folder)
         print_json(_content(groups, scores))
     else:
-        show_report(groups, folder)
+        show_report(groups, groups, folder)
 
 
-def show_report(groups: Sequence[Group], folder: Path) -> None:
-    """Print the tables, write all files, and say where they lie."""
+def show_report(shown: Sequence[Group], groups: Sequence[Group], folder: Path) -> None:
+    """Write all files, of all groups; then print the tables of those that are to be shown, and where the files lie."""
     from stlbench.report import summary, to_screen, write
 
     out, scores = console(), _controllers(groups)
-    for table in summary(groups, scores):
-        to_screen(table, out)
     write(groups, scores, folder)
+    tasks = {group.setting.task.name for group in shown}
+    for table in summary(shown, {task: score for task, score in scores.items() if task in tasks}):
+        to_screen(table, out)
     files = "report.md, robustness, controllers and time (.csv, .tex), cells.csv, figures/"
     typer.echo(f"Written to {folder}/: {files}")
 

@@ -63,23 +63,25 @@ def run(
       stlbench run --methods "funnel,funnel[variant=code],flag[beta=10]" --budget paper --results study
     """
     from stlbench.cli.progress import Progress
-    from stlbench.report import condense
+    from stlbench.report import condense, only
     from stlbench.result import ACCIDENTS
     from stlbench.study.ledger import FILE, Ledger
     from stlbench.study.run import build_executor, run_study
 
     cells = plan(tasks, methods, agents, seeds, budget)
-    keys = {cell.key for cell in cells}
     try:
         with Progress() as progress:
             run_study(cells, results, build_executor(executor, jobs), retry=retry, progress=progress)
     except KeyboardInterrupt:
         with Ledger(results / FILE) as ledger:
-            recorded = f"{len(ledger.finished(keys))} of {len(cells)} cells are recorded in {results}/"
+            recorded = (
+                f"{len(ledger.finished(cell.key for cell in cells))} of {len(cells)} cells are recorded in {results}/"
+            )
         typer.echo(f"interrupted: {recorded}; say the same command again to go on", err=True)
         raise typer.Exit(130) from None
     with Ledger(results / FILE, create=False) as ledger:
-        groups = condense(ledger.results(keys))
-    show_report(groups, results)
+        recorded_groups = condense(ledger.results(), ledger.missing())
+    groups = only(recorded_groups, {cell.id for cell in cells})
+    show_report(groups, recorded_groups, results)
     if any(row.status in ACCIDENTS for group in groups for row in group.rows):
         raise typer.Exit(1)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 
 from stlbench.errors import UsageError
 from stlbench.report.tables.circumstances import circumstances
 from stlbench.report.tables.formats import to_csv, to_latex, to_markdown, to_records, to_screen
-from stlbench.report.tables.rows import Group, Row, group, row
+from stlbench.report.tables.rows import Group, Row, group, missing_row, row
 from stlbench.report.tables.table import Column, Table, Value, show
 from stlbench.report.tables.tables import (
     cells_table,
@@ -18,7 +19,7 @@ from stlbench.report.tables.tables import (
     time_table,
     unfinished_table,
 )
-from stlbench.result import Result, Score
+from stlbench.result import CellId, Result, Score
 
 __all__ = [
     "Column",
@@ -30,6 +31,7 @@ __all__ = [
     "condense",
     "controllers_table",
     "group",
+    "only",
     "robustness_table",
     "row",
     "show",
@@ -45,9 +47,17 @@ __all__ = [
 ]
 
 
-def condense(results: Iterable[Result]) -> tuple[Group, ...]:
-    """Read results one at a time, keep a few numbers of each, and gather those that differ in nothing but the seed."""
-    return group(row(result) for result in results)
+def condense(results: Iterable[Result], missing: Iterable[CellId] = ()) -> tuple[Group, ...]:
+    """Read results one at a time, keep a few numbers of each, and gather those that differ in nothing but the seed.
+
+    The `missing` are cells that were planned and have no result (`Ledger.missing`).
+    """
+    return group(chain(map(row, results), map(missing_row, missing)))
+
+
+def only(groups: Iterable[Group], cells: Container[CellId]) -> tuple[Group, ...]:
+    """The groups without other cells than these."""
+    return group(row for group in groups for row in group.rows if row.id in cells)
 
 
 def write(groups: Sequence[Group], scores: Mapping[str, Score], folder: Path) -> list[Path]:

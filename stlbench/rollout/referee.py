@@ -20,7 +20,7 @@ from stlbench.rollout.environment import Simulator
 from stlbench.task import starts
 from stlbench.task.task import Task
 
-__all__ = ["Evaluation", "Referee", "Report", "follow", "record", "score", "start_states"]
+__all__ = ["Assessment", "Evaluation", "Referee", "follow", "record", "score", "start_states"]
 
 
 def start_states(task: Task) -> tuple[Array, Array]:
@@ -108,7 +108,7 @@ class Evaluation:
     states: Array
 
 
-class Report(NamedTuple):
+class Assessment(NamedTuple):
     """What the referee says of one policy."""
 
     scores: dict[str, Score]
@@ -149,11 +149,11 @@ class Referee:
         satisfied, robustness = stl.satisfied(formula, traces, names), stl.robustness(formula, traces, names)
         return float(satisfied.mean()), float(robustness.mean())
 
-    def report(self, policy: Policy) -> Report:
+    def assess(self, policy: Policy) -> Assessment:
         """Every protocol's score, from the report's starts."""
         scores, traces, visited = {}, {}, list[Array]()
         for name, evaluation in self._protocols.items():
             states = visited if name == MAIN else None
             traces[name] = record(self.task, self.method, policy, evaluation.states, states)
             scores[name] = score(evaluation.formula, traces[name], self.task.signals)
-        return Report(scores, traces[MAIN], np.stack(visited, axis=1))
+        return Assessment(scores, traces[MAIN], np.stack(visited, axis=1))

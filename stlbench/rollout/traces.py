@@ -12,7 +12,7 @@ import numpy as np
 from stlbench.contract import Array, Integers
 from stlbench.errors import UsageError
 from stlbench.result import MAIN, CellId, Result
-from stlbench.rollout.referee import Report
+from stlbench.rollout.referee import Assessment
 from stlbench.task.task import Task
 
 __all__ = ["FOLDER", "Film", "Recording", "gather", "load", "save", "trace_file"]
@@ -83,11 +83,11 @@ def trace_file(folder: Path, cell: CellId, key: str) -> Path:
     return folder / f"{cell.name.replace('/', '_')}_{key[:12]}.npz"
 
 
-def save(path: Path, report: Report, signals: tuple[str, ...]) -> None:
+def save(path: Path, assessment: Assessment, signals: tuple[str, ...]) -> None:
     """Write what the referee recorded of a policy."""
-    robustness = report.scores[MAIN].robustness
+    robustness = assessment.scores[MAIN].robustness
     extremes = np.array([np.argmax(robustness), np.argmin(robustness)])
     path.parent.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(
-        path, traces=report.traces, signals=np.array(signals), extremes=extremes, states=report.states[extremes]
+        path, traces=assessment.traces, signals=np.array(signals), extremes=extremes, states=assessment.states[extremes]
     )

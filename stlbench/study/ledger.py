@@ -3,37 +3,52 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from stlbench.errors import UsageError
-from stlbench.result import ACCIDENTS, MAIN, Result, from_json, to_json
+from stlbench.registry.choices import parse_choice
+from stlbench.result import ACCIDENTS, IDENTITY, MAIN, CellId, Result, from_json, to_json
 
 __all__ = ["FILE", "VERSION", "Ledger", "is_sqlite"]
 
 FILE = "ledger.sqlite"
 """Its name in a folder of results."""
 
-VERSION = 1
-"""Of the tables below, in `PRAGMA user_version`."""
+VERSION = 2
+"""Of the tables below, in `PRAGMA user_version`. Version 1 had no plan."""
 
 APPLICATION = int.from_bytes(b"STLB", "big")
 """In `PRAGMA application_id`: tells a ledger from any other SQLite file."""
 
-_SCHEMA = f"""
-BEGIN IMMEDIATE;
+_CELLS = """
 CREATE TABLE IF NOT EXISTS cells (
     key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL, seed INTEGER NOT NULL,
     budget TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL, robustness_mean REAL, satisfaction REAL,
     training_cpu_seconds REAL, training_wall_seconds REAL, recorded_at TEXT NOT NULL, result TEXT NOT NULL
 );
-PRAGMA application_id = {APPLICATION};
-PRAGMA user_version = {VERSION};
-COMMIT;
 """
+
+_PLANNED = """
+CREATE TABLE IF NOT EXISTS planned (
+    key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL, seed INTEGER NOT NULL,
+    budget TEXT NOT NULL
+);
+"""
+
+_PRESENT = """
+SELECT cells.key, max((planned.key IS NOT NULL) * (1 << 62) + cells.rowid) FROM cells LEFT JOIN planned USING (key)
+GROUP BY cells.task, cells.method, cells.agent, cells.seed, cells.budget
+"""
+"""Of each cell the result that was planned last, else the newest; SQLite takes `key` from the row of the maximum."""
+
+_MISSING = f"""
+SELECT {", ".join(IDENTITY)} FROM planned EXCEPT SELECT {", ".join(IDENTITY)} FROM cells
+ORDER BY task, method, agent, seed, budget
+"""  # noqa: S608
 
 
 class Ledger:
@@ -42,8 +57,8 @@ class Ledger:
     Columns beside the JSON of `result` are there for SQL: `sqlite3 ledger.sqlite "select * from cells"`.
 
     Args:
-        path: the file; folders above it are made.
-        create: make the file where there is none. A reader says False and gets a `UsageError` instead.
+        path: the file. Where there is none, it is made, with the folders above it, when something is first written.
+        create: whether that is so. A reader says False and gets a `UsageError` instead.
 
     Raises:
         UsageError: the file is something else, or was written by a newer version.
@@ -51,20 +66,13 @@ class Ledger:
 
     def __init__(self, path: Path, *, create: bool = True) -> None:
         self.path = path
-        if not create and not path.is_file():
-            raise UsageError(f"there is no ledger at {path}; `stlbench run` writes one")
+        self._database: sqlite3.Connection | None = None
         if path.is_file() and path.stat().st_size and not is_sqlite(path):
             raise UsageError(f"{path} is no ledger of stlbench; it is left as it is")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._database = sqlite3.connect(path, timeout=30, isolation_level=None)
-        except (OSError, sqlite3.Error) as error:
-            raise UsageError(f"cannot open the ledger {path}: {error}") from error
-        try:
-            self._prepare()
-        except BaseException:
-            self._database.close()
-            raise
+        if path.exists():
+            self._open()
+        elif not create:
+            raise UsageError(f"there is no ledger at {path}; `stlbench run` writes one")
 
     def __enter__(self) -> Self:
         return self
@@ -74,53 +82,98 @@ class Ledger:
 
     def close(self) -> None:
         """Close the file. All that was recorded is there already."""
-        self._database.close()
+        if self._database is not None:
+            self._database.close()
+
+    # ----------------------------------------------------------------------------------------------------- writing
+
+    def plan(self, cells: Mapping[str, CellId]) -> None:
+        """Write which cells a study has, by key, in place of earlier plans for the same settings."""
+        settings = {(str(cell.task), str(cell.method), str(cell.agent), cell.budget) for cell in cells.values()}
+        database = self._open()
+        with database:
+            database.execute("BEGIN IMMEDIATE")
+            database.executemany(
+                "DELETE FROM planned WHERE (task, method, agent, budget) = (?, ?, ?, ?)", sorted(settings)
+            )
+            rows = [(key, *_texts(cell)) for key, cell in cells.items()]
+            database.executemany("INSERT OR REPLACE INTO planned VALUES (?, ?, ?, ?, ?, ?)", rows)
 
     def record(self, result: Result) -> None:
         """Write one result, in place of one with the same key. On return it is on disk."""
         row = _row(result)
-        self._database.execute(f"INSERT OR REPLACE INTO cells VALUES ({', '.join('?' * len(row))})", row)  # noqa: S608
+        self._open().execute(f"INSERT OR REPLACE INTO cells VALUES ({', '.join('?' * len(row))})", row)  # noqa: S608
+
+    # ----------------------------------------------------------------------------------------------------- reading
 
     def finished(self, keys: Iterable[str], retry: bool = False) -> set[str]:
         """Those of the keys that have a row; with `retry` only those that did not end by an accident."""
-        statuses = dict(self._database.execute("SELECT key, status FROM cells"))
+        statuses = {key: status for key, status in self._rows("SELECT key, status FROM cells")}
         return {key for key in keys if key in statuses and not (retry and statuses[key] in ACCIDENTS)}
 
-    def results(self, keys: Collection[str] | None = None) -> Iterator[Result]:
-        """The results with these keys, or of every cell the newest, ordered by task, method, agent and seed.
+    def missing(self) -> list[CellId]:
+        """The cells that were planned and have no result, ordered."""
+        rows = self._rows(_MISSING)
+        return [
+            CellId(parse_choice(task), parse_choice(method), parse_choice(agent), seed, budget)
+            for task, method, agent, seed, budget in rows
+        ]
 
-        A plugin that was edited has other keys, and what was recorded before is no result of another seed.
+    def results(self, keys: Collection[str] | None = None) -> Iterator[Result]:
+        """The results with these keys, or one of every cell, ordered by task, method, agent and seed.
+
+        A plugin that was edited has other keys. Of a cell that has several results, the one counts that was planned
+        last, else the newest.
         """
-        wanted = self._newest() if keys is None else frozenset(keys)
-        for key, text in self._database.execute(
-            "SELECT key, result FROM cells ORDER BY task, method, agent, seed, key"
-        ):
-            if key in wanted:
+        chosen = {key for key, _ in self._rows(_PRESENT)} if keys is None else frozenset(keys)
+        for key, text in self._rows("SELECT key, result FROM cells ORDER BY task, method, agent, seed, key"):
+            if key in chosen:
                 yield from_json(text)
 
-    def _newest(self) -> frozenset[str]:
-        """The key of each cell's newest row; SQLite takes `key` from the row of the maximum."""
-        rows = self._database.execute("SELECT key, max(rowid) FROM cells GROUP BY task, method, agent, seed, budget")
-        return frozenset(key for key, _ in rows)
+    # ----------------------------------------------------------------------------------------------------- opening
 
-    def _prepare(self) -> None:
+    def _rows(self, query: str) -> Iterable[tuple[Any, ...]]:
+        return () if self._database is None else self._database.execute(query)
+
+    def _open(self) -> sqlite3.Connection:
+        """The file, made where there is none."""
+        if self._database is None:
+            try:
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                database = sqlite3.connect(self.path, timeout=30, isolation_level=None)
+            except (OSError, sqlite3.Error) as error:
+                raise UsageError(f"cannot open the ledger {self.path}: {error}") from error
+            try:
+                self._prepare(database)
+            except BaseException:
+                database.close()
+                raise
+            self._database = database
+        return self._database
+
+    def _prepare(self, database: sqlite3.Connection) -> None:
         try:
             application, version, tables = (
-                self._database.execute(query).fetchone()[0]
+                database.execute(query).fetchone()[0]
                 for query in ("PRAGMA application_id", "PRAGMA user_version", "SELECT count(*) FROM sqlite_schema")
             )
             if (application, version, tables) == (0, 0, 0):
-                self._create()
+                database.execute("PRAGMA journal_mode = WAL")
+                _write_schema(database)
             elif application != APPLICATION:
                 raise UsageError(f"{self.path} is no ledger of stlbench")
             elif version > VERSION:
                 raise UsageError(f"{self.path} is a ledger of version {version}; this stlbench reads version {VERSION}")
+            elif version < VERSION:
+                _write_schema(database)
         except sqlite3.DatabaseError as error:
             raise UsageError(f"cannot read the ledger {self.path}: {error}") from error
 
-    def _create(self) -> None:
-        self._database.execute("PRAGMA journal_mode = WAL")
-        self._database.executescript(_SCHEMA)
+
+def _write_schema(database: sqlite3.Connection) -> None:
+    """Make the tables that are not there: all in a new file, the plan in one of version 1."""
+    pragmas = f"PRAGMA application_id = {APPLICATION}; PRAGMA user_version = {VERSION};"
+    database.executescript(f"BEGIN IMMEDIATE; {_CELLS} {_PLANNED} {pragmas} COMMIT;")
 
 
 def is_sqlite(path: Path) -> bool:
@@ -129,12 +182,15 @@ def is_sqlite(path: Path) -> bool:
         return file.read(16) == b"SQLite format 3\0"
 
 
+def _texts(cell: CellId) -> tuple[str, str, str, int, str]:
+    return str(cell.task), str(cell.method), str(cell.agent), cell.seed, cell.budget
+
+
 def _row(result: Result) -> tuple[str | int | float | None, ...]:
-    cell, measured = result.id, result.measurement
+    measured = result.measurement
     score = measured.selected[MAIN] if measured else None
     return (
-        *(result.key, str(cell.task), str(cell.method), str(cell.agent), cell.seed, cell.budget),
-        *(result.status, result.reason),
+        *(result.key, *_texts(result.id), result.status, result.reason),
         score.mean if score else None,
         score.satisfaction if score else None,
         measured.training_cpu_seconds if measured else None,

@@ -12,7 +12,7 @@ from typing import Protocol, cast
 from stlbench.contract import Executor
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, choice_of
-from stlbench.result import Result
+from stlbench.result import CellId, Result
 from stlbench.rollout.traces import FOLDER
 from stlbench.study import scheduler, trial
 from stlbench.study.ledger import FILE, Ledger
@@ -25,15 +25,15 @@ __all__ = ["Progress", "build_executor", "run_study"]
 class Progress(Protocol):
     """Is told how a study goes on."""
 
-    def begin(self, total: int, done: int) -> None:
-        """The study has `total` cells, and `done` of them have a result from before."""
+    def begin(self, missing: Sequence[CellId], done: int) -> None:
+        """These cells are going to run; `done` others have a result from before."""
 
     def ended(self, result: Result) -> None:
         """One more cell has ended."""
 
 
 class _Silent:
-    def begin(self, total: int, done: int) -> None: ...
+    def begin(self, missing: Sequence[CellId], done: int) -> None: ...
 
     def ended(self, result: Result) -> None: ...
 
@@ -59,7 +59,8 @@ def run_study(
 ) -> None:
     """Run those of the cells that have no result in the folder's ledger, and record each as it ends.
 
-    An interrupt (`KeyboardInterrupt`) stops the workers; what ended before is recorded, and the same call goes on.
+    What is planned is recorded first, so that a report knows what an interrupted study lacks. An interrupt
+    (`KeyboardInterrupt`) stops the workers; what ended before is recorded, and the same call goes on.
 
     Args:
         cells: the whole plan (`plan_cells`).
@@ -70,14 +71,16 @@ def run_study(
         open_ledger: makes the ledger from its path.
 
     Raises:
-        UsageError: a plugin cannot be loaded, or has wrong parameters; nothing has run then. Or the ledger is none.
+        UsageError: a plugin cannot be loaded, or has wrong parameters, or the ledger is none; nothing has run
+            then, and nothing was written.
     """
     told = progress or _Silent()
     with open_ledger(folder / FILE) as ledger:
         finished = ledger.finished((cell.key for cell in cells), retry)
         missing = [*{cell.key: cell for cell in cells if cell.key not in finished}.values()]
         check_cells(missing)
-        told.begin(len(cells), len(cells) - len(missing))
+        ledger.plan({cell.key: cell.id for cell in cells})
+        told.begin([cell.id for cell in missing], len(cells) - len(missing))
         run_cell = partial(trial.run_cell, folder=folder / FOLDER)
         with closing(scheduler.run(missing, ledger, executor, run_cell, collect(executor.jobs))) as results:
             for result in results:

@@ -13,13 +13,13 @@ import numpy as np
 from stlbench.contract import Agent, Intractable, Policy, RewardMethod, Training, Unsuitable
 from stlbench.result import CurvePoint, Measurement, Result
 from stlbench.rollout.environment import BatchEnvironment, Simulator
-from stlbench.rollout.referee import Referee, Report
+from stlbench.rollout.referee import Assessment, Referee
 from stlbench.rollout.traces import save, trace_file
 from stlbench.study.plan import Cell, derive_seed
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.task.file import Budget
 
-__all__ = ["measure", "reward_cost", "run_cell"]
+__all__ = ["measure", "reward_time", "run_cell"]
 
 
 def run_cell(cell: Cell, folder: Path | None = None) -> Result:
@@ -40,9 +40,9 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         return cell.ended("intractable", str(reason))
     except Unsuitable as reason:
         return cell.ended("unsuitable", str(reason))
-    measurement, reported = measure(task, method, build_agent(task, cell.id.agent), cell)
+    measurement, assessment = measure(task, method, build_agent(task, cell.id.agent), cell)
     if folder is not None:
-        save(trace_file(folder, cell.id, cell.key), reported, task.signals)
+        save(trace_file(folder, cell.id, cell.key), assessment, task.signals)
     return cell.ended("done", measurement=measurement)
 
 
@@ -81,7 +81,7 @@ class _Selection:
         self.clock.resume()
 
 
-def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple[Measurement, Report]:
+def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple[Measurement, Assessment]:
     """Train, and score the selected and the final policy: the measurement and the selected policy's report."""
     whole = _Clock()
     referee = Referee(task, method)
@@ -99,12 +99,12 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
     if taken > budget.steps:
         raise RuntimeError(f"agent {cell.id.agent} took {taken} environment steps, its budget is {budget.steps}")
     selected = final if selection.best is None else selection.best
-    reported = referee.report(selected)
-    last = reported if selected is final else referee.report(final)
-    cost = reward_cost(task, method)
+    assessment = referee.assess(selected)
+    last = assessment if selected is final else referee.assess(final)
+    reward_nanoseconds = reward_time(task, method)
     whole.pause()
     measurement = Measurement(
-        selected=reported.scores,
+        selected=assessment.scores,
         final=last.scores,
         selected_steps=selection.steps,
         curve=tuple(selection.curve),
@@ -113,10 +113,10 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
         cpu_seconds=whole.cpu,
         wall_seconds=whole.wall,
         env_steps=taken,
-        reward_nanoseconds=cost,
+        reward_nanoseconds=reward_nanoseconds,
         inputs_added=method.memory_size,
     )
-    return measurement, reported
+    return measurement, assessment
 
 
 def _training(
@@ -143,7 +143,7 @@ def _warm_up(agent: Agent, training: Training, hold: int) -> None:
     agent.train(replace(training, steps=few, report=lambda policy, steps: None, checkpoints=1))
 
 
-def reward_cost(task: Task, method: RewardMethod, rows: int = 1024, repeats: int = 50) -> float:
+def reward_time(task: Task, method: RewardMethod, rows: int = 1024, repeats: int = 50) -> float:
     """CPU nanoseconds that the method's reward takes a step and copy, in a batch of `rows` under random actions."""
     generator = np.random.default_rng(0)
     simulator = Simulator(task, method)

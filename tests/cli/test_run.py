@@ -5,9 +5,13 @@ from __future__ import annotations
 import csv
 import importlib
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from helpers.synthetic_results import result
 
 from stlbench.cli.options import parse_seeds
 from stlbench.errors import UsageError
@@ -61,12 +65,20 @@ def test_more_seeds_run_only_what_is_missing(run):
     assert [seed for _, seed, _ in cells()] == ["0", "1", "2", "5"]
 
 
-def test_the_tables_have_the_cells_of_this_command_and_the_report_has_all(run, say):
+def test_the_files_have_all_cells_and_the_screen_those_of_this_command(run, say):
     run("toy-raw")
-    run("toy-large")
-    assert {method for method, _, _ in cells()} == {"toy-large"}
-    assert say("report", "results").exit_code == 0
+    shown = run("toy-large").stdout
+    assert "toy-raw" not in shown
     assert {method for method, _, _ in cells()} == {"toy-large", "toy-raw"}
+    report = Path("results/report.md").read_text()
+    assert "| toy-raw" in report
+    assert say("report", "results").exit_code == 0
+    assert Path("results/report.md").read_text() == report
+
+
+def test_the_exit_code_is_that_of_the_cells_of_this_command(run):
+    assert run("toy-wrong").exit_code == 1
+    assert run("toy-raw").exit_code == 0
 
 
 def test_a_method_that_does_not_fit_is_a_row_and_no_failure(run):
@@ -95,7 +107,7 @@ def test_retry_runs_accidents_again(run, monkeypatch):
     assert {status for _, _, status in cells()} == {"done"}
 
 
-def test_ctrl_c_keeps_what_is_done_and_the_next_run_goes_on(run, monkeypatch):
+def test_ctrl_c_keeps_what_is_done_says_what_is_missing_and_the_next_run_goes_on(run, say, monkeypatch):
     run("toy-raw", "--results", "warm-up")
     # A cell trains twice, as there is a warm-up before the clock.
     monkeypatch.setattr(importlib.import_module("toy_plugins.agents"), "interrupt_after", 6)
@@ -103,6 +115,9 @@ def test_ctrl_c_keeps_what_is_done_and_the_next_run_goes_on(run, monkeypatch):
     assert done.exit_code == 130
     message = "interrupted: 3 of 5 cells are recorded in results/; say the same command again to go on"
     assert done.stderr.splitlines()[-1] == message
+    shown = say("report", "results").stdout
+    assert "toy-raw  3 of 5, 2 not run" in shown
+    assert cells() == [*(("toy-raw", seed, "done") for seed in "012"), *(("toy-raw", seed, "not run") for seed in "34")]
     monkeypatch.setattr(importlib.import_module("toy_plugins.agents"), "interrupt_after", None)
     assert run("toy-raw", "--seeds", "5").stderr.splitlines()[0] == "5 cells, 3 of them done before"
     assert len(cells()) == 5
@@ -189,8 +204,8 @@ def test_report_says_where_it_looked(say):
 
 
 def test_report_of_an_empty_ledger(say):
-    with Ledger(Path("results/ledger.sqlite")):
-        pass
+    with Ledger(Path("results/ledger.sqlite")) as ledger:
+        ledger.plan({})
     assert say("report", "results").stderr == "error: results/ledger.sqlite holds no result yet\n"
 
 
@@ -245,3 +260,18 @@ def test_bad_input_exits_2_with_one_line(run, words, message):
     assert message in done.stderr
     assert done.stderr.count("\n") == 1
     assert done.stdout == ""
+    assert [path.name for path in Path().iterdir()] == ["file"]  # neither a ledger nor a folder
+
+
+def test_a_reader_that_goes_away_gets_no_traceback_and_the_files_are_written(tmp_path):
+    """As with `stlbench report results | head -1`."""
+    with Ledger(tmp_path / "ledger.sqlite") as ledger:
+        ledger.record(result(task="not-installed"))
+    read, write = os.pipe()
+    os.close(read)
+    program = "import sys; from stlbench.cli import main; sys.exit(main())"
+    command = [sys.executable, "-c", program, "report", str(tmp_path)]
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+    assert {"report.md", "cells.csv", "robustness.tex", "figures"} <= {path.name for path in tmp_path.iterdir()}

@@ -67,6 +67,13 @@ def test_a_ledger_a_folder_and_the_table_of_a_report(tmp_path: Path) -> None:
     assert entry == replace(sample(results()[0]), calibration_seconds=None)
 
 
+def test_planned_cells_without_a_result_are_no_samples(tmp_path: Path) -> None:
+    groups = report.condense(results()[:1], [CellId.parse("hold-disc/funnel/dqn/7", "quick")])
+    report.write(groups, {}, tmp_path)
+    assert "hold-disc,funnel,dqn,7,quick,not run" in (tmp_path / "cells.csv").read_text()
+    assert [cell.seed for cell in load(tmp_path).samples] == [0]
+
+
 def test_pairs_are_in_order_and_those_of_the_base() -> None:
     one, two, three = (Sample(CellId.parse(f"disc/raw/dqn/{seed}", "smoke"), "done") for seed in (1, 2, 10))
     base, new = (Snapshot({entry.id: entry for entry in entries}) for entries in ((three, two), (one, two)))

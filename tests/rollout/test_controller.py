@@ -89,7 +89,7 @@ def test_the_score_is_the_one_of_a_policy_that_does_the_same() -> None:
     for hold in (1, 2):
         task = steered(lambda state, t: np.where(t[:, None] < 3, 1.0, -1.0), hold=hold, starts=8)
         policy = Rule(lambda seen: np.where(seen[:, 1] < 3, 2, 0))
-        report = Referee(task, Probe(task.specification)).report(policy)
+        report = Referee(task, Probe(task.specification)).assess(policy)
         assert controller.score(task) == report.scores[MAIN]
         assert np.array_equal(controller.record(task, referee.start_states(task)[0]), report.traces)
 

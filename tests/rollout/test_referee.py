@@ -97,7 +97,7 @@ class TestReferee:
     def test_protocols(self) -> None:
         """Always up from x_0: x_t = x_0 + t / 2. Formula: min over 0..4 of 1 - x = -1 - x_0."""
         task = line(protocols=PROTOCOLS)
-        report = Referee(task, Probe(task.specification)).report(Rule(lambda seen: UP))
+        report = Referee(task, Probe(task.specification)).assess(Rule(lambda seen: UP))
         assert set(report.scores) == {MAIN, "tail", "far", "both"}
         begin = starts.grid(task.file.initial, 4)[:, 0]
         assert report.traces == pytest.approx(begin[:, None, None] + np.arange(9)[None, :, None] / 2)
@@ -117,13 +117,13 @@ class TestReferee:
         assert not set(others.round(9)) & set(own.round(9))
         # robustness is -1 - x_0 here
         assert referee.select(policy) == (0.0, pytest.approx(-1 - others.mean()))
-        assert referee.report(policy).scores[MAIN].robustness == pytest.approx(-1 - own)
+        assert referee.assess(policy).scores[MAIN].robustness == pytest.approx(-1 - own)
 
     def test_protocols_in_seconds_are_read_in_the_tasks_unit(self) -> None:
         task = line(
             time="seconds", formula="G[0,2] (x <= 1)", protocols={"tail": {"title": "t", "formula": "G[3,4] (x <= 1)"}}
         )
-        report = Referee(task, Probe(task.specification)).report(Rule(lambda seen: UP))
+        report = Referee(task, Probe(task.specification)).assess(Rule(lambda seen: UP))
         # .5 s a step: G[0,4] and G[6,8] in steps
         assert report.scores[MAIN].robustness == pytest.approx(-1 - starts.grid(task.file.initial, 4)[:, 0])
         assert report.scores["tail"].robustness == pytest.approx(-3 - starts.grid(task.file.initial, 64)[:, 0])
@@ -137,7 +137,7 @@ class TestReferee:
 
         task = line(protocols=PROTOCOLS)
         policy = Rule(lambda seen: np.where(seen[:, 0] > 0, 0, 2))
-        honest = Referee(task, Probe(task.specification)).report(policy)
-        absurd = Referee(task, Absurd(task.specification)).report(policy)
+        honest = Referee(task, Probe(task.specification)).assess(policy)
+        absurd = Referee(task, Absurd(task.specification)).assess(policy)
         assert honest.scores == absurd.scores
         assert np.array_equal(honest.traces, absurd.traces)

@@ -113,10 +113,98 @@ def test_what_was_recorded_survives_a_kill(path):
 
 
 def test_a_reader_sees_what_a_writer_has_recorded_meanwhile(path):
+    with Ledger(path) as ledger:
+        ledger.plan({})
     with Ledger(path) as writer, Ledger(path, create=False) as reader:
         for seed in range(3):
             writer.record(result(seed=seed))
             assert len(list(reader.results())) == seed + 1
+
+
+def plan(*results):
+    return {entry.key: entry.id for entry in results}
+
+
+def test_what_was_planned_and_has_no_result_is_missing(path):
+    entries = [result(method, seed) for method in ("raw", "funnel[ginf=0.1]") for seed in (10, 2)]
+    with Ledger(path) as ledger:
+        ledger.plan(plan(*entries))
+        assert ledger.missing() == sorted(entry.id for entry in entries)
+        ledger.record(entries[0])
+        ledger.record(dataclasses.replace(entries[1], status="raised", measurement=None))
+    with Ledger(path, create=False) as ledger:
+        assert ledger.missing() == [entries[3].id, entries[2].id]
+        assert len(list(ledger.results())) == 2
+
+
+def test_a_later_plan_replaces_that_of_the_same_settings_and_of_no_other(path):
+    other, budget, many = result("raw"), result(budget="paper"), [result(seed=seed) for seed in range(100)]
+    with Ledger(path) as ledger:
+        ledger.plan(plan(other, budget, *many))
+        ledger.plan(plan(*many[:2]))
+        assert set(ledger.missing()) == {entry.id for entry in (other, budget, *many[:2])}
+
+
+def test_a_cell_with_another_key_is_not_missing(path):
+    """A plugin was edited: the result is not of today's plan, and yet it is one."""
+    with Ledger(path) as ledger:
+        ledger.record(result())
+        ledger.plan({"edited": result().id})
+        assert ledger.missing() == []
+
+
+def test_of_several_results_of_a_cell_the_planned_one_counts(path):
+    old, new = result(), dataclasses.replace(result(robustness=(0.5,)), key="edited")
+    with Ledger(path) as ledger:
+        ledger.record(old)
+        ledger.record(new)
+        assert list(ledger.results()) == [new]
+        ledger.plan(plan(old))  # the edit was taken back
+        assert list(ledger.results()) == [old]
+        ledger.plan(plan(new))
+        assert list(ledger.results()) == [new]
+
+
+VERSION_1 = """
+CREATE TABLE cells (
+    key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL, seed INTEGER NOT NULL,
+    budget TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL, robustness_mean REAL, satisfaction REAL,
+    training_cpu_seconds REAL, training_wall_seconds REAL, recorded_at TEXT NOT NULL, result TEXT NOT NULL
+);
+PRAGMA application_id = 1398033474;
+PRAGMA user_version = 1;
+"""
+
+
+def test_a_ledger_of_version_1_gets_a_plan_and_loses_nothing(path):
+    path.parent.mkdir()
+    text = (
+        '{"key":"abc","task":"hold-disc","method":"funnel[ginf=0.02]","agent":"dqn","seed":3,"budget":"quick",'
+        '"status":"raised","reason":"no","details":"","measurement":null,"provenance":{"jobs":"2"}}'
+    )
+    row = ("abc", "hold-disc", "funnel[ginf=0.02]", "dqn", 3, "quick", "raised", "no", *[None] * 4, "2026", text)
+    with sqlite3.connect(path) as database:
+        database.executescript(VERSION_1)
+        database.execute(f"INSERT INTO cells VALUES ({', '.join('?' * len(row))})", row)
+    database.close()
+    with Ledger(path, create=False) as ledger:
+        (entry,) = ledger.results()
+        assert (entry.key, entry.id.name, entry.reason) == ("abc", "hold-disc/funnel[ginf=0.02]/dqn/3", "no")
+        assert ledger.missing() == []
+        ledger.plan(plan(result()))
+    with Ledger(path, create=False) as ledger:
+        assert [entry.key for entry in ledger.results()] == ["abc"]
+        assert ledger.missing() == [result().id]
+    assert sqlite3.connect(path).execute("PRAGMA user_version").fetchone() == (VERSION,)
+
+
+def test_nothing_is_made_before_something_is_written(path):
+    with Ledger(path) as ledger:
+        assert (list(ledger.results()), ledger.missing(), ledger.finished(["key"])) == ([], [], set())
+    assert not path.parent.exists()
+    with Ledger(path) as ledger:
+        ledger.record(result())
+        assert list(ledger.results()) == [result()]
 
 
 def test_reading_while_recording(path):
@@ -134,7 +222,8 @@ def other_database(path):
 
 
 def newer_ledger(path):
-    Ledger(path).close()
+    with Ledger(path) as ledger:
+        ledger.plan({})
     with sqlite3.connect(path) as database:
         database.execute(f"PRAGMA user_version = {VERSION + 1}")
 
@@ -169,5 +258,8 @@ def test_a_reader_makes_no_file(path):
 
 def test_a_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(UsageError, match="cannot open the ledger"):
-        Ledger(tmp_path / "file" / "ledger.sqlite")
+    with (
+        Ledger(tmp_path / "file" / "ledger.sqlite") as ledger,
+        pytest.raises(UsageError, match="cannot open the ledger"),
+    ):
+        ledger.plan({})

@@ -32,8 +32,8 @@ class Told:
     def __init__(self):
         self.lines = []
 
-    def begin(self, total, done):
-        self.lines.append((total, done))
+    def begin(self, missing, done):
+        self.lines.append(([cell.method.name for cell in missing], done))
 
     def ended(self, result):
         self.lines.append((result.id.method.name, result.status))
@@ -54,7 +54,7 @@ def test_what_is_missing_runs_with_its_deadline_and_the_caller_is_told(tmp_path)
     cells = scripted_cells.cells("a", "b", "raise", deadline=7)
     ran, lines = study(tmp_path, cells)
     assert ran == [("a", 7), ("b", 7), ("raise", 7)]
-    assert lines == [(3, 0), ("a", "unsuitable"), ("b", "unsuitable"), ("raise", "raised")]
+    assert lines == [(["a", "b", "raise"], 0), ("a", "unsuitable"), ("b", "unsuitable"), ("raise", "raised")]
     with Ledger(tmp_path / FILE, create=False) as ledger:
         assert [result.id for result in ledger.results()] == [cell.id for cell in cells]
 
@@ -62,8 +62,8 @@ def test_what_is_missing_runs_with_its_deadline_and_the_caller_is_told(tmp_path)
 def test_what_is_finished_is_not_run_again(tmp_path):
     cells = scripted_cells.cells("a", "b", "c")
     study(tmp_path, cells[:2])
-    assert study(tmp_path, cells) == ([("c", 60)], [(3, 2), ("c", "unsuitable")])
-    assert study(tmp_path, cells) == ([], [(3, 3)])
+    assert study(tmp_path, cells) == ([("c", 60)], [(["c"], 2), ("c", "unsuitable")])
+    assert study(tmp_path, cells) == ([], [([], 3)])
 
 
 def test_retry_runs_accidents_again_and_nothing_else(tmp_path):
@@ -86,11 +86,23 @@ def test_nothing_runs_where_one_cell_is_wrong_and_only_missing_cells_are_checked
     monkeypatch.setattr(run, "check_cells", refuse)
     cells = scripted_cells.cells("a", "wrong")
     with pytest.raises(UsageError, match="no parameter"):
-        study(tmp_path, cells)
+        study(tmp_path / "new", cells)
+    assert not list(tmp_path.iterdir())  # neither a ledger nor a folder
     with Ledger(tmp_path / FILE) as ledger:
-        assert list(ledger.results()) == []
         ledger.record(cells[1].ended("unsuitable"))
     assert study(tmp_path, cells)[0] == [("a", 60)]
+
+
+def test_the_plan_is_written_before_anything_runs(tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Here, "run", interrupted)
+    cells = scripted_cells.cells("a", "b")
+    with pytest.raises(KeyboardInterrupt):
+        study(tmp_path, cells)
+    with Ledger(tmp_path / FILE, create=False) as ledger:
+        assert ledger.missing() == [cell.id for cell in cells]
 
 
 def test_an_executor_by_name():

@@ -6,11 +6,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import Literal
 
 from stlbench.report.tables.table import FirstFailed, Seeds
-from stlbench.result import MAIN, CellId, Measurement, Result, Setting, Status
+from stlbench.result import MAIN, NOT_RUN, CellId, Measurement, Result, Setting, Status
 
-__all__ = ["CurveRow", "Group", "Numbers", "Row", "group", "row"]
+__all__ = ["CurveRow", "Group", "Numbers", "Row", "group", "missing_row", "row"]
 
 CurveRow = tuple[int, float, float]
 """One checkpoint: environment steps, satisfaction in [0, 1], mean robustness, on the starts kept for selection."""
@@ -45,7 +46,7 @@ class Row:
     """One cell. Holds no value of a single start, so that thousands of them fit into memory."""
 
     id: CellId
-    status: Status
+    status: Status | Literal["not run"]
     reason: str
     provenance: Mapping[str, str]
     """How the result came about (`provenance.collect`)."""
@@ -93,6 +94,11 @@ class Group:
             return None
         formula = min(counts, key=lambda text: (-counts[text], text))
         return FirstFailed(formula, counts[formula], counts.total())
+
+
+def missing_row(cell: CellId) -> Row:
+    """A cell that was planned and has no result."""
+    return Row(cell, NOT_RUN, "", {}, None)
 
 
 def row(result: Result) -> Row:
