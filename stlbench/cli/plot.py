@@ -25,8 +25,11 @@ def plot(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of the figures.", show_default="RUN/figures")
     ] = None,
+    rewarded: Annotated[
+        bool, typer.Option("--rewarded", help="Draw the robustness of the tasks' rewarded form against time, too.")
+    ] = False,
 ) -> None:
-    """Draw a run: learning curves, robustness against time in its funnel, and trajectories.
+    """Draw a run: learning curves, robustness against time in its funnel, trajectories, and an overview of each task.
 
     Each figure is written as PNG and SVG, over the one of before; the files are printed.
 
@@ -35,7 +38,7 @@ def plot(
       stlbench plot results
       stlbench plot results --tasks robot-nav --methods "funnel,funnel[variant=code]" --out pictures
     """
-    from stlbench.report.figures import plots
+    from stlbench.report.figures import trace_figures
     from stlbench.study.ledger import FILE, Ledger
 
     with Ledger(run / FILE, create=False) as ledger:
@@ -45,7 +48,8 @@ def plot(
     chosen = [result for result in results if result.id.task in some_tasks and result.id.method in some_methods]
     if not chosen:
         raise UsageError(f"{run / FILE} holds no result of these tasks and methods")
-    for path in plots.draw(chosen, run, out or run / "figures", tell=_tell, warn=warn):
+    job = trace_figures.Job(run, out or run / "figures", _tell, warn, rewarded)
+    for path in trace_figures.draw(chosen, job):
         typer.echo(path)
 
 

@@ -31,7 +31,7 @@ def render(
       stlbench render results hold-disc/funnel/dqn/0
       stlbench render results "robot-nav/funnel[variant=code]/dqn/0" --format mp4 --out films
     """
-    from stlbench.report.figures.drawing import file_name
+    from stlbench.report.figures.files import file_name
     from stlbench.report.film import film, video
     from stlbench.result import MAIN, find_cell
     from stlbench.rollout.traces import load

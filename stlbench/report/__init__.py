@@ -68,14 +68,14 @@ def write(groups: Sequence[Group], scores: Mapping[str, Score], folder: Path) ->
     have no row.
     Raises `UsageError` where the folder cannot be written.
     """
-    from stlbench.report.figures import figures  # matplotlib takes a second to import, and the tables do without
+    from stlbench.report.figures import report_figures  # matplotlib takes a second to import, and the tables do without
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
         texts = {folder / name: text for name, text in _texts(groups, scores).items()}
         for path, text in texts.items():
             path.write_text(text, encoding="utf-8")
-        return [*texts, *figures.draw(groups, folder / "figures")]
+        return [*texts, *report_figures.draw(groups, folder / "figures")]
     except OSError as error:
         raise UsageError(f"cannot write the report: {error}") from error
 

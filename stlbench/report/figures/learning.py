@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,55 +13,95 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter
 
 from stlbench.contract import Array
-from stlbench.report.figures.drawing import Style, styles
+from stlbench.report.figures import layout
+from stlbench.report.figures.palette import GroupStyle, styles
+from stlbench.report.figures.scale import linear_threshold, set_symlog
 from stlbench.report.statistics import interval
 from stlbench.report.tables.rows import CurveRow, Group
 
-__all__ = ["aligned", "learning_curves"]
+__all__ = ["aligned", "has_curves", "learning_curves"]
 
 
-def learning_curves(groups: Sequence[Group]) -> Figure:
-    """Satisfaction and mean robustness: a line a group of one task, the mean over its seeds.
+def has_curves(groups: Sequence[Group]) -> bool:
+    """Whether some cell has checkpoints to draw; results that were read from a CSV table have none."""
+    return any(numbers.curve for group in groups for numbers in group.done)
+
+
+def learning_curves(groups: Sequence[Group], unit: str) -> Figure:
+    """Satisfaction and mean robustness: a line per group of one task, the mean over its seeds.
 
     Shaded: 95 % bootstrap interval of that mean, where two seeds or more finished. The legend says how many did, and
-    names the groups without a line too.
+    names the groups without a line too. Where robustness spans orders of magnitude, its axis is logarithmic away from
+    0.
     """
-    rows = math.ceil(len(groups) / 2)
+    rows = math.ceil((len(groups) + 1) / 2)
     figure = Figure(figsize=(10.0, 4.2 + 0.22 * rows), layout="constrained")
     left, right = figure.subplots(1, 2)
-    found = styles(groups)
-    for group, style in zip(groups, found, strict=True):
+    looks = styles(groups)
+    means = list[_Mean]()
+    for group, style in zip(groups, looks, strict=True):
         curves = [numbers.curve for numbers in group.done if numbers.curve]
         if curves:
-            _line(left, curves, style, lambda point: 100 * point[1])
-            _line(right, curves, style, lambda point: point[2])
+            _draw(left, _mean(curves, lambda point: 100 * point[1]), style)
+            means.append(_mean(curves, lambda point: point[2]))
+            _draw(right, means[-1], style)
     left.set(ylabel="starts that satisfy [%]", ylim=(-4, 104))
-    right.set_ylabel("mean robustness [unit of the predicates]")
-    right.axhline(0, color="0.5", linewidth=0.8, zorder=0)
+    right.set_ylabel(f"mean robustness [{unit}]{_scale(right, means)}")
+    right.axhline(0, color=layout.LEVEL, linewidth=0.9, zorder=1)
     for axes in (left, right):
         axes.set_xlabel("environment steps")
         axes.xaxis.set_major_formatter(EngFormatter(sep=""))
         axes.grid(alpha=0.3)
-    figure.suptitle(
-        f"{groups[0].setting.task}: learning curves on the selection starts (mean over seeds, 95 % interval)"
-    )
-    marks = [
+    task = groups[0].setting.task
+    layout.title(figure, f"{task}: learning curves on the selection starts (mean over seeds, 95 % interval)")
+    keys = [
         Line2D([], [], color=style.colour, linestyle=style.line if group.done else "", linewidth=1.8, label=style.label)
-        for group, style in zip(groups, found, strict=True)
+        for group, style in zip(groups, looks, strict=True)
     ]
-    figure.legend(handles=marks, loc="outside lower center", ncols=min(2, len(marks)), frameon=False)
+    keys.append(layout.level_key("robustness 0: satisfied above"))
+    figure.legend(handles=keys, loc="outside lower center", ncols=min(2, len(keys)), frameon=False)
     return figure
 
 
-def _line(axes: Axes, curves: Sequence[Sequence[CurveRow]], style: Style, value: Callable[[CurveRow], float]) -> None:
+class _Mean(NamedTuple):
+    """One line: the mean over seeds at common steps (p,), and the ends of its interval where it has one."""
+
+    steps: Array
+    mean: Array
+    low: Array
+    """(p,): NaN where there is no interval."""
+    high: Array
+
+
+def _mean(curves: Sequence[Sequence[CurveRow]], value: Callable[[CurveRow], float]) -> _Mean:
     steps, values = aligned(curves, value)
-    ends = [interval(column, np.mean) for column in values.T]
-    shown = [i for i, pair in enumerate(ends) if pair is not None]
-    if shown:
-        low, high = np.array([ends[i] for i in shown]).T
-        axes.fill_between(steps[shown], low, high, color=style.colour, alpha=0.18, linewidth=0)
-    marker = "o" if len(steps) == 1 else ""
-    axes.plot(steps, values.mean(axis=0), style.line, color=style.colour, linewidth=1.8, marker=marker)
+    ends = [interval(column, np.mean) or (np.nan, np.nan) for column in values.T]
+    low, high = np.array(ends, dtype=float).reshape(-1, 2).T
+    return _Mean(steps, values.mean(axis=0), low, high)
+
+
+def _draw(axes: Axes, line: _Mean, style: GroupStyle) -> None:
+    known = np.isfinite(line.low)
+    if known.any():
+        axes.fill_between(
+            line.steps[known], line.low[known], line.high[known], color=style.colour, alpha=0.18, linewidth=0
+        )
+    marker = "o" if len(line.steps) == 1 else ""
+    axes.plot(line.steps, line.mean, style.line, color=style.colour, linewidth=1.8, marker=marker)
+
+
+def _scale(axes: Axes, lines: Sequence[_Mean]) -> str:
+    """Make the axis of robustness logarithmic where that helps; what its label should add.
+
+    The second half of each line chooses the linear part: all methods are bad at first.
+    """
+    every = np.concatenate([np.concatenate([line.mean, line.low, line.high]) for line in lines] or [np.zeros(1)])
+    every = every[np.isfinite(every)]
+    if not every.size:
+        return ""
+    low, high = float(every.min()), float(every.max())
+    threshold = linear_threshold((line.mean[len(line.mean) // 2 :] for line in lines), max(-low, high))
+    return "" if threshold is None else f"\n{set_symlog(axes, 'y', threshold, low, high)}"
 
 
 def aligned(curves: Sequence[Sequence[CurveRow]], value: Callable[[CurveRow], float]) -> tuple[Array, Array]:

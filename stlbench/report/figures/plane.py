@@ -1,131 +1,152 @@
-"""Trajectories: in the plane of two signals where the task file names them, else the signals against time."""
+"""The plane of two signals: the regions of a task's terms, and traces coloured by time."""
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
+from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
 
-from stlbench import stl
 from stlbench.contract import Array, Truth
-from stlbench.report.figures.drawing import COLOURS, of_term
-from stlbench.report.figures.regions import heading, region, terms
-from stlbench.rollout.traces import Recording
+from stlbench.report.figures.layout import REGION_ALPHA
+from stlbench.report.figures.palette import TIME, TRACE, term_style
+from stlbench.report.figures.regions import region, terms
+from stlbench.report.figures.units import signal_label
 from stlbench.task.task import Task
 
-__all__ = ["in_plane", "label", "signals_in_time", "trajectories"]
+__all__ = ["View", "draw_traces", "lay_out", "leaving", "mark_keys"]
 
-_SHOWN = 16
-"""Traces a figure."""
 _POINTS = 150
-"""Points that a trace in the plane is drawn with: each has a colour of its own."""
-_GRID = 161
-_TIME = "viridis"
+"""Points that a trace is drawn with: each has a colour of its own."""
+_GRID = 201
+_PAD = 0.06
 
 
-def trajectories(task: Task, recording: Recording, title: str) -> Figure:
-    """Traces from some starts, spread over starts and seeds, with the regions where the terms hold."""
-    shown = recording.evenly(_SHOWN)
-    figure = _in_plane(task, shown) if task.file.plane else _in_time(task, shown)
-    figure.suptitle(f"{title}: {len(shown)} of {len(recording.traces)} traces", fontsize=11)
-    _key(figure, task)
-    return figure
+class _Mark(NamedTuple):
+    marker: Literal["o", "s", "X"]
+    colour: str
+    edge: str
+    size: float
+
+    def artist(self, places: Array, label: str = "") -> Line2D:
+        """A mark at each of the places (N, 2)."""
+        return Line2D(
+            *places.T,
+            linestyle="",
+            marker=self.marker,
+            color=self.colour,
+            markeredgecolor=self.edge,
+            markersize=self.size,
+            label=label,
+        )
 
 
-def _in_plane(task: Task, traces: Array) -> Figure:
-    figure = Figure(figsize=(7.4, 6.6 + 0.25 * len(terms(task))), layout="constrained")
-    axes: Axes = figure.subplots()
-    x, y = in_plane(axes, task)
-    chosen = np.linspace(0, traces.shape[1] - 1, min(_POINTS, traces.shape[1])).round().astype(np.int64)
-    points = traces[:, chosen][..., [x, y]]
+_START, _END, _LEAVES = _Mark("o", "white", "black", 5), _Mark("s", "black", "black", 4), _Mark("X", TRACE, "white", 9)
+_NOWHERE = np.zeros((0, 2))
+
+
+class View(NamedTuple):
+    """Which part of the signals' space a plane shows."""
+
+    columns: tuple[int, int]
+    """Of the signals across and up."""
+    low: Array
+    """(2,): the lower left corner."""
+    high: Array
+    """(2,): the upper right corner."""
+    drawn: tuple[int, ...]
+    """Indices of the terms that have a region in the plane."""
+
+
+def lay_out(axes: Axes, task: Task, traces: Array) -> View:
+    """Lay out the plane of a task that names one, with the regions of its terms.
+
+    It shows the regions and the traces (N, T + 1, k), as far as these stay in the ranges of the signals.
+    """
+    assert task.file.plane is not None
+    names = task.file.plane
+    across, up = (task.file.signals[name] for name in names)
+    columns = (task.signals.index(names[0]), task.signals.index(names[1]))
+    whole = View(columns, np.array([across.low, up.low]), np.array([across.high, up.high]), ())
+    grid = [np.linspace(low, high, _GRID) for low, high in zip(whole.low, whole.high, strict=True)]
+    places = traces[..., list(columns)].reshape(-1, 2)
+    visible, drawn = [places[~_outside(whole, places)]], list[int]()
+    for i, term in enumerate(terms(task)):
+        margin_and_truth = region(task, term.psi, grid, names)
+        if margin_and_truth is not None:
+            margin, inside = margin_and_truth
+            _fill(axes, grid, margin, inside, i)
+            visible.append(
+                np.column_stack([values[index] for values, index in zip(grid, inside.nonzero(), strict=True)])
+            )
+            drawn.append(i)
+    view = _around(np.concatenate(visible), whole)._replace(drawn=tuple(drawn))
+    axes.set(xlabel=signal_label(task, names[0]), ylabel=signal_label(task, names[1]))
+    axes.set(xlim=(view.low[0], view.high[0]), ylim=(view.low[1], view.high[1]))
+    if across.unit == up.unit:
+        axes.set_aspect("equal")
+    return view
+
+
+def _fill(axes: Axes, grid: Sequence[Array], margin: Array, inside: Truth, i: int) -> None:
+    """Draw the region of term i, where the margin (p_1, p_2) over the grid is known, and where psi holds."""
+    colour, hatch = term_style(i)
+    levels, fill = (0.5, 1.5), to_rgba(colour, REGION_ALPHA)
+    filled = axes.contourf(*grid, inside.T.astype(float), levels=levels, colors=[fill], hatches=[hatch], zorder=1)
+    filled.set_edgecolor(colour)  # of the hatch
+    filled.set_linewidth(0)
+    axes.contour(*grid, margin.T, levels=(0.0,), colors=[colour], linewidths=1.3, zorder=2)
+
+
+def _around(places: Array, whole: View) -> View:
+    """The part of the plane that has all places (p, 2), and a little more."""
+    if not len(places):
+        return whole
+    low, high = places.min(axis=0), places.max(axis=0)
+    pad = np.maximum(_PAD * (high - low), 0.01 * (whole.high - whole.low))
+    return whole._replace(low=np.maximum(low - pad, whole.low), high=np.minimum(high + pad, whole.high))
+
+
+def draw_traces(axes: Axes, task: Task, view: View, traces: Array) -> LineCollection:
+    """Draw traces (N, T + 1, k) with marks where they start, end and leave the picture; the lines, for a colour bar."""
+    places = traces[..., list(view.columns)]
+    chosen = np.linspace(0, places.shape[1] - 1, min(_POINTS, places.shape[1])).round().astype(np.int64)
+    points = places[:, chosen]
     segments = np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 2)
-    lines = LineCollection(list(segments), cmap=_TIME, linewidths=1.1, zorder=4)
+    lines = LineCollection(list(segments), cmap=TIME, linewidths=1.1, zorder=4)
     lines.set_array(np.tile(chosen[:-1].astype(float), len(traces)))
     lines.set_clim(0, task.file.steps)
     axes.add_collection(lines)
-    axes.plot(*traces[:, 0, [x, y]].T, "o", color="white", markeredgecolor="black", markersize=5, zorder=5)
-    axes.plot(*traces[:, -1, [x, y]].T, "s", color="black", markersize=4, zorder=6)
-    figure.colorbar(lines, ax=axes, label=f"time [steps of {task.file.sampling_time:g} s]", shrink=0.8)
-    return figure
+    marks = [_START.artist(places[:, 0]), _END.artist(places[:, -1])]
+    away = leaving(view, traces)
+    if away.any():
+        exits = np.array([trace[np.argmax(_outside(view, trace))] for trace in places[away]])
+        marks.append(_LEAVES.artist(np.clip(exits, view.low, view.high)))
+        marks[-1].set_clip_on(False)
+    for zorder, mark in enumerate(marks, start=5):
+        mark.set_zorder(zorder)
+        axes.add_line(mark)
+    return lines
 
 
-def in_plane(axes: Axes, task: Task) -> tuple[int, int]:
-    """Lay out the plane of a task that names one, with the regions of its terms; the columns of its two signals."""
-    assert task.file.plane is not None
-    names = task.file.plane
-    ranges = [task.file.signals[name] for name in names]
-    grid = [np.linspace(entry.low, entry.high, _GRID) for entry in ranges]
-    for i, term in enumerate(terms(task)):
-        found = region(task, term.psi, grid, names)
-        if found is not None:
-            margin, inside = found[0].T, found[1].T.astype(float)
-            axes.contourf(*grid, inside, levels=(0.5, 1.5), colors=[of_term(i)], alpha=0.13, zorder=1)
-            axes.contour(*grid, margin, levels=(0.0,), colors=[of_term(i)], linewidths=1.3, zorder=2)
-    axes.set_xlim(ranges[0].low, ranges[0].high)
-    axes.set_ylim(ranges[1].low, ranges[1].high)
-    axes.set_xlabel(label(task, names[0]))
-    axes.set_ylabel(label(task, names[1]))
-    if ranges[0].unit == ranges[1].unit:
-        axes.set_aspect("equal")
-    return task.signals.index(names[0]), task.signals.index(names[1])
+def leaving(view: View, traces: Array) -> Truth:
+    """(N,): which of the traces (N, T + 1, k) leave the picture, so that a part of them is not seen."""
+    return np.asarray(_outside(view, traces[..., list(view.columns)]).any(axis=1))
 
 
-def _in_time(task: Task, traces: Array) -> Figure:
-    figure = Figure(figsize=(9.0, 1.4 + 2.2 * len(task.signals)), layout="constrained")
-    rows = list(figure.subplots(len(task.signals), 1, sharex=True, squeeze=False)[:, 0])
-    signals_in_time(rows, task)
-    for i, axes in enumerate(rows):
-        axes.plot(traces[..., i].T, color=COLOURS[0], linewidth=0.8, alpha=0.7, zorder=4)
-        axes.set_ylabel(label(task, task.signals[i]))
-    return figure
+def _outside(view: View, places: Array) -> Truth:
+    """(..., 2) -> (...)."""
+    return np.asarray(((places < view.low) | (places > view.high)).any(axis=-1))
 
 
-def signals_in_time(rows: Sequence[Axes], task: Task) -> None:
-    """Lay out one row a signal: where each term is read, and for which values of the signal it can hold then."""
-    for axes, (name, entry) in zip(rows, task.file.signals.items(), strict=True):
-        grid = np.linspace(entry.low, entry.high, 1001)
-        for i, term in enumerate(terms(task)):
-            if name not in stl.signals(term.psi):
-                continue
-            axes.axvspan(term.start, term.end, color="0.92", linewidth=0, zorder=0)
-            found = region(task, term.psi, (grid,), (name,))
-            for low, high in _runs(found[1]) if found is not None else ():
-                corner, size = (term.start, grid[low]), (term.end - term.start, grid[high] - grid[low])
-                axes.add_patch(Rectangle(corner, *size, color=of_term(i), alpha=0.3, linewidth=1, zorder=1))
-        axes.set_xlim(0, task.file.steps)
-        axes.grid(alpha=0.25)
-    rows[-1].set_xlabel(f"time [steps of {task.file.sampling_time:g} s]")
-
-
-def _runs(truth: Truth) -> list[tuple[int, int]]:
-    """First and last index of each run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], truth, [False]]).astype(np.int8)))
-    return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
-
-
-def label(task: Task, name: str) -> str:
-    """The signal with its unit: x [m]."""
-    unit = task.file.signals[name].unit
-    return f"{name} [{unit}]" if unit else name
-
-
-def _key(figure: Figure, task: Task) -> None:
-    marks: list[Patch | Line2D] = [
-        Patch(facecolor=of_term(i), alpha=0.35, label=textwrap.shorten(f"{heading(term)} {term.psi}", 100))
-        for i, term in enumerate(terms(task))
-    ]
-    if task.file.plane:
-        marks.append(
-            Line2D(
-                [], [], color="white", marker="o", markeredgecolor="black", linestyle="", markersize=5, label="start"
-            )
-        )
-        marks.append(Line2D([], [], color="black", marker="s", linestyle="", markersize=4, label="end"))
-    if marks:
-        figure.legend(handles=marks, loc="outside lower center", ncols=1, frameon=False, fontsize=8)
+def mark_keys(away: Truth) -> list[Artist]:
+    """Entries of a legend for the marks of `draw_traces`; `away` (N,) says which traces leave the picture."""
+    keys: list[Artist] = [_START.artist(_NOWHERE, "start"), _END.artist(_NOWHERE, "end")]
+    if away.any():
+        keys.append(_LEAVES.artist(_NOWHERE, f"{away.sum()} of {len(away)} traces leave the picture here"))
+    return keys

@@ -12,7 +12,7 @@ from stlbench.contract import Array, Truth, Unsuitable
 from stlbench.stl import Formula, Term
 from stlbench.task.task import Task
 
-__all__ = ["heading", "region", "terms"]
+__all__ = ["heading", "region", "rewarded_terms", "terms"]
 
 _MOST_OTHERS = 4
 """Signals of a term that a picture may leave out."""
@@ -21,7 +21,15 @@ _SAMPLES, _MOST_VALUES = 2_000_000, 801
 
 
 def terms(task: Task) -> tuple[Term, ...]:
-    """The terms that reward methods are told; none where the formula is outside the fragment of eq. 2."""
+    """The terms of the task's own formula, which the referee scores; none where it is outside the fragment of eq. 2."""
+    try:
+        return stl.fragment(task.formula)
+    except stl.FragmentError:
+        return ()
+
+
+def rewarded_terms(task: Task) -> tuple[Term, ...]:
+    """The terms that reward methods are told: of the task file's `rewarded` form where it has one."""
     try:
         return task.specification.terms
     except Unsuitable:

@@ -17,8 +17,10 @@ from matplotlib.figure import Figure
 
 from stlbench.contract import Array, Integers
 from stlbench.presentation import Drawn, Pixels
-from stlbench.report.figures.drawing import COLOURS
-from stlbench.report.figures.plane import in_plane, label, signals_in_time
+from stlbench.report.figures import plane
+from stlbench.report.figures.palette import TRACE
+from stlbench.report.figures.signals import signals_in_time
+from stlbench.report.figures.units import signal_label
 from stlbench.report.film.video import FRAMES_A_SECOND
 from stlbench.report.film.video import write as write_video
 from stlbench.rollout.traces import Film, Recording
@@ -73,9 +75,9 @@ def write(task: Task, recording: Recording, robustness: tuple[float, ...], title
     Returns:
         A remark on what is shown, or nothing.
     """
-    found = scene(task, recording, robustness)
-    write_video(_frames(task, found, title), path)
-    return found.remark
+    shown = scene(task, recording, robustness)
+    write_video(_frames(task, shown, title), path)
+    return shown.remark
 
 
 def _frames(task: Task, shown: Scene, title: str) -> Iterator[Pixels]:
@@ -150,12 +152,14 @@ def _plane(task: Task, traces: Array, names: list[str]) -> Scene:
     figure = Figure(figsize=(10.0, 5.6), dpi=_DPI, layout="constrained")
     drawn = []
     for axes, trace, name in zip(figure.subplots(1, 2), traces, names, strict=True):
-        x, y = in_plane(axes, task)
-        axes.set_title(name, fontsize=10)
-        axes.plot(*trace[0, [x, y]], "o", color="white", markeredgecolor="black", markersize=5, zorder=5)
-        (path,) = axes.plot([], [], "-", color=COLOURS[0], linewidth=1.3, zorder=4)
+        view = plane.lay_out(axes, task, traces)
+        away = ", leaves the picture" if plane.leaving(view, trace[None]).any() else ""
+        axes.set_title(name + away, fontsize=10)
+        places = trace[:, list(view.columns)]
+        axes.plot(*places[0], "o", color="white", markeredgecolor="black", markersize=5, zorder=5)
+        (path,) = axes.plot([], [], "-", color=TRACE, linewidth=1.3, zorder=4)
         (head,) = axes.plot([], [], "o", color="black", markersize=6, zorder=6)
-        drawn.append((trace[:, [x, y]], path, head))
+        drawn.append((places, path, head))
 
     def update(sample: int) -> None:
         for trace, path, head in drawn:
@@ -174,11 +178,11 @@ def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
         signals_in_time(column, task)
         column[0].set_title(name, fontsize=10)
         for axes, values in zip(column, trace.T, strict=True):
-            (line,) = axes.plot(values, "-", color=COLOURS[0], linewidth=1.3, zorder=4)
+            (line,) = axes.plot(values, "-", color=TRACE, linewidth=1.3, zorder=4)
             (head,) = axes.plot([0], values[:1], "o", color="black", markersize=6, zorder=6)
             drawn.append((values, line, head))
     for axes, signal in zip(table[:, 0], task.signals, strict=True):
-        axes.set_ylabel(label(task, signal))
+        axes.set_ylabel(signal_label(task, signal))
 
     def update(sample: int) -> None:
         for values, line, head in drawn:

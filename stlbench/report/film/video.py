@@ -52,8 +52,8 @@ def _mp4(pictures: Iterable[Pixels], path: Path) -> None:
     # its usual encoding wants even sizes
     even = [picture[: len(picture) // 2 * 2, : picture.shape[1] // 2 * 2] for picture in pictures]
     height, width = even[0].shape[:2]
-    given = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(FRAMES_A_SECOND), "-i", "-")
-    command = [_ffmpeg(), "-y", "-loglevel", "error", *given, "-pix_fmt", "yuv420p", str(path.absolute())]
+    raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(FRAMES_A_SECOND), "-i", "-")
+    command = [_ffmpeg(), "-y", "-loglevel", "error", *raw, "-pix_fmt", "yuv420p", str(path.absolute())]
     content = np.stack(even).tobytes()
     done = subprocess.run(command, input=content, capture_output=True, check=False)  # noqa: S603
     if done.returncode:
@@ -62,7 +62,7 @@ def _mp4(pictures: Iterable[Pixels], path: Path) -> None:
 
 
 def _ffmpeg() -> str:
-    found = shutil.which("ffmpeg")
-    if found is None:
+    program = shutil.which("ffmpeg")
+    if program is None:
         raise UsageError("mp4 needs the program ffmpeg, which is not on the PATH; --format gif does without")
-    return found
+    return program

@@ -6,6 +6,7 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.report import condense
+from stlbench.report.figures.layout import LEVEL
 from stlbench.report.figures.learning import aligned, learning_curves
 from stlbench.result import CurvePoint
 
@@ -27,11 +28,11 @@ GROUPS = condense(
 
 
 def lines(axes):
-    return {line.get_color(): line for line in axes.lines if len(line.get_xdata()) and line.get_color() != "0.5"}
+    return {line.get_color(): line for line in axes.lines if len(line.get_xdata()) and line.get_color() != LEVEL}
 
 
 def test_a_line_is_the_mean_over_seeds():
-    left, right = learning_curves(GROUPS).axes
+    left, right = learning_curves(GROUPS, "m").axes
     flag, funnel = lines(left).values()
     assert list(funnel.get_xdata()) == [100, 200]
     assert list(funnel.get_ydata()) == pytest.approx([10, 80])
@@ -41,7 +42,7 @@ def test_a_line_is_the_mean_over_seeds():
 
 
 def test_the_interval_of_two_seeds_lies_between_them_and_one_seed_has_none():
-    left, _ = learning_curves(GROUPS).axes
+    left, _ = learning_curves(GROUPS, "m").axes
     (band,) = left.collections
     corners = band.get_paths()[0].vertices
     at_100, at_200 = ([y for x, y in corners if x == steps] for steps in (100, 200))
@@ -50,35 +51,37 @@ def test_the_interval_of_two_seeds_lies_between_them_and_one_seed_has_none():
 
 
 def test_the_legend_names_every_group_and_how_its_seeds_ended():
-    (legend,) = learning_curves(GROUPS).legends
+    (legend,) = learning_curves(GROUPS, "m").legends
     assert [text.get_text() for text in legend.get_texts()] == [
         "flag: 1 of 2 seeds, 1 timeout",
         "funnel: 2 of 2 seeds",
         "tau-mdp: intractable",
+        "robustness 0: satisfied above",
     ]
 
 
 def test_agent_and_budget_are_named_where_they_differ():
     groups = condense([result(agent="dqn"), result(agent="sb3-dqn"), result(agent="dqn", budget="paper")])
-    (legend,) = learning_curves(groups).legends
+    (legend,) = learning_curves(groups, "m").legends
     assert [text.get_text() for text in legend.get_texts()] == [
         "funnel, dqn, paper: 1 of 1 seeds",
         "funnel, dqn, quick: 1 of 1 seeds",
         "funnel, sb3-dqn, quick: 1 of 1 seeds",
+        "robustness 0: satisfied above",
     ]
 
 
 def test_a_single_checkpoint_is_a_point():
-    left, _ = learning_curves(condense([result(curve=curve((100, 1.0, 0.1)))])).axes
+    left, _ = learning_curves(condense([result(curve=curve((100, 1.0, 0.1)))]), "m").axes
     (line,) = lines(left).values()
     assert line.get_marker() == "o"
 
 
 def test_axes_say_what_they_show_in_which_unit():
-    left, right = learning_curves(GROUPS).axes
+    left, right = learning_curves(GROUPS, "m").axes
     assert left.get_xlabel() == right.get_xlabel() == "environment steps"
     assert left.get_ylabel() == "starts that satisfy [%]"
-    assert right.get_ylabel() == "mean robustness [unit of the predicates]"
+    assert right.get_ylabel() == "mean robustness [m]"
 
 
 def test_checkpoints_at_other_steps_are_interpolated_where_all_seeds_have_some():

@@ -8,7 +8,9 @@ from helpers.line_task import line
 from matplotlib.axes import Axes
 
 from stlbench.presentation import Band
-from stlbench.report.figures.margins import FUNNEL, TRACE, robustness_in_time
+from stlbench.report.figures.layout import LEVEL
+from stlbench.report.figures.margins import BAND, BAND_ELSEWHERE, SINGLE, robustness_in_time
+from stlbench.report.figures.palette import TRACE
 from stlbench.rollout.traces import Recording
 
 TWO = "F[1,3] x >= 2 & G[5,7] x <= 1"
@@ -26,8 +28,8 @@ def drawn(axes: Axes, colour: str) -> list[list[float]]:
     return [list(entry.get_ydata()) for entry in axes.lines if entry.get_color() == colour]
 
 
-def figure(formula=TWO, rows=(ZEROS, TWOS, FOURS), bands=(), **changes):
-    return robustness_in_time(line(formula=formula, **changes), recording(*rows), bands, "line, raw")
+def figure(formula=TWO, rows=(ZEROS, TWOS, FOURS), bands=(), told=False, **changes):
+    return robustness_in_time(line(formula=formula, **changes), recording(*rows), bands, "line, raw", rewarded=told)
 
 
 def test_a_row_a_term_with_its_formula_and_the_median_margin():
@@ -50,7 +52,7 @@ def test_single_traces_go_from_the_worst_to_the_best_in_the_terms_interval():
     late = [0, 0, 0, 0, 0, 0, 0, 0, 100]  # bad in the last sample alone, which G[0,4] does not read
     rows = [late, *([value] * 9 for value in range(19))]
     (axes,) = figure("G[0,4] x <= 9.5", rows).axes
-    firsts = [margins[0] for margins in drawn(axes, "0.35")]
+    firsts = [margins[0] for margins in drawn(axes, SINGLE)]
     assert firsts == sorted(firsts)
     assert len(firsts) == 7
     assert (firsts[0], firsts[-1]) == (-8.5, 9.5)
@@ -60,14 +62,14 @@ def test_of_always_the_least_margin_is_what_counts_and_of_eventually_the_largest
     still, swinging = [3] * 9, [0, 9] * 4 + [0]
     for formula, worst in (("G[0,4] x >= 1", swinging), ("F[0,4] x >= 1", still)):
         (axes,) = figure(formula, [still, swinging]).axes
-        assert [value + 1 for value in drawn(axes, "0.35")[0]] == worst
+        assert [value + 1 for value in drawn(axes, SINGLE)[0]] == worst
 
 
 def test_the_steps_that_a_term_reads_are_shaded_and_level_zero_is_drawn():
     for axes, ends in zip(figure().axes, [(1, 3), (5, 7)], strict=True):
         (shaded,) = axes.patches
         assert (shaded.get_x(), shaded.get_x() + shaded.get_width()) == ends
-        assert drawn(axes, "0.25") == [[0, 0]]
+        assert drawn(axes, LEVEL) == [[0, 0]]
     (axes,) = figure("F[1,2] G[3,5] x <= 1").axes
     (shaded,) = axes.patches
     assert (shaded.get_x(), shaded.get_x() + shaded.get_width()) == (4, 7)
@@ -75,29 +77,83 @@ def test_the_steps_that_a_term_reads_are_shaded_and_level_zero_is_drawn():
 
 def test_the_bounds_of_a_method_are_in_the_row_of_their_term():
     _, term = line(formula=TWO).specification.terms
-    found = figure(bands=[Band(term, 4, np.array([-3.0, -1, 0, 0.5]), np.ones(4))])
-    first, second = found.axes
-    assert drawn(first, FUNNEL) == []
-    assert drawn(second, FUNNEL) == [[-3, -1, 0, 0.5], [1, 1, 1, 1]]
-    assert [list(entry.get_xdata()) for entry in second.lines if entry.get_color() == FUNNEL] == 2 * [[4, 5, 6, 7]]
-    labels = [text.get_text() for text in found.legends[0].get_texts()]
-    assert labels[-1] == "the method's bounds"
-    assert "the method's bounds" not in [text.get_text() for text in figure().legends[0].get_texts()]
+    banded = figure(bands=[Band(term, 4, np.array([-3.0, -1, 0, 0.5]), np.ones(4))])
+    first, second = banded.axes
+    assert drawn(first, BAND) == []
+    assert drawn(second, BAND) == [[-3, -1, 0, 0.5], [1, 1, 1, 1]]
+    assert [list(entry.get_xdata()) for entry in second.lines if entry.get_color() == BAND] == 2 * [[4, 5, 6, 7]]
+    assert legend(banded)[-1] == "the method's bounds"
+    assert "the method's bounds" not in legend(figure())
 
 
-def test_terms_are_those_that_methods_are_told():
-    (axes,) = figure("G[0,4] x <= 1", rewarded="G[0,4] 2 * x <= 2").axes
-    assert axes.get_title(loc="left") == "G[0,4] 2 * x <= 2"
+OWN, REWARDED = "G[0,4] x <= 1", "G[0,4] 2 * x <= 2"
+
+
+def rewarded_band():
+    (term,) = line(formula=OWN, rewarded=REWARDED).specification.terms
+    return [Band(term, 0, np.zeros(5), np.ones(5))]
+
+
+def legend(drawing):
+    return [text.get_text() for text in drawing.legends[0].get_texts()]
+
+
+def test_the_tasks_own_predicate_is_drawn_in_its_unit_and_not_what_methods_are_told():
+    (axes,) = figure(OWN, rewarded=REWARDED).axes
+    assert axes.get_title(loc="left") == OWN
+    assert drawn(axes, TRACE) == [[1.0 - 2.0] * 9]
+    assert axes.get_ylabel() == "robustness of psi\n[m]"
+
+
+def test_the_rewarded_form_is_drawn_where_it_is_asked_for_and_said():
+    form = figure(OWN, bands=rewarded_band(), told=True, rewarded=REWARDED)
+    (axes,) = form.axes
+    assert axes.get_title(loc="left") == REWARDED
     assert drawn(axes, TRACE) == [[2.0 - 4.0] * 9]
+    assert axes.get_ylabel() == "robustness of psi\n[rewarded form, no unit]"
+    assert "of the rewarded form" in form.get_suptitle()
+    assert drawn(axes, BAND) == [[0] * 5, [1] * 5]
+    assert BAND_ELSEWHERE not in legend(form)
+
+
+def test_bounds_on_the_rewarded_form_are_not_drawn_over_the_own_predicate_and_it_is_said():
+    own = figure(OWN, bands=rewarded_band(), rewarded=REWARDED)
+    assert drawn(own.axes[0], BAND) == []
+    assert BAND_ELSEWHERE in legend(own)
+    assert "the method's bounds" not in legend(own)
+    assert BAND_ELSEWHERE not in legend(figure(OWN, rewarded=REWARDED))  # a method without bounds
+
+
+def test_a_term_that_both_forms_share_has_no_bounds_of_the_rewarded_form_either():
+    """Another term of the rewarded form may be scaled, so the method's bounds belong to that form as a whole."""
+    task = line(formula=TWO, rewarded="F[1,3] 3 * x >= 6 & G[5,7] x <= 1")
+    shared = task.specification.terms[1]
+    bands = [Band(shared, 0, np.zeros(5), np.ones(5))]
+    for axes in robustness_in_time(task, recording(ZEROS), bands, "line").axes:
+        assert drawn(axes, BAND) == []
 
 
 def test_a_range_that_is_long_below_zero_is_logarithmic_there():
-    (axes,) = figure("G[0,4] x <= 9.9", signals={"x": {"low": 9, "high": 1000}}).axes  # rho in [-990.1, 0.9]
+    wide = {"x": {"low": 9, "high": 1000, "unit": "m"}}  # margins in [-990.1, 0.9]
+    (axes,) = figure("G[0,4] x <= 9.9", [[9.5] * 9], signals=wide).axes
     assert axes.get_yscale() == "symlog"
+    assert axes.yaxis.get_transform().linthresh == 1
     assert axes.get_ylim()[0] < -990.1
-    ticks = [label.get_text() for label in axes.get_yticklabels()]
-    assert ticks[-3:] == ["-0.9", "0", "0.9"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["-100", "-10", "-1", "0", "1"]
+    assert axes.get_ylabel() == "robustness of psi\n[m]\nlogarithmic beyond ±1"
     assert figure().axes[0].get_yscale() == "linear"
+
+
+def test_margins_beyond_the_range_of_the_signals_are_on_the_axis_too():
+    far = [-3000.0] * 9
+    (axes,) = figure("G[0,4] x <= 9.9", [ZEROS, far], signals={"x": {"low": 9, "high": 1000, "unit": "m"}}).axes
+    low, high = axes.get_ylim()
+    assert high > 3009.9
+    assert low < -990.1
+
+
+def test_the_level_at_which_psi_holds_is_named():
+    assert "0: psi holds above" in legend(figure())
 
 
 def test_a_formula_that_is_not_made_of_terms_has_no_figure():
@@ -106,4 +162,4 @@ def test_a_formula_that_is_not_made_of_terms_has_no_figure():
 
 def test_one_start():
     (axes,) = figure("G[0,4] x <= 1", [ZEROS]).axes
-    assert drawn(axes, TRACE) == drawn(axes, "0.35") == [[1.0] * 9]
+    assert drawn(axes, TRACE) == drawn(axes, SINGLE) == [[1.0] * 9]

@@ -10,9 +10,10 @@ from helpers import synthetic_results
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
-from stlbench.report.figures import plots
-from stlbench.report.figures.drawing import MOST
+from stlbench.report.figures import trace_figures
+from stlbench.report.figures.palette import GROUPS_PER_FIGURE
 from stlbench.rollout.traces import trace_file
+from stlbench.task import load_task
 
 
 class Run:
@@ -22,15 +23,19 @@ class Run:
         self.folder, self.told, self.warnings = folder, [], []
 
     def save(self, result):
+        task = load_task(result.id.task)
         path = trace_file(self.folder / "traces", result.id, result.key)
         path.parent.mkdir(parents=True, exist_ok=True)
-        t = np.linspace(0, 1, 201)
+        t = np.linspace(0, 1, task.file.steps + 1)
         traces = np.stack([2 + t * i / 4 for i in range(4)])
-        np.savez(path, traces=np.stack([traces, traces], axis=-1), signals=["x", "y"])
+        np.savez(path, traces=np.stack([traces] * len(task.signals), axis=-1), signals=task.signals)
         return result
 
-    def draw(self, *results):
-        paths = plots.draw(results, self.folder, self.folder / "out", tell=self.told.append, warn=self.warnings.append)
+    def draw(self, *results, rewarded=False):
+        job = trace_figures.Job(
+            self.folder, self.folder / "out", self.told.append, self.warnings.append, rewarded=rewarded
+        )
+        paths = trace_figures.draw(results, job)
         assert all(path.stat().st_size > 1000 for path in paths)
         return {path.name for path in paths}
 
@@ -44,14 +49,18 @@ def files(*names):
     return {f"{name}.{end}" for name in names for end in ("png", "svg")}
 
 
-def test_three_figures_a_method_and_one_a_task(run):
-    found = run.draw(
+def test_two_figures_per_method_and_two_per_task(run):
+    names = run.draw(
         *(run.save(synthetic_results.result(method, seed)) for method in ("funnel", "raw") for seed in (0, 1))
     )
     kinds = [
         f"{kind}-hold-disc-{method}-dqn-quick" for kind in ("time", "trajectories") for method in ("funnel", "raw")
     ]
-    assert found == files("learning-hold-disc", *kinds) == {path.name for path in (run.folder / "out").iterdir()}
+    assert (
+        names
+        == files("learning-hold-disc", "overview-hold-disc", *kinds)
+        == {path.name for path in (run.folder / "out").iterdir()}
+    )
     assert run.warnings == []
     assert run.told == [
         "[1/2] hold-disc/funnel/dqn quick: 4 files",
@@ -60,10 +69,23 @@ def test_three_figures_a_method_and_one_a_task(run):
 
 
 def test_a_seed_without_traces_is_said_and_the_others_are_drawn(run):
-    found = run.draw(run.save(synthetic_results.result(seed=0)), synthetic_results.result(seed=1))
-    assert "time-hold-disc-funnel-dqn-quick.png" in found
+    names = run.draw(run.save(synthetic_results.result(seed=0)), synthetic_results.result(seed=1))
+    assert "time-hold-disc-funnel-dqn-quick.png" in names
     (line,) = run.warnings
     assert line.startswith("hold-disc/funnel/dqn/1 has no traces at ")
+
+
+def test_the_rewarded_form_is_drawn_where_it_is_asked_for_and_a_task_has_one(run):
+    cells = [run.save(synthetic_results.result(task=task)) for task in ("cartpole", "hold-disc")]
+    form = files("rewarded-cartpole-funnel-dqn-quick")
+    assert not run.draw(*cells) & form
+    names = run.draw(*cells, rewarded=True)
+    assert {name for name in names if name.startswith("rewarded")} == form
+    assert files("time-cartpole-funnel-dqn-quick") <= names
+
+
+def test_a_task_without_a_plane_has_no_overview(run):
+    assert not [name for name in run.draw(run.save(synthetic_results.result(task="cartpole"))) if "overview" in name]
 
 
 def test_all_failed(run):
@@ -75,8 +97,8 @@ def test_all_failed(run):
 
 
 def test_a_method_that_is_gone_has_no_bounds_but_its_traces(run):
-    found = run.draw(run.save(synthetic_results.result("gone[beta=2]")))
-    assert "time-hold-disc-gone[beta=2]-dqn-quick.png" in found
+    names = run.draw(run.save(synthetic_results.result("gone[beta=2]")))
+    assert "time-hold-disc-gone[beta=2]-dqn-quick.png" in names
 
 
 def test_a_task_that_is_gone_keeps_its_learning_curves(run):
@@ -85,8 +107,8 @@ def test_a_task_that_is_gone_keeps_its_learning_curves(run):
 
 
 def test_further_groups_go_to_a_further_page(run):
-    found = run.draw(*(synthetic_results.result(f"method-{i:02}") for i in range(MOST + 1)))
-    assert found == files("learning-hold-disc", "learning-hold-disc_2")
+    names = run.draw(*(synthetic_results.result(f"method-{i:02}") for i in range(GROUPS_PER_FIGURE + 1)))
+    assert names == files("learning-hold-disc", "learning-hold-disc_2")
 
 
 def test_a_name_cannot_leave_the_folder(run):

@@ -9,8 +9,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.patches import Rectangle
 
 from stlbench.errors import UsageError
-from stlbench.report.figures.plane import trajectories
+from stlbench.report.figures.palette import TRACE, term_style
 from stlbench.report.figures.regions import heading, region
+from stlbench.report.figures.trajectories import trajectories
 from stlbench.rollout.traces import Recording
 from stlbench.task import load_task
 
@@ -120,6 +121,80 @@ class TestPlane:
     def test_the_legend_says_which_region_belongs_to_which_term(self):
         texts = [text.get_text() for text in self.figure.legends[0].get_texts()]
         assert texts == ["G[0,200] norm(x - 2, y - 2) <= 1", "start", "end"]
+
+    def test_the_picture_shows_the_region_and_the_traces_and_little_more(self):
+        (left, right), (bottom, top) = self.axes.get_xlim(), self.axes.get_ylim()
+        assert 0.8 < left < 1 < 3 < right < 3.2
+        assert 0.8 < bottom < 1 < 3 < top < 3.2
+
+
+LEAVES = [[0, 1, 9, 12, 12, 9, 1, 0, 0], [0] * 9]
+"""x of two traces; the range of the signals is [-10, 10], so the first is out of the picture for two samples."""
+PLANE = {name: {"low": -10, "high": 10, "unit": "m"} for name in "xy"}
+
+
+class TestLeaving:
+    def figure(self, x):
+        x = np.array(x, dtype=float)
+        task = line(signals=PLANE, plane=["x", "y"], formula="G[0,4] x <= 1")
+        return trajectories(task, Recording(np.stack([x, x / 2], axis=-1), seeds=1), "line")
+
+    def test_a_trace_that_is_clipped_is_marked_where_it_leaves_and_counted(self):
+        figure = self.figure(LEAVES)
+        (mark,) = [entry for entry in figure.axes[0].lines if entry.get_marker() == "X"]
+        assert (list(mark.get_xdata()), list(mark.get_ydata())) == ([10], [6])
+        assert "1 of 2 traces leave the picture here" in [text.get_text() for text in figure.legends[0].get_texts()]
+        assert figure.axes[0].get_xlim()[1] == 10
+
+    def test_nothing_is_said_where_all_is_seen(self):
+        figure = self.figure([[0, 1, 9, 10, 10, 9, 1, 0, 0], [0] * 9])
+        assert [entry.get_marker() for entry in figure.axes[0].lines] == ["o", "s"]
+        assert not [text for text in figure.legends[0].get_texts() if "leave" in text.get_text()]
+
+
+def test_signals_against_time_are_never_clipped():
+    task = line()
+    (axes,) = trajectories(task, Recording(np.array(LEAVES, dtype=float)[..., None] * 5, seeds=1), "line").axes
+    assert axes.get_ylim()[1] >= 60
+    assert axes.get_xlim() == (0, 8)
+
+
+def colours_of(figure):
+    return [tuple(handle.get_edgecolor()) for handle in figure.legends[0].get_patches() if handle.get_linewidth()]
+
+
+def test_no_two_terms_of_a_legend_look_alike_and_a_term_without_a_region_has_no_colour():
+    task = load_task("formation")
+    traces = np.zeros((2, task.file.steps + 1, len(task.signals)))
+    figure = trajectories(task, Recording(traces, seeds=1), "formation")
+    colours = colours_of(figure)
+    assert len(set(colours)) == len(colours) == 3
+    first, *others = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert first.startswith("G[0,130]")
+    assert first.endswith("(has no region here)")
+    assert others[:3] == [
+        "G[40,50] norm(ax - 4, ay - 3.5) <= 0.5",
+        "G[80,90] norm(bx - 4, by - 2.25) <= 0.5",
+        "G[120,130] norm(cx - 4, cy - 1) <= 0.5",
+    ]
+    assert all(entry.get_color() == TRACE for axes in figure.axes for entry in axes.lines)
+
+
+def test_terms_beyond_the_palette_are_hatched():
+    formula = " & ".join(f"G[{i},{i}] x <= {i}" for i in range(7))
+    figure = trajectories(line(formula=formula), Recording(np.zeros((1, 9, 1)), seeds=1), "line")
+    patches = [handle for handle in figure.legends[0].get_patches() if handle.get_linewidth()]
+    looks = [(tuple(handle.get_edgecolor()), handle.get_hatch()) for handle in patches]
+    assert len(set(looks)) == 7
+    regions = [entry for entry in figure.axes[0].patches if tuple(entry.get_edgecolor()) == looks[6][0]]
+    assert {entry.get_hatch() or "" for entry in regions} == {"", term_style(6).hatch}
+
+
+def test_regions_are_of_the_tasks_own_formula():
+    figure = trajectories(
+        line(formula="G[0,4] x <= 1", rewarded="G[0,4] 2 * x <= 2"), Recording(np.zeros((1, 9, 1)), seeds=1), "line"
+    )
+    assert figure.legends[0].get_texts()[0].get_text() == "G[0,4] x <= 1"
 
 
 class TestSignals:

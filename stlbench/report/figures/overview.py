@@ -1,0 +1,71 @@
+"""A task at a glance: robustness by method above, trajectories of each method in the plane below."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from stlbench.contract import Array
+from stlbench.report.figures import layout, plane
+from stlbench.report.figures.palette import styles
+from stlbench.report.figures.regions import terms
+from stlbench.report.figures.robustness import draw_robustness, robustness_keys
+from stlbench.report.figures.trajectories import term_keys
+from stlbench.report.figures.units import robustness_unit, time_label
+from stlbench.report.tables.rows import Group, Numbers
+from stlbench.task.task import Task
+
+__all__ = ["METHODS_PER_OVERVIEW", "overview"]
+
+METHODS_PER_OVERVIEW = 6
+_COLUMNS = 3
+_WIDTH = 13.34
+"""Inches: 1600 pixels."""
+
+
+def overview(task: Task, groups: Sequence[Group], traces: Sequence[Array | None]) -> Figure:
+    """Draw groups of one task that names a plane.
+
+    Args:
+        task: names a plane.
+        groups: at most `METHODS_PER_OVERVIEW`.
+        traces: of each group, (N, T + 1, k), of one group at least; a group with None has no panel below.
+    """
+    names = [style.label.partition(":")[0] for style in styles(groups)]
+    panels = [
+        (f"{name}\nsatisfies from {100 * np.mean(group.values(_satisfaction)):.0f} % of the starts", shown)
+        for name, group, shown in zip(names, groups, traces, strict=True)
+        if shown is not None
+    ]
+    columns = min(_COLUMNS, len(panels))
+    rows = math.ceil(len(panels) / columns)
+    heights = [0.75 + 0.42 * len(groups), *[3.7] * rows]
+    figure = Figure(figsize=(_WIDTH, sum(heights) + 0.9 + 0.12 * len(terms(task))), layout="constrained")
+    grid = figure.add_gridspec(1 + rows, columns, height_ratios=heights)
+    draw_robustness(figure.add_subplot(grid[0, :]), groups, robustness_unit(task, task.formula))
+    below = [figure.add_subplot(grid[1 + i // columns, i % columns]) for i in range(len(panels))]
+    keys = [*robustness_keys(), *_draw_panels(below, task, panels)]
+    figure.colorbar(below[0].collections[-1], ax=below, label=time_label(task), aspect=30)
+    layout.title(figure, f"{task.name}: {task.file.title}")
+    figure.legend(handles=keys, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    return figure
+
+
+def _satisfaction(numbers: Numbers) -> float:
+    return numbers.satisfaction
+
+
+def _draw_panels(below: Sequence[Axes], task: Task, panels: Sequence[tuple[str, Array]]) -> list[Artist]:
+    """One method's traces in each of the axes, all of one view; entries of the legend."""
+    every = np.concatenate([traces for _, traces in panels])
+    for axes, (name, traces) in zip(below, panels, strict=True):
+        view = plane.lay_out(axes, task, every)
+        plane.draw_traces(axes, task, view, traces)
+        away = plane.leaving(view, traces).sum()
+        axes.set_title(name + (f"\n{away} of {len(traces)} traces leave the picture" if away else ""), fontsize=10)
+    return [*term_keys(task, view.drawn), *plane.mark_keys(plane.leaving(view, every))]

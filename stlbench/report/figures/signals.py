@@ -1,0 +1,55 @@
+"""Signals against time: one row per signal, with the interval of each term and the values with which it can hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.patches import Rectangle
+
+from stlbench import stl
+from stlbench.contract import Truth
+from stlbench.report.figures.layout import REGION_ALPHA
+from stlbench.report.figures.palette import term_style
+from stlbench.report.figures.regions import region, terms
+from stlbench.report.figures.units import time_label
+from stlbench.task.task import Task
+
+__all__ = ["READ", "signals_in_time"]
+
+READ = "0.92"
+"""The grey of the steps that a term reads."""
+
+
+def signals_in_time(rows: Sequence[Axes], task: Task) -> list[int]:
+    """Lay out one row per signal: where each term is read, and for which values of the signal it can hold then.
+
+    Returns:
+        Indices of the terms that have a region in some row.
+    """
+    drawn = set()
+    for axes, (name, signal) in zip(rows, task.file.signals.items(), strict=True):
+        grid = np.linspace(signal.low, signal.high, 1001)
+        for i, term in enumerate(terms(task)):
+            margin_and_truth = region(task, term.psi, (grid,), (name,)) if name in stl.signals(term.psi) else None
+            if margin_and_truth is None:
+                continue
+            drawn.add(i)
+            axes.axvspan(term.start, term.end, color=READ, linewidth=0, zorder=0)
+            colour, hatch = term_style(i)
+            for first, last in _runs(margin_and_truth[1]):
+                corner, size = (term.start, grid[first]), (term.end - term.start, grid[last] - grid[first])
+                fill = to_rgba(colour, 2 * REGION_ALPHA)
+                axes.add_patch(Rectangle(corner, *size, facecolor=fill, edgecolor=colour, hatch=hatch, zorder=1))
+        axes.set_xlim(0, task.file.steps)
+        axes.grid(alpha=0.25)
+    rows[-1].set_xlabel(time_label(task))
+    return sorted(drawn)
+
+
+def _runs(truth: Truth) -> list[tuple[int, int]]:
+    """First and last index of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], truth, [False]]).astype(np.int8)))
+    return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]

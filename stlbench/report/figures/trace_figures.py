@@ -1,0 +1,143 @@
+"""Figures from what a run recorded: learning curves, robustness in its funnel, trajectories; PNG and SVG."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from stlbench.contract import Array, Intractable, Unsuitable
+from stlbench.errors import UsageError
+from stlbench.presentation import Band, Banded
+from stlbench.registry.choices import Choice
+from stlbench.report.figures.files import file_name, save
+from stlbench.report.figures.margins import robustness_in_time
+from stlbench.report.figures.overview import METHODS_PER_OVERVIEW, overview
+from stlbench.report.figures.palette import pages
+from stlbench.report.figures.report_figures import draw_learning
+from stlbench.report.figures.trajectories import TRACES_PER_PANEL, trajectories
+from stlbench.report.tables.rows import Group, group, row
+from stlbench.result import Result, Setting
+from stlbench.rollout.traces import Recording, gather, load
+from stlbench.task import build_method, load_task
+from stlbench.task.task import Task
+
+__all__ = ["Job", "draw"]
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Job:
+    """Where traces lie and figures go, what is drawn, and whom to tell of what is missing."""
+
+    run: Path
+    """The run's folder, where the traces lie."""
+    out: Path
+    """Where the figures go, over those of before."""
+    tell: Tell
+    """Is told of each group that is drawn."""
+    warn: Tell
+    """Is told what could not be drawn, and why."""
+    rewarded: bool = False
+    """Draw robustness against time in the form that methods are told, too, of tasks that have one."""
+
+
+def draw(results: Iterable[Result], job: Job) -> list[Path]:
+    """Draw all figures of these results, one per cell of a run (`Ledger.results`).
+
+    A task has learning-<task> and, where it names a plane, overview-<task>; each method, agent and budget has
+    time-<...> and trajectories-<...>, over all seeds.
+
+    Returns:
+        The files' paths.
+
+    Raises:
+        UsageError: a name in the ledger cannot name a file, or the folder cannot be written.
+    """
+    kept = list(results)
+    groups = group(row(result) for result in kept)
+    finished = [replace(result, measurement=None) for result in kept if result.measurement is not None]
+    paths, count = list[Path](), 0
+    try:
+        for choice, members in groupby(groups, key=lambda member: member.setting.task):
+            of_task, shown = list(members), list[Array | None]()
+            paths += draw_learning(of_task, job.out)
+            task = _task(choice, job) if any(result.id.task == choice for result in finished) else None
+            for member in of_task:
+                count += 1
+                recording = _traces(task, [result for result in finished if result.id.setting == member.setting], job)
+                files = [] if task is None or recording is None else _draw_group(task, member.setting, recording, job)
+                shown.append(None if recording is None else recording.evenly(TRACES_PER_PANEL))
+                setting = member.setting
+                job.tell(f"[{count}/{len(groups)}] {setting.name} {setting.budget}: {len(files)} files")
+                paths += files
+            paths += _draw_overview(task, of_task, shown, job)
+    except OSError as error:
+        raise UsageError(f"cannot write the figures: {error}") from error
+    return paths
+
+
+def _task(choice: Choice, job: Job) -> Task | None:
+    try:
+        return load_task(choice)
+    except UsageError as error:
+        job.warn(f"no traces of {choice} are drawn: {error}")
+        return None
+
+
+def _traces(task: Task | None, results: Sequence[Result], job: Job) -> Recording | None:
+    """The traces of one group's seeds, as far as they are there."""
+    if task is None:
+        return None
+    recordings = list[Recording]()
+    for result in results:
+        try:
+            recordings.append(load(task, result, job.run))
+        except UsageError as error:
+            job.warn(str(error))
+    return gather(recordings) if recordings else None
+
+
+def _draw_group(task: Task, setting: Setting, recording: Recording, job: Job) -> list[Path]:
+    """The figures of one method on one task."""
+    title = f"{setting.task}, {setting.method} ({setting.agent}, {setting.budget})"
+    bands = _bands(task, setting.method)
+    figures: dict[str, Figure | None] = {
+        "time": robustness_in_time(task, recording, bands, title),
+        "trajectories": trajectories(task, recording, title),
+    }
+    if job.rewarded and task.file.rewarded is not None:
+        figures["rewarded"] = robustness_in_time(task, recording, bands, title, rewarded=True)
+    parts = (str(setting.task), str(setting.method), str(setting.agent), setting.budget)
+    return [
+        path
+        for kind, figure in figures.items()
+        if figure is not None
+        for path in save(figure, job.out, file_name(kind, *parts))
+    ]
+
+
+def _draw_overview(task: Task | None, groups: Sequence[Group], traces: Sequence[Array | None], job: Job) -> list[Path]:
+    """Robustness beside trajectories, of a task with a plane and traces."""
+    if task is None or task.file.plane is None:
+        return []
+    paths, start = list[Path](), 0
+    for end, page in pages(groups, METHODS_PER_OVERVIEW):
+        of_page = traces[start : start + len(page)]
+        start += len(page)
+        if any(shown is not None for shown in of_page):
+            paths += save(overview(task, page, of_page), job.out, file_name("overview", task.name) + end)
+    return paths
+
+
+def _bands(task: Task, method: Choice) -> Sequence[Band]:
+    """The method's bounds on the robustness; none where it has none, or is not installed here any more."""
+    try:
+        built = build_method(task, method)
+    except (UsageError, Unsuitable, Intractable):
+        return ()
+    return built.band() if isinstance(built, Banded) else ()

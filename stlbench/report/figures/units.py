@@ -1,0 +1,74 @@
+"""Names of signals and of robustness on axes, with their units."""
+
+from __future__ import annotations
+
+from stlbench import stl
+from stlbench.errors import UsageError
+from stlbench.registry.choices import Choice
+from stlbench.stl.language.traversal import walk
+from stlbench.task import load_task
+from stlbench.task.task import Task
+
+__all__ = ["robustness_unit", "signal_label", "time_label", "unit_of_task"]
+
+NO_UNIT = "-"
+"""Where the task file names none."""
+UNKNOWN = "unit of the predicates"
+_SAME_UNIT = ("abs", "min", "max", "norm", "norminf")
+"""Functions whose value has the unit of their arguments."""
+
+
+def signal_label(task: Task, name: str) -> str:
+    """The signal with its unit: x [m]."""
+    return f"{name} [{task.file.signals[name].unit or NO_UNIT}]"
+
+
+def time_label(task: Task) -> str:
+    """Of the time axis."""
+    return f"time [steps of {task.file.sampling_time:g} s]"
+
+
+def robustness_unit(task: Task, formula: stl.Formula) -> str:
+    """The unit in which the robustness of `formula` is: "m"; "rad or rad/s" where predicates have different ones.
+
+    "unit of the predicates" where a predicate is no sum, difference, multiple or norm of signals of one unit.
+    """
+    units = dict[str, None]()  # a set that keeps the order
+    for node in walk(formula):
+        if isinstance(node, stl.Predicate):
+            both = [_unit(task, node.left), _unit(task, node.right)]
+            named = {unit for unit in both if unit != ""}
+            if len(named) != 1 or None in named:
+                return UNKNOWN
+            units |= {unit: None for unit in named if unit is not None}
+    return " or ".join(units) or UNKNOWN
+
+
+def _unit(task: Task, expression: stl.Expression) -> str | None:
+    """The unit of an expression; empty for constants, None where it is none of the signals' units."""
+    match expression:
+        case stl.Number():
+            return ""
+        case stl.Signal(name):
+            return task.file.signals[name].unit or NO_UNIT
+        case stl.Negative(arg):
+            return _unit(task, arg)
+        case stl.Binary("*", stl.Number(), part) | stl.Binary("*" | "/", part, stl.Number()):
+            return _unit(task, part)
+        case stl.Binary("+" | "-", left, right):
+            parts = {_unit(task, left), _unit(task, right)}
+        case stl.Call(name, args) if name in _SAME_UNIT:
+            parts = {_unit(task, arg) for arg in args}
+        case _:
+            return None
+    named = parts - {""}
+    return named.pop() if len(named) == 1 else None if named else ""
+
+
+def unit_of_task(choice: Choice | str) -> str:
+    """The unit of the robustness of a task's formula; "unit of the predicates" where it is not installed here."""
+    try:
+        task = load_task(choice)
+    except UsageError:
+        return UNKNOWN
+    return robustness_unit(task, task.formula)

@@ -1,0 +1,155 @@
+"""Robustness by method, and both figures of a report, read back from matplotlib's own objects."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.synthetic_results import result
+
+from stlbench.errors import UsageError
+from stlbench.registry.choices import Choice
+from stlbench.report import condense
+from stlbench.report.figures import report_figures
+from stlbench.report.figures.learning import learning_curves
+from stlbench.report.figures.palette import GROUPS_PER_FIGURE
+from stlbench.report.figures.robustness import robustness_by_method
+from stlbench.result import CurvePoint
+
+REFERENCE = Path(__file__).parents[3] / "results" / "reference"
+
+
+def curve(*points):
+    return tuple(CurvePoint(steps, 0.0, satisfaction, robustness) for steps, satisfaction, robustness in points)
+
+
+GROUPS = condense(
+    [
+        result("funnel", 0, robustness=(0.1,), curve=curve((100, 0.0, -1.0), (200, 1.0, 0.5))),
+        result("funnel", 1, robustness=(0.3,), curve=curve((100, 0.2, 0.0), (200, 0.6, 0.3))),
+        result("flag", 0, robustness=(-0.2,), curve=curve((100, 0.5, 0.1), (200, 0.5, 0.1))),
+        result("tau-mdp", 0, "intractable", reason="too many"),
+    ]
+)
+
+
+def test_every_seed_is_a_point_and_the_iqm_stands_under_it():
+    (axes,) = robustness_by_method(GROUPS, "m").axes
+    drawn = [sorted(map(float, line.get_xdata())) for line in axes.lines]
+    assert [-0.2] in drawn
+    assert [0.1, 0.3] in drawn
+    assert [pytest.approx(0.2)] in drawn
+
+
+def test_a_method_without_a_result_keeps_its_place():
+    (axes,) = robustness_by_method(GROUPS, "m").axes
+    labels = [label.get_text() for label in axes.get_yticklabels()]
+    assert labels == ["flag\n1 of 1 seeds", "funnel\n2 of 2 seeds", "tau-mdp\nintractable"]
+    assert [(text.get_text(), text.get_position()[1]) for text in axes.texts] == [("no result", 2)]
+
+
+def test_a_method_has_one_colour_in_both_figures():
+    points = {line.get_color() for line in robustness_by_method(GROUPS, "m").axes[0].lines if line.get_marker() == "D"}
+    curves = [line.get_color() for line in learning_curves(GROUPS, "m").axes[0].lines]
+    assert len(set(curves)) == 2
+    assert set(curves) == points
+
+
+def test_two_figures_a_task_as_png_and_svg(tmp_path):
+    groups = condense([result(), result(task="other"), result(task="third", status="raised")])
+    paths = report_figures.draw(groups, tmp_path)
+    names = {
+        f"{kind}-{task}.{end}"
+        for kind in ("robustness", "learning")
+        for task in ("hold-disc", "other")
+        for end in ("png", "svg")
+    }
+    assert {path.name for path in paths} == {path.name for path in tmp_path.iterdir()} == names
+    assert all(path.stat().st_size > 1000 for path in paths)
+
+
+def test_the_same_results_give_the_same_file(tmp_path):
+    report_figures.draw(GROUPS, tmp_path / "a")
+    report_figures.draw(GROUPS, tmp_path / "b")
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+
+
+def test_a_task_cannot_leave_the_folder(tmp_path):
+    elsewhere = replace(result(), id=replace(result().id, task=Choice("../x")))
+    with pytest.raises(UsageError, match=r"'\.\./x' cannot name a figure's file"):
+        report_figures.draw(condense([elsewhere]), tmp_path / "figures")
+    assert not list(tmp_path.iterdir())
+
+
+def test_groups_that_do_not_fit_into_one_figure_go_into_the_next(tmp_path):
+    results = [result(f"method-{i:02}", curve=curve((100, 1.0, 0.1))) for i in range(GROUPS_PER_FIGURE + 1)]
+    names = {path.name for path in report_figures.draw(condense(results), tmp_path)}
+    assert {"robustness-hold-disc.png", "robustness-hold-disc_2.png", "learning-hold-disc_2.svg"} <= names
+    assert len(names) == 8
+
+
+def pendulum(**curves):
+    """The committed results of the pendulum, 5 seeds of three methods, with checkpoints where given."""
+    with (REFERENCE / "cells.csv").open(encoding="utf-8", newline="") as file:
+        cells = [cell for cell in csv.DictReader(file) if cell["task"] == "pendulum" and cell["status"] == "done"]
+    return condense(
+        result(
+            cell["method"],
+            int(cell["seed"]),
+            task="pendulum",
+            robustness=(float(cell["robustness_mean"]),),
+            curve=curves.get(cell["method"], ()),
+        )
+        for cell in cells
+    )
+
+
+def test_methods_near_zero_are_told_apart_beside_one_at_minus_100():
+    (axes,) = robustness_by_method(pendulum(), "rad or rad/s").axes
+    assert axes.get_xlabel() == "mean robustness over the report starts [rad or rad/s]\nlogarithmic beyond ±0.1"
+    assert axes.xaxis.get_transform().linthresh == 0.1
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["-100", "-10", "-1", "-0.1", "0", "0.1"]
+    points = {line.get_ydata()[0]: line.get_xdata() for line in axes.lines if line.get_marker() == "o"}
+    _, funnel, raw = (sorted(points[place - 0.12]) for place in range(3))
+    low, high = axes.get_xlim()
+    transform = axes.xaxis.get_transform().transform
+    width = np.diff(transform([low, high])).item()
+    assert (transform(funnel[-1]) - transform(raw[0])) / width > 0.04  # .030 and .004, of -102 to .1
+    assert (transform(funnel[1]) - transform(funnel[0])) / width > 0.1  # .022 and -.074
+    assert low < min(map(min, points.values()))
+
+
+def test_values_of_one_size_have_a_linear_axis_in_the_unit_that_is_given():
+    (axes,) = robustness_by_method(GROUPS, "m").axes
+    assert axes.get_xscale() == "linear"
+    assert axes.get_xlabel() == "mean robustness over the report starts [m]"
+
+
+def test_learning_curves_of_methods_near_zero_are_told_apart():
+    rising = {
+        "funnel": (-10.0, -0.1, 0.02, 0.03),
+        "raw": (-130.0, -2.0, 0.01, 0.013),
+        "flag": (-700.0, -200, -150, -160),
+    }
+    groups = pendulum(
+        **{name: curve(*((100 * i, 0.0, value) for i, value in enumerate(values))) for name, values in rising.items()}
+    )
+    _, right = learning_curves(groups, "rad").axes
+    assert right.get_ylabel() == "mean robustness [rad]\nlogarithmic beyond ±0.1"
+    low, high = right.get_ylim()
+    assert low < -700
+    assert high > 0.03
+
+
+def test_results_without_checkpoints_have_no_learning_curves(tmp_path):
+    names = {path.name for path in report_figures.draw(pendulum(), tmp_path)}
+    assert names == {"robustness-pendulum.png", "robustness-pendulum.svg"}
+
+
+def test_a_report_names_the_unit_of_the_task(tmp_path):
+    svg = next(path for path in report_figures.draw(pendulum(), tmp_path) if path.suffix == ".svg")
+    assert "[rad or rad/s]" in svg.read_text(encoding="utf-8")
