@@ -61,7 +61,7 @@ TASKS := hold-disc,hold-disc-coarse,integrator-or,reach-stay,annulus,robot-nav,o
 MODELS := cartpole,fetch-reach,ball-in-cup
 reference: $(VENV)/ready-all
 	$(BIN)/stlbench run --tasks $(TASKS),$(MODELS) --methods funnel,flag,raw,tau-mdp --seeds 5 --results results/reference
-	$(BIN)/stlbench plot results/reference
+	$(BIN)/stlbench plot results/reference --rewarded
 
 ## What the parts of the recipes are worth, and other agents beside ours; an hour of CPU time. See docs/reproduction.md.
 ABLATION := $(BIN)/stlbench run --results results/ablation

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from PIL import Image
 
 RUN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here", "--methods")
@@ -44,6 +45,17 @@ def test_plot_prints_the_files_it_wrote(run, say):
         "[1/2] toy-line/toy-large/toy-agent quick: 0 files",
         "[2/2] toy-line/toy-raw/toy-agent quick: 4 files",
     ]
+
+
+def test_plot_draws_the_rewarded_form_where_it_is_asked_for(run, say, toy):
+    task = toy / "toy_plugins/line/task.yaml"
+    content = yaml.safe_load(task.read_text())
+    task.write_text(yaml.safe_dump(content | {"rewarded": "G[0,4] 2 * x <= 2"}, sort_keys=False))
+    run("toy-raw")
+    rewarded = {f"pictures/rewarded-toy-line-toy-raw-toy-agent-quick.{end}" for end in ("png", "svg")}
+    without = set(say("plot", "results", "--out", "pictures").stdout.splitlines())
+    assert set(say("plot", "results", "--out", "pictures", "--rewarded").stdout.splitlines()) - without == rewarded
+    assert not without & rewarded
 
 
 def test_plot_draws_what_is_asked_for_beside_the_report(run, say):

@@ -85,6 +85,16 @@ def test_a_task_with_a_plane_is_shown_in_it():
     assert np.array_equal(np.array(head.get_data()).T, traces[2, 5:6])
 
 
+def test_a_trace_that_leaves_the_picture_is_said_to():
+    traces = np.full((3, 201, 2), 2.0)
+    traces[2, 100:, 0] = 5  # of the worst start; the range of x is [0, 4]
+    figure = film.scene(load_task("hold-disc"), Recording(traces, 1), ROBUSTNESS).figure
+    assert [axes.get_title() for axes in figure.axes] == [
+        "best start: robustness 2",
+        "worst start: robustness -1.25, leaves the picture",
+    ]
+
+
 def test_a_system_that_draws_itself_is_shown_so_at_the_latest_decision():
     figure, update, _, remark = film.scene(task(Drawn, hold=4), filmed(), ROBUSTNESS)
     (best,), (worst,) = (axes.images for axes in figure.axes)
