@@ -52,10 +52,8 @@ def test_plot_draws_the_rewarded_form_where_it_is_asked_for(run, say, toy):
     content = yaml.safe_load(task.read_text())
     task.write_text(yaml.safe_dump(content | {"rewarded": "G[0,4] 2 * x <= 2"}, sort_keys=False))
     run("toy-raw")
-    rewarded = {f"pictures/rewarded-toy-line-toy-raw-toy-agent-quick.{end}" for end in ("png", "svg")}
-    without = set(say("plot", "results", "--out", "pictures").stdout.splitlines())
-    assert set(say("plot", "results", "--out", "pictures", "--rewarded").stdout.splitlines()) - without == rewarded
-    assert not without & rewarded
+    written = say("plot", "results", "--out", "pictures", "--rewarded").stdout.splitlines()
+    assert {f"pictures/rewarded-toy-line-toy-raw-toy-agent-quick.{end}" for end in ("png", "svg")} <= set(written)
 
 
 def test_plot_draws_what_is_asked_for_beside_the_report(run, say):

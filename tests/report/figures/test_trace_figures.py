@@ -77,15 +77,16 @@ def test_a_seed_without_traces_is_said_and_the_others_are_drawn(run):
 
 def test_the_rewarded_form_is_drawn_where_it_is_asked_for_and_a_task_has_one(run):
     cells = [run.save(synthetic_results.result(task=task)) for task in ("cartpole", "hold-disc")]
-    form = files("rewarded-cartpole-funnel-dqn-quick")
-    assert not run.draw(*cells) & form
     names = run.draw(*cells, rewarded=True)
+    form = files("rewarded-cartpole-funnel-dqn-quick")
     assert {name for name in names if name.startswith("rewarded")} == form
     assert files("time-cartpole-funnel-dqn-quick") <= names
 
 
-def test_a_task_without_a_plane_has_no_overview(run):
-    assert not [name for name in run.draw(run.save(synthetic_results.result(task="cartpole"))) if "overview" in name]
+def test_without_being_asked_there_is_no_rewarded_form_and_without_a_plane_no_overview(run):
+    kinds = ("time", "trajectories")
+    expected = files("learning-cartpole", *(f"{kind}-cartpole-funnel-dqn-quick" for kind in kinds))
+    assert run.draw(run.save(synthetic_results.result(task="cartpole"))) == expected
 
 
 def test_all_failed(run):
