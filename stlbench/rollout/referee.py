@@ -77,7 +77,7 @@ def _first_failed(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -
     if not len(traces):
         return {}
     parts = _conjuncts(formula)
-    lost = np.stack([_lost_at(part, traces, names) for part in parts])
+    lost = np.stack([lost_at(part, traces, names) for part in parts])
     counts = np.bincount(np.argmin(lost, axis=0), minlength=len(parts))
     return {str(part): int(count) for part, count in zip(parts, counts, strict=True) if count}
 
@@ -88,7 +88,7 @@ def _conjuncts(formula: stl.Formula) -> list[stl.Formula]:
     return [formula]
 
 
-def _lost_at(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -> NDArray[np.int64]:
+def lost_at(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -> NDArray[np.int64]:
     """The first sample after which no continuation satisfies the formula; the trace's length where it is satisfied."""
     count, length = traces.shape[:2]
     monitor, lost = stl.BatchMonitor(formula, names, count), np.full(count, length)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from stlbench.stl import (
+    END,
     Always,
     And,
     Binary,
@@ -65,8 +66,10 @@ def _boolean(inner: st.SearchStrategy[Formula]) -> st.SearchStrategy[Formula]:
     )
 
 
-def _temporal(inner: st.SearchStrategy[Formula], longest: int) -> st.SearchStrategy[Formula]:
+def _temporal(inner: st.SearchStrategy[Formula], longest: int, endless: bool) -> st.SearchStrategy[Formula]:
     ends = intervals(longest)
+    if endless:
+        ends = st.one_of(ends, st.just((0, END)))
     return st.one_of(
         st.builds(lambda ab, arg: Always(ab[0], ab[1], arg), ends, inner),
         st.builds(lambda ab, arg: Eventually(ab[0], ab[1], arg), ends, inner),
@@ -75,12 +78,15 @@ def _temporal(inner: st.SearchStrategy[Formula], longest: int) -> st.SearchStrat
 
 
 def formulas(
-    predicates: st.SearchStrategy[Any] = PREDICATES, longest: int = 5, leaves: int = 6
+    predicates: st.SearchStrategy[Any] = PREDICATES, longest: int = 5, leaves: int = 6, endless: bool = False
 ) -> st.SearchStrategy[Formula]:
-    """Formulas of any nesting with intervals up to `longest`."""
+    """Formulas of any nesting with intervals up to `longest`; `endless`: or without intervals."""
     base = st.one_of(predicates, predicates, predicates, st.just(TrueFormula()))
-    grown = st.recursive(base, lambda inner: st.one_of(_boolean(inner), _temporal(inner, longest)), max_leaves=leaves)
-    return grown
+
+    def grow(inner: st.SearchStrategy[Formula]) -> st.SearchStrategy[Formula]:
+        return st.one_of(_boolean(inner), _temporal(inner, longest, endless))
+
+    return st.recursive(base, grow, max_leaves=leaves)
 
 
 def pointwise(predicates: st.SearchStrategy[Any] = PREDICATES) -> st.SearchStrategy[Formula]:
@@ -94,6 +100,25 @@ def traces(steps: int, seed: int, batch: tuple[int, ...] = ()) -> NDArray[np.flo
 
 
 SEEDS = st.integers(0, 2**32 - 1)
+
+
+def told(formula: Formula, last: int) -> int:
+    """The last step at which `formula` can be told on a trace with samples 0..last, perhaps negative."""
+    match formula:
+        case TrueFormula() | Predicate():
+            return last
+        case Not(arg):
+            return told(arg, last)
+        case And(args) | Or(args):
+            return min(told(arg, last) for arg in args)
+        case Implies(left, right):
+            return min(told(left, last), told(right, last))
+        case Always(_, b, arg) | Eventually(_, b, arg):
+            return told(arg, last) - (0 if b == END else b)
+        case Until(_, b, left, right):
+            if b in (0, END):
+                return told(right, last) if b == 0 else min(told(left, last), told(right, last))
+            return min(told(right, last) - b, told(left, last) - b + 1)
 
 
 def naive(formula: Formula, trace: NDArray[np.float64], t: int) -> float:

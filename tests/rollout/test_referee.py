@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.generated_formulas import NAMES, SEEDS, formulas, traces
 from helpers.line_task import Probe, Rule, line
+from hypothesis import given, settings
 
 from stlbench import stl
 from stlbench.contract import Array, Integers
 from stlbench.result import MAIN, Score
-from stlbench.rollout.referee import Referee, record, score, start_states
+from stlbench.rollout.referee import Referee, lost_at, record, score, start_states
 from stlbench.task import starts
 
 THREE = "G[0,2] x <= 1 & F[0,3] x >= 5 & G[4,6] x <= 3"
@@ -67,6 +69,22 @@ class TestScore:
         either = "(G[0,4] x <= 1 | F[0,2] x >= 5) & F[0,1] x >= 2"
         assert scored(either, [0, 2, 0, 0, 0]).first_failed == {"G[0,4] x <= 1 | F[0,2] x >= 5": 1}
         assert scored(either, [0, 1.5, 0, 0, 0]).first_failed == {"F[0,1] x >= 2": 1}
+
+
+def lost_by_definition(formula: stl.Formula, trace: Array) -> int:
+    """The length of the shortest beginning that no continuation can save, less 1; or the trace's length."""
+    for length in range(1, len(trace) + 1):
+        if not stl.satisfaction_bounds(formula, trace[:length], NAMES).possibly:
+            return length - 1
+    return len(trace)
+
+
+@settings(max_examples=60, deadline=None)
+@given(formulas(longest=4, leaves=4, endless=True), SEEDS)
+def test_when_a_formula_is_lost(formula: stl.Formula, seed: int) -> None:
+    batch = traces(9, seed, (4,))
+    expected = [lost_by_definition(formula, trace) for trace in batch]
+    assert lost_at(formula, batch, NAMES).tolist() == expected
 
 
 UP = 2

@@ -172,6 +172,7 @@ class Replayed(Operator):
         super().__init__(0, last, False)
         self.formula, self.names = formula, names
         self.samples: list[Sample] = []
+        self.ends = -math.inf, math.inf
 
     def asks(self, now: int) -> tuple[Pointwise, ...]:
         """Nothing by itself: the evaluation says where it fails."""

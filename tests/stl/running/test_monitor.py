@@ -72,6 +72,37 @@ def test_equals_the_interval_policy_at_every_step(formula: Formula, seed: int) -
 
 
 @quick
+@given(formulas(endless=True), SEEDS)
+def test_without_intervals_too(formula: Formula, seed: int) -> None:
+    trace, monitor = traces(12, seed), Monitor(formula, NAMES)
+    for n in range(1, len(trace) + 1):
+        now = monitor.update(trace[n - 1])
+        np.testing.assert_allclose(now[:2], robustness_bounds(formula, trace[:n], NAMES), rtol=1e-12, atol=1e-12)
+        certainly, possibly = satisfaction_bounds(formula, trace[:n], NAMES)
+        assert now.verdict == (True if certainly else None if possibly else False)
+
+
+def test_without_an_interval_the_end_stays_open() -> None:
+    always, eventually = Monitor(parse("G x >= 0"), ["x"]), Monitor(parse("F x >= 0"), ["x"])
+    for x in np.linspace(1, 5, 400):
+        assert always.update([x]) == Interval(-math.inf, 1.0, None)
+        assert eventually.update([-x]) == Interval(-1.0, math.inf, None)
+    assert always.update([-2.0]) == Interval(-math.inf, -2.0, False)
+    assert eventually.update([0.0]) == Interval(0.0, math.inf, True)
+
+
+def test_without_intervals_at_most_a_window_is_kept() -> None:
+    texts = ("G x >= 0", "F G x >= 0", "G F[0,3] x >= 0", "F[0,9] G x >= 0", "G[1,2] G x >= 0", "x >= 0 U x >= 9")
+    for text in (*texts, "x >= 0 W x >= 9", "x >= 9 R x >= 0", "G[0,3] G[1,2] x >= 0", "F[0,3] F[1,2] x >= 0"):
+        kinds = {type(leaf).__name__ for leaf in Monitor(parse(text), ["x"])._tree.leaves}
+        assert "Replayed" not in kinds, text
+    monitor = Monitor(parse("G F[0,3] x >= 0"), ["x"])
+    for x in range(500):
+        monitor.update([float(-x)])
+    assert len(monitor._tree.leaves[0].queue) <= 5  # type: ignore[attr-defined]
+
+
+@quick
 @given(intervals(6), intervals(6), pointwise(LIPSCHITZ), st.booleans(), st.booleans(), SEEDS)
 def test_nested_windows_equal_the_interval_policy(
     outer: tuple[int, int], inner: tuple[int, int], psi: Formula, always: bool, negated: bool, seed: int
