@@ -40,6 +40,10 @@ class TestRead:
         file = read_task_file(text(time="seconds", formula="G[0.5,2] x <= 1"), "line")
         assert file.formula == stl.parse("G[1,4] x <= 1")
 
+    def test_without_an_interval_to_the_end_of_the_episode(self) -> None:
+        file = read_task_file(text(formula="G x <= 1 & F G[0,2] x <= 1"), "line")
+        assert file.formula == stl.parse("G[0,8] x <= 1 & F[0,6] G[0,2] x <= 1")
+
     def test_an_axis_has_round_values(self) -> None:
         file = read_task_file(text(actions={"v": {"low": -0.3, "high": 0.3, "count": 7}}), "line")
         assert file.actions["v"].values == (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)
@@ -117,6 +121,11 @@ class TestMessages:
                 "initial.where: expected a formula without temporal operators, got F[0,1] x >= 0",
             ),
             ({"formula": "G[0,9] x <= 1"}, "formula: its horizon of 9 steps exceeds steps = 8"),
+            (
+                {"formula": "G F x <= 1"},
+                "formula: F without an interval at column 3 stands inside another temporal operator",
+            ),
+            ({"formula": "G F[0,9] x <= 1"}, "formula: G without an interval needs 10 samples, the trace has 9"),
             ({"formula": "G[0,9 x <= 1"}, "formula: line 1, column 7: expected"),
             (
                 {"signals": {"speed": {"low": 0, "high": 1}}, "formula": "G[0,4] sped <= 1"},

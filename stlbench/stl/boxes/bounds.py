@@ -12,7 +12,7 @@ from stlbench.stl.boxes.branch_and_bound import Maximum
 from stlbench.stl.boxes.domains import with_proven_domains
 from stlbench.stl.boxes.extremes import Search
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.language.traversal import is_temporal, signals
+from stlbench.stl.language.traversal import require_pointwise, signals
 from stlbench.stl.predicates.inputs import check_names
 
 
@@ -61,8 +61,7 @@ def bounds(
         UndefinedError: a square root, a logarithm, a tangent or a division is not defined all over the box.
         ValueError: psi has temporal operators, or an end of the box is not finite or low > high.
     """
-    if is_temporal(psi):
-        raise ValueError(f"expected a formula without temporal operators, got {psi}")
+    require_pointwise(psi)
     if not tolerance > 0:
         raise ValueError(f"tolerance must be positive, got {tolerance}")
     ends = _ends(psi, box, names)

@@ -104,5 +104,6 @@ def _refuse_unbounded(operand: Formula) -> None:
 def _end(operator: Always | Eventually | Until, last: int) -> int:
     end = last - lookahead(operator)
     if end < 0:
-        raise ValueError(f"{operator.letter} needs {lookahead(operator) + 1} samples, the trace has {last + 1}")
+        needed = f"{operator.letter} without an interval needs {lookahead(operator) + 1} samples"
+        raise ValueError(f"{needed}, the trace has {last + 1}")
     return end

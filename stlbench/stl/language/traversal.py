@@ -19,6 +19,12 @@ def require_formula(value: object) -> None:
     raise TypeError(f"expected a formula, got {type(value).__name__} {shorten(shown)}{hint}")
 
 
+def require_pointwise(psi: Formula) -> None:
+    """Raise ValueError for a formula with temporal operators."""
+    if is_temporal(psi):
+        raise ValueError(f"expected a formula without temporal operators, got {shorten(str(psi))}")
+
+
 def signals(formula: Formula) -> tuple[str, ...]:
     """Names of the signals that `formula` uses, each once, in order of first appearance."""
     require_formula(formula)

@@ -14,7 +14,7 @@ import numpy as np
 
 from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.language.traversal import is_temporal
+from stlbench.stl.language.traversal import require_pointwise
 from stlbench.stl.predicates.dialect import ARRAYS, FLOATS
 from stlbench.stl.predicates.formula_source import FormulaWriter, Reading
 from stlbench.stl.predicates.inputs import check_names
@@ -112,6 +112,5 @@ def _function(body: Sequence[str], namespace: Mapping[str, Any]) -> Callable[[An
 
 
 def _columns(psi: Formula, names: tuple[str, ...]) -> dict[str, int]:
-    if is_temporal(psi):
-        raise ValueError(f"expected a formula without temporal operators, got {psi}")
+    require_pointwise(psi)
     return check_names(psi, names)

@@ -68,7 +68,7 @@ def test_inside_a_temporal_operator_there_is_no_fixed_interval() -> None:
 
 def test_a_trace_that_ends_before_the_operand() -> None:
     assert resolve_end(parse("G F[0,9] x >= 0"), 9) == parse("G[0,0] F[0,9] x >= 0")
-    with pytest.raises(ValueError, match="G needs 10 samples, the trace has 9"):
+    with pytest.raises(ValueError, match="G without an interval needs 10 samples, the trace has 9"):
         resolve_end(parse("G F[0,9] x >= 0"), 8)
 
 

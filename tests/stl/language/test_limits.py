@@ -88,8 +88,8 @@ def test_what_is_accepted_works_everywhere(text: str) -> None:
 @pytest.mark.parametrize("name", ["pointwise conjuncts", "negations", "implications", "a sum", "calls"])
 def test_bounds_of_what_is_accepted(name: str) -> None:
     psi = parse(LARGE[name])
-    low, high = bounds(psi, {"x": (-1, 1)})[:2]
-    assert low <= margin(psi, ["x"])(np.array([0.5])) <= high
+    proven = bounds(psi, {"x": (-1, 1)})
+    assert proven.low <= margin(psi, ["x"])(np.array([0.5])) <= proven.high
 
 
 @pytest.mark.parametrize(
@@ -168,6 +168,7 @@ LONG = "x" * 50_000
         lambda: BatchMonitor(parse(f"sqrt({LONG} - 1) >= 0"), [LONG], 1).update([[0.0]]),
         lambda: robustness(f"{LONG} >= 0", TRACE, ["x"]),  # type: ignore[arg-type]
         lambda: parse(b"x" * 50_000),  # type: ignore[arg-type]
+        lambda: margin(parse(f"G[0,1] {LONG} >= 0"), [LONG]),
         lambda: Not(LONG),  # type: ignore[arg-type]
     ],
 )
