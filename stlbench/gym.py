@@ -50,10 +50,10 @@ _RESET = "call reset() first: no episode is running"
 def register_all() -> None:
     """Make `stlbench/<task>-v0` known to Gymnasium for every installed task. None of them is imported."""
     for name in plugins.available("tasks"):
-        entry = f"stlbench/{name}-v0"
-        if entry not in gymnasium.registry:
+        identifier = f"stlbench/{name}-v0"
+        if identifier not in gymnasium.registry:
             gymnasium.register(
-                entry,
+                identifier,
                 entry_point=f"{__name__}:StlEnv",
                 vector_entry_point=f"{__name__}:StlVectorEnv",
                 kwargs={"task": name},
@@ -90,10 +90,10 @@ class _Copies:
 
     def reset(self, generators: Sequence[np.random.Generator], options: Info | None) -> tuple[Single, Info]:
         """Start an episode in each copy: observations (N, D), and signals (N, 1, k) and time of the first sample."""
-        given = dict(options or {})
-        state = given.pop("state", None)
-        if given:
-            name = next(iter(given))
+        others = dict(options or {})
+        state = others.pop("state", None)
+        if others:
+            name = next(iter(others))
             raise UsageError(f"reset: no option '{name}'{did_you_mean(name, ['state'])}")
         if state is None:
             states = np.concatenate([self._draw(generator) for generator in generators])
@@ -266,7 +266,7 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
         return self._copies.pictures()
 
     def _masked(self, info: Info) -> Info:
-        """Gymnasium wants a mask beside each entry: which copies it is there for. Here: all."""
+        """Gymnasium wants a mask beside each value: which copies it is there for. Here: all."""
         return info | {f"_{name}": np.ones(self.num_envs, dtype=np.bool_) for name in info}
 
 

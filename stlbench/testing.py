@@ -6,7 +6,7 @@
         check_method(MyMethod)  # or by name, with parameters: check_method("my-method[beta=2]")
 
 A check runs the plugin and returns nothing. The first rule that is broken is an `AssertionError` that names the rule
-and what was found instead. That a reward is the right one is not checked: compute some by hand.
+and what there was instead. That a reward is the right one is not checked: compute some by hand.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def _check_episode(method: RewardMethod) -> None:
     try:
         json.dumps(dict(method.describe()) if isinstance(method, Described) else {})
     except (TypeError, ValueError) as error:
-        raise AssertionError(f"rule broken: describe gives what JSON can hold; found {error}") from error
+        raise AssertionError(f"rule broken: describe gives what JSON can hold; got {error}") from error
     traces, action = _traces(method.specification), np.zeros((_ROWS, 1))
     memories, rewards = (
         [
@@ -179,7 +179,7 @@ def _check_episode(method: RewardMethod) -> None:
         reward, memory = method.step(*arguments)
         _rule(np.shape(reward) == (_ROWS,), "the reward has shape (N,)", np.shape(reward))
         if t % max(1, steps // 12) == 0 or t == steps - 1:
-            _check_function("step", lambda *given: np.column_stack(method.step(*given)), arguments, (_ROWS, 1 + m))
+            _check_function("step", lambda *values: np.column_stack(method.step(*values)), arguments, (_ROWS, 1 + m))
             inputs = _check_function("inputs", method.inputs, (memory,), (_ROWS, m))
             _rule(bool(np.all(np.abs(inputs) <= 2)), "inputs are about in [-1, 1]", inputs)
         memories.append(memory)
@@ -199,17 +199,17 @@ def _check_function(
     name: str, function: Callable[..., Array], arguments: tuple[Array, ...], shape: tuple[int | None, ...]
 ) -> Array:
     """Shape (None: any), finite values, purity, and that a batch is its rows one by one."""
-    given = tuple(argument.copy() for argument in arguments)
-    found = np.array(function(*given))
-    fits = found.ndim == len(shape) and all(want in (None, got) for want, got in zip(shape, found.shape, strict=True))
-    _rule(fits, f"{name} has shape {shape}", found.shape)
-    _rule(bool(np.isfinite(found).all()), f"{name} is finite", found)
-    _rule(all(map(np.array_equal, given, arguments)), f"{name} leaves its arguments alone", "one that it changed")
-    _rule(np.array_equal(function(*given), found), f"{name} is pure", "another value for the same arguments")
-    for i in range(len(found)):
-        row = function(*(argument[i : i + 1] for argument in given))
-        _rule(np.allclose(row, found[i : i + 1]), f"{name} of a batch is that of its rows", f"a difference in row {i}")
-    return found
+    copies = tuple(argument.copy() for argument in arguments)
+    value = np.array(function(*copies))
+    fits = value.ndim == len(shape) and all(size in (None, n) for size, n in zip(shape, value.shape, strict=True))
+    _rule(fits, f"{name} has shape {shape}", value.shape)
+    _rule(bool(np.isfinite(value).all()), f"{name} is finite", value)
+    _rule(all(map(np.array_equal, copies, arguments)), f"{name} leaves its arguments alone", "one that it changed")
+    _rule(np.array_equal(function(*copies), value), f"{name} is pure", "another value for the same arguments")
+    for i in range(len(value)):
+        row = function(*(argument[i : i + 1] for argument in copies))
+        _rule(np.allclose(row, value[i : i + 1]), f"{name} of a batch is that of its rows", f"a difference in row {i}")
+    return value
 
 
 def _traces(specification: Specification) -> Array:
@@ -223,6 +223,6 @@ def _traces(specification: Specification) -> Array:
     return traces
 
 
-def _rule(kept: bool, rule: str, found: object) -> None:
+def _rule(kept: bool, rule: str, got: object) -> None:
     if not kept:
-        raise AssertionError(f"rule broken: {rule}; found {found}")
+        raise AssertionError(f"rule broken: {rule}; got {got}")

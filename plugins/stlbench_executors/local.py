@@ -53,44 +53,44 @@ class LocalExecutor(Executor):
         """See `Executor.run`."""
         if len(deadlines) != len(items) or any(deadline <= 0 for deadline in deadlines):
             raise ValueError("each item needs a deadline, in seconds and greater than 0")
-        lanes = [_Lane(function, items, deadlines) for _ in range(min(self.jobs, len(items)))]
+        slots = [_Slot(function, items, deadlines) for _ in range(min(self.jobs, len(items)))]
         with _environment(ONE_THREAD):
             try:
-                yield from _outcomes(lanes, len(items))
+                yield from _outcomes(slots, len(items))
             finally:
-                _stop(lanes)
+                _stop(slots)
 
 
-def _outcomes(lanes: list[_Lane], count: int) -> Generator[Outcome]:
-    waiting, idle, busy = iter(range(count)), lanes, dict[Future[Any], _Lane]()
+def _outcomes(slots: list[_Slot], count: int) -> Generator[Outcome]:
+    waiting, idle, busy = iter(range(count)), slots, dict[Future[Any], _Slot]()
     while True:
-        busy |= {lane.begin(index): lane for lane, index in zip(idle, waiting, strict=False)}
+        busy |= {slot.take(index): slot for slot, index in zip(idle, waiting, strict=False)}
         if not busy:
             return
         ended, running = wait(busy, timeout=START_SECONDS / 4, return_when=FIRST_COMPLETED)
         idle = []
         for future in [*ended, *(future for future in running if busy[future].is_stuck)]:
-            lane = busy.pop(future)
-            outcome = lane.outcome()
+            slot = busy.pop(future)
+            outcome = slot.outcome()
             if outcome is None:
-                busy[lane.offer()] = lane
+                busy[slot.offer()] = slot
             else:
-                idle.append(lane)
+                idle.append(slot)
                 yield outcome
 
 
-class _Lane:
-    """One worker after the other, and the item that the present one is given.
+class _Slot:
+    """One worker after the other, and the item that the present one has.
 
     pebble loses items where a pool has several workers and one dies between taking an item and saying so, and breaks
-    the whole pool where an idle worker dies. With one worker and one item a pool, either is seen and put right here.
+    the whole pool where an idle worker dies. With one worker and one item per pool, either is seen and put right here.
     """
 
     def __init__(self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]) -> None:
         self._function, self._items, self._deadlines = function, items, deadlines
         self.pool: Any = None  # pebble is not typed throughout
 
-    def begin(self, index: int) -> Future[Any]:
+    def take(self, index: int) -> Future[Any]:
         """Take over the item with this index."""
         self._index, self._offers = index, 0
         return self.offer()
@@ -143,12 +143,12 @@ class _Lane:
             self.pool = None
 
 
-def _stop(lanes: list[_Lane]) -> None:
-    for lane in lanes:
-        if lane.pool is not None:
-            lane.pool.stop()  # tell all before waiting for the first
-    for lane in lanes:
-        lane.stop()
+def _stop(slots: list[_Slot]) -> None:
+    for slot in slots:
+        if slot.pool is not None:
+            slot.pool.stop()  # tell all before waiting for the first
+    for slot in slots:
+        slot.stop()
 
 
 def _ended(index: int, answer: bytes, reason: str, details: str) -> Outcome:
@@ -156,11 +156,11 @@ def _ended(index: int, answer: bytes, reason: str, details: str) -> Outcome:
         try:
             return Outcome(index, "done", pickle.loads(answer))  # noqa: S301 - from our own worker
         except Exception as error:
-            reason, details = _told(error)
+            reason, details = _described(error)
     return Outcome(index, "raised", reason=reason, details=details)
 
 
-def _told(error: BaseException) -> tuple[str, str]:
+def _described(error: BaseException) -> tuple[str, str]:
     """The exception being handled, in one line and in full."""
     reason = " ".join(f"{type(error).__name__}: {error}".split())
     return reason[:500].removesuffix(":"), traceback.format_exc()
@@ -222,4 +222,4 @@ def _call(work: bytes) -> tuple[bytes, str, str]:
         function, item = pickle.loads(work)  # noqa: S301 - from our own parent
         return pickle.dumps(function(item)), "", ""
     except BaseException as error:
-        return b"", *_told(error)
+        return b"", *_described(error)

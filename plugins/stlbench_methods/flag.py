@@ -1,4 +1,4 @@
-"""flag: F-MDP, a flag a term instead of a history (Venkataraman, Aksaray, Seiler, L4DC 2020)."""
+"""flag: F-MDP, one flag per term instead of a history (Venkataraman, Aksaray, Seiler, L4DC 2020)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Flag"]
 
 
 class Flag(RewardMethod):
-    """One flag a term, updated from the predicate alone; the reward is for the truth of the flags.
+    """One flag per term, updated from the predicate alone; the reward is for the truth of the flags.
 
     Where the task (or its nested form) reads (F|G)[0,Te] phi, with phi an and/or of F[0,w] psi and G[0,w] psi: integer
     counters over windows of w + 1 samples, sat = and/or of their verdicts, and the reward exp(beta (sat - 1)) for an

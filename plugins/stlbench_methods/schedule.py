@@ -47,7 +47,7 @@ def least_active(values: Sequence[Value], active: Truth) -> Value:
     """The minimum of the active terms' values, and 0 where no term is active (Algorithm 1, read consistently).
 
     Args:
-        values: one a term.
+        values: one per term.
         active: (number of terms, steps + 1), see `active_table`.
     """
     if len(values) == 1 and active.all():

@@ -57,7 +57,7 @@ def scores(tasks: Iterable[Choice]) -> dict[str, Score]:
     Left out are tasks without one, and those that are not installed or cannot be loaded: results may come from another
     machine.
     """
-    found = dict[str, Score]()
+    by_task = dict[str, Score]()
     for name in dict.fromkeys(task.name for task in tasks):
         try:
             task = load_task(Choice(name))
@@ -68,8 +68,8 @@ def scores(tasks: Iterable[Choice]) -> dict[str, Score]:
             continue
         scored = score(task)
         if scored is not None:
-            found[name] = scored
-    return found
+            by_task[name] = scored
+    return by_task
 
 
 def _warn(task: str, error: Exception) -> None:

@@ -61,8 +61,8 @@ class Task:
         return Specification(
             formula=self.file.rewarded or self.formula,
             signals=self.signals,
-            low=tuple(entry.low for entry in ranges),
-            high=tuple(entry.high for entry in ranges),
+            low=tuple(signal.low for signal in ranges),
+            high=tuple(signal.high for signal in ranges),
             steps=self.file.steps,
             dt=self.file.sampling_time,
             nested=self.file.nested,
@@ -95,7 +95,7 @@ def load_task(choice: Choice | str) -> Task:
         text: its name; for an ablation with what it is to do without, joined by +: overlap[without=cuts+ends].
 
     Raises:
-        UsageError: no such task, a task file with errors (the message lists all of them), or without a thing that the
+        UsageError: no such task, a task file with errors (the message lists all of them), or without a part that the
             task does not have.
     """
     choice = choice_of(choice)

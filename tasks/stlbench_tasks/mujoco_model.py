@@ -156,7 +156,7 @@ def _mujoco() -> Any:
 
 def _path(package: str, path: str) -> str:
     """Of a file of a package that is not imported: the environments of both packages take long and print advice."""
-    found = find_spec(package)
-    if found is None or found.origin is None:
+    spec = find_spec(package)
+    if spec is None or spec.origin is None:
         raise ImportError(_MISSING)
-    return str(Path(found.origin).parent / path)
+    return str(Path(spec.origin).parent / path)

@@ -14,10 +14,10 @@ _AIMED = 0.3
 """Radians of bearing below which the robot drives; above, it turns on the spot."""
 
 
-def nearest(wanted: Array, limit: float, step: float) -> Array:
-    """The values of the grid -limit, ..., -step, 0, step, ..., limit that are nearest to `wanted`."""
-    found: Array = np.round(np.round(np.clip(wanted, -limit, limit) / step) * step, 12)
-    return found
+def nearest(action: Array, limit: float, step: float) -> Array:
+    """The values of the grid -limit, ..., -step, 0, step, ..., limit that are nearest to `action`."""
+    rounded: Array = np.round(np.round(np.clip(action, -limit, limit) / step) * step, 12)
+    return rounded
 
 
 def polar(state: Array, x: Array | float, y: Array | float) -> tuple[Array, Array]:

@@ -54,8 +54,8 @@ class Pendulum(System):
 
     def controller(self, state: Array, t: Integers) -> Array:
         """The torque whose next omega is nearest to -3 times the error, at most 6 rad/s: (N, 1)."""
-        wanted = np.clip(-3 * (state[:, 0] - _TARGETS[_phase(t)]), -6, 6)
-        torque = _INERTIA * ((wanted - state[:, 1]) / self.dt - _drift(state))
+        speed = np.clip(-3 * (state[:, 0] - _TARGETS[_phase(t)]), -6, 6)
+        torque = _INERTIA * ((speed - state[:, 1]) / self.dt - _drift(state))
         return nearest(torque, 3.0, 0.1)[:, None]
 
 

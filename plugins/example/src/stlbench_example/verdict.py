@@ -10,7 +10,7 @@ from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsu
 class Verdict(RewardMethod):
     """1/n for each of the formula's n terms that is satisfied, 0 for one that is not, paid when its interval ends.
 
-    The memory has one flag a term: for G 1 until psi fails in the interval, for F 0 until psi holds in it.
+    The memory has one flag per term: for G 1 until psi fails in the interval, for F 0 until psi holds in it.
 
     Args:
         pay: `deadline`, each term at the end of its own interval, or `end`, all of them at the end of the episode.
