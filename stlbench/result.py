@@ -109,13 +109,13 @@ def find_cell(cells: Iterable[CellId], name: str, budget: str | None = None) -> 
     """The one of the cells that a user names.
 
     Raises:
-        UsageError: there is none of that name and budget, or several budgets and none is given.
+        UsageError: there is none of that name and budget, or several budgets and none is named.
     """
     known = list(cells)
-    wanted = CellId.parse(name, budget or "").name
-    budgets = {cell.budget: cell for cell in known if cell.name == wanted}
+    canonical = CellId.parse(name, budget or "").name
+    budgets = {cell.budget: cell for cell in known if cell.name == canonical}
     if not budgets:
-        raise UsageError(f"there is no cell '{name}'{did_you_mean(wanted, {cell.name for cell in known})}")
+        raise UsageError(f"there is no cell '{name}'{did_you_mean(canonical, {cell.name for cell in known})}")
     if budget is None and len(budgets) > 1:
         raise UsageError(f"{name} has the budgets {', '.join(sorted(budgets))}; say which")
     if budget is not None and budget not in budgets:
@@ -128,7 +128,7 @@ def find_cell(cells: Iterable[CellId], name: str, budget: str | None = None) -> 
 
 @dataclass(frozen=True)
 class Score:
-    """What the referee found under one protocol, a value a start."""
+    """What the referee found under one protocol, one value per start."""
 
     __pydantic_config__ = ConfigDict(ser_json_inf_nan="constants")
 
@@ -137,7 +137,7 @@ class Score:
     satisfied: tuple[bool, ...]
     """Boolean satisfaction, its own verdict: at robustness 0 the two need not agree."""
     first_failed: Mapping[str, int]
-    """How many starts failed, by the conjunct that was lost first."""
+    """How many starts failed, by the conjunct that failed first."""
 
     @property
     def mean(self) -> float:
@@ -187,7 +187,7 @@ class Measurement:
     env_steps: int
     """Environment steps of one sampling time that training used."""
     reward_nanoseconds: float
-    """CPU time of the method's reward a step and copy, in nanoseconds, measured apart on a batch of 1024."""
+    """CPU time of the method's reward per step and copy, in nanoseconds, measured apart on a batch of 1024."""
     inputs_added: int
     """Inputs that the method added to the policy's observation."""
 

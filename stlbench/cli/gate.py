@@ -48,7 +48,7 @@ def gate(
 ) -> None:
     """Measure the cells of a reference again, and say whether they are worse.
 
-    Robustness and satisfaction are compared seed by seed, CPU time and the reward's cost relative to a calibration
+    Robustness and satisfaction are compared seed by seed, CPU time and the reward's time relative to a calibration
     measured beside the cells. Exit codes: 0 no worse, 1 worse, 3 these seeds cannot tell, 4 nothing measured or cells
     missing, 2 bad input, 130 after ctrl-C. The same command again measures only what is missing in DIR.
 

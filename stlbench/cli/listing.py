@@ -32,19 +32,19 @@ def list_plugins(
 
     if kind not in plugins.KINDS:
         raise UsageError(f"no kind of plugin '{kind}'{did_you_mean(kind, plugins.KINDS)}")
-    entries = []
+    listed = []
     for plugin in plugins.available(kind).values():
         try:
-            entries.append(_entry(plugin))
+            listed.append(_facts(plugin))
         except plugins.PluginError as error:
             warn(str(error))
     if as_json:
-        print_json(entries)
+        print_json(listed)
     else:
-        _print(kind, entries)
+        _print(kind, listed)
 
 
-def _entry(plugin: Plugin) -> dict[str, Any]:
+def _facts(plugin: Plugin) -> dict[str, Any]:
     from stlbench.registry import plugins
 
     return {
@@ -59,22 +59,22 @@ def _entry(plugin: Plugin) -> dict[str, Any]:
     }
 
 
-def _print(kind: str, entries: list[dict[str, Any]]) -> None:
+def _print(kind: str, listed: list[dict[str, Any]]) -> None:
     from stlbench.report import Column, Table, to_screen
 
-    titles = ["name", "from", "summary", *(["parameters"] if any(entry["parameters"] for entry in entries) else [])]
+    titles = ["name", "from", "summary", *(["parameters"] if any(facts["parameters"] for facts in listed) else [])]
     rows = tuple(
-        (entry["name"], f"{entry['distribution']} {entry['version']}", entry["summary"], _parameters(entry))[
+        (facts["name"], f"{facts['distribution']} {facts['version']}", facts["summary"], _parameters(facts))[
             : len(titles)
         ]
-        for entry in entries
+        for facts in listed
     )
     to_screen(Table(kind.capitalize(), tuple(Column(title, right=False) for title in titles), rows), console())
 
 
-def _parameters(entry: dict[str, Any]) -> str:
+def _parameters(facts: dict[str, Any]) -> str:
     texts = []
-    for name, parameter in entry["parameters"].items():
+    for name, parameter in facts["parameters"].items():
         default = f" = {parameter['default']}" if "default" in parameter else ", required"
         texts.append(f"{name}: {parameter['type']}{default}")
     return "\n".join(texts)

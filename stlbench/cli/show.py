@@ -54,11 +54,11 @@ def task(
 
     loaded = load_task(name)
     plugin = plugins.find("tasks", loaded.choice.name)
-    found = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | facts(loaded)
+    content = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | facts(loaded)
     if as_json:
-        print_json(found)
+        print_json(content)
     else:
-        _print(found)
+        _print(content)
 
 
 def facts(task: Task) -> dict[str, Any]:
@@ -78,19 +78,19 @@ def facts(task: Task) -> dict[str, Any]:
         "hold": file.hold,
         "starts": file.starts,
         "controller": _scored(controller.score(task)),
-        "signals": {key: entry.model_dump() for key, entry in file.signals.items()},
+        "signals": {name: signal.model_dump() for name, signal in file.signals.items()},
         "terms": _terms(task),
-        "actions": {key: entry.model_dump(exclude_none=True) for key, entry in file.actions.items()},
+        "actions": {name: axis.model_dump(exclude_none=True) for name, axis in file.actions.items()},
         "robots": file.robots,
         "training": file.training.model_dump(exclude_none=True),
-        "budgets": {key: entry.model_dump() for key, entry in file.budgets.items()},
+        "budgets": {name: budget.model_dump() for name, budget in file.budgets.items()},
         "protocols": {
             key: {
-                "title": entry.title,
-                "formula": str(entry.formula or file.formula),
-                "starts": entry.starts,
+                "title": protocol.title,
+                "formula": str(protocol.formula or file.formula),
+                "starts": protocol.starts,
             }
-            for key, entry in file.protocols.items()
+            for key, protocol in file.protocols.items()
         },
         "own_agent": task.own_agent,
         "agents": file.agents,
@@ -123,13 +123,13 @@ def _terms(task: Task) -> list[dict[str, Any]] | str:
 def _methods(task: Task) -> dict[str, Any]:
     from stlbench.registry import plugins
 
-    found = {}
+    methods = {}
     for name in plugins.available("methods"):
         try:
-            found[name] = _method(task, name)
+            methods[name] = _method(task, name)
         except plugins.PluginError as error:
             warn(str(error))
-    return found
+    return methods
 
 
 def _method(task: Task, name: str) -> dict[str, Any]:
@@ -151,79 +151,79 @@ def _method(task: Task, name: str) -> dict[str, Any]:
     return {"status": "suitable", "inputs_added": method.memory_size, "scale": method.scale} | described
 
 
-def _print(found: dict[str, Any]) -> None:
+def _print(content: dict[str, Any]) -> None:
     from stlbench.report import to_screen
 
-    seconds = found["steps"] * found["sampling_time"]
+    seconds = content["steps"] * content["sampling_time"]
     lines = [
-        f"{found['name']}: {found['title']} ({found['distribution']} {found['version']})",
-        f"source:   {found['source']}",
-        f"formula:  {found['formula']}",
-        f"horizon:  {found['horizon']} steps of {found['sampling_time']:g} s",
-        f"episode:  {found['steps']} steps ({seconds:g} s), each action held for {found['hold']}",
-        f"starts:   {found['starts']} for the report, as many others for the selection of checkpoints",
+        f"{content['name']}: {content['title']} ({content['distribution']} {content['version']})",
+        f"source:   {content['source']}",
+        f"formula:  {content['formula']}",
+        f"horizon:  {content['horizon']} steps of {content['sampling_time']:g} s",
+        f"episode:  {content['steps']} steps ({seconds:g} s), each action held for {content['hold']}",
+        f"starts:   {content['starts']} for the report, as many others for the selection of checkpoints",
     ]
-    if found["controller"] is not None:
-        mean, least, share = found["controller"].values()
+    if content["controller"] is not None:
+        mean, least, share = content["controller"].values()
         lines.append(f"by hand:  robustness {mean:.3f}, worst start {least:.3f}, satisfied {100 * share:.1f} %")
-    if found["notes"]:
-        lines.append(f"notes:    {found['notes']}")
-    if isinstance(found["terms"], str):
-        lines.append(f"terms:    {found['terms']}")
+    if content["notes"]:
+        lines.append(f"notes:    {content['notes']}")
+    if isinstance(content["terms"], str):
+        lines.append(f"terms:    {content['terms']}")
     for line in lines:
         typer.echo(line)
     typer.echo()
     out = console()
-    for table in _tables(found):
+    for table in _tables(content):
         to_screen(table, out)
 
 
-def _tables(found: dict[str, Any]) -> list[Table]:
-    terms = found["terms"] if isinstance(found["terms"], list) else []
-    counted = any("count" in entry for entry in found["actions"].values())
+def _tables(content: dict[str, Any]) -> list[Table]:
+    terms = content["terms"] if isinstance(content["terms"], list) else []
+    counted = any("count" in axis for axis in content["actions"].values())
     tables = [
         _table("Terms and the range of their robustness", terms),
-        _table("Signals", _named("signal", found["signals"])),
-        _table("Actions" if counted else "Actions, continuous", _named("action", found["actions"])),
-        _table("Robots", [{"robot": key, "actions": ", ".join(names)} for key, names in found["robots"].items()]),
-        _table("Training episodes", _training(found["training"]), *_TRAINING_NOTES),
-        _table("Budgets", _named("budget", found["budgets"])),
-        _table("Further protocols", _named("protocol", found["protocols"])),
-        _table("Recipes, the task's own agent first", _recipes(found["agents"])),
-        _table("Methods", [{"method": key} | _summary(entry) for key, entry in found["methods"].items()]),
+        _table("Signals", _named("signal", content["signals"])),
+        _table("Actions" if counted else "Actions, continuous", _named("action", content["actions"])),
+        _table("Robots", [{"robot": key, "actions": ", ".join(names)} for key, names in content["robots"].items()]),
+        _table("Training episodes", _training(content["training"]), *_TRAINING_NOTES),
+        _table("Budgets", _named("budget", content["budgets"])),
+        _table("Further protocols", _named("protocol", content["protocols"])),
+        _table("Recipes, the task's own agent first", _recipes(content["agents"])),
+        _table("Methods", [{"method": key} | _summary(made) for key, made in content["methods"].items()]),
     ]
     return [table for table in tables if table.rows]
 
 
 def _training(training: dict[str, Any]) -> list[dict[str, Any]]:
-    return [{"part": key, "how they differ": _text(entry)} for key, entry in training.items() if entry != ()]
+    return [{"part": key, "how they differ": _text(part)} for key, part in training.items() if part != ()]
 
 
 def _recipes(agents: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
-    return [{"agent": key, "parameters": _listed(entry)} for key, entry in agents.items()]
+    return [{"agent": key, "parameters": _listed(recipe)} for key, recipe in agents.items()]
 
 
-def _named(title: str, entries: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
-    return [{title: key} | entry for key, entry in entries.items()]
+def _named(title: str, facts: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{title: key} | rest for key, rest in facts.items()]
 
 
-def _summary(entry: dict[str, Any]) -> dict[str, Any]:
+def _summary(made: dict[str, Any]) -> dict[str, Any]:
     """The columns of a method's row."""
-    if entry["status"] != "suitable":
-        return {"inputs added": None, "what it makes of the task": f"{entry['status']}: {entry['reason']}"}
-    rest = {key: value for key, value in entry.items() if key not in ("status", "inputs_added")}
-    return {"inputs added": entry["inputs_added"], "what it makes of the task": _listed(rest)}
+    if made["status"] != "suitable":
+        return {"inputs added": None, "what it makes of the task": f"{made['status']}: {made['reason']}"}
+    rest = {key: value for key, value in made.items() if key not in ("status", "inputs_added")}
+    return {"inputs added": made["inputs_added"], "what it makes of the task": _listed(rest)}
 
 
 def _listed(values: dict[str, Any]) -> str:
     return "\n".join(f"{key}: {_text(value)}" for key, value in values.items())
 
 
-def _table(title: str, entries: list[dict[str, Any]], *notes: str) -> Table:
+def _table(title: str, rows: list[dict[str, Any]], *notes: str) -> Table:
     from stlbench.report import Column, Table
 
-    columns = tuple(Column(key, right=isinstance(value, int | float)) for key, value in (entries or [{}])[0].items())
-    return Table(title, columns, tuple(tuple(map(_value, entry.values())) for entry in entries), notes)
+    columns = tuple(Column(key, right=isinstance(value, int | float)) for key, value in (rows or [{}])[0].items())
+    return Table(title, columns, tuple(tuple(map(_value, row.values())) for row in rows), notes)
 
 
 def _value(value: Any) -> Value:

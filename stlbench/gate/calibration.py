@@ -24,7 +24,7 @@ CALIBRATION = "calibration_seconds"
 """Name of a cell's calibration in its provenance and in a reference."""
 
 UPDATES = 96
-"""Updates a pass: about 10 ms, long against the clock and short against a cell."""
+"""Updates per pass: about 10 ms, long against the clock and short against a cell."""
 
 PASSES = 5
 """Odd: the median leaves out the passes that something else disturbed."""
@@ -102,9 +102,8 @@ class CalibratedLedger(Ledger):
 
     def finished(self, keys: Iterable[str], retry: bool = False) -> set[str]:
         """See `Ledger.finished`; only what has a calibration and this stamp."""
-        found = self.results(super().finished(keys, retry))
-        wanted = self._stamp.items()
-        return {result.key for result in found if wanted <= result.provenance.items() and _calibrated(result)}
+        results, stamp = self.results(super().finished(keys, retry)), self._stamp.items()
+        return {result.key for result in results if stamp <= result.provenance.items() and _calibrated(result)}
 
 
 def _calibrated(result: Result) -> bool:

@@ -12,7 +12,7 @@ method, agent and budget:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Literal
@@ -21,10 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from stlbench.gate.metrics import METRICS, Metric
 from stlbench.gate.snapshot import Pair, Sample
 from stlbench.result import ACCIDENTS, CellId, Setting
 
-__all__ = ["EXIT", "METRICS", "Comparison", "Finding", "Judgement", "Metric", "Verdict", "judge"]
+__all__ = ["EXIT", "Comparison", "Finding", "Judgement", "Verdict", "judge"]
 
 Floats = NDArray[np.float64]
 Verdict = Literal["no worse", "worse", "cannot tell", "missing"]
@@ -38,62 +39,6 @@ LEVEL = 0.95
 """Confidence that the loss is less than the interval's end. It needs no correction: all must exclude, not one."""
 FREEDOM = 2
 """The fewest degrees of freedom from which anything is said: three seeds."""
-
-
-def relative(base: Floats, new: Floats) -> Floats:
-    """Gain over the size of the base, per seed: its own, or half the mean over the seeds where that is more."""
-    size = np.abs(base)
-    size = np.maximum(size, size.mean() / 2)
-    gain: Floats = (new - base) / np.where(size > 0, size, 1.0)
-    return gain
-
-
-def absolute(base: Floats, new: Floats) -> Floats:
-    """Gain in the unit of the metric."""
-    return new - base
-
-
-def speed(base: Floats, new: Floats) -> Floats:
-    """Logarithm of how many times faster."""
-    gain: Floats = np.log(base) - np.log(new)
-    return gain
-
-
-@dataclass(frozen=True)
-class Metric:
-    """What is compared. Losses are in the unit of `gain`."""
-
-    name: str
-    value: Callable[[Sample], float | None]
-    """None where it was not measured."""
-    gain: Callable[[Floats, Floats], Floats]
-    tolerated: float
-    """The largest average loss that is not worse."""
-    shown: str
-    """How a change is written (see `change`)."""
-    timing: bool = False
-    """A CPU time. Its gains scatter alike in all settings, so the scatter is taken from all of them together."""
-
-    def change(self, gain: float) -> float:
-        """A gain for people: of a time, new over base; otherwise the gain itself."""
-        return math.exp(-gain) if self.timing else gain
-
-    def text(self, gain: float) -> str:
-        """The change, with its unit."""
-        return self.shown.format(self.change(gain))
-
-
-def _calibrated(seconds: float | None, sample: Sample) -> float | None:
-    return seconds / sample.calibration_seconds if seconds and sample.calibration_seconds else None
-
-
-METRICS = (
-    Metric("robustness", lambda sample: sample.robustness_mean, relative, 0.05, "{:+.1%}"),
-    Metric("satisfaction", lambda sample: sample.satisfaction, absolute, 0.05, "{:+.3f}"),
-    Metric("CPU", lambda cell: _calibrated(cell.training_cpu_seconds, cell), speed, math.log(1.25), "x{:.2f}", True),
-    Metric("reward", lambda cell: _calibrated(cell.reward_nanoseconds, cell), speed, math.log(1.5), "x{:.2f}", True),
-)
-"""CPU: seconds of training; reward: nanoseconds of the method's reward a step; both over the calibration."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from stlbench.errors import UsageError
-from stlbench.gate.judge import EXIT, METRICS, Comparison, Finding, Judgement
+from stlbench.gate.judge import EXIT, Comparison, Finding, Judgement
+from stlbench.gate.metrics import METRICS
 from stlbench.gate.snapshot import Snapshot
 from stlbench.report import Column, Table, Value, to_markdown
 
@@ -21,9 +22,9 @@ Named = tuple[str, Snapshot]
 
 def write(folder: Path, judgement: Judgement, base: Named, new: Named) -> None:
     """Write gate.json and gate.md. Raises `UsageError` where the folder cannot be written."""
-    found = facts(judgement, base, new)
+    content = facts(judgement, base, new)
     try:
-        (folder / "gate.json").write_text(json.dumps(found, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        (folder / "gate.json").write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
         (folder / "gate.md").write_text(markdown("stlbench gate", judgement, base, new), encoding="utf-8")
     except OSError as error:
         raise UsageError(f"cannot write the summary: {error}") from error
@@ -40,8 +41,8 @@ def facts(judgement: Judgement, base: Named, new: Named) -> dict[str, Any]:
         "base": _source(*base),
         "new": _source(*new),
         "notes": notes(base[1], new[1]),
-        "comparisons": [_record(entry) for entry in judgement.comparisons],
-        "findings": [vars(entry) | {"cell": entry.cell.name} for entry in judgement.findings],
+        "comparisons": [_record(comparison) for comparison in judgement.comparisons],
+        "findings": [vars(finding) | {"cell": finding.cell.name} for finding in judgement.findings],
     }
 
 
@@ -49,20 +50,23 @@ def _source(path: str, snapshot: Snapshot) -> dict[str, Any]:
     return {"path": path, "cells": len(snapshot.samples), "provenance": dict(snapshot.provenance)}
 
 
-def _record(entry: Comparison) -> dict[str, Any]:
-    metric, limits = entry.metric, sorted((entry.metric.change(entry.low), entry.metric.change(entry.high)))
+def _record(comparison: Comparison) -> dict[str, Any]:
+    metric, limits = (
+        comparison.metric,
+        sorted((comparison.metric.change(comparison.low), comparison.metric.change(comparison.high))),
+    )
     numbers = {
-        "base": entry.base,
-        "new": entry.new,
-        "change": metric.change(entry.gain),
+        "base": comparison.base,
+        "new": comparison.new,
+        "change": metric.change(comparison.gain),
         "low": limits[0],
         "high": limits[1],
         "tolerated": metric.change(-metric.tolerated),
-        "p_value": entry.chance,
+        "p_value": comparison.chance,
     }
-    setting = {name: str(part) for name, part in vars(entry.setting).items()}
+    setting = {name: str(part) for name, part in vars(comparison.setting).items()}
     finite = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
-    return {**setting, "metric": metric.name, "seeds": entry.seeds, **finite, "verdict": entry.verdict}
+    return {**setting, "metric": metric.name, "seeds": comparison.seeds, **finite, "verdict": comparison.verdict}
 
 
 # --------------------------------------------------------------------------------------------------------- Markdown
@@ -87,10 +91,10 @@ def notes(base: Snapshot, new: Snapshot) -> list[str]:
     uncalibrated = [
         name
         for name, snapshot in (("base", base), ("new", new))
-        if not any(entry.calibration_seconds for entry in snapshot.samples.values())
+        if not any(sample.calibration_seconds for sample in snapshot.samples.values())
     ]
     machines = {snapshot.provenance.get("machine") for snapshot in (base, new)}
-    found = [
+    possible = [
         (further, f"Cells of the new snapshot alone, which were not compared: {further}."),
         (uncalibrated, f"CPU times were not compared: no calibration in {' and '.join(uncalibrated)}."),
         (len(machines) > 1, "The two were measured on different machines: robustness differs by chance as well."),
@@ -99,35 +103,39 @@ def notes(base: Snapshot, new: Snapshot) -> list[str]:
             "The two ran with different numbers of jobs, or one does not say; CPU times suffer from neighbours.",
         ),
     ]
-    return [note for applies, note in found if applies]
+    return [note for applies, note in possible if applies]
 
 
 def _trouble(judgement: Judgement) -> Table:
     """One row for each thing that is not fine, the worst first; as texts, since each row has its metric's unit."""
     titles = ("verdict", "where", "metric", "base", "new", "change", "95 % limits", "tolerated", "seeds", "p", "reason")
-    rows = [(EXIT[entry.verdict], _finding(entry)) for entry in judgement.findings]
-    rows += [(EXIT[entry.verdict], _comparison(entry)) for entry in judgement.comparisons if EXIT[entry.verdict]]
+    rows = [(EXIT[finding.verdict], _finding(finding)) for finding in judgement.findings]
+    rows += [
+        (EXIT[comparison.verdict], _comparison(comparison))
+        for comparison in judgement.comparisons
+        if EXIT[comparison.verdict]
+    ]
     columns = tuple(Column(title, right=title not in ("verdict", "where", "metric", "reason")) for title in titles)
     return Table("What is not fine", columns, tuple(row for _, row in sorted(rows, key=lambda row: row[0])))
 
 
-def _finding(entry: Finding) -> tuple[Value, ...]:
-    return (entry.verdict, entry.cell.name, *[None] * 8, entry.reason or None)
+def _finding(finding: Finding) -> tuple[Value, ...]:
+    return (finding.verdict, finding.cell.name, *[None] * 8, finding.reason or None)
 
 
-def _comparison(entry: Comparison) -> tuple[Value, ...]:
-    metric = entry.metric
-    limits = sorted((entry.low, entry.high), key=metric.change)
+def _comparison(comparison: Comparison) -> tuple[Value, ...]:
+    metric = comparison.metric
+    limits = sorted((comparison.low, comparison.high), key=metric.change)
     return (
-        *(entry.verdict, entry.setting.name, metric.name, f"{entry.base:.4g}", f"{entry.new:.4g}"),
-        *(metric.text(entry.gain), f"[{metric.text(limits[0])}, {metric.text(limits[1])}]"),
-        *(metric.text(-metric.tolerated), entry.seeds, f"{entry.chance:.2g}", None),
+        *(comparison.verdict, comparison.setting.name, metric.name, f"{comparison.base:.4g}", f"{comparison.new:.4g}"),
+        *(metric.text(comparison.gain), f"[{metric.text(limits[0])}, {metric.text(limits[1])}]"),
+        *(metric.text(-metric.tolerated), comparison.seeds, f"{comparison.chance:.2g}", None),
     )
 
 
 def _settings(judgement: Judgement) -> Table:
     """One row per setting, one column per metric."""
-    compared = {(entry.setting, entry.metric.name): entry for entry in judgement.comparisons}
+    compared = {(comparison.setting, comparison.metric.name): comparison for comparison in judgement.comparisons}
     names = [metric.name for metric in METRICS]
     titles = ("task", "method", "agent", "budget", "seeds", *names)
     columns = tuple(Column(title, right=place > 3) for place, title in enumerate(titles))
@@ -143,15 +151,17 @@ def _settings(judgement: Judgement) -> Table:
     return Table("All settings", columns, rows, remarks)
 
 
-def _row(entries: Sequence[Comparison | None]) -> list[Value]:
-    seeds = max((entry.seeds for entry in entries if entry), default=0)
-    return [seeds, *(None if entry is None else _change(entry) for entry in entries)]
+def _row(comparisons: Sequence[Comparison | None]) -> list[Value]:
+    seeds = max((comparison.seeds for comparison in comparisons if comparison), default=0)
+    return [seeds, *(None if comparison is None else _change(comparison) for comparison in comparisons)]
 
 
-def _change(entry: Comparison) -> str:
-    if entry.metric.timing:
-        return entry.metric.text(entry.gain)
-    same = entry.gain == entry.low == entry.high == 0
+def _change(comparison: Comparison) -> str:
+    if comparison.metric.timing:
+        return comparison.metric.text(comparison.gain)
+    same = comparison.gain == comparison.low == comparison.high == 0
     return (
-        f"{entry.new:.3f} (same)" if same else f"{entry.base:.3f} to {entry.new:.3f} ({entry.metric.text(entry.gain)})"
+        f"{comparison.new:.3f} (same)"
+        if same
+        else f"{comparison.base:.3f} to {comparison.new:.3f} ({comparison.metric.text(comparison.gain)})"
     )

@@ -132,9 +132,9 @@ def declared(kind: type) -> dict[str, Parameter]:
     constructor = inspect.getattr_static(kind, "__init__")
     hints = get_type_hints(constructor, include_extras=True)
     return {
-        name: Parameter(hints.get(name, Any), entry.default)
-        for name, entry in inspect.signature(constructor).parameters.items()
-        if entry.kind is entry.KEYWORD_ONLY
+        name: Parameter(hints.get(name, Any), argument.default)
+        for name, argument in inspect.signature(constructor).parameters.items()
+        if argument.kind is argument.KEYWORD_ONLY
     }
 
 
@@ -149,9 +149,9 @@ def check(
     Raises:
         UsageError: one line with everything that is wrong, "funnel[ginf=x]: ginf should be a number, got 'x'".
     """
-    given = {**(defaults or {}), **dict(choice.parameters)}
+    texts = {**(defaults or {}), **dict(choice.parameters)}
     values, problems = dict[str, Any](), list[str]()
-    for name, value in given.items():
+    for name, value in texts.items():
         if name not in known:
             problems.append(f"no parameter '{name}'{did_you_mean(name, known)}")
             continue
@@ -160,8 +160,8 @@ def check(
         except ValidationError as error:
             place = "" if name in dict(choice.parameters) else origin
             problems.append(_sentence(name, error.errors()[0]) + place)
-    required = [name for name, entry in known.items() if entry.default is inspect.Parameter.empty]
-    problems += [f"parameter '{name}' must be given" for name in required if name not in given]
+    required = [name for name, parameter in known.items() if parameter.default is inspect.Parameter.empty]
+    problems += [f"parameter '{name}' must be given" for name in required if name not in texts]
     if problems:
         raise UsageError(f"{choice}: {'; '.join(problems)}")
     return values

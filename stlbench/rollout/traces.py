@@ -1,4 +1,4 @@
-"""The traces of a run, found again: what the referee recorded of each finished cell, and of the cells of a group."""
+"""What the referee recorded of each finished cell: saved as a file, and read again, alone or for several seeds."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def load(task: Task, result: Result, run: Path) -> Recording:
 
 def gather(recordings: Sequence[Recording]) -> Recording:
     """Several seeds' traces as one."""
-    return Recording(np.concatenate([entry.traces for entry in recordings]), len(recordings))
+    return Recording(np.concatenate([recording.traces for recording in recordings]), len(recordings))
 
 
 def trace_file(folder: Path, cell: CellId, key: str) -> Path:

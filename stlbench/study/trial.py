@@ -144,7 +144,7 @@ def _warm_up(agent: Agent, training: Training, hold: int) -> None:
 
 
 def reward_time(task: Task, method: RewardMethod, rows: int = 1024, repeats: int = 50) -> float:
-    """CPU nanoseconds that the method's reward takes a step and copy, in a batch of `rows` under random actions."""
+    """CPU nanoseconds that the method's reward takes per step and copy, in a batch of `rows` under random actions."""
     generator = np.random.default_rng(0)
     simulator = Simulator(task, method)
     region, actions = task.file.initial, task.actions

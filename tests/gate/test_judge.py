@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stlbench.gate.judge import EXIT, METRICS, Comparison, Judgement, absolute, holm, judge, relative, speed
+from stlbench.gate.judge import EXIT, Comparison, Judgement, holm, judge
+from stlbench.gate.metrics import METRICS, absolute, relative, speed
 from stlbench.gate.snapshot import Sample, Snapshot, pair
 from stlbench.registry.choices import Choice
 from stlbench.result import CellId, Status

@@ -1,4 +1,4 @@
-"""How the results of a report came about: machine, versions, and what it cost."""
+"""How the results of a report came about: machine, versions, CPU time."""
 
 from __future__ import annotations
 
