@@ -67,5 +67,5 @@ def _draw_panels(below: Sequence[Axes], task: Task, panels: Sequence[tuple[str, 
         view = plane.lay_out(axes, task, every)
         plane.draw_traces(axes, task, view, traces)
         away = plane.leaving(view, traces).sum()
-        axes.set_title(name + (f"\n{away} of {len(traces)} traces leave the picture" if away else ""), fontsize=10)
+        axes.set_title(name + (f"\nleaving the picture: {away} of {len(traces)} traces" if away else ""), fontsize=10)
     return [*term_keys(task, view.drawn), *plane.mark_keys(plane.leaving(view, every))]

@@ -148,5 +148,5 @@ def mark_keys(away: Truth) -> list[Artist]:
     """Entries of a legend for the marks of `draw_traces`; `away` (N,) says which traces leave the picture."""
     keys: list[Artist] = [_START.artist(_NOWHERE, "start"), _END.artist(_NOWHERE, "end")]
     if away.any():
-        keys.append(_LEAVES.artist(_NOWHERE, f"{away.sum()} of {len(away)} traces leave the picture here"))
+        keys.append(_LEAVES.artist(_NOWHERE, f"leaves the picture here: {away.sum()} of {len(away)} traces"))
     return keys

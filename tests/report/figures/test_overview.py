@@ -45,9 +45,9 @@ def test_all_panels_show_the_same_part_of_the_plane():
 def test_clipped_traces_are_said_in_their_panel_and_in_the_legend():
     figure = drawn(5, 20, None)
     _, flag, funnel, _ = figure.axes
-    assert "leave" not in flag.get_title()
-    assert funnel.get_title().endswith("\n1 of 1 traces leave the picture")
-    assert "1 of 2 traces leave the picture here" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "leaving" not in flag.get_title()
+    assert funnel.get_title().endswith("\nleaving the picture: 1 of 1 traces")
+    assert "leaves the picture here: 1 of 2 traces" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 def test_three_methods_make_a_picture_of_1600_by_about_800_pixels():
