@@ -13,9 +13,9 @@ lock-step, `n` the state's size, `k` the number of signals, `m` the memory's siz
 step count: a trace of an episode has samples 0..T, transition t leads from sample t to sample t + 1, so t is 0 at
 the first transition and T - 1 at the last. One step lasts the task's sampling time, in seconds.
 
-Parameters of a plugin are the keyword-only arguments of its constructor, with annotations and defaults. The harness
-checks what a user writes (`funnel[variant=code,ginf=0.02]`) against the annotations, so `Literal[...]`, `float`,
-`int`, `bool` and `str` give clear messages without any code.
+Parameters of a plugin are the keyword-only arguments of its constructor, with annotations and defaults, such as those
+of a `dataclass(frozen=True, kw_only=True)`. The harness checks what a user writes (`funnel[variant=code,ginf=0.02]`)
+against the annotations, so `Literal[...]`, `float`, `int`, `bool` and `str` give clear messages without any code.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Intractable(Exception):
 
 
 class Unsuitable(ValueError):
-    """A method, or its parameters, cannot be applied to this task; the message says which rule is broken."""
+    """A method or agent cannot be applied to this task, or on this machine; the message says which rule is broken."""
 
 
 # --------------------------------------------------------------------------------------------------- reward methods
@@ -275,23 +275,30 @@ class System(ABC):
 
 
 class Transition(NamedTuple):
-    """What `Environment.step` returns, for N copies."""
+    """What `Environment.step` returns, for N copies. The policy knows the time, so its limit is no terminal state.
+
+    =========================================  ========  =====  =======
+    what happened                              discount  cut    ended
+    =========================================  ========  =====  =======
+    the episode goes on                        1         False  False
+    a boundary was crossed (`training.cuts`)   1         True   False
+    the time limit T, or broken off before it  1         True   True
+    an end (`training.ends`): nothing follows  0         True   True
+    =========================================  ========  =====  =======
+    """
 
     observation: Array
-    """(N, D): what to act on next; where an episode ended, the first observation of the next one."""
+    """(N, D): what to act on next."""
     reward: Array
     """(N,): the method's reward, averaged over the steps that the action was held, over the method's `scale`."""
     arrived: Array
-    """(N, D): what the action led to; differs from `observation` only where `cut`. Bootstrap from this."""
+    """(N, D): what the action led to, to bootstrap from; differs from `observation` only where `cut`."""
+    discount: Array
+    """(N,): 1 to bootstrap; 0 where nothing follows, and `reward` counts as if paid for ever, r / (1 - gamma)."""
     cut: Truth
-    """(N,): the return stops here, with the value of `arrived`, though the episode may go on: a phase boundary
-    (`training.cuts`), or one of the two below."""
+    """(N,): a return of several rewards stops here, though the episode may go on."""
     ended: Truth
-    """(N,): the episode is over, by the time limit T or otherwise, and `observation` is of the next one. The policy
-    knows the time, so the time limit is no terminal state of the task."""
-    terminal: Truth
-    """(N,): the episode is over because the formula can no longer be satisfied (`training.violation`). There is
-    nothing to bootstrap from: `reward` counts as if it were paid for ever from here."""
+    """(N,): the episode is over, and `observation` is of the next one."""
 
 
 class Environment(Protocol):
@@ -337,9 +344,10 @@ class Training:
 
 
 class Agent(ABC):
-    """A training algorithm. Its keyword-only parameters are the recipe, which the task file gives.
+    """A training algorithm. Its keyword-only parameters are the recipe, which the task file gives; else the defaults.
 
-    A task's recipe is the same for every method: an agent never learns which method it trains.
+    A task's recipe is the same for every method: an agent never learns which method it trains. The constructor raises
+    `Unsuitable` where it cannot train here at all, as without a library; `train`, where a task's actions do not fit.
     """
 
     @abstractmethod

@@ -93,11 +93,6 @@ def test_every_command_and_option_is_in_the_reference() -> None:
         ("reference/methods.md", "## raw", "methods", "raw"),
         ("reference/methods.md", "## flag", "methods", "flag"),
         ("reference/methods.md", "## tau-mdp", "methods", "tau-mdp"),
-        ("reference/agents.md", "## dqn", "agents", "dqn"),
-        ("reference/agents.md", "## td3", "agents", "td3"),
-        ("reference/agents.md", "## sb3-td3", "agents", "sb3-td3"),
-        ("reference/agents.md", "## sb3-sac", "agents", "sb3-sac"),
-        ("reference/agents.md", "## sb3-ppo", "agents", "sb3-ppo"),
     ],
 )
 def test_parameters_and_defaults(page: str, heading: str, kind: str, name: str) -> None:

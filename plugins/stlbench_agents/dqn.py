@@ -7,87 +7,78 @@ state. One lock-step of all copies is followed by `gradient_steps` updates, all 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal, NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 from numba import njit
-from pydantic import Field
 
 from stlbench.contract import ActionGrid, Agent, Array, Environment, Integers, Policy, Training, Transition
 from stlbench_agents.actions import grid_of
+from stlbench_agents.checkpoints import report_rounds
 from stlbench_agents.engine import Network, Workspace, best_actions, gradient
-from stlbench_agents.marks import spread
 from stlbench_agents.network import GreedyPolicy, Head, QNetwork, Single
 from stlbench_agents.optimizer import Weights, step
-from stlbench_agents.parameters import Count, Positive, Share
+from stlbench_agents.parameter_types import Count, Positive, Share, ShareBelow1, Widths
 from stlbench_agents.replay import Batch, Memory, Replay, gather
 
-__all__ = ["DQN", "Learner", "Learning"]
+__all__ = ["DQN", "Learner", "QLearner"]
 
 
+@dataclass(frozen=True, kw_only=True)
 class DQN(Agent):
-    """Deep Q-learning with a time-aware input, epsilon-greedy, replay and a target network (Algorithm 2)."""
+    """Deep Q-learning with a time-aware input, epsilon-greedy, replay and a target network (Algorithm 2).
 
-    def __init__(
-        self,
-        *,
-        net_arch: Annotated[tuple[Count, ...], Field(min_length=1)] = (64, 64),
-        head: Head = "joint",
-        copies: Count = 16,
-        batch_size: Count = 128,
-        buffer_size: Count = 65536,
-        gradient_steps: Count = 1,
-        learning_rate: Positive = 1e-3,
-        learning_rate_final: Positive = 3e-5,
-        gamma: Share = 0.95,
-        n_steps: Count = 3,
-        double: bool = True,
-        tau: Share = 0.005,
-        target_update_interval: Count = 1,
-        averaging: Annotated[float, Field(ge=0, lt=1)] = 0.999,
-        exploration_initial_eps: Share = 1.0,
-        exploration_final_eps: Share = 0.05,
-        exploration_fraction: Share = 0.3,
-        max_grad_norm: Positive = 10.0,
-        reward_scale: Positive = 4.0,
-        time_limit: Literal["bootstrap", "terminal"] = "bootstrap",
-    ) -> None:
-        """Names are those of Stable-Baselines3 where it has the option.
+    Names are those of Stable-Baselines3 where it has the option. The defaults are one recipe for all tasks that come
+    with stlbench; a task file names the widths of the layers, the head and gamma, which depend on its actions and its
+    time scale. The paper's Algorithm 2 to the letter is
+    `dqn[double=false,n_steps=1,tau=1,target_update_interval=1000,averaging=0,copies=1]`.
+    """
 
-        The defaults are one recipe for all tasks that come with stlbench; a task file names the widths of the
-        layers, the head and gamma, which depend on its actions and its time scale. The paper's Algorithm 2 literally
-        is `double=False, n_steps=1, tau=1, target_update_interval=1000, averaging=0, copies=1`.
-
-        Args:
-            net_arch: widths of the hidden layers.
-            head: `joint`, one output an action, or `additive`, V + one term an action axis.
-            copies: environments in lock-step.
-            batch_size: transitions an update.
-            buffer_size: transitions kept for replay.
-            gradient_steps: updates after each lock-step.
-            learning_rate: of Adam at the first update; falls geometrically to `learning_rate_final` at the last.
-            gamma: discount a decision, that is, a span of `hold` steps. Rewards are weighted by 1 - gamma in the
-                targets, so that Q keeps the scale of the reward whatever gamma is; with gamma = 1 they are not.
-            n_steps: rewards in a return before it bootstraps.
-            double: choose the bootstrap action with the online network (van Hasselt et al. 2016); False is the paper.
-            tau: weight of the online network in an update of the target; 1 copies it, as the paper does.
-            target_update_interval: updates from one such update to the next.
-            averaging: the policy that is reported has an exponential average of the weights, this close to 1 a step;
-                0 takes the weights as they are. Actions in training are those of the current weights.
-            exploration_initial_eps: share of random actions at the start, falling linearly over the first
-                `exploration_fraction` of the budget to `exploration_final_eps`.
-            max_grad_norm: the gradient's norm is clipped to this.
-            reward_scale: factor on rewards, which arrive divided by the method's `scale`.
-            time_limit: whether the value at the time limit is bootstrapped or taken as 0.
-        """
-        self.net_arch, self.head, self.copies = net_arch, head, copies
-        self.batch_size, self.buffer_size, self.gradient_steps = batch_size, buffer_size, gradient_steps
-        self.learning_rate, self.learning_rate_final = learning_rate, learning_rate_final
-        self.gamma, self.n_steps, self.double = gamma, n_steps, double
-        self.tau, self.target_update_interval = tau, target_update_interval
-        self.eps = (exploration_initial_eps, exploration_final_eps, exploration_fraction)
-        self.max_grad_norm, self.time_limit = max_grad_norm, time_limit
-        self.reward_scale, self.averaging = reward_scale, averaging
+    net_arch: Widths = (64, 64)
+    """widths of the hidden layers"""
+    head: Head = "joint"
+    """`joint`: one output for each action. `additive`: V plus one term for each action axis, 35 outputs where joint
+    has 273; of one axis, a dueling head (Wang et al. 2016)"""
+    copies: Count = 16
+    """environments in lock-step"""
+    batch_size: Count = 128
+    """transitions in an update"""
+    buffer_size: Count = 65536
+    """transitions kept for replay"""
+    gradient_steps: Count = 1
+    """updates after each step of all copies"""
+    learning_rate: Positive = 1e-3
+    """of Adam at the first update"""
+    learning_rate_final: Positive = 3e-5
+    """at the last update; the rate falls geometrically"""
+    gamma: Share = 0.95
+    """discount of a decision, that is, of `hold` steps. Rewards are weighted by 1 - gamma, so that Q keeps the scale of
+    the reward; with gamma = 1 they are not"""
+    n_steps: Count = 3
+    """rewards in a return before it bootstraps"""
+    double: bool = True
+    """the online network chooses the bootstrap action (van Hasselt et al. 2016); without it the target network does, as
+    in the paper"""
+    tau: Share = 0.005
+    """weight of the online network in an update of the target; 1 copies it, as the paper does"""
+    target_update_interval: Count = 1
+    """updates from one such update to the next"""
+    averaging: ShareBelow1 = 0.999
+    """reported policies have an exponential average of the weights, with this weight on the past at each update; 0: the
+    weights themselves. Actions in training are those of the current weights"""
+    exploration_initial_eps: Share = 1.0
+    """probability of a random action at the start"""
+    exploration_final_eps: Share = 0.05
+    """what it falls to, linearly"""
+    exploration_fraction: Share = 0.3
+    """over this share of the budget"""
+    max_grad_norm: Positive = 10.0
+    """the gradient's norm is clipped to this"""
+    reward_scale: Positive = 4.0
+    """factor on rewards, which arrive divided by the method's `scale`"""
+    time_limit: Literal["bootstrap", "terminal"] = "bootstrap"
+    """`bootstrap`: what would follow the time limit has the network's value. `terminal`: it is 0"""
 
     def train(self, training: Training) -> Policy:
         """Spend the budget; return the greedy policy at its end."""
@@ -95,7 +86,7 @@ class DQN(Agent):
         rounds = max(1, training.steps // (self.copies * environment.hold))
         learner = self.learner(environment, training.seed, rounds * self.gradient_steps)
         generator = np.random.default_rng([training.seed, 1])
-        reports = spread(rounds, training.checkpoints)
+        reports = report_rounds(rounds, training.checkpoints)
         observation = environment.reset()
         for done in range(1, rounds + 1):
             action = learner.act(observation, self._epsilon((done - 1) / rounds), generator)
@@ -107,17 +98,17 @@ class DQN(Agent):
                 training.report(final, done * self.copies * environment.hold)
         return final
 
-    def learner(self, environment: Environment, seed: int, updates: int) -> Learning:
+    def learner(self, environment: Environment, seed: int, updates: int) -> Learner:
         """What is trained, with fresh networks, for as many updates in all."""
-        return Learner(self, environment, seed, updates)
+        return QLearner(self, environment, seed, updates)
 
     def _epsilon(self, progress: float) -> float:
-        first, last, share = self.eps
+        first, last, share = self.exploration_initial_eps, self.exploration_final_eps, self.exploration_fraction
         return last if progress >= share else first + (last - first) * progress / share
 
 
-class Learning(Protocol):
-    """What the loop of training asks for: a learner, or several that act together."""
+class Learner(Protocol):
+    """What the loop of training asks for: a learner of joint actions, or several that act together."""
 
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
         """Epsilon-greedy actions (N,) at observations (N, D)."""
@@ -144,8 +135,8 @@ class Schedule(NamedTuple):
     double: bool
 
 
-class Learner:
-    """The networks and the replay of one training."""
+class QLearner:
+    """One Q-network in training: its weights, its target and its replay."""
 
     def __init__(
         self,
@@ -155,7 +146,7 @@ class Learner:
         updates: int,
         grid: ActionGrid | None = None,
     ) -> None:
-        """Args: `grid` the actions to choose among, where these are not the environment's."""
+        """Args: `updates` in all, for the learning rate; `grid` the actions to choose among, where not all."""
         self.recipe = recipe
         size, copies, grid = environment.observation_size, environment.count, grid or grid_of(environment)
         self.network = QNetwork(size, recipe.net_arch, grid.shape, recipe.head)
@@ -166,7 +157,7 @@ class Learner:
             size,
             recipe.n_steps,
             recipe.gamma,
-            recipe.reward_scale * ((1 - recipe.gamma) or 1),
+            recipe.reward_scale,
             recipe.time_limit == "terminal",
         )
         self.schedule = Schedule(

@@ -8,35 +8,37 @@ are 15,625.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from stlbench.contract import Array, Environment, Integers, Policy, Transition
 from stlbench_agents.actions import grid_of
-from stlbench_agents.dqn import DQN, Learner, Learning
+from stlbench_agents.dqn import DQN, Learner, QLearner
 from stlbench_agents.network import GreedyPolicy
 
 __all__ = ["DQNPerRobot", "Team", "TeamPolicy"]
 
 
+@dataclass(frozen=True, kw_only=True)
 class DQNPerRobot(DQN):
     """Deep Q-learning robot by robot, each of its own actions alone; `dqn` itself where a task has one robot."""
 
-    def learner(self, environment: Environment, seed: int, updates: int) -> Learning:
-        """One learner a robot, each with its own weights, replay and exploration; as many updates each."""
+    def learner(self, environment: Environment, seed: int, updates: int) -> Learner:
+        """A learner for each robot, with its own weights, replay and exploration, and as many updates."""
         grid = grid_of(environment)
         if not grid.robots:
             return super().learner(environment, seed, updates)
         return Team(
-            [Learner(self, environment, [seed, 2 + i], updates, part) for i, part in enumerate(grid.parts)],
+            [QLearner(self, environment, [seed, 2 + i], updates, part) for i, part in enumerate(grid.parts)],
             [part.size for part in grid.parts],
         )
 
 
 class Team:
-    """R learners that act together."""
+    """The learners of R robots, which act together."""
 
-    def __init__(self, learners: Sequence[Learner], sizes: Sequence[int]) -> None:
+    def __init__(self, learners: Sequence[QLearner], sizes: Sequence[int]) -> None:
         """Args: `sizes` how many actions each of them has."""
         self.learners, self.sizes = learners, tuple(sizes)
 

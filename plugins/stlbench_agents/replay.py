@@ -1,4 +1,4 @@
-"""A ring of transitions of N copies in lock-step, read as n-step returns."""
+"""A ring of transitions of N copies in lock-step, read as n-step returns; and what a reward counts there."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stlbench.contract import Array, Integers, Transition
 
-__all__ = ["Batch", "Memory", "Replay", "gather"]
+__all__ = ["Batch", "Memory", "Replay", "gather", "weighted_rewards"]
 
 Single = NDArray[np.float32]
 
@@ -47,7 +47,7 @@ class Memory(NamedTuple):
     arrived: Single
     action: NDArray[Any]
     reward: Single
-    """With its weight; of a terminal transition the sum of such a reward paid for ever."""
+    """As `weighted_rewards` gives them."""
     after: NDArray[np.uint8]
     """0, `_STOP` or `_END`."""
     powers: Single
@@ -58,8 +58,24 @@ def _actions(rows: int, axes: int) -> NDArray[Any]:
     return np.zeros((rows, axes), np.float32) if axes else np.zeros(rows, np.int64)
 
 
+def weighted_rewards(transition: Transition, gamma: float, weight: float = 1.0) -> Array:
+    """The rewards (N,), times `weight`; where nothing follows, what such a reward is worth that is paid for ever.
+
+    That is its sum, r / (1 - gamma). With gamma = 1 there is none, and the reward counts once.
+    """
+    if transition.discount.all():
+        return weight * transition.reward
+    for_ever = weight if gamma == 1 else weight / (1 - gamma)
+    weights: Array = np.where(transition.discount == 0, for_ever, weight)
+    return weights * transition.reward
+
+
 class Replay:
-    """The last `rows` lock-steps of `copies` environments: about rows * copies transitions."""
+    """The last `rows` lock-steps of `copies` environments: about rows * copies transitions.
+
+    Rewards are weighted by 1 - gamma, so that a value keeps the scale of the rewards whatever gamma is; with gamma = 1,
+    where that would be 0, they are not.
+    """
 
     def __init__(
         self,
@@ -68,11 +84,11 @@ class Replay:
         size: int,
         n_steps: int,
         gamma: float,
-        weight: float = 1.0,
+        scale: float = 1.0,
         limit: bool = False,
         axes: int = 0,
     ) -> None:
-        """Args: `size` D; `n_steps` n; `gamma` the discount a decision; `weight` a factor on all rewards; `limit`
+        """Args: `size` D; `n_steps` n; `gamma` the discount of a decision; `scale` a factor on all rewards; `limit`
         whether every end of an episode, the time limit too, leaves nothing to bootstrap from; `axes` of the actions
         where they are vectors, 0 where they are indices.
         """
@@ -86,25 +102,21 @@ class Replay:
             (gamma ** np.arange(n_steps + 1)).astype(np.float32),
         )
         self._rows, self._copies, self._n, self._limit, self._axes = rows, copies, n_steps, limit, axes
-        self._weight, self._for_ever = weight, weight if gamma == 1 else weight / (1 - gamma)
+        self._gamma, self._weight = gamma, scale * ((1 - gamma) or 1)
         self.count = 0
 
     def add(self, observation: Array, action: Integers | Array, transition: Transition) -> None:
         """Store one lock-step: what was seen (N, D), what was done (N,), what came of it.
 
-        A return stops at `cut`, and bootstraps there. At `terminal` it does not: the reward counts as if it were paid
-        for ever, r / (1 - gamma), or once with gamma = 1.
+        A return stops where it is `cut`, and bootstraps there unless nothing follows.
         """
         begin = self.count % self._rows * self._copies
         row, memory = slice(begin, begin + self._copies), self.memory
         memory.observation[row], memory.action[row] = observation, action
         memory.arrived[row] = transition.arrived
-        np.multiply(transition.reward, self._weight, out=memory.reward[row], casting="same_kind")
+        memory.reward[row] = weighted_rewards(transition, self._gamma, self._weight)
         memory.after[row] = transition.cut
-        last = transition.ended if self._limit else transition.terminal
-        if last.any():
-            memory.after[row][last] = _END
-            memory.reward[row][transition.terminal] = self._for_ever * transition.reward[transition.terminal]
+        memory.after[row][transition.ended if self._limit else transition.discount == 0] = _END
         self.count += 1
 
     @property

@@ -3,35 +3,78 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Self
 
 from stlbench.contract import Agent, Environment, Policy, Training
-from stlbench_agents.marks import spread
+from stlbench_agents.checkpoints import report_rounds
+from stlbench_agents.libraries import need_sb3
 from stlbench_agents.one_thread import one_thread
+from stlbench_agents.parameter_types import Count, Positive, Share, Steps, Widths
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
-__all__ = ["SB3Agent", "falling"]
+__all__ = ["SB3Agent", "SB3OffPolicy"]
 
 
+@dataclass(frozen=True, kw_only=True)
 class SB3Agent(Agent):
-    """An algorithm of SB3: what its subclasses, one an algorithm, have in common."""
+    """An algorithm of SB3: the parameters and the training that all have in common. Names and meanings are SB3's."""
 
-    copies: int
-    """Environments in lock-step."""
+    net_arch: Widths = (64, 64)
+    """widths of the hidden layers of each network"""
+    copies: Count = 8
+    """environments in lock-step"""
+    batch_size: Count = 128
+    """transitions in an update"""
+    learning_rate: Positive = 1e-3
+    """of Adam at the start"""
+    learning_rate_final: Positive = 1e-4
+    """at the end; the rate falls geometrically"""
+    gamma: Share = 0.95
+    """discount of a decision, that is, of `hold` steps"""
+
+    def __post_init__(self) -> None:
+        need_sb3()
 
     @abstractmethod
-    def model(self, environment: Environment, seed: int, most: int) -> BaseAlgorithm:
-        """SB3's model, untrained, for a budget of `most` lock-steps."""
+    def algorithm(self) -> type[BaseAlgorithm]:
+        """SB3's class. Imports SB3, which takes seconds."""
 
     @abstractmethod
     def exported(self, model: Any, environment: Environment) -> Policy:
-        """The model's deterministic policy as it is now."""
+        """The model's deterministic policy as it is now. Raises `Unsuitable` where the actions are of another kind."""
 
-    def rollout(self, most: int) -> int:
-        """Lock-steps that the algorithm takes at a time, where the budget has `most`."""
+    def options(self, environment: Environment) -> dict[str, Any]:
+        """The keyword arguments of SB3's class: the parameters, but for those that SB3 lacks or says otherwise."""
+        options = asdict(self)
+        del options["copies"]
+        options["policy_kwargs"] = {"net_arch": list(options.pop("net_arch"))}
+        options["learning_rate"] = _falling(self.learning_rate, options.pop("learning_rate_final"))
+        return options
+
+    def fitted(self, lock_steps: int) -> Self:
+        """The same agent, where need be with smaller numbers, for a budget of so many steps of all copies."""
+        return self
+
+    @property
+    def rollout(self) -> int:
+        """Lock-steps that the algorithm takes at a time; a budget is rounded down to whole ones."""
         return 1
+
+    def model(self, environment: Environment, seed: int) -> BaseAlgorithm:
+        """SB3's model, untrained; silent, and nothing of it is written to disk."""
+        from stable_baselines3.common.logger import Logger
+
+        from stlbench_agents.sb3_bridge import CopiesVecEnv
+
+        options = self.options(environment)
+        copies = CopiesVecEnv(environment, self.gamma)
+        model = self.algorithm()("MlpPolicy", copies, device="cpu", seed=seed, **options)
+        model.set_logger(Logger(folder=None, output_formats=[]))
+        return model
 
     def train(self, training: Training) -> Policy:
         """Spend the budget; return the deterministic policy at its end.
@@ -39,15 +82,15 @@ class SB3Agent(Agent):
         SB3 seeds and uses the process's global generators (random, NumPy, torch).
         """
         with one_thread():
-            return self._train(training)
+            environment = training.make(self.copies)
+            lock_steps = max(1, training.steps // (self.copies * environment.hold))
+            return self.fitted(lock_steps)._train(training, environment, lock_steps)
 
-    def _train(self, training: Training) -> Policy:
+    def _train(self, training: Training, environment: Environment, lock_steps: int) -> Policy:
         from stlbench_agents.sb3_bridge import Checkpoints
 
-        environment = training.make(self.copies)
-        most = max(1, training.steps // (self.copies * environment.hold))
-        size, rounds = self.copies * self.rollout(most), most // self.rollout(most)
-        model = self.model(environment, training.seed % 2**32, most)
+        size, rounds = self.copies * self.rollout, lock_steps // self.rollout
+        model = self.model(environment, training.seed % 2**32)
         final: Policy
 
         def report() -> None:
@@ -55,23 +98,33 @@ class SB3Agent(Agent):
             final = self.exported(model, environment)
             training.report(final, model.num_timesteps * environment.hold)
 
-        marks = [size * done for done in sorted(spread(rounds, training.checkpoints))[:-1]]
+        before_the_end = sorted(report_rounds(rounds, training.checkpoints))[:-1]
         never = training.steps + 1
-        model.learn(rounds * size, callback=Checkpoints(marks, report), log_interval=never)
+        callback = Checkpoints([size * done for done in before_the_end], report)
+        model.learn(rounds * size, callback=callback, log_interval=never)
         return final
 
-    def made(self, algorithm: type[Any], environment: Environment, seed: int, **options: Any) -> Any:
-        """SB3's model of an algorithm with its options; silent, and nothing of it is written to disk."""
-        from stable_baselines3.common.logger import Logger
 
-        from stlbench_agents.sb3_bridge import CopiesVecEnv
+@dataclass(frozen=True, kw_only=True)
+class SB3OffPolicy(SB3Agent):
+    """An algorithm of SB3 with a replay. Counts of steps are transitions of all copies together."""
 
-        copies = CopiesVecEnv(environment, options["gamma"])
-        model = algorithm("MlpPolicy", copies, device="cpu", seed=seed, **options)
-        model.set_logger(Logger(folder=None, output_formats=[]))
-        return model
+    buffer_size: Count = 400_000
+    """transitions kept for replay, all copies together"""
+    learning_starts: Steps = 800
+    """transitions, with random actions, before the first update"""
+    gradient_steps: Count = 1
+    """updates after each step of all copies"""
+    n_steps: Count = 1
+    """rewards in a return before it bootstraps"""
+    tau: Share = 0.01
+    """weight of the online networks in an update of the targets; 1 copies them"""
+
+    def options(self, environment: Environment) -> dict[str, Any]:
+        """As for all, and an update after each step of all copies."""
+        return super().options(environment) | {"train_freq": 1}
 
 
-def falling(first: float, last: float) -> Any:
+def _falling(first: float, last: float) -> Callable[[float], float]:
     """SB3's schedule, a function of the share of training that is left: geometric from `first` to `last`."""
     return lambda left: last * (first / last) ** left

@@ -14,8 +14,9 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from stlbench.contract import ActionGrid, Array, Environment, Integers
 from stlbench_agents.network import GreedyPolicy, QNetwork
+from stlbench_agents.replay import weighted_rewards
 
-__all__ = ["Checkpoints", "CopiesVecEnv", "exported"]
+__all__ = ["Checkpoints", "CopiesVecEnv", "greedy_policy"]
 
 Single = NDArray[np.float32]
 Info = dict[str, Any]
@@ -31,7 +32,7 @@ class CopiesVecEnv(VecEnv):
 
     def __init__(self, environment: Environment, gamma: float) -> None:
         """Args: `gamma` the discount, which says what a reward is worth that is paid for ever."""
-        self._environment, self._for_ever = environment, 1 / (1 - gamma) if gamma < 1 else 1.0
+        self._environment, self._gamma = environment, gamma
         size, actions = (environment.observation_size,), environment.actions
         space = (
             Discrete(actions.size)
@@ -54,8 +55,8 @@ class CopiesVecEnv(VecEnv):
         infos: list[Info] = [{} for _ in range(self.num_envs)]
         for row in np.flatnonzero(transition.cut):
             last = transition.arrived[row].astype(np.float32)
-            infos[row] = {"TimeLimit.truncated": not transition.terminal[row], "terminal_observation": last}
-        reward = transition.reward * np.where(transition.terminal, self._for_ever, 1)
+            infos[row] = {"TimeLimit.truncated": bool(transition.discount[row]), "terminal_observation": last}
+        reward = weighted_rewards(transition, self._gamma)
         return transition.observation.astype(np.float32), reward.astype(np.float32), transition.cut, infos
 
     def close(self) -> None:
@@ -81,16 +82,16 @@ class CopiesVecEnv(VecEnv):
 
 
 class Checkpoints(BaseCallback):
-    """Calls `report` when training reaches each of the marks, between an update and the next lock-step."""
+    """Calls `report` at given times of training, between an update and the next lock-step, and at its end."""
 
-    def __init__(self, marks: Iterable[int], report: Callable[[], None]) -> None:
-        """Args: `marks` counts of SB3's timesteps, ascending; the end of training is a mark by itself."""
+    def __init__(self, timesteps: Iterable[int], report: Callable[[], None]) -> None:
+        """Args: `timesteps` as SB3 counts them, ascending, without the end of training."""
         super().__init__()
-        self._marks, self._report = list(marks), report
+        self._left, self._report = list(timesteps), report
 
     def _on_rollout_start(self) -> None:
-        if self._marks and self.num_timesteps >= self._marks[0]:
-            self._marks = [mark for mark in self._marks if mark > self.num_timesteps]
+        if self._left and self.num_timesteps >= self._left[0]:
+            self._left = [timestep for timestep in self._left if timestep > self.num_timesteps]
             self._report()
 
     def _on_step(self) -> bool:
@@ -100,7 +101,7 @@ class Checkpoints(BaseCallback):
         self._report()
 
 
-def exported(layers: Iterable[torch.nn.Module], inputs: int, grid: tuple[int, ...]) -> GreedyPolicy:
+def greedy_policy(layers: Iterable[torch.nn.Module], inputs: int, grid: tuple[int, ...]) -> GreedyPolicy:
     """The greedy policy of SB3's Q-network, a multi-layer perceptron with ReLU, as it is now.
 
     Args:

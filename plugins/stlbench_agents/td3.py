@@ -7,81 +7,72 @@ and the environments act in NumPy.
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import dataclass
 
 import numpy as np
-from pydantic import Field
 
-from stlbench.contract import Agent, Policy, Training
+from stlbench.contract import Agent, Array, Policy, Training
 from stlbench_agents.actions import box_of
-from stlbench_agents.marks import spread
+from stlbench_agents.checkpoints import report_rounds
+from stlbench_agents.libraries import need_torch
 from stlbench_agents.one_thread import one_thread
-from stlbench_agents.parameters import Count, NotNegative, Positive, Share
+from stlbench_agents.parameter_types import Count, NotNegative, Positive, Share, ShareBelow1, Steps, Widths
 from stlbench_agents.replay import Replay
 
 __all__ = ["TD3"]
 
 
+@dataclass(frozen=True, kw_only=True)
 class TD3(Agent):
-    """Twin delayed deep deterministic policy gradient with a time-aware input."""
+    """Twin delayed deep deterministic policy gradient with a time-aware input.
 
-    def __init__(
-        self,
-        *,
-        net_arch: Annotated[tuple[Count, ...], Field(min_length=1)] = (64, 64),
-        copies: Count = 8,
-        batch_size: Count = 128,
-        buffer_size: Count = 400_000,
-        gradient_steps: Count = 1,
-        learning_rate: Positive = 1e-3,
-        learning_rate_final: Positive = 1e-4,
-        gamma: Share = 0.95,
-        n_steps: Count = 1,
-        tau: Share = 0.01,
-        policy_delay: Count = 2,
-        averaging: Annotated[float, Field(ge=0, lt=1)] = 0.995,
-        target_policy_noise: NotNegative = 0.1,
-        target_noise_clip: NotNegative = 0.25,
-        exploration_noise: NotNegative = 0.2,
-        exploration_noise_final: NotNegative | None = None,
-        random_steps: Annotated[int, Field(ge=0)] = 100,
-        action_penalty: NotNegative = 0.005,
-        reward_scale: Positive = 10.0,
-    ) -> None:
-        """Names are those of Stable-Baselines3 where it has the option.
+    Names are those of Stable-Baselines3 where it has the option.
+    """
 
-        Args:
-            net_arch: widths of the hidden layers of actor and critics.
-            copies: environments in lock-step.
-            batch_size: transitions an update.
-            buffer_size: transitions kept for replay.
-            gradient_steps: updates after each lock-step.
-            learning_rate: of Adam at the first update; falls geometrically to `learning_rate_final` at the last.
-            gamma: discount a decision, that is, a span of `hold` steps; rewards are weighted by 1 - gamma.
-            n_steps: rewards in a return before it bootstraps.
-            tau: weight of the online networks in an update of the targets, one for each `policy_delay` updates.
-            policy_delay: updates of the critics for one of the actor.
-            averaging: the policy that is reported has an exponential average of the actor's weights, this close to 1
-                an update of the actor; 0 takes the weights as they are. Actions in training are those of the actor.
-            target_policy_noise: standard deviation of the noise on target actions, which lie in [-1, 1].
-            target_noise_clip: its limit.
-            exploration_noise: standard deviation of the noise on actions in training, in [-1, 1] units; from copy to
-                copy it rises from a quarter of this to one and three quarters.
-            exploration_noise_final: what this falls to, linearly over the budget; it stays where left out.
-            random_steps: lock-steps with random actions at the start, without updates.
-            action_penalty: weight in the actor's loss of its squared output before the tanh, without which actions
-                stick at their ends.
-            reward_scale: factor on rewards, which arrive divided by the method's `scale`.
-        """
-        self.net_arch, self.copies, self.batch_size, self.buffer_size = net_arch, copies, batch_size, buffer_size
-        self.gradient_steps, self.gamma, self.n_steps = gradient_steps, gamma, n_steps
-        self.learning_rate, self.learning_rate_final = learning_rate, learning_rate_final
-        self.tau, self.policy_delay, self.averaging = tau, policy_delay, averaging
-        self.action_penalty = action_penalty
-        self.target_noise = (target_policy_noise, target_noise_clip)
-        last = exploration_noise if exploration_noise_final is None else exploration_noise_final
-        self.exploration_noise = (exploration_noise, last)
-        self.random_steps, self.reward_scale = random_steps, reward_scale
+    net_arch: Widths = (64, 64)
+    """widths of the hidden layers of actor and critics"""
+    copies: Count = 8
+    """environments in lock-step"""
+    batch_size: Count = 128
+    """transitions in an update"""
+    buffer_size: Count = 400_000
+    """transitions kept for replay"""
+    gradient_steps: Count = 1
+    """updates after each step of all copies"""
+    learning_rate: Positive = 1e-3
+    """of Adam at the first update"""
+    learning_rate_final: Positive = 1e-4
+    """at the last update; the rate falls geometrically"""
+    gamma: Share = 0.95
+    """discount of a decision, that is, of `hold` steps. Rewards are weighted by 1 - gamma, so that values keep the
+    scale of the reward; with gamma = 1 they are not"""
+    n_steps: Count = 1
+    """rewards in a return before it bootstraps"""
+    tau: Share = 0.01
+    """weight of the online networks in an update of the targets, one for each `policy_delay` updates"""
+    policy_delay: Count = 2
+    """updates of the critics for one of the actor"""
+    averaging: ShareBelow1 = 0.995
+    """reported policies have an exponential average of the actor's weights, with this weight on the past at each update
+    of the actor; 0: the weights themselves. Actions in training are those of the current weights"""
+    target_policy_noise: NotNegative = 0.1
+    """standard deviation of the noise on target actions, which lie in [-1, 1]"""
+    target_noise_clip: NotNegative = 0.25
+    """the most that this noise may be"""
+    exploration_noise: NotNegative = 0.2
+    """standard deviation of the noise on actions in training, which lie in [-1, 1]; it rises from a quarter of this in
+    the first copy to one and three quarters in the last"""
+    exploration_noise_final: NotNegative | None = None
+    """what that falls to, linearly over the budget; it stays where left out"""
+    random_steps: Steps = 100
+    """steps of all copies with random actions at the start, without updates"""
+    action_penalty: NotNegative = 0.005
+    """weight in the actor's loss of its squared output before the tanh, without which actions stick at their ends"""
+    reward_scale: Positive = 10.0
+    """factor on rewards, which arrive divided by the method's `scale`"""
+
+    def __post_init__(self) -> None:
+        need_torch()
 
     def train(self, training: Training) -> Policy:
         """Spend the budget; return the policy at its end."""
@@ -89,7 +80,7 @@ class TD3(Agent):
             return self._train(training)
 
     def _train(self, training: Training) -> Policy:
-        from stlbench_agents.td3_learner import Learner  # imports PyTorch, which takes seconds
+        from stlbench_agents.actor_critic import ActorCritic  # imports PyTorch, which takes seconds
 
         environment = training.make(self.copies)
         box = box_of(environment)
@@ -97,7 +88,7 @@ class TD3(Agent):
         rounds = max(1, training.steps // (self.copies * environment.hold))
         generator = np.random.default_rng(training.seed)
         updates = (rounds - self.random_steps) * self.gradient_steps
-        learner = Learner(self, environment.observation_size, box, generator, updates)
+        learner = ActorCritic(self, environment.observation_size, box, generator, updates)
         rows = max(self.n_steps + 1, min(rounds, self.buffer_size // self.copies))
         replay = Replay(
             rows,
@@ -105,11 +96,11 @@ class TD3(Agent):
             environment.observation_size,
             self.n_steps,
             self.gamma,
-            weight=(1 - self.gamma) * self.reward_scale,
+            self.reward_scale,
             axes=len(box.names),
         )
-        noise, shares = np.linspace(*self.exploration_noise, rounds), np.linspace(0.25, 1.75, self.copies)[:, None]
-        reports = spread(rounds, training.checkpoints)
+        noise, shares = self._noise(rounds), np.linspace(0.25, 1.75, self.copies)[:, None]
+        reports = report_rounds(rounds, training.checkpoints)
         observation = environment.reset()
         policy = learner.policy()
         for done in range(1, rounds + 1):
@@ -131,3 +122,8 @@ class TD3(Agent):
                 final = learner.policy(averaged=True)
                 training.report(final, done * self.copies * environment.hold)
         return final
+
+    def _noise(self, rounds: int) -> Array:
+        """The standard deviation in each round, (rounds,)."""
+        first, last = self.exploration_noise, self.exploration_noise_final
+        return np.linspace(first, first if last is None else last, rounds)

@@ -49,6 +49,10 @@ class Progress:
             self.bar.reset(self.task, total=total, completed=done)
             self.bar.start()
 
+    def note(self, text: str) -> None:
+        """Say what the user should know."""
+        self._say(text)
+
     def ended(self, result: Result) -> None:
         """Say how a cell ended, and how long the others may take."""
         self.done += 1

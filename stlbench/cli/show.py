@@ -22,6 +22,8 @@ _TRAINING_NOTES = (
 )
 """Below the table of `training`, whose words are those of the task file."""
 
+_NO_RECIPE = "An agent without a recipe trains with its defaults."
+
 app = typer.Typer(rich_markup_mode=None)
 
 
@@ -189,7 +191,7 @@ def _tables(content: dict[str, Any]) -> list[Table]:
         _table("Training episodes", _training(content["training"]), *_TRAINING_NOTES),
         _table("Budgets", _named("budget", content["budgets"])),
         _table("Further protocols", _named("protocol", content["protocols"])),
-        _table("Recipes, the task's own agent first", _recipes(content["agents"])),
+        _table("Recipes, the task's own agent first", _recipes(content["agents"]), _NO_RECIPE),
         _table("Methods", [{"method": key} | _summary(made) for key, made in content["methods"].items()]),
     ]
     return [table for table in tables if table.rows]

@@ -6,7 +6,8 @@ import inspect
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
@@ -126,11 +127,19 @@ class Parameter:
         """The type for a person: "float", "paper | code", "tuple[int, ...]"."""
         return _text(self.hint)
 
+    @property
+    def limits(self) -> str:
+        """The range of a number for a person: ">= 0, <= 1"; empty where there is none."""
+        return ", ".join(_limits(self.hint))
+
 
 def declared(kind: type) -> dict[str, Parameter]:
     """The parameters of a class, in its constructor's order. `NameError` where an annotation names nothing."""
     constructor = inspect.getattr_static(kind, "__init__")
-    hints = get_type_hints(constructor, include_extras=True)
+    owner = next(base for base in kind.__mro__ if "__init__" in vars(base))
+    # a dataclass has the fields of its bases too, whose annotations mean something in their own modules alone
+    generated = "__dataclass_params__" in vars(owner) and vars(owner)["__dataclass_params__"].init
+    hints = get_type_hints(owner if generated else constructor, include_extras=True)
     return {
         name: Parameter(hints.get(name, Any), argument.default)
         for name, argument in inspect.signature(constructor).parameters.items()
@@ -191,8 +200,30 @@ def _bare(hint: Any) -> Any:
 
 def _text(hint: Any) -> str:
     hint = _bare(hint)
+    if get_origin(hint) in (Union, UnionType):
+        return " | ".join(map(_text, get_args(hint)))
+    if hint is NoneType:
+        return "None"
     if get_origin(hint) is Literal:
         return " | ".join(str(allowed) for allowed in get_args(hint))
     if get_origin(hint) is tuple:
         return f"tuple[{', '.join('...' if part is Ellipsis else _text(part) for part in get_args(hint))}]"
     return hint.__name__ if type(hint) is type else str(hint).replace("typing.", "")
+
+
+_SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+
+
+def _limits(hint: Any) -> list[str]:
+    if get_origin(hint) in (Union, UnionType):
+        return [limit for part in get_args(hint) for limit in _limits(part)]
+    if get_origin(_bare(hint)) is tuple:
+        return [f"each {limit}" for limit in _limits(get_args(_bare(hint))[0])]
+    notes = getattr(hint, "__metadata__", ())
+    constraints = [constraint for note in notes for constraint in getattr(note, "metadata", [note])]
+    return [
+        f"{sign} {getattr(constraint, name):g}"
+        for constraint in constraints
+        for name, sign in _SIGNS.items()
+        if hasattr(constraint, name)
+    ]

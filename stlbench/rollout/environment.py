@@ -135,7 +135,8 @@ class BatchEnvironment:
         self._cut[[*self._training.cuts, horizon]] = True
         self._endings = _Endings(task)
         self._generator = np.random.default_rng(seed)
-        self._never: Truth = np.zeros(count, dtype=np.bool_)
+        self._going_on = np.ones(count)
+        self._going_on.flags.writeable = False  # agents are given it
         self.taken = 0
         self.observation_size = self.reset().shape[1]
         self._generator = np.random.default_rng(seed)
@@ -155,22 +156,22 @@ class BatchEnvironment:
         self.taken += self.count * self.hold
         reward = held.reward / simulator.method.scale
         t = simulator.t
-        ended, terminal = t >= self._broken_off, self._never
+        ended, discount = t >= self._broken_off, self._going_on
         if self._endings:
-            terminal, paid = self._endings(held.samples, t)
-            reward[terminal] = paid[terminal]
-            ended = ended | terminal
+            over, paid = self._endings(held.samples, t)
+            reward[over] = paid[over]
+            ended, discount = ended | over, np.where(over, 0.0, 1.0)
         cut = self._cut[t] | ended
         observation = simulator.observe()
         if not np.count_nonzero(cut):
-            return Transition(observation, reward, observation, cut, ended, terminal)
+            return Transition(observation, reward, observation, discount, cut, ended)
         # beyond a boundary the reward asks for something else: the value is that of going on as before it
         boundary = cut & (t < simulator.horizon) & self._cut[t]
         arrived = simulator.observe(np.where(boundary, t - self.hold, t)) if boundary.any() else observation
         if ended.any():
             self._reset_rows(np.flatnonzero(ended))
             observation = simulator.observe()
-        return Transition(observation, reward, arrived, cut, ended, terminal)
+        return Transition(observation, reward, arrived, discount, cut, ended)
 
     def _reset_rows(self, rows: Integers) -> None:
         """New episodes in the given rows, some of them at a random time."""

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
+from stlbench.contract import Unsuitable
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import fingerprint
 from stlbench.result import FORMAT, CellId, Measurement, Result, Status
-from stlbench.task import load_task
+from stlbench.task import build_agent, load_task
 from stlbench.task.task import Task
 
 __all__ = ["Cell", "check_cells", "derive_seed", "plan_cells"]
@@ -51,12 +52,13 @@ def plan_cells(
     Args:
         tasks: tasks, or ablations of them (`load_task`).
         methods: what to compare.
-        agents: what to train with; each task has a recipe for it. None for the first that each task has a recipe for.
+        agents: what to train with, by a task's recipe or else by its defaults. None for the first that each task has
+            a recipe for.
         seeds: which; None for 0..n-1 with the number n that the task's budget names.
         budget: name of a budget that each task has.
 
     Raises:
-        UsageError: no seed, an unknown name, a task with errors, or without the budget or a recipe for an agent.
+        UsageError: no seed, an unknown name, a task with errors, or without the budget.
     """
     if seeds is not None and (not seeds or min(seeds) < 0):
         raise UsageError(f"at least one seed is needed, none of them negative, got {list(seeds)}")
@@ -92,17 +94,34 @@ class _Planned:
         return cls(task.choice, seeds or range(budget.seeds), budget.deadline, _task_part(task, name), parts)
 
 
-def check_cells(cells: Iterable[Cell]) -> None:
+def check_cells(cells: Iterable[Cell]) -> tuple[str, ...]:
     """Load the methods and agents of these cells and check their parameters, before any of them runs.
 
+    Returns:
+        A line for each thing that the user should know: an agent that trains with its defaults.
+
     Raises:
-        UsageError: the first wrong parameter, or plugin that cannot be loaded.
+        UsageError: the first wrong parameter, plugin that cannot be loaded, or agent that cannot train here.
     """
-    ids = [cell.id for cell in cells]
+    ids, notes = [cell.id for cell in cells], list[str]()
     for method in dict.fromkeys(cell.method for cell in ids):
         plugins.check("methods", method)
-    for task, agent in dict.fromkeys((cell.task, cell.agent) for cell in ids):
-        plugins.check("agents", agent, load_task(task).recipe(agent.name))
+    for name, agent in dict.fromkeys((cell.task, cell.agent) for cell in ids):
+        task = load_task(name)
+        _check_agent(task, agent)
+        if agent.name not in task.file.agents:
+            notes.append(f"task {name} has no recipe for agent {agent}, which trains with its defaults")
+    return tuple(notes)
+
+
+def _check_agent(task: Task, agent: Choice) -> None:
+    try:
+        build_agent(task, agent)
+    except UsageError:
+        raise
+    except Exception as error:
+        cause = str(error) if isinstance(error, Unsuitable) else f"{type(error).__name__}: {error}"
+        raise UsageError(f"agent {agent}: {' '.join(cause.split())}") from error
 
 
 def derive_seed(*parts: str | int) -> int:

@@ -28,12 +28,17 @@ class Progress(Protocol):
     def begin(self, missing: Sequence[CellId], done: int) -> None:
         """These cells are going to run; `done` others have a result from before."""
 
+    def note(self, text: str) -> None:
+        """Something that the user should know of the study, in a line."""
+
     def ended(self, result: Result) -> None:
         """One more cell has ended."""
 
 
 class _Silent:
     def begin(self, missing: Sequence[CellId], done: int) -> None: ...
+
+    def note(self, text: str) -> None: ...
 
     def ended(self, result: Result) -> None: ...
 
@@ -78,9 +83,11 @@ def run_study(
     with open_ledger(folder / FILE) as ledger:
         finished = ledger.finished((cell.key for cell in cells), retry)
         missing = [*{cell.key: cell for cell in cells if cell.key not in finished}.values()]
-        check_cells(missing)
+        notes = check_cells(missing)
         ledger.plan({cell.key: cell.id for cell in cells})
         told.begin([cell.id for cell in missing], len(cells) - len(missing))
+        for line in notes:
+            told.note(line)
         run_cell = partial(trial.run_cell, folder=folder / FOLDER)
         with closing(scheduler.run(missing, ledger, executor, run_cell, collect(executor.jobs))) as results:
             for result in results:

@@ -30,17 +30,17 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         folder: where the report's traces are saved, if anywhere (`trace_file`).
 
     Returns:
-        The cell's result; a method that does not fit the task is a result, with its reason. Any other error of a
-        plugin is raised, for the scheduler to record.
+        The cell's result; a method or agent that does not fit the task is a result, with its reason. Any other error
+        of a plugin is raised, for the scheduler to record.
     """
     task = load_task(cell.id.task)
     try:
         method = build_method(task, cell.id.method)
+        measurement, assessment = measure(task, method, build_agent(task, cell.id.agent), cell)
     except Intractable as reason:
         return cell.ended("intractable", str(reason))
     except Unsuitable as reason:
         return cell.ended("unsuitable", str(reason))
-    measurement, assessment = measure(task, method, build_agent(task, cell.id.agent), cell)
     if folder is not None:
         save(trace_file(folder, cell.id, cell.key), assessment, task.signals)
     return cell.ended("done", measurement=measurement)

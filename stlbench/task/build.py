@@ -22,6 +22,9 @@ def build_method(task: Task, choice: Choice | str) -> RewardMethod:
 
 
 def build_agent(task: Task, choice: Choice | str) -> Agent:
-    """The chosen agent with the task's recipe, which the parameters of the choice override."""
+    """The chosen agent with the task's recipe, or its defaults; the parameters of the choice override both.
+
+    Raises `UsageError`, and `Unsuitable` where the agent cannot train on this machine.
+    """
     choice = choice_of(choice)
     return cast(Agent, plugins.build("agents", choice, defaults=task.recipe(choice.name)))

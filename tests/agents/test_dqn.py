@@ -21,20 +21,20 @@ from stlbench.contract import ActionGrid, Environment, Integers, Policy, Trainin
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 from stlbench.task import build_agent, build_method, load_task
-from stlbench_agents.dqn import DQN, Learner
+from stlbench_agents.dqn import DQN, QLearner
 from stlbench_agents.network import GreedyPolicy, Head
 
 GRID = ActionGrid(("v", "w"), ((-1.0, 0.0, 1.0), (0.0, 1.0)))
 INPUTS, ROWS = 4, 32
 
 
-def learner(updates: int = 100, seed: int = 0, **recipe: Any) -> Learner:
+def learner(updates: int = 100, seed: int = 0, **recipe: Any) -> QLearner:
     shape = cast(Environment, SimpleNamespace(observation_size=INPUTS, actions=GRID, count=ROWS))
     sizes: dict[str, Any] = {"net_arch": (12, 8), "batch_size": ROWS}
-    return Learner(DQN(**(sizes | recipe)), shape, seed, updates)
+    return QLearner(DQN(**(sizes | recipe)), shape, seed, updates)
 
 
-def some(ours: Learner, seed: int) -> Integers:
+def some(ours: QLearner, seed: int) -> Integers:
     """Store three random lock-steps, a third of whose transitions stop a return; where the first lies, (1, B)."""
     generator, begin = np.random.default_rng(seed), ours.replay.count
     for _ in range(3):
@@ -43,19 +43,19 @@ def some(ours: Learner, seed: int) -> Integers:
             observation=np.zeros((ROWS, INPUTS)),
             reward=generator.normal(size=ROWS),
             arrived=generator.normal(size=(ROWS, INPUTS)),
+            discount=np.where(kind < 1, 0.0, 1.0),
             cut=kind < 3,
             ended=kind < 2,
-            terminal=kind < 1,
         )
         ours.replay.add(generator.normal(size=(ROWS, INPUTS)), generator.integers(GRID.size, size=ROWS), transition)
     return (begin * ROWS + np.arange(ROWS))[None]
 
 
-def update(ours: Learner, seed: int) -> None:
+def update(ours: QLearner, seed: int) -> None:
     ours.update(some(ours, seed))
 
 
-def both_gradients(ours: Learner, seed: int, target: NDArray[Any] | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
+def both_gradients(ours: QLearner, seed: int, target: NDArray[Any] | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
     """Of an update, ours and that of the loss written out, at the weights before it; the latter in float64."""
     recipe, first = ours.recipe, some(ours, seed)
     online = ours.weights.online.copy()
@@ -71,7 +71,7 @@ def both_gradients(ours: Learner, seed: int, target: NDArray[Any] | None = None)
     return ours.weights.gradient.astype(np.float64), expected
 
 
-def flat(ours: Learner) -> NDArray[Any]:
+def flat(ours: QLearner) -> NDArray[Any]:
     """A copy of the current weights, in float64."""
     return ours.weights.online.astype(np.float64)
 
@@ -90,26 +90,11 @@ class TestLearner:
             found, expected = both_gradients(ours, seed, target)
             assert found == pytest.approx(expected, abs=1e-6)
 
-    @pytest.mark.parametrize(("gamma", "weight"), [(0.75, 0.5), (1.0, 2.0)])
-    def test_rewards_are_weighted_by_1_minus_gamma_where_that_is_not_0(self, gamma: float, weight: float) -> None:
-        """And by reward_scale, here 2: rewards 1 1 1 make weight * (1 + gamma + gamma^2)."""
-        ours = learner(gamma=gamma, reward_scale=2.0)
-        nothing, wide = np.zeros(ROWS, np.bool_), np.zeros((ROWS, INPUTS))
-        for _ in range(3):
-            ours.replay.add(
-                wide, np.zeros(ROWS, np.int64), Transition(
-                    observation=wide, reward=np.ones(ROWS), arrived=wide, cut=nothing, ended=nothing, terminal=nothing
-                )
-            )  # fmt: skip
-        batch = ours.replay.batch(np.arange(1))
-        assert batch.returns[0] == pytest.approx(weight * (1 + gamma + gamma**2))
-        assert batch.discount[0] == pytest.approx(gamma**3)
-
     @pytest.mark.parametrize("time_limit", ["bootstrap", "terminal"])
     def test_what_follows_a_time_limit_is_the_recipes(self, time_limit: str) -> None:
         ours = learner(time_limit=time_limit, gamma=0.5, n_steps=1)
-        yes, no, wide = np.ones(ROWS, np.bool_), np.zeros(ROWS, np.bool_), np.zeros((ROWS, INPUTS))
-        limit = Transition(observation=wide, reward=np.ones(ROWS), arrived=wide, cut=yes, ended=yes, terminal=no)
+        yes, wide = np.ones(ROWS, np.bool_), np.zeros((ROWS, INPUTS))
+        limit = Transition(wide, np.ones(ROWS), wide, discount=np.ones(ROWS), cut=yes, ended=yes)
         ours.replay.add(wide, np.zeros(ROWS, np.int64), limit)
         assert ours.replay.batch(np.arange(1)).discount[0] == (0.5 if time_limit == "bootstrap" else 0)
 

@@ -6,25 +6,29 @@ import numpy as np
 import pytest
 
 from stlbench.contract import Array, Transition, Truth
-from stlbench_agents.replay import Batch, Replay
+from stlbench_agents.replay import Batch, Replay, weighted_rewards
 
 EPISODE = 4
 """Decisions an episode, in the histories below."""
 
 
 def came(
-    arrived: Array, reward: Array, cut: Truth, ended: Truth | None = None, terminal: Truth | None = None
+    arrived: Array, reward: Array, cut: Truth, ended: Truth | None = None, lost: Truth | None = None
 ) -> Transition:
-    """Where nothing is said of `ended` it is `cut`; nothing is terminal."""
-    ended = cut if ended is None else ended
+    """Where nothing is said of `ended` it is `cut`; nothing is lost."""
     return Transition(
         observation=arrived,
         reward=reward,
         arrived=arrived,
+        discount=np.ones_like(reward) if lost is None else 1.0 - lost,
         cut=cut,
-        ended=ended,
-        terminal=np.zeros_like(cut) if terminal is None else terminal,
+        ended=cut if ended is None else ended,
     )
+
+
+def unweighted(gamma: float) -> float:
+    """The `scale` with which rewards are stored as they are, so that returns are easily added up."""
+    return 1 / (1 - gamma) if gamma < 1 else 1.0
 
 
 def filled(steps: int, rows: int, copies: int, n_steps: int, gamma: float) -> Replay:
@@ -33,7 +37,7 @@ def filled(steps: int, rows: int, copies: int, n_steps: int, gamma: float) -> Re
     The reward of step t is 2^(t mod 4) of copy 0 and ten times that of copy 1. The episodes of copy c end after the
     steps t with (t + c) % 4 = 3.
     """
-    replay = Replay(rows, copies, 2, n_steps, gamma)
+    replay = Replay(rows, copies, 2, n_steps, gamma, unweighted(gamma))
     copy = np.arange(copies)
     for t in range(steps):
         ended = (t + copy) % EPISODE == EPISODE - 1
@@ -111,7 +115,7 @@ def test_it_is_ready_when_it_holds_one_window() -> None:
 
 
 def test_what_was_stored_does_not_change_with_the_callers_arrays() -> None:
-    replay, observation = Replay(4, 1, 2, 1, 0.5), np.array([[1.0, 2.0]])
+    replay, observation = Replay(4, 1, 2, 1, 0.5, scale=2), np.array([[1.0, 2.0]])
     action, reward, cut = np.array([5]), np.array([3.0]), np.array([False])
     replay.add(observation, action, came(observation, reward, cut))
     observation[:], action[:], reward[:], cut[:] = 0, 0, 0, True
@@ -120,14 +124,14 @@ def test_what_was_stored_does_not_change_with_the_callers_arrays() -> None:
     assert (batch.action[0], batch.returns[0], batch.discount[0]) == (5, 3, 0.5)
 
 
-def one_copy(kinds: str, n_steps: int = 3, gamma: float = 0.5, weight: float = 1.0, limit: bool = False) -> Batch:
-    """All windows into steps of one copy, a letter each: - goes on, c cut, e ended, t terminal; rewards 1 2 4 8 ...
+def one_copy(kinds: str, n_steps: int = 3, gamma: float = 0.5, scale: float = 1.0, limit: bool = False) -> Batch:
+    """All windows into steps of one copy, a letter each: - goes on, c cut, e ended, l lost; rewards 1 2 4 8 ...
 
     What step i arrives at is (i + 1).
     """
-    replay = Replay(len(kinds), 1, 1, n_steps, gamma, weight, limit)
+    replay = Replay(len(kinds), 1, 1, n_steps, gamma, scale * unweighted(gamma), limit)
     for i, kind in enumerate(kinds):
-        here, flags = np.array([[float(i)]]), [np.array([kind in which]) for which in ("cet", "et", "t")]
+        here, flags = np.array([[float(i)]]), [np.array([kind in which]) for which in ("cel", "el", "l")]
         replay.add(here, np.array([i]), came(here + 1, np.array([2.0**i]), *flags))
     return replay.batch(np.arange(len(kinds) - n_steps + 1))
 
@@ -142,9 +146,9 @@ def one_copy(kinds: str, n_steps: int = 3, gamma: float = 0.5, weight: float = 1
         # the time limit there: the same
         ("-e---", [2, 2, 12], [2, 2, 5], [1 / 4, 1 / 2, 1 / 8]),
         # a violation there: 2 is worth 2 / (1 - 1/2) = 4, so 1 + 4/2 and 4, and nothing beyond
-        ("-t---", [3, 4, 12], [2, 2, 5], [0, 0, 1 / 8]),
+        ("-l---", [3, 4, 12], [2, 2, 5], [0, 0, 1 / 8]),
         # after step 2, the last of the first window: 1 + 2/2 + 8/4, 2 + 8/2, 8
-        ("--t--", [4, 6, 8], [3, 3, 3], [0, 0, 0]),
+        ("--l--", [4, 6, 8], [3, 3, 3], [0, 0, 0]),
         # one at the first and another at the third: 1, 2 + 4/2, 4
         ("c-c--", [1, 4, 4], [1, 3, 3], [1 / 2, 1 / 4, 1 / 2]),
     ],
@@ -156,31 +160,31 @@ def test_returns_that_stop(kinds: str, returns: list[float], arrived: list[float
 
 
 def test_one_step_returns_that_stop() -> None:
-    batch = one_copy("-cet-", n_steps=1)
+    batch = one_copy("-cel-", n_steps=1)
     assert batch.returns.tolist() == [1, 2, 4, 16, 16]
     assert batch.discount.tolist() == [0.5, 0.5, 0.5, 0, 0.5]
 
 
 def test_where_the_time_limit_is_terminal_nothing_follows_any_end_but_a_cut_still_bootstraps() -> None:
     """The reward at the time limit counts once, that of a violation for ever."""
-    batch = one_copy("-cet-", n_steps=1, limit=True)
+    batch = one_copy("-cel-", n_steps=1, limit=True)
     assert batch.returns.tolist() == [1, 2, 4, 16, 16]
     assert batch.discount.tolist() == [0.5, 0.5, 0, 0, 0.5]
 
 
 def test_without_a_discount_the_reward_of_a_violation_counts_once() -> None:
-    batch = one_copy("-t-", n_steps=2, gamma=1)
+    batch = one_copy("-l-", n_steps=2, gamma=1)
     assert (batch.returns.tolist(), batch.discount.tolist()) == ([3, 2], [0, 0])
 
 
-def test_the_weight_multiplies_every_reward_and_no_discount() -> None:
-    batch = one_copy("--t--", weight=10)
+def test_the_scale_multiplies_every_reward_and_no_discount() -> None:
+    batch = one_copy("--l--", scale=10)
     assert (batch.returns.tolist(), batch.discount.tolist()) == ([40, 60, 80], [0, 0, 0])
-    assert one_copy("-----", weight=10).returns.tolist() == [30, 60, 120]
+    assert one_copy("-----", scale=10).returns.tolist() == [30, 60, 120]
 
 
-def test_a_place_in_the_ring_that_was_terminal_is_forgotten_when_it_is_written_again() -> None:
-    replay, here = Replay(2, 1, 1, 1, 0.5), np.zeros((1, 1))
+def test_a_place_in_the_ring_after_which_nothing_followed_is_forgotten_when_it_is_written_again() -> None:
+    replay, here = Replay(2, 1, 1, 1, 0.5, scale=2), np.zeros((1, 1))
     for yes in (True, True, False, False):
         flag = np.array([yes])
         replay.add(here, np.array([0]), came(here, np.ones(1), flag, flag, flag))
@@ -190,13 +194,37 @@ def test_a_place_in_the_ring_that_was_terminal_is_forgotten_when_it_is_written_a
 
 def test_copies_stop_each_by_itself() -> None:
     """gamma = .5, n = 2, rewards 1 everywhere: copy 0 goes on, copy 1 is cut, copy 2 is lost at the first step."""
-    replay, here, one = Replay(3, 3, 1, 2, 0.5), np.zeros((3, 1)), np.ones(3)
+    replay, here, one = Replay(3, 3, 1, 2, 0.5, scale=2), np.zeros((3, 1)), np.ones(3)
     nothing = np.zeros(3, np.bool_)
     replay.add(here, np.arange(3), came(here, one, *np.array([[0, 1, 1], [0, 0, 1], [0, 0, 1]], np.bool_)))
     replay.add(here, np.arange(3), came(here, one, nothing))
     batch = replay.batch(np.arange(3))
     assert batch.returns.tolist() == [1.5, 1, 2]
     assert batch.discount.tolist() == [0.25, 0.5, 0]
+
+
+@pytest.mark.parametrize(("gamma", "weight"), [(0.75, 0.5), (0.0, 2.0), (1.0, 2.0)])
+def test_rewards_are_weighted_by_1_minus_gamma_where_that_is_not_0(gamma: float, weight: float) -> None:
+    """And by the scale, here 2: rewards 1 1 1 make weight * (1 + gamma + gamma^2)."""
+    replay, here, nothing = Replay(3, 1, 1, 3, gamma, scale=2.0), np.zeros((1, 1)), np.zeros(1, np.bool_)
+    for _ in range(3):
+        replay.add(here, np.array([0]), came(here, np.ones(1), nothing))
+    batch = replay.batch(np.arange(1))
+    assert batch.returns[0] == pytest.approx(weight * (1 + gamma + gamma**2))
+    assert batch.discount[0] == pytest.approx(gamma**3)
+
+
+@pytest.mark.parametrize(
+    ("gamma", "weight", "expected"), [(0.75, 1, [3, -8]), (0.75, 10, [30, -80]), (1, 10, [30, -20])]
+)
+def test_where_nothing_follows_the_reward_counts_as_if_paid_for_ever(
+    gamma: float, weight: float, expected: list[float]
+) -> None:
+    """-2 at each decision from now on, discounted by 3/4, is -8."""
+    lost = np.array([False, True])
+    transition = came(np.zeros((2, 1)), np.array([3.0, -2.0]), lost, lost, lost)
+    assert weighted_rewards(transition, gamma, weight).tolist() == expected
+    assert transition.reward.tolist() == [3, -2]
 
 
 def test_updates_of_one_lock_step_draw_different_rows() -> None:

@@ -12,7 +12,7 @@ from stlbench.contract import Policy, Training, Unsuitable
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 from stlbench.task import build_method
-from stlbench_agents.actor import ActorPolicy
+from stlbench_agents.actor_policy import ActorPolicy
 from stlbench_agents.sb3_agent import SB3Agent
 from stlbench_agents.sb3_continuous import SB3PPO, SB3SAC, SB3TD3
 
@@ -56,7 +56,7 @@ def name(agent: SB3Agent) -> str:
 def test_the_exported_policy_is_what_sb3_predicts(agent: SB3Agent) -> None:
     task = line(**FILE)
     environment = BatchEnvironment(task, build_method(task, "raw"), 4, seed=0)
-    model: Any = agent.model(environment, 1, 64)
+    model: Any = agent.model(environment, 1)
     model.learn(256)
     observation = np.random.default_rng(0).uniform(-3, 3, (200, environment.observation_size))
     theirs, _ = model.predict(observation.astype(np.float32), deterministic=True)
@@ -68,7 +68,7 @@ def test_the_exported_policy_is_what_sb3_predicts(agent: SB3Agent) -> None:
 @pytest.mark.parametrize("agent", AGENTS, ids=name)
 def test_it_spends_the_budget_and_no_more_and_reports_evenly(agent: SB3Agent) -> None:
     trained = Trained(agent, 600)
-    size = agent.copies * agent.rollout(150)
+    size = agent.copies * agent.rollout
     assert 600 - size < trained.used[0].taken <= 600
     steps = [steps for _, steps in trained.reports]
     assert steps[-1] == trained.used[0].taken
@@ -107,4 +107,4 @@ def test_a_grid_is_refused(agent: SB3Agent) -> None:
     task = line()
     environment = BatchEnvironment(task, Probe(task.specification), 4, seed=0)
     with pytest.raises(Unsuitable, match="the task's actions v are a grid, and this agent's are continuous"):
-        agent.model(environment, 0, 64)
+        agent.model(environment, 0)

@@ -16,7 +16,7 @@ from stlbench.rollout.environment import BatchEnvironment
 from stlbench.task import build_agent, build_method, load_task
 from stlbench_agents.actions import grid_of
 from stlbench_agents.network import GreedyPolicy
-from stlbench_agents.sb3_bridge import CopiesVecEnv, exported
+from stlbench_agents.sb3_bridge import CopiesVecEnv, greedy_policy
 from stlbench_agents.sb3_dqn import SB3DQN
 
 SMALL: dict[str, Any] = {"net_arch": (8, 8), "copies": 4, "batch_size": 16, "learning_starts": 20}
@@ -53,9 +53,9 @@ def weights(policy: GreedyPolicy) -> np.ndarray[Any, Any]:
 
 def test_the_exported_policy_is_what_sb3_predicts() -> None:
     copies = environment(4)
-    model = SB3DQN(**SMALL).model(copies, seed=1, most=1)
+    model = SB3DQN(**SMALL).model(copies, seed=1)
     model.learn(400)
-    policy = exported(model.q_net.q_net, copies.observation_size, copies.actions.shape)
+    policy = greedy_policy(model.q_net.q_net, copies.observation_size, copies.actions.shape)
     observation = np.random.default_rng(0).uniform(-1, 1, (300, copies.observation_size))
     ours = policy.act(observation)
     theirs, _ = model.predict(observation.astype(np.float32), deterministic=True)
@@ -65,8 +65,8 @@ def test_the_exported_policy_is_what_sb3_predicts() -> None:
 
 def test_a_report_is_frozen() -> None:
     copies = environment(4)
-    model = SB3DQN(**SMALL).model(copies, seed=1, most=1)
-    policy = exported(model.q_net.q_net, copies.observation_size, copies.actions.shape)
+    model = SB3DQN(**SMALL).model(copies, seed=1)
+    policy = greedy_policy(model.q_net.q_net, copies.observation_size, copies.actions.shape)
     before = weights(policy).copy()
     with torch.no_grad():
         for parameter in model.q_net.parameters():
@@ -140,7 +140,7 @@ def test_the_last_observation_is_bootstrapped_from() -> None:
 
 
 def test_sb3s_replay_takes_no_time_limit_for_the_end_of_the_task() -> None:
-    model = SB3DQN(**{**SMALL, "n_steps": 3, "gamma": 0.5}).model(environment(4), seed=0, most=1)
+    model = SB3DQN(**{**SMALL, "n_steps": 3, "gamma": 0.5}).model(environment(4), seed=0)
     model.learn(4 * 202)
     buffer = model.replay_buffer
     assert buffer is not None
@@ -175,7 +175,8 @@ def test_continuous_actions_are_refused() -> None:
 
 
 def test_the_learning_rate_falls_geometrically() -> None:
-    schedule = SB3DQN(learning_rate=1e-2, learning_rate_final=1e-4).options["learning_rate"]
+    agent = SB3DQN(learning_rate=1e-2, learning_rate_final=1e-4)
+    schedule = agent.options(environment(4))["learning_rate"]
     assert [schedule(left) for left in (1.0, 0.5, 0.0)] == pytest.approx([1e-2, 1e-3, 1e-4])
 
 

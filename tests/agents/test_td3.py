@@ -14,17 +14,17 @@ from stlbench.contract import ActionBox, Array, Policy, Training, Transition, Un
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 from stlbench.task import build_method
-from stlbench_agents.actor import ActorPolicy
+from stlbench_agents.actor_critic import ActorCritic, TwinCritic
+from stlbench_agents.actor_policy import ActorPolicy
 from stlbench_agents.replay import Batch
 from stlbench_agents.td3 import TD3
-from stlbench_agents.td3_learner import Learner, TwinCritic
 
 BOX = ActionBox(("v", "w"), (-1.0, 0.0), (1.0, 4.0))
 CONTINUOUS: dict[str, Any] = {"actions": {"v": {"low": -1, "high": 1}}}
 
 
-def learner(**parameters: Any) -> Learner:
-    made = Learner(TD3(net_arch=(8, 8), **parameters), 3, BOX, np.random.default_rng(0), 100)
+def learner(**parameters: Any) -> ActorCritic:
+    made = ActorCritic(TD3(net_arch=(8, 8), **parameters), 3, BOX, np.random.default_rng(0), 100)
     made.saw(np.array([-100.0, 100.0]))
     return made
 
@@ -93,7 +93,7 @@ def test_targets_by_hand() -> None:
 
 
 def test_targets_lie_among_the_rewards_that_were_seen() -> None:
-    made = Learner(TD3(net_arch=(8, 8), reward_scale=2.0), 3, BOX, np.random.default_rng(0), 100)
+    made = ActorCritic(TD3(net_arch=(8, 8), reward_scale=2.0), 3, BOX, np.random.default_rng(0), 100)
     made.saw(np.array([0.1, 0.2]))
     made.saw(np.array([-0.3, 0.0]))
     of = batch()._replace(returns=np.array([-50, 50, 0, 0, 0, 0], np.float32))
@@ -202,6 +202,27 @@ def test_it_learns_to_go_to_a_point_and_stay() -> None:
     satisfaction, robustness = Referee(trained.task, trained.method).select(trained.policy)
     assert satisfaction >= 0.9
     assert robustness >= 0.2
+
+
+def test_with_gamma_1_targets_are_sums_of_rewards_and_know_no_bounds() -> None:
+    made = ActorCritic(TD3(net_arch=(8, 8), gamma=1), 3, BOX, np.random.default_rng(0), 100)
+    made.saw(np.array([0.1, 0.2]))
+    of = batch()._replace(returns=np.array([-50, 50, 0, 0, 0, 0], np.float32), discount=np.zeros(6, np.float32))
+    assert made.targets(of, np.zeros((6, 2))).tolist() == [-50, 50, 0, 0, 0, 0]
+
+
+def test_with_gamma_1_rewards_still_arrive_in_the_replay(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Weighted by 1 - gamma they would all be 0, and every policy as good as any other."""
+    stored = list[Batch]()
+
+    def update(self: ActorCritic, batch: Batch, noise: Array) -> None:
+        stored.append(batch)
+
+    monkeypatch.setattr(ActorCritic, "update", update)
+    trained = Trained(80, copies=4, random_steps=4, gamma=1.0, reward_scale=3.0)
+    rewards = np.concatenate([batch.returns for batch in stored])
+    assert np.abs(rewards).max() > 0.1
+    assert len(trained.reports) == 4
 
 
 def test_a_grid_is_refused() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+from inspect import cleandoc
 from typing import Annotated, Literal
 
 import pytest
@@ -10,7 +12,8 @@ from hypothesis import strategies as st
 from pydantic import Field
 
 from stlbench.errors import UsageError
-from stlbench.registry.choices import Choice, check, declared, parse_choice, parse_choices
+from stlbench.registry.choices import Choice, Parameter, check, declared, parse_choice, parse_choices
+from stlbench.registry.field_docs import field_docs
 
 keys = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True)
 values = st.from_regex(r"[A-Za-z0-9._+-]{1,8}", fullmatch=True)
@@ -179,3 +182,89 @@ def test_a_class_without_constructor_has_no_parameters():
     assert declared(Plain) == {}
     with pytest.raises(UsageError, match="no parameter 'a'; there are none"):
         checked("x[a=1]", kind=Plain)
+
+
+class TestDataclasses:
+    """A constructor that `dataclass` made: its parameters are the fields, of base classes too."""
+
+    @pytest.fixture
+    def derived(self, site):
+        """A class whose base lies in another module, and alone knows what the base's annotation means."""
+        base = """
+            from __future__ import annotations
+            from dataclasses import dataclass
+            from typing import Annotated, ClassVar
+            from pydantic import Field
+            Share = Annotated[float, Field(ge=0, le=1)]
+            @dataclass(frozen=True, kw_only=True)
+            class Base:
+                kind: ClassVar[str] = "x"
+                gamma: Share = 0.9
+                '''discount of
+                a decision'''
+                rate: Share = 0.5
+                '''how fast'''
+        """
+        derived = """
+            from __future__ import annotations
+            from dataclasses import dataclass, field
+            from zz_fields.base import Base
+            @dataclass(frozen=True, kw_only=True)
+            class Derived(Base):
+                rate: int = 3
+                must: int
+                size: int = 3
+                '''how large'''
+                silent: str = ""
+            class Quiet(Derived):
+                pass
+            class Own(Derived):
+                def __init__(self, *, size: int = 5):
+                    super().__init__(must=1, size=size)
+        """
+        files = {"__init__.py": "", "base.py": cleandoc(base), "derived.py": cleandoc(derived)}
+        site("zz-fields", "", {f"zz_fields/{name}": text for name, text in files.items()})
+        return importlib.import_module("zz_fields.derived")
+
+    def test_fields_of_the_base_are_parameters_too(self, derived):
+        for kind in (derived.Derived, derived.Quiet):
+            known = declared(kind)
+            assert {name: entry.text for name, entry in known.items()} == {
+                "gamma": "float",
+                "rate": "int",
+                "must": "int",
+                "size": "int",
+                "silent": "str",
+            }
+            assert (known["gamma"].default, known["gamma"].limits, known["rate"].limits) == (0.9, ">= 0, <= 1", "")
+            assert checked("x[gamma=0.25,must=2]", kind=kind) == {"gamma": 0.25, "must": 2}
+            with pytest.raises(UsageError, match="gamma should be less than or equal to 1, got '2'"):
+                checked("x[gamma=2,must=2]", kind=kind)
+            with pytest.raises(UsageError, match="parameter 'must' must be given"):
+                checked("x", kind=kind)
+
+    def test_a_constructor_of_its_own_goes_before_the_fields(self, derived):
+        assert list(declared(derived.Own)) == ["size"]
+        assert declared(derived.Own)["size"].default == 5
+
+    def test_the_docstring_below_a_field_is_its_meaning(self, derived):
+        expected = {"gamma": "discount of a decision", "rate": "how fast", "size": "how large"}
+        assert field_docs(derived.Derived) == field_docs(derived.Quiet) == expected
+        assert field_docs(int) == field_docs(type("Made", (), {})) == {}
+
+
+@pytest.mark.parametrize(
+    ("hint", "text", "limits"),
+    [
+        (float, "float", ""),
+        (Annotated[float, Field(gt=0)], "float", "> 0"),
+        (Annotated[int, Field(ge=1)], "int", ">= 1"),
+        (Annotated[float, Field(ge=-0.5, lt=2)], "float", ">= -0.5, < 2"),
+        (Annotated[float, Field(ge=0)] | None, "float | None", ">= 0"),
+        (Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)], "tuple[int, ...]", "each >= 1"),
+        (tuple[float, ...], "tuple[float, ...]", ""),
+    ],
+)
+def test_ranges_are_told_for_people(hint, text, limits):
+    parameter = Parameter(hint, 0)
+    assert (parameter.text, parameter.limits) == (text, limits)

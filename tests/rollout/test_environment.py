@@ -105,12 +105,13 @@ class TestBatchEnvironment:
         first = environment.step(always(UP, 2))
         assert first.reward.tolist() == [65.3 / 4] * 2  # as above, divided by the scale
         assert first.observation.tolist() == first.arrived.tolist() == [[2, 4, 0]] * 2
-        assert first.cut.tolist() == first.ended.tolist() == first.terminal.tolist() == [False, False]
+        assert first.cut.tolist() == first.ended.tolist() == [False, False]
+        assert first.discount.tolist() == [1, 1]
         second = environment.step(always(STAY, 2))
         # 100 t + 20 + 2 at t = 4..7
         assert second.reward == pytest.approx([(100 * 22 + 4 * 22) / 4 / 10] * 2)
         assert second.cut.tolist() == second.ended.tolist() == [True, True]
-        assert second.terminal.tolist() == [False, False]
+        assert second.discount.tolist() == [1, 1]
         assert second.arrived.tolist() == [[2, 8, 1]] * 2  # where the episode ended
         assert second.observation.tolist() == [[0, 0, -1]] * 2  # where the next one begins
         assert environment.step(always(DOWN, 2)).arrived.tolist() == [[-2, 4, 0]] * 2
@@ -191,9 +192,10 @@ class TestTrainingOptions:
         environment = self.make(ends=[VIOLATED])
         environment.reset()
         first = environment.step(np.array([UP, DOWN]))  # 1.0 and -1.0: x <= 1 holds with robustness 0
-        assert first.terminal.tolist() == [False, False]
+        assert first.discount.tolist() == [1, 1]
         second = environment.step(np.array([UP, DOWN]))
-        assert second.terminal.tolist() == second.ended.tolist() == second.cut.tolist() == [True, False]
+        assert second.discount.tolist() == [0, 1]
+        assert second.ended.tolist() == second.cut.tolist() == [True, False]
         # the other copy, at t = 2 and 3: 200 - 15 - 1 and 300 - 20 - 1.5
         assert second.reward.tolist() == [-0.5, (184 + 278.5) / 2]
         assert second.arrived[0].tolist() == [2, 4, 0]
@@ -204,7 +206,7 @@ class TestTrainingOptions:
         environment.reset()
         for action in (DOWN, STAY, UP, UP):  # -1 at t = 4, then up to 1
             transition = environment.step(always(action, 2))
-            assert not transition.terminal.any()
+            assert transition.discount.all()
         assert transition.ended.all()
 
     def test_a_violation_within_a_held_action_counts_though_it_is_over_at_its_end(self) -> None:
@@ -214,16 +216,16 @@ class TestTrainingOptions:
         environment.reset()
         environment.simulator.reset(np.array([[0.5], [0.0]]))
         first = environment.step(always(UP, 2))
-        assert first.terminal.tolist() == [True, False]
+        assert first.discount.tolist() == [0, 1]
 
     def test_a_condition_ends_the_episode_at_any_time(self) -> None:
         environment = self.make(ends=[VIOLATED, {"where": "x <= -2", "reward": -3}])
         environment.reset()
         environment.step(always(STAY, 2))
         environment.step(always(STAY, 2))
-        assert not environment.step(np.array([UP, DOWN])).terminal.any()  # 1 and -1 at t = 6, where no term counts
+        assert environment.step(np.array([UP, DOWN])).discount.all()  # 1 and -1 at t = 6, where no term counts
         last = environment.step(np.array([UP, DOWN]))
-        assert last.terminal.tolist() == [False, True]
+        assert last.discount.tolist() == [1, 0]
         assert last.reward[1] == -3
 
     def test_of_two_ends_at_once_the_first_is_paid(self) -> None:

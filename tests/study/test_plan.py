@@ -211,7 +211,7 @@ def test_the_version_of_the_distribution_is_part_of_the_key(site):
     [
         ({"tasks": "zz-lime"}, "no task 'zz-lime'; did you mean 'zz-line'?"),
         ({"methods": "zz-pai"}, "no method 'zz-pai'; did you mean 'zz-pay'?"),
-        ({"agents": "zz-agents"}, "has no recipe for agent 'zz-agents'|no agent 'zz-agents'"),
+        ({"agents": "zz-agents"}, "no agent 'zz-agents'; did you mean 'zz-agent'?"),
         ({"seeds": []}, "at least one seed is needed, none of them negative, got []"),
         ({"budget": "papers"}, "task zz-line has no budget 'papers'; did you mean 'paper'?"),
     ],
@@ -219,7 +219,7 @@ def test_the_version_of_the_distribution_is_part_of_the_key(site):
 def test_unknown_names_are_usage_errors(words, message):
     with pytest.raises(UsageError) as caught:
         plan(**words)
-    assert any(part in str(caught.value) for part in message.split("|"))
+    assert message in str(caught.value)
 
 
 @pytest.mark.usefixtures("lab")

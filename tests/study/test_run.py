@@ -35,13 +35,16 @@ class Told:
     def begin(self, missing, done):
         self.lines.append(([cell.method.name for cell in missing], done))
 
+    def note(self, text):
+        self.lines.append(text)
+
     def ended(self, result):
         self.lines.append((result.id.method.name, result.status))
 
 
 @pytest.fixture(autouse=True)
 def scripted(monkeypatch):
-    monkeypatch.setattr(run, "check_cells", lambda cells: None)
+    monkeypatch.setattr(run, "check_cells", lambda cells: ("by the way",) if len(cells) == 3 else ())
 
 
 def study(folder, cells, **words):
@@ -54,7 +57,13 @@ def test_what_is_missing_runs_with_its_deadline_and_the_caller_is_told(tmp_path)
     cells = scripted_cells.cells("a", "b", "raise", deadline=7)
     ran, lines = study(tmp_path, cells)
     assert ran == [("a", 7), ("b", 7), ("raise", 7)]
-    assert lines == [(["a", "b", "raise"], 0), ("a", "unsuitable"), ("b", "unsuitable"), ("raise", "raised")]
+    assert lines == [
+        (["a", "b", "raise"], 0),
+        "by the way",
+        ("a", "unsuitable"),
+        ("b", "unsuitable"),
+        ("raise", "raised"),
+    ]
     with Ledger(tmp_path / FILE, create=False) as ledger:
         assert [result.id for result in ledger.results()] == [cell.id for cell in cells]
 
@@ -82,6 +91,7 @@ def test_nothing_runs_where_one_cell_is_wrong_and_only_missing_cells_are_checked
     def refuse(cells):
         if any(cell.id.method.name == "wrong" for cell in cells):
             raise UsageError("wrong: no parameter")
+        return ()
 
     monkeypatch.setattr(run, "check_cells", refuse)
     cells = scripted_cells.cells("a", "wrong")

@@ -13,10 +13,11 @@ from helpers.line_task import line, text
 from stlbench import stl
 from stlbench.contract import ActionBox
 from stlbench.errors import UsageError
-from stlbench.task import load_task
+from stlbench.task import build_agent, load_task
 from stlbench.task.file import OPTIONAL
 from stlbench.task.reading import read_task_file
 from stlbench.task.region import Region
+from stlbench_agents.independent import DQNPerRobot
 
 
 def errors(**changes: Any) -> list[str]:
@@ -314,8 +315,13 @@ class TestProblem:
         task = load_task("hold-disc")
         with pytest.raises(UsageError, match=r"task hold-disc has no budget 'smok'; did you mean 'smoke'\?"):
             task.budget("smok")
-        with pytest.raises(UsageError, match="task hold-disc has no recipe for agent 'ppo'; it has: dqn"):
-            task.recipe("ppo")
+
+    def test_an_agent_without_a_recipe_has_its_defaults(self) -> None:
+        task = load_task("hold-disc")
+        assert task.recipe("sb3-dqn")["net_arch"] == [64, 64]
+        assert task.recipe("td3") == {}
+        assert build_agent(task, "dqn-per-robot") == DQNPerRobot()
+        assert build_agent(task, "dqn-per-robot[gamma=0.5]") == DQNPerRobot(gamma=0.5)
 
     ENTRIES = "[stlbench.tasks]\nzz-line = zz_task.system:Line\n"
     SYSTEM = (

@@ -1,4 +1,4 @@
-"""The networks of TD3 and one update of them, in PyTorch."""
+"""TD3's actor and critics, and one update of them, in PyTorch."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import copy
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -14,24 +14,13 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from stlbench.contract import ActionBox
-from stlbench_agents.actor import ActorPolicy, linear_layers
+from stlbench_agents.actor_policy import ActorPolicy, linear_layers
 from stlbench_agents.replay import Batch
 
-__all__ = ["Learner", "Recipe", "TwinCritic"]
+if TYPE_CHECKING:
+    from stlbench_agents.td3 import TD3
 
-
-class Recipe(Protocol):
-    """What the learner takes from the agent's parameters; see `stlbench_agents.td3.TD3`."""
-
-    net_arch: tuple[int, ...]
-    learning_rate: float
-    learning_rate_final: float
-    tau: float
-    policy_delay: int
-    averaging: float
-    action_penalty: float
-    target_noise: tuple[float, float]
-    reward_scale: float
+__all__ = ["ActorCritic", "TwinCritic"]
 
 
 class TwinCritic(nn.Module):
@@ -54,12 +43,10 @@ class TwinCritic(nn.Module):
         return x.squeeze(2)
 
 
-class Learner:
+class ActorCritic:
     """Actor and critics, their targets, and one update."""
 
-    def __init__(
-        self, recipe: Recipe, inputs: int, box: ActionBox, generator: np.random.Generator, updates: int
-    ) -> None:
+    def __init__(self, recipe: TD3, inputs: int, box: ActionBox, generator: np.random.Generator, updates: int) -> None:
         """Args: `inputs` D; `generator` of the initial weights; `updates` in all, for the learning rate."""
         self.recipe, self.box, axes = recipe, box, len(box.names)
         hidden = recipe.net_arch
@@ -82,7 +69,8 @@ class Learner:
             )
         ]
         self._decay = (recipe.learning_rate_final / recipe.learning_rate) ** (1 / max(1, updates - 1))
-        self._least, self._most = math.inf, -math.inf
+        bounded = recipe.gamma < 1  # otherwise values are sums of rewards, without bounds
+        self._least, self._most = (math.inf, -math.inf) if bounded else (-math.inf, math.inf)
         self._count = 0
 
     def policy(self, averaged: bool = False) -> ActorPolicy:
@@ -91,7 +79,7 @@ class Learner:
         return ActorPolicy(linear_layers(actor), self.box, "relu", squashed=True)
 
     def saw(self, reward: np.ndarray) -> None:
-        """Take note of rewards: a value is a mean of rewards, weighted by powers of gamma, and lies among them."""
+        """Take note of rewards (N,): a value, a mean of rewards weighted by powers of gamma, lies among them."""
         self._least = min(self._least, self.recipe.reward_scale * float(reward.min()))
         self._most = max(self._most, self.recipe.reward_scale * float(reward.max()))
 
@@ -120,7 +108,7 @@ class Learner:
 
         Kept among the rewards that were seen, without which values of states that were never visited run away.
         """
-        spread, limit = self.recipe.target_noise
+        spread, limit = self.recipe.target_policy_noise, self.recipe.target_noise_clip
         arrived = torch.from_numpy(batch.arrived)
         shift = torch.from_numpy(np.clip(spread * noise, -limit, limit).astype(np.float32))
         action = (torch.tanh(self.target_actor(arrived)) + shift).clamp(-1, 1)

@@ -1,0 +1,18 @@
+"""Types of agents' parameters: each with the range that the harness checks."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+__all__ = ["Count", "NotNegative", "Positive", "Share", "ShareBelow1", "Steps", "Widths"]
+
+Share = Annotated[float, Field(ge=0, le=1)]
+ShareBelow1 = Annotated[float, Field(ge=0, lt=1)]
+Count = Annotated[int, Field(ge=1)]
+Steps = Annotated[int, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Widths = Annotated[tuple[Count, ...], Field(min_length=1)]
+"""Widths of the hidden layers of a network."""

@@ -1,0 +1,58 @@
+"""The tables of parameters in the documentation, as mkdocs makes them."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from stlbench.errors import UsageError
+from stlbench.registry import plugins
+from stlbench.registry.choices import parse_choice
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+@pytest.fixture(scope="module")
+def hook() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("parameter_tables", DOCS / "hooks/parameter_tables.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_row_by_hand(hook: ModuleType) -> None:
+    rows = hook.table("agents", "td3").splitlines()
+    assert rows[0] == "| parameter | type | default | meaning |"
+    assert (
+        "| `tau` | float, >= 0, &lt;= 1 | `0.01` | weight of the online networks in an update of the targets, "
+        in (rows[11])
+    )
+
+
+def test_all_places_of_the_agents_page_are_filled(hook: ModuleType) -> None:
+    text = hook.on_page_markdown((DOCS / "reference/agents.md").read_text(encoding="utf-8"), page=None)
+    assert "<!--" not in text
+    assert text.count("| parameter | type | default | meaning |") == 6
+    for line in re.findall(r"^\| `.*", text, re.MULTILINE):
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        assert len(cells) == 4
+        assert all(cells), line
+
+
+@pytest.mark.parametrize("name", ["dqn", "td3", "sb3-ppo"])
+def test_a_default_can_be_said_as_it_is_shown(hook: ModuleType, name: str) -> None:
+    for row in hook.table("agents", name).splitlines()[2:]:
+        key, _, default, _ = (cell.strip(" `") for cell in row.strip("|").split("|"))
+        if default != "None":
+            plugins.check("agents", parse_choice(f"{name}[{key}={default}]"))
+
+
+def test_a_plugin_that_is_not_there_stops_the_build(hook: ModuleType) -> None:
+    with pytest.raises(UsageError, match="no agent 'ddqn'"):
+        hook.on_page_markdown("<!-- parameters: agents ddqn -->")
