@@ -119,7 +119,8 @@ def test_no_worker_sees_an_interrupt_and_the_parent_does():
 
 
 @pytest.mark.parametrize(
-    ("function", "reason"), [(victims.closure, "Can't pickle local object"), (victims.unreadable, "cannot be rebuilt")]
+    ("function", "reason"),
+    [(victims.closure, "local object 'closure.<locals>.<lambda>'"), (victims.unreadable, "cannot be rebuilt")],
 )
 def test_what_cannot_be_sent_back_is_told(function, reason):
     found = outcomes(function, [0, 0])
