@@ -15,9 +15,9 @@ run: $(VENV)/ready
 test: lint types imports unit docs
 
 ## The tests that take less than half a minute together, while you write.
-QUICK := tests/stl tests/methods tests/registry tests/task tests/gate tests/report/tables
+QUICK := tests/stl tests/methods tests/registry tests/task --ignore=tests/stl/recorded/test_rtamt.py
 quick: $(VENV)/ready-dev
-	$(BIN)/python -m pytest -q -n auto --dist loadfile $(QUICK)
+	$(BIN)/python -m pytest -q -n auto --dist worksteal $(QUICK)
 
 lint: $(VENV)/ready-dev
 	$(BIN)/ruff check .
