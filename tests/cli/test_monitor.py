@@ -41,8 +41,8 @@ def test_json_is_a_list_and_alone_on_stdout(say, trace):
 
 
 def test_the_verdict_is_not_the_sign_of_the_robustness(say, trace):
-    found = [json.loads(say("monitor", "--json", formula, trace).stdout)[0] for formula in ("x >= 0", "x > 0")]
-    assert [(entry["robustness"], entry["satisfied"]) for entry in found] == [(0.0, True), (0.0, False)]
+    verdicts = [json.loads(say("monitor", "--json", formula, trace).stdout)[0] for formula in ("x >= 0", "x > 0")]
+    assert [(verdict["robustness"], verdict["satisfied"]) for verdict in verdicts] == [(0.0, True), (0.0, False)]
 
 
 def test_infinite_robustness_is_null(say, trace):
@@ -52,8 +52,8 @@ def test_infinite_robustness_is_null(say, trace):
 def test_many_formulas(say, trace):
     Path("all.txt").write_text("# requirements\n\nx >= 0\n  F[0,2] y >= 2.5\n")
     done = say("monitor", "--formulas", "all.txt", trace, "--json")
-    assert [entry["formula"] for entry in json.loads(done.stdout)] == ["x >= 0", "F[0,2] y >= 2.5"]
-    assert [entry["robustness"] for entry in json.loads(done.stdout)] == [0.0, 0.5]
+    assert [verdict["formula"] for verdict in json.loads(done.stdout)] == ["x >= 0", "F[0,2] y >= 2.5"]
+    assert [verdict["robustness"] for verdict in json.loads(done.stdout)] == [0.0, 0.5]
 
 
 def test_intervals_in_seconds(say, trace):

@@ -19,7 +19,7 @@ from stlbench.stl.predicates.inputs import as_array, as_names, check_names
 from stlbench.stl.recorded.evaluator import Compile, End, Evaluator, Traces, evaluator
 
 Floats: TypeAlias = NDArray[np.float64]
-#: samples evaluated together, a signal; few enough for the cache, many enough to hide the interpreter
+#: samples of one signal that are evaluated together; few enough for the cache, many enough to hide the interpreter
 SAMPLES = 2**15
 
 
@@ -44,7 +44,7 @@ class Question:
             values = self.evaluator(traces, 0, hi, worst)
             if np.isnan(values).any():
                 evaluator(self.formula, self.names, self.compile, checked=True)(traces, 0, hi, worst)
-                raise UndefinedError("the robustness has no value (inf - inf)")  # pragma: no cover - found above
+                raise UndefinedError("the robustness has no value (inf - inf)")  # pragma: no cover - raised above
         return values
 
 

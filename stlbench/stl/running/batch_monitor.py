@@ -35,7 +35,7 @@ class Intervals(NamedTuple):
 class BatchMonitor:
     """Watches `count` traces for `formula`, each on its own clock; says for each what `Monitor` says for one.
 
-    Costs a fixed number of NumPy calls a step for the formulas that cost `Monitor` constant work; the others are
+    Costs a fixed number of NumPy calls per step for the formulas that cost `Monitor` constant work; the others are
     evaluated anew at each step, once for all traces of one age. `copy.deepcopy` forks it.
 
     Raises:

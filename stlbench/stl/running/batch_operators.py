@@ -116,7 +116,7 @@ class Nested(Operator):
 
 
 class SlidingLeast:
-    """Minimum of the last `width` samples, in constant amortised work and `width` samples of memory a trace.
+    """Minimum of the last `width` samples, in constant amortised work and `width` samples of memory per trace.
 
     Samples come in blocks of `width`. A window is the end of the block before, whose minima to its end were worked out
     when it was full, and the beginning of this block, whose minimum is kept as it grows.

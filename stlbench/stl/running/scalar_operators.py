@@ -66,7 +66,7 @@ class Lowest(Operator):
 
 
 class Nested(Operator):
-    """F[a,c] G[d,e] psi: a queue of the samples that can still be a window's minimum, constant amortised work a step.
+    """F[a,c] G[d,e] psi: a queue of the samples that can still be a window's minimum, constant amortised work.
 
     Windows that are complete count as they are. An incomplete window can only lose what its seen part already lost,
     and the seen parts shrink as t grows, so of those the last window, t = c, decides alone.

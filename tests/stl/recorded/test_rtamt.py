@@ -5,7 +5,8 @@ rtamt (semantics/stl/discrete_time/offline/ast_visitor.py) reads windows as the 
 every sample. Its until takes the left operand over [t, t') without t', as here. Where the horizon fits, clip and strict
 agree, so the head of its answer is also compared with the strict trace. Differences that the comparison avoids:
 
-- rtamt has `==` and `!=` (robustness -|x - y| and |x - y|), iff, xor and past operators; there is no counterpart here.
+- rtamt has `==` and `!=` (robustness -|x - y| and |x - y|) and past operators; there is no counterpart here. Its iff
+  and xor are -|p - q| and |p - q| of the robustness, whose signs are not the verdicts.
 - rtamt treats `<` as `<=` and has no Boolean verdict, so satisfaction is compared only where the robustness is not 0.
 - rtamt has no `True`, sin, cos, min, max or norms, and reads `!` only as `not`.
 """
@@ -23,6 +24,7 @@ import pytest
 from numpy.typing import NDArray
 
 from stlbench.stl import (
+    END,
     Always,
     And,
     Binary,
@@ -42,6 +44,7 @@ from stlbench.stl import (
     robustness_trace,
     satisfied_trace,
 )
+from stlbench.stl.language.horizon import unbounded
 
 if sys.version_info >= (3, 13):
     pytest.skip("rtamt 0.4.10 needs Python < 3.13", allow_module_level=True)
@@ -72,7 +75,7 @@ def random_formula(rng: np.random.Generator, depth: int) -> Formula:
     def inner() -> Formula:
         return random_formula(rng, depth - 1)
 
-    a, b = sorted(rng.integers(0, 7, 2).tolist())
+    a, b = sorted(rng.integers(0, 7, 2).tolist()) if rng.random() < 0.8 else (0, END)
     choices: list[Callable[[], Formula]] = [
         lambda: Not(inner()),
         lambda: And((inner(), inner())),
@@ -105,13 +108,17 @@ def rtamt_text(node: Formula | Expression) -> str:
         case Implies(left, right):
             return f"({rtamt_text(left)} implies {rtamt_text(right)})"
         case Always(a, b, arg):
-            return f"(always[{a},{b}] {rtamt_text(arg)})"
+            return f"(always{interval(a, b)} {rtamt_text(arg)})"
         case Eventually(a, b, arg):
-            return f"(eventually[{a},{b}] {rtamt_text(arg)})"
+            return f"(eventually{interval(a, b)} {rtamt_text(arg)})"
         case Until(a, b, left, right):
-            return f"({rtamt_text(left)} until[{a},{b}] {rtamt_text(right)})"
+            return f"({rtamt_text(left)} until{interval(a, b)} {rtamt_text(right)})"
         case _:
             raise AssertionError(node)
+
+
+def interval(a: int, b: int) -> str:
+    return "" if b == END else f"[{a},{b}]"
 
 
 def rtamt_robustness(formula: Formula, trace: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -129,7 +136,7 @@ def test_equals_rtamt(record_property: Any) -> None:
     logging.getLogger().setLevel(logging.ERROR)
     rng = np.random.default_rng(20240607)
     operators = {kind: 0 for kind in (Always, Eventually, Until)}
-    compared = shorter = 0
+    compared = shorter = endless = 0
     while compared < COMPARED:
         formula = random_formula(rng, depth=int(rng.integers(1, 4)))
         trace = rng.integers(-12, 13, (int(rng.integers(2, 30)), 3)) / 4.0
@@ -139,7 +146,9 @@ def test_equals_rtamt(record_property: Any) -> None:
         np.testing.assert_allclose(clipped, expected, rtol=1e-12, atol=1e-12, err_msg=message)
         verdict = satisfied_trace(formula, trace, NAMES, "clip")
         np.testing.assert_array_equal(verdict[expected != 0], expected[expected != 0] > 0, err_msg=message)
-        if len(trace) > horizon(formula):
+        if unbounded(formula) is not None:
+            endless += 1
+        elif len(trace) > horizon(formula):
             strict = robustness_trace(formula, trace, NAMES)
             np.testing.assert_allclose(strict, expected[: len(strict)], rtol=1e-12, atol=1e-12, err_msg=message)
             np.testing.assert_allclose(robustness(formula, trace, NAMES), expected[0], rtol=1e-12, atol=1e-12)
@@ -154,3 +163,4 @@ def test_equals_rtamt(record_property: Any) -> None:
     assert compared >= 2000
     assert min(operators.values()) >= 200
     assert shorter >= 100
+    assert endless >= 300
