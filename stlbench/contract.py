@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from stlbench import origin, stl
 from stlbench.actions import ActionBox, ActionGrid, Actions
 from stlbench.executor import Executor, Outcome
+from stlbench.stepwise import along_by_steps, complete
 
 __all__ = [
     "ActionBox",
@@ -156,17 +157,9 @@ class RewardMethod:
         self.specification = specification
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """`step` follows from `along` and `along` from `step`. Raises `TypeError` for a class with both, or neither."""
+        """Raises `TypeError` for a subclass that writes both of `step` and `along`, or neither."""
         super().__init_subclass__(**options)
-        written = [name for name in ("step", "along") if name in vars(cls)]
-        if written == ["step"]:
-            cls.along = RewardMethod.along  # type: ignore[method-assign]  # not that of a base, which is another reward
-        elif written == ["along"]:
-            cls.step = RewardMethod.step  # type: ignore[method-assign]
-        elif written or (cls.step is RewardMethod.step and cls.along is RewardMethod.along):
-            raise TypeError(
-                f"{cls.__name__} has {'both' if written else 'neither'} of step and along; write one of them"
-            )
+        complete(cls, RewardMethod)
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         """The memory at the first sample of an episode: signals (N, k) at steps t (N,) -> (N, m). Zeros by default.
@@ -206,16 +199,7 @@ class RewardMethod:
         Returns:
             The rewards (h, N) and the memory at s_{t+h}, (N, m).
         """
-        held, rows, k = len(samples) - 1, len(t), samples.shape[2]
-        if held > 1 and not self.memory_size:  # steps do not depend on each other: all in one call
-            before, after = samples[:-1].reshape(-1, k), samples[1:].reshape(-1, k)
-            times = (t + np.arange(held)[:, None]).ravel()
-            reward, _ = self.step(before, np.tile(action, (held, 1)), after, times, np.zeros((len(times), 0)))
-            return reward.reshape(held, rows), memory
-        rewards = np.empty((held, rows))
-        for i in range(held):
-            rewards[i], memory = self.step(samples[i], action, samples[i + 1], t + i, memory)
-        return rewards, memory
+        return along_by_steps(self, samples, action, t, memory)
 
     def inputs(self, memory: Array) -> Array:
         """What the policy sees of the memory, about in [-1, 1]: (N, m) -> (N, m). The memory as it is by default."""
