@@ -38,18 +38,18 @@ def _signed(h: Any, side: float) -> Any:
 
 _BOTH = {"-u": "(-{0})", "+": "({0} + {1})", "-": "({0} - {1})", "*": "({0} * {1})", "**": "({0} ** {1})"}
 #: operations whose template writes an operand more than once, in some dialect
-TWICE = frozenset({"square", "min", "max", "least", "greatest"})
+TWICE = frozenset({"square", "lower", "higher", "least", "greatest"})
 
-#: min and max are NaN if an operand is; a - b would be NaN too where both are the same infinity, so it is not asked.
-#: Predicates are never NaN: `least` and `greatest` join those.
+#: `lower` and `higher` are NaN if an operand is; a - b would be NaN too where both are the same infinity, so it is not
+#: asked. `least` and `greatest` join predicates, which are never NaN.
 FLOATS = Dialect(
     signal="sample[{0}]",
     templates=_BOTH
     | {
         "square": "({0} * {0})",
         "/": "({0} / {1})",
-        "min": "({0} if {0} <= {1} else {1} if {1} < {0} else nan)",
-        "max": "({0} if {0} >= {1} else {1} if {1} > {0} else nan)",
+        "lower": "({0} if {0} <= {1} else {1} if {1} < {0} else nan)",
+        "higher": "({0} if {0} >= {1} else {1} if {1} > {0} else nan)",
         "least": "({0} if {0} < {1} else {1})",
         "greatest": "({0} if {0} > {1} else {1})",
     },
@@ -61,8 +61,8 @@ ARRAYS = Dialect(
     | {
         "square": "({0} * {0})",
         "/": "quotient({0}, {1})",
-        "min": "minimum({0}, {1})",
-        "max": "maximum({0}, {1})",
+        "lower": "minimum({0}, {1})",
+        "higher": "maximum({0}, {1})",
         "least": "minimum({0}, {1})",
         "greatest": "maximum({0}, {1})",
         "not": "logical_not({0})",

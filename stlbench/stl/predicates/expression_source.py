@@ -34,8 +34,8 @@ _OPERATORS: dict[str, Callable[..., Any]] = {
     "/": operator.truediv,
     "**": operator.pow,
     "square": lambda value: value * value,
-    "min": np.minimum,
-    "max": np.maximum,
+    "lower": np.minimum,
+    "higher": np.maximum,
 }
 
 
@@ -115,9 +115,11 @@ class ExpressionWriter:
             case "norm":
                 return self.applied("sqrt", [self.between("+", "square", args, node, base)], node, base)
             case "norminf":
-                return self.between("max", "abs", args, node, base)
-            case pick:
-                return self.between(pick, None, args, node, base)
+                return self.between("higher", "abs", args, node, base)
+            case "min":
+                return self.between("lower", None, args, node, base)
+            case _:
+                return self.between("higher", None, args, node, base)
 
     def between(self, op: str, each: str | None, args: Sequence[Expression], node: Call, base: int) -> Part:
         """`op` between the arguments, grouped to the left, after the operation `each` on every one."""
