@@ -1,7 +1,7 @@
 """Formulas without temporal operators to functions: of arrays of samples, whose last axis is the signals, or of floats.
 
-They run at every environment step, so the formula is turned into Python source once, which is compiled. NumPy is the
-faster for many samples, and plain floats for one: both are the same source with another namespace.
+They run at every environment step, so the formula is turned into Python source once, which is compiled. NumPy is faster
+for many samples, and plain floats are for one: one writer writes both, with a `dialect` for each.
 """
 
 from __future__ import annotations
@@ -26,8 +26,6 @@ Compiled: TypeAlias = OfSamples | float | bool
 Sample: TypeAlias = Sequence[float]
 #: a function of one sample of floats
 OfSample: TypeAlias = Callable[[Sample], float]
-
-_ARGUMENT = "sample"
 
 
 def compile_margin(psi: Formula, names: tuple[str, ...]) -> Compiled:
@@ -55,15 +53,8 @@ def compile_sample(psi: Formula, names: tuple[str, ...], negated: bool = False) 
     body = FormulaWriter(_columns(psi, names), FLOATS, Reading.SIGNED).statements(psi, negated)
     if not isinstance(body, list):
         return lambda sample: body
-    tried = [
-        "try:",
-        *(f" {line}" for line in body),
-        "except (ArithmeticError, ValueError):",
-        " return in_arrays(sample)",
-    ]
-    return _function(
-        tried, {**FLOATS.namespace, "zero_or_nan": _zero_or_nan, "in_arrays": _in_arrays(psi, names, negated)}
-    )
+    tried = ["try:", *(f" {line}" for line in body), "except (ArithmeticError, ValueError): return in_arrays(sample)"]
+    return _function(tried, {**FLOATS.namespace, "in_arrays": _in_arrays(psi, names, negated)})
 
 
 def _in_arrays(psi: Formula, names: tuple[str, ...], negated: bool) -> OfSample:
@@ -79,13 +70,6 @@ def _in_arrays(psi: Formula, names: tuple[str, ...], negated: bool) -> OfSample:
     return run
 
 
-def _zero_or_nan(h: float, side: float) -> float:
-    """What stands for a margin that is neither above nor below 0."""
-    if h == 0.0:
-        return side
-    raise ArithmeticError
-
-
 @lru_cache(maxsize=512)
 def _of_arrays(psi: Formula, names: tuple[str, ...], reading: Reading, negated: bool = False) -> Compiled:
     body = FormulaWriter(_columns(psi, names), ARRAYS, reading).statements(psi, negated)
@@ -96,14 +80,8 @@ def _of_arrays(psi: Formula, names: tuple[str, ...], reading: Reading, negated: 
 
 def _function(body: Sequence[str], namespace: Mapping[str, Any]) -> Callable[[Any], Any]:
     """The function of `sample` with these statements."""
-    source = "\n".join([f"def predicate({_ARGUMENT}):", *(f" {line}" for line in body)])
-    scope = {
-        **namespace,
-        "__builtins__": {},
-        "ArithmeticError": ArithmeticError,
-        "ValueError": ValueError,
-        "type": type,
-    }
+    source = "\n".join(["def predicate(sample):", *(f" {line}" for line in body)])
+    scope = {**namespace, "__builtins__": {}}
     # Safe: every character of the source is ours. Signals are column numbers, constants reprs of floats, operators and
     # functions texts of our tables; `test_compiler` holds it to that with hostile names.
     exec(compile(source, "<predicate>", "exec"), scope)  # noqa: S102

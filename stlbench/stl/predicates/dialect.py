@@ -17,12 +17,16 @@ from stlbench.stl.predicates.inputs import as_array
 class Dialect:
     """Templates of what is written differently, and what the names in the source mean.
 
-    A template may write an operand twice; the operands of `twice` are therefore names or constants.
+    The templates of the operations `twice` write an operand more than once; theirs are therefore names or constants.
     """
 
     signal: str
+    """A column of the argument `sample`."""
     templates: Mapping[str, str]
+    zero: str
+    """A statement that gives a margin of 0 the sign of the verdict."""
     namespace: Mapping[str, Any]
+    twice: frozenset[str] = frozenset()
     first: str = ""
     """A statement that goes before all others."""
 
@@ -32,14 +36,15 @@ def _quotient(left: Any, right: Any) -> Any:
     return left / np.where(right == 0.0, math.nan, right)
 
 
-def _signed(h: Any, side: float) -> Any:
-    return np.where(h == 0.0, side, h)
+def _zero_or_nan(h: float, side: float) -> float:
+    """What stands for a margin that is neither above nor below 0."""
+    if h == 0.0:
+        return side
+    raise ArithmeticError
 
 
 _BOTH = {"-u": "(-{0})", "+": "({0} + {1})", "-": "({0} - {1})", "*": "({0} * {1})", "**": "({0} ** {1})"}
-#: operations whose template writes an operand more than once, in some dialect
-TWICE = frozenset({"square", "lower", "higher", "least", "greatest"})
-
+_BOTH |= {"/constant": "({0} / {1})"}
 #: `lower` and `higher` are NaN if an operand is; a - b would be NaN too where both are the same infinity, so it is not
 #: asked. `least` and `greatest` join predicates, which are never NaN.
 FLOATS = Dialect(
@@ -53,23 +58,34 @@ FLOATS = Dialect(
         "least": "({0} if {0} < {1} else {1})",
         "greatest": "({0} if {0} > {1} else {1})",
     },
-    namespace={name: row.floats for name, row in FUNCTIONS.items()} | {"nan": math.nan, "inf": math.inf},
+    zero="if not ({0} > 0.0 or {0} < 0.0): {0} = zero_or_nan({0}, {1})",
+    namespace={name: row.floats for name, row in FUNCTIONS.items()}
+    | {"nan": math.nan, "inf": math.inf, "zero_or_nan": _zero_or_nan}
+    | {"ArithmeticError": ArithmeticError, "ValueError": ValueError},
+    twice=frozenset({"square", "lower", "higher", "least", "greatest"}),
 )
 ARRAYS = Dialect(
     signal="sample[..., {0}]",
     templates=_BOTH
     | {
-        "square": "({0} * {0})",
+        "square": "square({0})",
         "/": "quotient({0}, {1})",
         "lower": "minimum({0}, {1})",
         "higher": "maximum({0}, {1})",
         "least": "minimum({0}, {1})",
         "greatest": "maximum({0}, {1})",
         "not": "logical_not({0})",
-        "signed": "signed({0}, {1})",
     },
+    zero="{0} = where({0} == 0.0, {1}, {0})",
     namespace={name: row.arrays for name, row in FUNCTIONS.items()}
     | {"nan": math.nan, "inf": math.inf, "minimum": np.minimum, "maximum": np.maximum, "logical_not": np.logical_not}
-    | {"quotient": _quotient, "signed": _signed, "ndarray": np.ndarray, "as_array": as_array},
+    | {
+        "where": np.where,
+        "square": np.square,
+        "quotient": _quotient,
+        "type": type,
+        "ndarray": np.ndarray,
+        "as_array": as_array,
+    },
     first="if type(sample) is not ndarray: sample = as_array(sample)",
 )

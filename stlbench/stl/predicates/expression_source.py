@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stlbench.stl.errors import UndefinedError
+from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.functions.table import FUNCTIONS
 from stlbench.stl.language.syntax import Binary, Call, Expression, Negative, Number, Predicate, Signal
-from stlbench.stl.predicates.dialect import TWICE, Dialect
+from stlbench.stl.predicates.dialect import Dialect
 
 #: deepest nesting of parentheses
 DEPTH = 8
@@ -31,7 +31,7 @@ _OPERATORS: dict[str, Callable[..., Any]] = {
     "+": operator.add,
     "-": operator.sub,
     "*": operator.mul,
-    "/": operator.truediv,
+    "/constant": operator.truediv,
     "**": operator.pow,
     "square": lambda value: value * value,
     "lower": np.minimum,
@@ -81,15 +81,17 @@ class ExpressionWriter:
         parts, top = [], base
         for arg in args:
             part = self.expression(arg, top)
-            parts.append(self.atom(part, top) if op in TWICE else part)
+            parts.append(self.atom(part, top) if op in self.dialect.twice else part)
             top = parts[-1].top
         return self.applied(op, parts, node, base)
 
     def applied(self, op: str, parts: Sequence[Part], node: Expression | Predicate, base: int) -> Part:
         """`op` of operands that are written; `node` is what a message names."""
         values = [part.value for part in parts if part.value is not None]
-        if op == "/" and parts[1].value == 0.0:
-            raise UndefinedError(f"a constant of the formula has no value: {node} divides by 0")
+        if op == "/" and parts[1].value is not None:
+            if parts[1].value == 0.0:
+                raise UndefinedError(f"a constant of the formula has no value: {shorten(str(node))} divides by 0")
+            op = "/constant"
         if len(values) == len(parts):
             return constant(_folded(op, values, node), base)
         part = self.write(op, parts)
@@ -127,9 +129,9 @@ class ExpressionWriter:
         for arg in args:
             top = base if result is None else result.top
             part = self.operation(each, [arg], node, top) if each else self.expression(arg, top)
-            part = self.atom(part, top) if op in TWICE else part
+            part = self.atom(part, top) if op in self.dialect.twice else part
             result = part if result is None else self.applied(op, [result, part], node, base)
-            result = self.atom(result, base) if op in TWICE else result
+            result = self.atom(result, base) if op in self.dialect.twice else result
         assert result is not None
         return result
 
@@ -150,5 +152,5 @@ def _folded(op: str, values: Sequence[float | bool], node: Expression | Predicat
     with np.errstate(all="ignore"):
         value = float(function(*map(np.float64, values)))
     if math.isnan(value):
-        raise UndefinedError(f"a constant of the formula has no value: {node}")
+        raise UndefinedError(f"a constant of the formula has no value: {shorten(str(node))}")
     return value

@@ -80,10 +80,8 @@ class FormulaWriter(ExpressionWriter):
         side = -zero_side(node) if negated else zero_side(node)
         if h.value is not None:
             return constant(h.value or side, base)
-        if "signed" in self.dialect.templates:
-            return self.write("signed", [h, constant(side, h.top)])
         h = self.atom(h, base)
-        self.lines.append(f"if not ({h.text} > 0.0 or {h.text} < 0.0): {h.text} = zero_or_nan({h.text}, {side!r})")
+        self.lines.append(self.dialect.zero.format(h.text, repr(side)))
         return h
 
     def difference(self, node: Predicate, falls: bool, base: int) -> Part:
