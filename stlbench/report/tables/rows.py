@@ -77,13 +77,14 @@ class Group:
     @property
     def seeds(self) -> Seeds:
         """Over how many seeds the aggregates are: of how many, and how the others ended."""
-        others = Counter(row.status for row in self.rows if row.status != "done")
-        return Seeds(len(self.done), len(self.rows), ", ".join(f"{count} {status}" for status, count in others.items()))
+        counts = Counter(row.status for row in self.rows if row.status != "done")
+        unfinished = ", ".join(f"{count} {status}" for status, count in counts.items())
+        return Seeds(len(self.done), len(self.rows), unfinished or None)
 
     @property
     def remarks(self) -> str:
-        """Status and reason of the cells that did not finish, each said once."""
-        unfinished = Counter((row.status, row.reason) for row in self.rows if row.status != "done")
+        """Status and reason of the cells that ended without a measurement, each said once."""
+        unfinished = Counter((row.status, row.reason) for row in self.rows if row.status not in ("done", NOT_RUN))
         return "; ".join(f"{status}: {reason}" if reason else status for status, reason in unfinished)
 
     @cached_property

@@ -27,7 +27,7 @@ class Seeds(NamedTuple):
 
     done: int
     planned: int
-    others: str = ""
+    unfinished: str | None = None
     """How the others ended: "1 timeout"."""
 
 
@@ -37,8 +37,7 @@ class FirstFailed(NamedTuple):
     formula: str
     starts: int
     """That failed it first."""
-    failing: int
-    """All starts that violate."""
+    violating_starts: int
 
 
 class Learned(NamedTuple):
@@ -92,8 +91,9 @@ class Column:
     @property
     def headings(self) -> tuple[str, ...]:
         """The headings in CSV and JSON."""
-        parts = self.kind._fields if self.kind else ("",)
-        return tuple(self._with_unit(f"{self.title} {part}".strip()) for part in parts)
+        if self.kind is None:
+            return (self.heading,)
+        return tuple(self._with_unit(f"{self.title} {part.replace('_', ' ')}") for part in self.kind._fields)
 
     def _with_unit(self, title: str) -> str:
         return f"{title} [{self.unit}]" if self.unit else title
@@ -114,10 +114,10 @@ def show(value: Value, digits: int | None = None) -> str:
     match value:
         case Interval(low, high):
             return f"[{decimal(low, digits)}, {decimal(high, digits)}]"
-        case Seeds(done, planned, others):
-            return f"{done} of {planned}{', ' if others else ''}{others}"
-        case FirstFailed(formula, starts, failing):
-            return f"{formula} ({decimal(100 * starts / failing, 0)} % of {failing} failing starts)"
+        case Seeds(done, planned, unfinished):
+            return f"{done} of {planned}, {unfinished}" if unfinished else f"{done} of {planned}"
+        case FirstFailed(formula, starts, violating):
+            return f"{formula} ({decimal(100 * starts / violating, 0)} % of {violating} violating starts)"
         case Learned(robustness, learned, seeds):
             return f"{decimal(robustness, digits)} ({learned}/{seeds})"
         case float():

@@ -90,6 +90,15 @@ def test_records_have_numbers_in_full():
     ]
 
 
+def test_the_parts_of_compound_values_are_columns():
+    (record,) = to_records(
+        robustness_table(condense([result(robustness=(-0.3, 0.1), first_failed={"G[0,9] x > 0": 1})]))
+    )
+    parts = {"seeds done": 1, "seeds planned": 1, "seeds unfinished": None, "IQM 95 % interval low": None}
+    parts |= {"failed first formula": "G[0,9] x > 0", "failed first starts": 1, "failed first violating starts": 1}
+    assert parts.items() <= record.items()
+
+
 @given(st.floats())
 def test_csv_and_records_lose_no_digit(value):
     table = Table("t", (Column("x", unit="m", digits=1),), ((value,),))
@@ -111,7 +120,7 @@ def test_csv_and_records_lose_no_digit(value):
         (Interval(-0.1, 0.2), 1, "[-0.1, 0.2]"),
         (Seeds(9, 10, "1 timeout"), None, "9 of 10, 1 timeout"),
         (Seeds(3, 3), None, "3 of 3"),
-        (FirstFailed("F[0,2] b > 0", 5, 8), None, "F[0,2] b > 0 (62 % of 8 failing starts)"),
+        (FirstFailed("F[0,2] b > 0", 5, 8), None, "F[0,2] b > 0 (62 % of 8 violating starts)"),
         (Learned(-0.1, 2, 3), 3, "-0.100 (2/3)"),
     ],
 )

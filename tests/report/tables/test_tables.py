@@ -11,6 +11,7 @@ from stlbench.report import (
     cells_table,
     condense,
     controllers_table,
+    only,
     robustness_table,
     summary,
     time_table,
@@ -98,6 +99,20 @@ def test_aggregates_say_over_how_many_seeds_they_are():
     assert cell(table, "seeds") == Seeds(9, 10, "1 timeout")
     assert cell(table, "mean robustness") == pytest.approx(0.35)
     assert cell(table, "remarks") == "timeout: no result after 60 s"
+
+
+def test_planned_cells_without_a_result_are_rows_and_count_as_seeds():
+    ids = [result(seed=seed).id for seed in (3, 4)] + [result("raw").id]
+    table = robustness_table(condense([result(seed=seed) for seed in range(3)], ids))
+    assert [cell(table, "seeds", row) for row in (0, 1)] == [Seeds(3, 5, "2 not run"), Seeds(0, 1, "1 not run")]
+    assert cell(table, "mean robustness") == pytest.approx(0.35)
+    assert (cell(table, "mean robustness", 1), cell(table, "remarks", 1)) == (None, None)
+
+
+def test_groups_can_be_narrowed_down_to_some_cells():
+    results = [result(seed=0), result(seed=1), result("raw")]
+    (group,) = only(condense(results), {results[1].id})
+    assert [row.id for row in group.rows] == [results[1].id]
 
 
 def test_a_group_without_any_result_stays_with_its_reason():
