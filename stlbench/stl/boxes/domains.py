@@ -23,7 +23,8 @@ def with_proven_domains(psi: Formula, search: Search) -> Search:
             sqrt(1 - x * x) on [-1, 1], may do so by the tolerance in the proof, but at no point that is looked at.
     """
     limited = _limited(psi)
-    share = replace(search, boxes=max(1, search.boxes // max(1, len(limited))))
+    count = max(1, len(limited))
+    share = replace(search, boxes=search.boxes // count, work=search.work // count)
     for (arg, domain), whole in reversed(limited.items()):
         share.proven[arg] = _proven(arg, domain, whole, share)
     return replace(search, proven=share.proven)

@@ -25,12 +25,14 @@ class Search:
         ends: of each signal.
         tolerance: of an extreme, absolute.
         boxes: how many may be examined for one extreme; fewer where a box takes much work.
+        work: how many interval operations one extreme may take, see `WORK`.
         proven: ranges of arguments that are known so far, see `enclosure`.
     """
 
     ends: dict[str, tuple[float, float]]
     tolerance: float
     boxes: int
+    work: int = WORK
     proven: Proven = field(default_factory=dict)
 
     def extremes(self, target: Formula | Expression) -> tuple[Maximum, Maximum]:
@@ -68,7 +70,7 @@ class Search:
 
         box = np.array(list(self.ends.values()), dtype=float).reshape(-1, 2)
         operations = target.size * (1 + len(self.ends))
-        return maximum(Objective(tuple(self.ends), upper, at), box, enough, min(boxes, WORK // operations))
+        return maximum(Objective(tuple(self.ends), upper, at), box, enough, min(boxes, self.work // operations))
 
     def _values(self, target: Formula | Expression) -> Callable[[Floats], Floats]:
         """The margin (the value) of `target` at points (m, n)."""

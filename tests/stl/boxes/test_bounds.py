@@ -101,6 +101,7 @@ def test_what_was_proven_of_the_annulus_is_said() -> None:
         " + ".join(f"sin({i} * x)" for i in range(1, 21)) + " >= 0",
         " + ".join(f"sin(s{i} * s{(i + 1) % 20})" for i in range(20)) + " >= 0",
         " & ".join(f"norm(x - {i}, s0) >= {i}" for i in range(60)),
+        " & ".join(f"sqrt(1 + norm(x - s{i % 20}, s{i // 2}) ** 2) >= {i}" for i in range(40)),
     ],
 )
 def test_work_is_bounded_and_the_answer_sound(text: str) -> None:
