@@ -1,4 +1,4 @@
-"""Task files: what they say once read, and every way in which they can be wrong."""
+"""Tasks: what is made of a task file and a system, without parts of it, and errors of both at once."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from helpers.line_task import line, text
 
@@ -16,43 +15,7 @@ from stlbench.errors import UsageError
 from stlbench.task import build_agent, load_task
 from stlbench.task.file import OPTIONAL
 from stlbench.task.reading import read_task_file
-from stlbench.task.region import Region
 from stlbench_agents.independent import DQNPerRobot
-
-
-def errors(**changes: Any) -> list[str]:
-    """The lines of the message about a task file with some entries replaced."""
-    with pytest.raises(UsageError) as caught:
-        read_task_file(text(**changes), "line")
-    head, *lines = str(caught.value).splitlines()
-    assert head == "task line: task.yaml has errors:"
-    return [entry.removeprefix("  ") for entry in lines]
-
-
-class TestRead:
-    def test_defaults(self) -> None:
-        file = read_task_file(text(), "line")
-        assert (file.steps, file.hold, file.starts, file.input_limit, file.time) == (8, 1, 4, 512, "steps")
-        assert file.training_starts is file.initial
-        assert file.formula == stl.parse("G[0,4] x <= 1")
-        assert file.budgets["smoke"].steps == 40
-
-    def test_intervals_in_seconds(self) -> None:
-        file = read_task_file(text(time="seconds", formula="G[0.5,2] x <= 1"), "line")
-        assert file.formula == stl.parse("G[1,4] x <= 1")
-
-    def test_without_an_interval_to_the_end_of_the_episode(self) -> None:
-        file = read_task_file(text(formula="G x <= 1 & F G[0,2] x <= 1"), "line")
-        assert file.formula == stl.parse("G[0,8] x <= 1 & F[0,6] G[0,2] x <= 1")
-
-    def test_an_axis_has_round_values(self) -> None:
-        file = read_task_file(text(actions={"v": {"low": -0.3, "high": 0.3, "count": 7}}), "line")
-        assert file.actions["v"].values == (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)
-
-    def test_a_region_keeps_what_fulfils_its_condition(self) -> None:
-        region = Region(box={"x": (-1, 1), "y": 2}, where="x >= 0 & y >= 2")
-        assert (region.low.tolist(), region.high.tolist()) == ([-1, 2], [1, 2])
-        assert region.keep(np.array([[0.5, 2], [-0.5, 2], [0.5, 1]])).tolist() == [[0.5, 2]]
 
 
 class TestWithout:
@@ -88,208 +51,7 @@ class TestWithout:
             read_task_file(self.FULL, "line").without("formula")
 
 
-class TestMessages:
-    @pytest.mark.parametrize(
-        ("changes", "expected"),
-        [
-            ({"title": None}, "title: Field required"),
-            ({"titel": "x"}, "titel: Extra inputs are not permitted"),
-            ({"sampling_time": 0}, "sampling_time: Input should be greater than 0"),
-            ({"sampling_time": float("inf")}, "sampling_time: Input should be a finite number"),
-            ({"steps": 0}, "steps: Input should be greater than or equal to 1"),
-            ({"hold": 3}, "hold: an episode of 8 steps is no multiple of hold = 3"),
-            ({"time": "hours"}, "time: Input should be 'steps' or 'seconds'"),
-            ({"signals": {}}, "signals: Dictionary should have at least 1 item after validation, not 0"),
-            ({"signals": {"x": {"low": 1, "high": 1}}}, "signals.x: low must be less than high, got 1.0 and 1.0"),
-            ({"signals": {"x": {"low": 0}}}, "signals.x.high: Field required"),
-            (
-                {"actions": {"v": {"low": 0, "high": 1, "count": 1}}},
-                "actions.v.count: Input should be greater than or equal to 2",
-            ),
-            ({"initial": {"box": {"x": [2, 1]}}}, "initial.box.x: low must not exceed high, got [2.0, 1.0]"),
-            ({"initial": {"box": {"x": "1"}}}, "initial.box.x: expected a number or [low, high], got '1'"),
-            ({"initial": {"box": {"x": [0, "a"]}}}, "initial.box.x.1: Input should be a valid number"),
-            (
-                {"training": {"starts": {"box": {"x": [2, 1]}}}},
-                "training.starts.box.x: low must not exceed high, got [2.0, 1.0]",
-            ),
-            (
-                {"initial": {"box": {"x": 1}, "where": "y >= 0"}},
-                "initial.where: no state 'y'; there are: x",
-            ),
-            (
-                {"initial": {"box": {"x": 1}, "where": "F[0,1] x >= 0"}},
-                "initial.where: expected a formula without temporal operators, got F[0,1] x >= 0",
-            ),
-            ({"formula": "G[0,9] x <= 1"}, "formula: its horizon of 9 steps exceeds steps = 8"),
-            (
-                {"formula": "G F x <= 1"},
-                "formula: F without an interval at column 3 stands inside another temporal operator",
-            ),
-            ({"formula": "G F[0,9] x <= 1"}, "formula: G without an interval needs 10 samples, the trace has 9"),
-            ({"formula": "G[0,9 x <= 1"}, "formula: line 1, column 7: expected"),
-            (
-                {"signals": {"speed": {"low": 0, "high": 1}}, "formula": "G[0,4] sped <= 1"},
-                "formula: no signal 'sped'; did you mean 'speed'?",
-            ),
-            ({"formula": "G[0,4] qq <= 1"}, "formula: no signal 'qq'; there are: x"),
-            (
-                {"time": "seconds", "formula": "G[0,0.7] x <= 1"},
-                "formula: line 1, column 5: expected a whole number of steps of dt=0.5 seconds but found 0.7 seconds",
-            ),
-            ({"nested": "G[0,4] G[0,4] x <= 1"}, "nested: its horizon is 8 steps, that of the formula 4"),
-            ({"nested": "G[0,2] G[0,2] z <= 1"}, "nested: no signal 'z'; there are: x"),
-            (
-                {"protocols": {"late": {"title": "t", "formula": "F[5,12] x >= 1"}}},
-                "protocols.late.formula: its horizon of 12 steps exceeds steps = 8",
-            ),
-            (
-                {"protocols": {"formula": {"title": "t"}}},
-                "protocols: the name 'formula' is the task's own formula; take another",
-            ),
-            ({"protocols": {"late": {"title": "t", "starts": 0}}}, "protocols.late.starts: Input should be greater"),
-            ({"robots": {"a": []}}, "robots.a: Tuple should have at least 1 item"),
-            (
-                {"robots": {"a": ["v"], "b": ["v"]}},
-                "robots: together they have v, v; they should have each of v once, in this order",
-            ),
-            ({"agents": {}}, "agents: Dictionary should have at least 1 item"),
-            ({"budgets": {"smoke": {"seeds": 2}}}, "budgets.smoke.steps: Field required"),
-            ({"budgets": {"smoke": {"steps": 10, "deadline": -1}}}, "budgets.smoke.deadline: Input should be greater"),
-        ],
-    )
-    def test_one_error_is_one_line_with_its_place(self, changes: dict[str, Any], expected: str) -> None:
-        found = errors(**changes)
-        assert found[0].startswith(expected)
-        excerpt = 2 if "line 1, column" in expected else 0  # of the formula, and a caret below it
-        assert len(found) == 1 + excerpt
-
-    def test_all_errors_of_entries_at_once(self) -> None:
-        found = errors(title=None, steps=-1, colour="red", sampling_time="fast", budgets={"smoke": {"step": 4}})
-        assert sorted(entry.partition(":")[0] for entry in found) == [
-            "budgets.smoke.step",
-            "budgets.smoke.steps",
-            "colour",
-            "sampling_time",
-            "steps",
-            "title",
-        ]
-
-    def test_all_errors_between_entries_at_once(self) -> None:
-        found = errors(formula="G[0,9] y <= 1", nested="G[0,30] x <= 1", hold=5, protocols={"formula": {"title": "t"}})
-        assert [entry.partition(":")[0] for entry in found] == [
-            "formula",
-            "formula",
-            "nested",
-            "nested",
-            "hold",
-            "protocols",
-        ]
-
-    def test_errors_of_entries_and_between_entries_at_once(self) -> None:
-        found = errors(colour="red", formula="G[0,4] y <= 1", hold=3)
-        assert sorted(entry.partition(":")[0] for entry in found) == ["colour", "formula", "hold"]
-
-    def test_an_entry_that_is_wrong_in_part_is_checked_in_its_other_parts(self) -> None:
-        """What a second run would tell, were a wrong range, count, title or share to hide what stands beside it."""
-        ending = {"where": "z >= 0"}
-        assert errors(
-            sampling_time="fast",
-            hold=3,
-            formula="G[0,4] (y <= 1 & z <= 1)",
-            signals={"x": {"low": 0}, "w": {"low": 2, "high": 1}},
-            plane=["x", "v"],
-            actions={"v": {"low": -1, "high": 1, "count": 1}, "u": {"low": 1, "high": 0}},
-            robots={"a": ["v"], "b": []},
-            initial={"box": {"x": [1, 0], "w": "0"}, "where": "v >= 0"},
-            training={"cuts": [4, 0], "ends": [ending, {"where": "x >= 0 &", "reward": 0}], "exploring": {"share": 2}},
-            protocols={"late": {"formula": "G[0,4] u <= 1", "initial": {"box": {"x": 0}, "where": "y <= 0"}}},
-            budgets={"smoke": {"steps": 0, "seeds": 0}},
-        ) == [
-            "sampling_time: Input should be a valid number, unable to parse string as a number",
-            "signals.x.high: Field required",
-            "actions.v.count: Input should be greater than or equal to 2",
-            "robots.b: Tuple should have at least 1 item after validation, not 0",
-            "initial.box.x: low must not exceed high, got [1.0, 0.0]",
-            "initial.box.w: expected a number or [low, high], got '0'",
-            "training.cuts.1: Input should be greater than or equal to 1",
-            "training.ends.0.reward: Field required",
-            "training.ends.1.where: line 1, column 9: expected a formula or an expression but found the end of the formula",  # noqa: E501
-            "    x >= 0 &",
-            "            ^",
-            "training.exploring.share: Input should be less than or equal to 1",
-            "protocols.late.title: Field required",
-            "budgets.smoke.steps: Input should be greater than or equal to 1",
-            "budgets.smoke.seeds: Input should be greater than or equal to 1",
-            "signals.w: low must be less than high, got 2.0 and 1.0",
-            "actions.u: low must be less than high, got 1.0 and 0.0",
-            "formula: no signal 'y'; there are: w, x",
-            "formula: no signal 'z'; there are: w, x",
-            "protocols.late.formula: no signal 'u'; there are: w, x",
-            "hold: an episode of 8 steps is no multiple of hold = 3",
-            "training.cuts: 4 is no multiple of hold = 3 below steps = 8",
-            "training.ends.0.where: no signal 'z'; there are: w, x",
-            "plane: no signal 'v'; there are: w, x",
-            "robots: together they have v; they should have each of v, u once, in this order",
-            "initial.where: no state 'v'; there are: w, x",
-            "protocols.late.initial.where: no state 'y'; there are: x",
-        ]
-
-    def test_intervals_of_an_unknown_unit_are_not_judged(self) -> None:
-        """Whether 0.7 s are whole steps, and how many, only the sampling time could tell; the syntax is checked."""
-        assert errors(time="seconds", sampling_time=0, formula="G[0,0.7] x <= 1") == [
-            "sampling_time: Input should be greater than 0"
-        ]
-        found = errors(time="hours", formula="G[0,0.7 x <= 1", nested="F[0,50] y <= 1")
-        assert [line.partition(":")[0] for line in found if not line.startswith("  ")] == ["formula", "time", "nested"]
-
-    def test_text_that_is_no_yaml(self) -> None:
-        with pytest.raises(UsageError, match=r"^task line: task.yaml is no YAML: "):
-            read_task_file("title: [", "line")
-
-    @pytest.mark.parametrize("content", ["", "- a\n- b", "words"])
-    def test_yaml_that_is_no_mapping(self, content: str) -> None:
-        with pytest.raises(UsageError, match=r"has errors:\n  Input should be a valid dictionary"):
-            read_task_file(content, "line")
-
-    def test_yaml_is_read_safely(self) -> None:
-        with pytest.raises(UsageError, match=r"task\.yaml is no YAML"):
-            read_task_file("title: !!python/object/apply:os.getcwd []", "line")
-
-
-class TestTraining:
-    @pytest.mark.parametrize(
-        ("changes", "message"),
-        [
-            ({"hold": 2, "training": {"cuts": [2, 3]}}, "training.cuts: 3 is no multiple of hold = 2 below steps = 8"),
-            ({"training": {"cuts": [8]}}, "training.cuts: 8 is no multiple of hold = 1 below steps = 8"),
-            ({"training": {"exploring": {"share": 0}}}, "training.exploring.share: Input should be greater than 0"),
-            (
-                {"training": {"ends": [{"where": "violation", "reward": float("nan")}]}},
-                "training.ends.0.reward: Input should be a finite number",
-            ),
-            (
-                {"training": {"ends": [{"where": "y <= 1", "reward": -1}]}},
-                "training.ends.0.where: no signal 'y'; there are: x",
-            ),
-            (
-                {"training": {"ends": [{"where": "G[0,1] x <= 1", "reward": -1}]}},
-                "training.ends.0.where: expected a formula without temporal operators, got G[0,1] x <= 1",
-            ),
-            (
-                {"formula": "F[0,4] x >= 1", "training": {"ends": [{"where": "violation", "reward": -1}]}},
-                "training.ends.0.where: 'violation' is of a term G[a,b] psi, which the formula has none of",
-            ),
-            ({"rewarded": "G[0,3] (x <= 1)"}, "rewarded: its horizon is 3 steps, that of the formula 4"),
-            (
-                {"actions": {"v": {"low": 0, "high": 1, "count": 2}, "w": {"low": 0, "high": 1}}},
-                "actions: give each axis a count, for a grid, or none, for continuous actions",
-            ),
-        ],
-    )
-    def test_mistakes_are_named(self, changes: dict[str, Any], message: str) -> None:
-        assert errors(**changes) == [message]
-
+class TestTask:
     def test_methods_are_told_the_rewarded_form(self) -> None:
         task = line(rewarded="G[0,4] (0.5 * x <= 0.5)")
         assert task.specification.formula == stl.parse("G[0,4] (0.5 * x <= 0.5)")
@@ -299,8 +61,6 @@ class TestTraining:
         actions = {"v": {"low": -1, "high": 2}, "w": {"low": 0, "high": 1}}
         assert line(actions=actions).actions == ActionBox(("v", "w"), (-1, 0), (2, 1))
 
-
-class TestProblem:
     def test_the_specification_is_what_a_method_needs(self) -> None:
         task = load_task("hold-disc")
         specification = task.specification
