@@ -11,7 +11,7 @@ import pytest
 from benchmarks.conftest import Race
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.task import build_method, load_task
-from stlbench_agents.dqn import DQN, Learner
+from stlbench_agents.dqn import DQN, QLearner
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, group="agent")
 
@@ -60,11 +60,11 @@ def test_acting(race: Race, rows: int) -> None:
     race.note(**{f"act_{rows}_microseconds": [each / REPEATS * 1e6 for each in times]})
 
 
-def _trained(agent: DQN) -> tuple[Learner, Any]:
+def _trained(agent: DQN) -> tuple[QLearner, Any]:
     """A learner with a thousand lock-steps of hold-disc in its replay, and an observation."""
     entry = load_task("hold-disc")
     environment = BatchEnvironment(entry, build_method(entry, "funnel"), COPIES, seed=0)
-    learner = Learner(agent, environment, 0, 100_000)
+    learner = QLearner(agent, environment, 0, 100_000)
     generator, observation = np.random.default_rng(0), environment.reset()
     for _ in range(1000):
         action = generator.integers(entry.actions.size, size=COPIES)
