@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from decimal import Decimal
+from decimal import Decimal, DecimalException
 from typing import NoReturn
 
 from stlbench.stl.errors import Position, StlSyntaxError
@@ -82,7 +82,10 @@ class TokenStream:
             self.fail("an interval end that is at least 0")
         if self.number() > MAX_STEP * (self.dt or 1):
             self.fail(f"an interval end of at most {MAX_STEP} steps", token.shown, token.position)
-        steps = Decimal(token.text) / (1 if self.dt is None else Decimal(repr(self.dt)))
+        try:
+            steps = Decimal(token.text) / (1 if self.dt is None else Decimal(repr(self.dt)))
+        except DecimalException:  # an exponent of twenty digits
+            self.fail("a number of at least 1e-300, or 0", token.shown, token.position)
         whole = int(steps.to_integral_value())
         if abs(steps - whole) > (0 if self.dt is None else _ROUNDING):
             rule = "a whole number of steps" + (f" of dt={self.dt:g} seconds" if self.dt else "")

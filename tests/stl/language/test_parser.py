@@ -95,6 +95,13 @@ def test_interval_ends_are_never_rounded(text: str, dt: float | None, found: str
     assert f"but found {found}" in str(caught.value)
 
 
+def test_intervals_of_hardly_any_length() -> None:
+    for text in ("G[0,1e-300] x >= 1", "G[0,1e-99999] x >= 1", "G[0,1e-99999999999999999999] x >= 1"):
+        with pytest.raises(StlSyntaxError, match=r"a whole number of steps|at least 1e-300"):
+            parse(text)
+    assert parse("G[0e-99,0.0] x >= 1") == parse("G[0,0] x >= 1")
+
+
 def test_intervals_of_many_steps() -> None:
     assert parse("G[0,1000000.4] x >= 1", dt=0.1) == parse("G[0,10000004] x >= 1")
     assert parse("G[0,1e6] x >= 1", dt=1 / 30) == parse("G[0,30000000] x >= 1")
