@@ -229,10 +229,10 @@ def test_what_is_no_trace_of_a_run_is_one_line(say, trace):
 
 def test_the_traces_that_the_referee_saves_are_read(say):
     task, path = line(), Path("cell.npz")
-    report = Referee(task, Probe(task.specification)).report(Rule(lambda seen: np.zeros(len(seen), dtype=int)))
-    save(path, report, task.signals)
+    assessment = Referee(task, Probe(task.specification)).assess(Rule(lambda seen: np.zeros(len(seen), dtype=int)))
+    save(path, assessment, task.signals)
     done = say("monitor", "--json", str(task.formula), path)
-    assert [verdict["robustness"] for verdict in json.loads(done.stdout)] == list(report.scores[MAIN].robustness)
+    assert [verdict["robustness"] for verdict in json.loads(done.stdout)] == list(assessment.scores[MAIN].robustness)
 
 
 def test_a_formula_beyond_the_limits_is_one_line_and_its_place(say, trace):
