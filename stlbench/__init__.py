@@ -1,6 +1,25 @@
 """stlbench compares reward methods for teaching robots to satisfy Signal Temporal Logic."""
 
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from stlbench.study.results import Results
+    from stlbench.study.run import run_study
+
+__all__ = ["DISTRIBUTION", "Results", "__version__", "run_study"]
+
 __version__ = "0.1.0"
 
 DISTRIBUTION = "stlbench-rl"
 """The distribution that this package comes from; `stlbench` on the package index is another project."""
+
+_HOMES = {"Results": "stlbench.study.results", "run_study": "stlbench.study.run"}
+
+
+def __getattr__(name: str) -> Any:
+    """What runs studies is imported when it is first used, so that `stlbench.stl` needs NumPy alone."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(_HOMES[name]), name)

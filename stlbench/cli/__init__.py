@@ -10,12 +10,14 @@ import typer
 from stlbench import __version__, origin
 from stlbench.cli.common import Commands, refuse
 from stlbench.cli.compare import compare
+from stlbench.cli.export import export
 from stlbench.cli.gate import gate
 from stlbench.cli.listing import list_plugins
 from stlbench.cli.monitor import monitor
 from stlbench.cli.plot import plot
 from stlbench.cli.render import render
 from stlbench.cli.report import report
+from stlbench.cli.results import app as results
 from stlbench.cli.run import run
 from stlbench.cli.show import app as show
 
@@ -31,6 +33,8 @@ app = typer.Typer(
 app.command("run", short_help="Train and score methods on tasks, and compare them.")(run)
 app.command("list")(list_plugins)
 app.add_typer(show, name="show")
+app.command("export", short_help="Write results for other programs.")(export)
+app.add_typer(results, name="results")
 app.command("report")(report)
 app.command("plot", short_help="Draw a run: learning, robustness in time, trajectories.")(plot)
 app.command("render", short_help="Film the best and the worst start of a cell.")(render)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stlbench.cli.common import Json, print_json
-from stlbench.cli.options import Executor, Jobs, names, parse_seeds, plan
+from stlbench.cli.options import Executor, Jobs, names
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -62,14 +62,17 @@ def gate(
     """
     from stlbench.gate.measure import Selection, cells_of, select
     from stlbench.study.run import build_executor
+    from stlbench.study.study import Study, parse_seeds
 
     if results.resolve() == reference.resolve():
         raise UsageError(f"--results {results} is the reference itself; what is measured now needs another folder")
-    selection = Selection(budget, names(tasks), names(methods), names(agents), parse_seeds(seeds))
+    some_seeds = None if seeds is None else parse_seeds(seeds)
+    selection = Selection(budget, names(tasks), names(methods), names(agents), some_seeds)
     place = build_executor(executor, jobs)
     if update and not selection.is_everything:
-        cells = plan(tasks or "hold-disc", methods or "funnel,flag", agents, seeds or SEEDS, budget)
-        _update(reference, _measured(cells, results, place), as_json)
+        chosen = {"tasks": tasks or "hold-disc", "methods": methods or "funnel,flag", "seeds": seeds or SEEDS}
+        study = Study.of({**chosen, "agents": agents, "budget": budget})
+        _update(reference, _measured(study.cells(), results, place), as_json)
         return
     base = select(reference, selection)
     new = _measured(cells_of(base), results, place)

@@ -39,15 +39,14 @@ def plot(
       stlbench plot results --tasks robot-nav --methods "funnel,funnel[variant=code]" --out pictures
     """
     from stlbench.report.figures import trace_figures
-    from stlbench.study.ledger import FILE, Ledger
+    from stlbench.study import stored
 
-    with Ledger(run / FILE, create=False) as ledger:
-        results = list(ledger.results())
+    results = list(stored.read(run))
     some_tasks = _known(tasks, {result.id.task for result in results}, "task", run)
     some_methods = _known(methods, {result.id.method for result in results}, "method", run)
     chosen = [result for result in results if result.id.task in some_tasks and result.id.method in some_methods]
     if not chosen:
-        raise UsageError(f"{run / FILE} holds no result of these tasks and methods")
+        raise UsageError(f"{run} holds no result of these tasks and methods")
     job = trace_figures.Job(run, out or run / "figures", _tell, warn, rewarded)
     for path in trace_figures.draw(chosen, job):
         typer.echo(path)

@@ -33,15 +33,13 @@ def render(
     """
     from stlbench.report.figures.files import file_name
     from stlbench.report.film import film, video
-    from stlbench.result import MAIN, find_cell
+    from stlbench.result import MAIN
     from stlbench.rollout.traces import load
-    from stlbench.study.ledger import FILE, Ledger
+    from stlbench.study.results import Results
     from stlbench.task import load_task
 
     video.check_format(form)
-    with Ledger(run / FILE, create=False) as ledger:
-        results = {result.id: result for result in ledger.results()}
-    result = results[find_cell(results, cell, budget)]
+    result = Results.load(run).cell(cell, budget)
     name = result.id.name
     if result.measurement is None:
         reason = f": {result.reason}" if result.reason else ""

@@ -31,12 +31,11 @@ def report(
       stlbench report results --json
     """
     from stlbench.report import condense, write
-    from stlbench.study.ledger import FILE, Ledger
+    from stlbench.study import stored
 
-    with Ledger(folder / FILE, create=False) as ledger:
-        groups = condense(ledger.results(), ledger.missing())
+    groups = condense(stored.read(folder), stored.missing(folder))
     if not groups:
-        raise UsageError(f"{folder / FILE} holds no result yet")
+        raise UsageError(f"{stored.locate(folder)} holds no result yet")
     if as_json:
         scores = _controllers(groups)
         write(groups, scores, folder)

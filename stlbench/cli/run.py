@@ -3,27 +3,43 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from stlbench.cli.completion import names
-from stlbench.cli.options import Executor, Jobs, plan
+from stlbench.cli.options import Jobs
 from stlbench.cli.report import show_report
+
+if TYPE_CHECKING:
+    from stlbench.study.results import Results
+    from stlbench.study.study import Study
+
+
+DEFAULTS = {"tasks": "hold-disc", "methods": "funnel,flag"}
+"""What is compared where neither options nor a file say."""
 
 
 def run(
+    study: Annotated[
+        Path | None,
+        typer.Argument(metavar="[STUDY]", help="A YAML file with these options as its keys; options go before it."),
+    ] = None,
     tasks: Annotated[
-        str, typer.Option(metavar="LIST", help="Tasks, a comma list.", autocompletion=names("tasks"))
-    ] = "hold-disc",
+        str | None,
+        typer.Option(
+            metavar="LIST", help="Tasks, a comma list.", show_default=DEFAULTS["tasks"], autocompletion=names("tasks")
+        ),
+    ] = None,
     methods: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="LIST",
             help="Reward methods, a comma list; parameters in brackets.",
+            show_default=DEFAULTS["methods"],
             autocompletion=names("methods"),
         ),
-    ] = "funnel,flag",
+    ] = None,
     agents: Annotated[
         str | None,
         typer.Option(
@@ -42,11 +58,18 @@ def run(
         ),
     ] = None,
     budget: Annotated[
-        str, typer.Option(metavar="NAME", help="How much training; `stlbench show task NAME` lists budgets.")
-    ] = "quick",
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="How much training; `stlbench show task NAME` lists budgets.",
+            show_default="quick",
+        ),
+    ] = None,
     jobs: Jobs = None,
-    results: Annotated[Path, typer.Option(metavar="DIR", help="Folder of ledger, traces, tables.")] = Path("results"),
-    executor: Executor = "local",
+    results: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of ledger, traces, tables.", show_default="results")
+    ] = None,
+    executor: Annotated[str | None, typer.Option(metavar="NAME", help="Where cells run.", show_default="local")] = None,
     retry: Annotated[
         bool, typer.Option("--retry", help="Run cells again that raised, timed out or were killed.")
     ] = False,
@@ -61,27 +84,50 @@ def run(
     Examples:
       stlbench run --tasks hold-disc --methods funnel,flag --seeds 3 --jobs 2
       stlbench run --methods "funnel,funnel[variant=code],flag[beta=10]" --budget paper --results study
+      stlbench run study.yaml --seeds 10
     """
     from stlbench.cli.progress import Progress
-    from stlbench.report import condense, only
-    from stlbench.result import ACCIDENTS
-    from stlbench.study.ledger import FILE, Ledger
-    from stlbench.study.run import build_executor, run_study
+    from stlbench.study.run import run_study
+    from stlbench.study.study import Study
 
-    cells = plan(tasks, methods, agents, seeds, budget)
+    options = {
+        "tasks": tasks,
+        "methods": methods,
+        "agents": agents,
+        "seeds": seeds,
+        "budget": budget,
+        "jobs": jobs,
+        "results": results,
+        "executor": executor,
+        "retry": retry or None,
+    }
+    said = {name: value for name, value in options.items() if value is not None}
+    described = Study.of(said, study) if study else Study.of(DEFAULTS | said)
     try:
         with Progress() as progress:
-            run_study(cells, results, build_executor(executor, jobs), retry=retry, progress=progress)
+            ended = run_study(described, progress=progress)
     except KeyboardInterrupt:
-        with Ledger(results / FILE) as ledger:
-            recorded = (
-                f"{len(ledger.finished(cell.key for cell in cells))} of {len(cells)} cells are recorded in {results}/"
-            )
-        typer.echo(f"interrupted: {recorded}; say the same command again to go on", err=True)
+        typer.echo(f"interrupted: {_recorded(described)}; say the same command again to go on", err=True)
         raise typer.Exit(130) from None
-    with Ledger(results / FILE, create=False) as ledger:
-        recorded_groups = condense(ledger.results(), ledger.missing())
-    groups = only(recorded_groups, {cell.id for cell in cells})
-    show_report(groups, recorded_groups, results)
-    if any(row.status in ACCIDENTS for group in groups for row in group.rows):
+    _report(ended)
+
+
+def _recorded(study: Study) -> str:
+    from stlbench.study.ledger import FILE, Ledger
+
+    cells = study.cells()
+    with Ledger(study.results / FILE) as ledger:
+        count = len(ledger.finished(cell.key for cell in cells))
+    return f"{count} of {len(cells)} cells are recorded in {study.results}/"
+
+
+def _report(ended: Results) -> None:
+    """Write the tables of all cells in the folder, show those that have ended now, and exit."""
+    from stlbench.report import condense, only
+    from stlbench.result import ACCIDENTS
+    from stlbench.study import stored
+
+    recorded = condense(stored.read(ended.folder), stored.missing(ended.folder))
+    show_report(only(recorded, {result.id for result in ended}), recorded, ended.folder)
+    if any(result.status in ACCIDENTS for result in ended):
         raise typer.Exit(1)

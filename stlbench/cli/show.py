@@ -8,6 +8,8 @@ import typer
 
 from stlbench.cli.common import Json, console, print_json, warn
 from stlbench.cli.completion import names
+from stlbench.cli.show_cell import cell
+from stlbench.cli.show_method import method
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -25,6 +27,10 @@ _TRAINING_NOTES = (
 _NO_RECIPE = "An agent without a recipe trains with its defaults."
 
 app = typer.Typer(rich_markup_mode=None)
+
+
+app.command("cell")(cell)
+app.command("method")(method)
 
 
 @app.callback()

@@ -20,7 +20,8 @@ from pydantic import TypeAdapter, ValidationError
 from stlbench.errors import UsageError
 from stlbench.gate.snapshot import Sample, Snapshot, gather
 from stlbench.result import IDENTITY, NOT_RUN, CellId
-from stlbench.study.ledger import FILE, Ledger, is_sqlite
+from stlbench.study import stored
+from stlbench.study.ledger import FILE, is_sqlite
 
 __all__ = ["load", "save"]
 
@@ -32,19 +33,22 @@ COLUMNS = (*IDENTITY, *(part.name for part in fields(Sample) if part.name != "id
 def load(path: Path) -> Snapshot:
     """Read a reference, a folder of results, a ledger, or a table of cells.
 
-    In a folder of results the ledger goes before the table.
+    In a folder of results the ledger, or `cells.jsonl` in its place, goes before the table.
 
     Raises:
         UsageError: there is nothing of these, or it is not as it should be; the message says where.
     """
     if (path / PROVENANCE).is_file():
         return _reference(path)
-    for file, read in ((path / FILE, _ledger), (path / TABLE, _table)):
-        if file.is_file():
-            return read(file)
+    if path.suffix == ".csv":
+        return _table(path)
+    if (file := stored.locate(path)) is not None:
+        return _results(file)
+    if (path / TABLE).is_file():
+        return _table(path / TABLE)
     if path.is_dir():
         raise UsageError(f"{path} has neither {FILE} nor {TABLE}; `stlbench run` and `stlbench gate` write them")
-    return _table(path) if path.suffix == ".csv" else _ledger(path)
+    return _results(path)
 
 
 def save(folder: Path, snapshot: Snapshot) -> None:
@@ -71,11 +75,10 @@ def _text(value: object, column: str) -> str:
     return str(value)
 
 
-def _ledger(path: Path) -> Snapshot:
-    if path.is_file() and not is_sqlite(path):
+def _results(path: Path) -> Snapshot:
+    if path.is_file() and path.suffix != stored.SUFFIX and not is_sqlite(path):
         raise UsageError(f"{path} is neither a ledger nor a table of cells (.csv)")
-    with Ledger(path, create=False) as ledger:
-        return gather(ledger.results())
+    return gather(stored.read(path))
 
 
 def _reference(folder: Path) -> Snapshot:

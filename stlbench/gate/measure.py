@@ -17,7 +17,7 @@ from stlbench.registry.fingerprint import fingerprint
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.plan import Cell, plan_cells
 from stlbench.study.provenance import collect
-from stlbench.study.run import Progress, run_study
+from stlbench.study.run import Progress, run_cells
 
 __all__ = ["Selection", "cells_of", "measure", "select"]
 
@@ -80,6 +80,6 @@ def measure(cells: Sequence[Cell], folder: Path, executor: Executor, progress: P
     stamp = {name: value for name, value in collect(executor.jobs).items() if name not in ("jobs", "time")}
     stamp["harness"] = fingerprint("stlbench.study.trial")[:12]
     calibrated = partial(CalibratedLedger, stamp=stamp)
-    run_study(cells, folder, executor, retry=True, progress=progress, open_ledger=calibrated)
+    run_cells(cells, folder, executor, retry=True, progress=progress, open_ledger=calibrated)
     with Ledger(folder / FILE, create=False) as ledger:
         return gather(ledger.results({cell.key for cell in cells}))

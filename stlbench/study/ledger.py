@@ -104,6 +104,19 @@ class Ledger:
         row = _row(result)
         self._open().execute(f"INSERT OR REPLACE INTO cells VALUES ({', '.join('?' * len(row))})", row)  # noqa: S608
 
+    def remove(self, cell: CellId) -> list[str]:
+        """Take a cell out, with all its results, older ones too, and its place in the plan; the keys it had."""
+        database, keys = self._open(), list[str]()
+        with database:
+            database.execute("BEGIN IMMEDIATE")
+            for table in ("cells", "planned"):
+                rows = database.execute(
+                    f"DELETE FROM {table} WHERE (task, method, agent, seed, budget) = (?, ?, ?, ?, ?) RETURNING key",  # noqa: S608
+                    _texts(cell),
+                )
+                keys += [key for (key,) in rows]
+        return list(dict.fromkeys(keys))
+
     # ----------------------------------------------------------------------------------------------------- reading
 
     def finished(self, keys: Iterable[str], retry: bool = False) -> set[str]:

@@ -1,9 +1,9 @@
-"""A study, from its plan to its results: check it, run what is missing, record it. Prints nothing."""
+"""A study, from its description to its results: plan it, run what is missing, record it. Prints nothing."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -18,8 +18,10 @@ from stlbench.study import scheduler, trial
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.plan import Cell, check_cells
 from stlbench.study.provenance import collect
+from stlbench.study.results import Results
+from stlbench.study.study import Study
 
-__all__ = ["Progress", "build_executor", "run_study"]
+__all__ = ["Progress", "build_executor", "run_cells", "run_study"]
 
 
 class Progress(Protocol):
@@ -54,6 +56,65 @@ def build_executor(choice: Choice | str = "local", jobs: int | None = None) -> E
 
 
 def run_study(
+    study: Study | str | Path | None = None,
+    *,
+    tasks: str | Iterable[str] | None = None,
+    methods: str | Iterable[str] | None = None,
+    agents: str | Iterable[str] | None = None,
+    seeds: int | str | Iterable[int] | None = None,
+    budget: str | None = None,
+    jobs: int | None = None,
+    results: str | Path | None = None,
+    executor: str | None = None,
+    retry: bool | None = None,
+    progress: Progress | None = None,
+) -> Results:
+    """Train and score every task, method, agent and seed: `stlbench run` in Python.
+
+    Each cell is recorded in the folder of results as it ends. The same call again runs only what is missing there, so
+    a study that was interrupted goes on. Workers are fresh processes: in a script, call this below
+    `if __name__ == "__main__":`.
+
+    Args:
+        study: a YAML file whose keys are the arguments below, or the study itself; the arguments go before it.
+        tasks: names, as a list or separated by commas: `["overlap", "overlap[without=cuts]"]`.
+        methods: names, with parameters in brackets: `["funnel", "funnel[ginf=0.02]"]`.
+        agents: names; each task's own where left out.
+        seeds: a number n for 0..n-1, or a list of seeds; as many as the budget says where left out.
+        budget: how much training: `quick` where left out.
+        jobs: cells at a time; two, or one on a single core, where left out.
+        results: folder of ledger, traces and tables; `results` where left out.
+        executor: where cells run; `local` where left out.
+        retry: run cells again that raised, ran out of time or were killed.
+        progress: is told how the study goes on.
+
+    Returns:
+        The results of these cells, those from before too. A method that does not fit a task, and a cell that failed,
+        is a result with its status and reason.
+
+    Raises:
+        UsageError: a name, a value or the file is wrong; nothing has run then.
+    """
+    options = {
+        "tasks": tasks,
+        "methods": methods,
+        "agents": agents,
+        "seeds": seeds,
+        "budget": budget,
+        "jobs": jobs,
+        "results": results,
+        "executor": executor,
+        "retry": retry,
+    }
+    described = Study.of({name: value for name, value in options.items() if value is not None}, study)
+    cells = described.cells()
+    place = build_executor(described.executor, described.jobs)
+    run_cells(cells, described.results, place, retry=described.retry, progress=progress)
+    with Ledger(described.results / FILE, create=False) as ledger:
+        return Results.of(ledger.results({cell.key for cell in cells}), described.results)
+
+
+def run_cells(
     cells: Sequence[Cell],
     folder: Path,
     executor: Executor,

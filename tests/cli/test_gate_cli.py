@@ -228,14 +228,14 @@ def test_compare_as_json(reference, say):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["compare", "nowhere", "reference"], "there is no ledger at nowhere; `stlbench run` writes one"),
+        (["compare", "nowhere", "reference"], "there is neither nowhere/ledger.sqlite nor cells.jsonl"),
         (["compare", ".", "reference"], ". has neither ledger.sqlite nor cells.csv"),
         (["compare", "reference"], "Missing argument 'NEW'. (see 'stlbench compare --help')"),
         (["gate", "nowhere"], "there is no reference at nowhere; --update with --tasks and --methods makes one"),
         (["gate", "reference"], "the reference has no cells of budget 'smoke'; there are: quick"),
         ([*GATE, "--methods", "toy-rwa"], "the reference has no cells of method 'toy-rwa'; did you mean 'toy-raw'?"),
         ([*GATE, "--seeds", "4"], "the reference has no cells of seed '3'; there are: 0, 1, 2"),
-        ([*GATE, "--seeds", "x"], "--seeds x: expected a count"),
+        ([*GATE, "--seeds", "x"], "'x': expected a count"),
         ([*GATE, "--results", "reference"], "--results reference is the reference itself"),
         ([*GATE, "--jobs", "0"], "'--jobs'"),
         ([*GATE, "--update", "--tasks", "toy-lane"], "no task 'toy-lane'; did you mean 'toy-line'?"),

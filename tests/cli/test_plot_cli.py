@@ -75,13 +75,13 @@ def test_a_method_that_cannot_be_scored_leaves_no_figure(run, say):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("plot", "resluts"), "error: there is no ledger at resluts/ledger.sqlite; `stlbench run` writes one"),
+        (("plot", "resluts"), "error: there is neither resluts/ledger.sqlite nor cells.jsonl"),
         (
             ("plot", "results", "--methods", "toy-rew"),
             "error: results has no method 'toy-rew'; did you mean 'toy-raw'?",
         ),
         (("plot", "results", "--tasks", "line"), "error: results has no task 'line'; did you mean 'toy-line'?"),
-        (("render", "resluts", CELL), "error: there is no ledger at resluts/ledger.sqlite; `stlbench run` writes one"),
+        (("render", "resluts", CELL), "error: there is neither resluts/ledger.sqlite nor cells.jsonl"),
         (
             ("render", "results", "toy-lime/toy-raw/toy-agent/0"),
             "there is no cell 'toy-lime/toy-raw/toy-agent/0'; did you mean 'toy-line/toy-raw/",

@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 from helpers.synthetic_results import result
 
-from stlbench.cli.options import parse_seeds
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.study.ledger import Ledger
 from stlbench.study.provenance import PACKAGES
+from stlbench.study.study import parse_seeds
 
 TOY = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here")
 
@@ -199,7 +199,8 @@ def test_report_says_where_it_looked(say):
     done = say("report", "nowhere")
     assert (done.exit_code, done.stderr) == (
         2,
-        "error: there is no ledger at nowhere/ledger.sqlite; `stlbench run` writes one\n",
+        "error: there is neither nowhere/ledger.sqlite nor cells.jsonl; "
+        "`stlbench run` writes the one, `stlbench export` the other\n",
     )
 
 
@@ -226,7 +227,7 @@ def test_seeds(text, seeds):
 
 @pytest.mark.parametrize("text", ["", "0", "-1", "x", "1.5", "3-1", "1,,2", "7,", "0-99999", "123456"])
 def test_seeds_that_mean_nothing(text):
-    with pytest.raises(UsageError, match="--seeds"):
+    with pytest.raises(UsageError, match="seed"):
         parse_seeds(text)
 
 
@@ -246,7 +247,7 @@ def test_seeds_that_mean_nothing(text):
         (["--agents", "toy-agnt"], "no agent 'toy-agnt'"),
         (["--budget", "quik"], "did you mean 'quick'?"),
         (["--executor", "toy-her"], "no executor 'toy-her'; did you mean 'toy-here'?"),
-        (["--seeds", "0"], "--seeds 0: at least one seed"),
+        (["--seeds", "0"], "seeds: '0': at least one seed"),
         (["--jobs", "0"], "'--jobs'"),
         (["--results", "file"], "cannot open the ledger file/ledger.sqlite"),
         (["--colour"], "No such option: --colour (see 'stlbench run --help')"),

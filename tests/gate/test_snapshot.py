@@ -104,7 +104,7 @@ def test_a_wrong_table_is_told_with_its_place(tmp_path: Path, text: str, message
 
 
 def test_a_wrong_place(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="there is no ledger at"):
+    with pytest.raises(UsageError, match="there is neither"):
         load(tmp_path / "nowhere")
     with pytest.raises(UsageError, match=r"has neither ledger\.sqlite nor cells\.csv"):
         load(tmp_path)

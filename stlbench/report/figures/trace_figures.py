@@ -21,7 +21,7 @@ from stlbench.report.figures.report_figures import draw_learning
 from stlbench.report.figures.trajectories import TRACES_PER_PANEL, trajectories
 from stlbench.report.tables.rows import Group, group, row
 from stlbench.result import Result, Setting
-from stlbench.rollout.traces import Recording, gather, load
+from stlbench.rollout.traces import FOLDER, Recording, gather, load
 from stlbench.task import build_method, load_task
 from stlbench.task.task import Task
 
@@ -61,6 +61,9 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
     kept = list(results)
     groups = group(row(result) for result in kept)
     finished = [replace(result, measurement=None) for result in kept if result.measurement is not None]
+    if finished and not (job.run / FOLDER).is_dir():
+        job.warn(f"there are no traces in {job.run}; learning curves are all that is drawn")
+        finished = []
     paths, count = list[Path](), 0
     try:
         for choice, members in groupby(groups, key=lambda member: member.setting.task):

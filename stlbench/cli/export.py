@@ -1,0 +1,74 @@
+"""`stlbench export`: results for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from stlbench.cli.common import Json, print_json
+from stlbench.errors import UsageError
+
+if TYPE_CHECKING:
+    from stlbench.study.results import Results
+
+TABLES = ("cells", "robustness", "curves")
+"""The tables of `Results` that are written, each to a file of its name."""
+
+
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `stlbench run` wrote.")],
+    form: Annotated[
+        Literal["csv", "parquet", "jsonl"],
+        typer.Option("--format", help="Tables as CSV or Parquet, or all that is recorded, as lines of JSON."),
+    ] = "csv",
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the files.", show_default="RESULTS/export; for jsonl RESULTS"),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Write results for other programs, in full precision.
+
+    csv and parquet write three tables: cells, robustness and curves, as `stlbench.Results` has them in Python. jsonl
+    writes cells.jsonl: one result per line, nothing left out. A folder with this file in place of a ledger can be
+    reported, compared, plotted and loaded, and be kept in git. Prints the files; --json prints a list of them.
+
+    \b
+    Examples:
+      stlbench export results --format csv
+      stlbench export results/reference --format jsonl
+    """
+    from stlbench.study import stored
+    from stlbench.study.results import Results
+
+    if form == "jsonl":
+        path = (out or (folder if folder.is_dir() else folder.parent)) / stored.LINES
+        stored.write_lines(list(stored.read(folder)), path)
+        paths = [path]
+    else:
+        results = Results.load(folder)
+        paths = _write(results, out or results.folder / "export", form)
+    if as_json:
+        print_json([str(path) for path in paths])
+    else:
+        for path in paths:
+            typer.echo(path)
+
+
+def _write(results: Results, folder: Path, form: Literal["csv", "parquet"]) -> list[Path]:
+    paths = [folder / f"{name}.{form}" for name in TABLES]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, path in zip(TABLES, paths, strict=True):
+            table = getattr(results, name)()
+            if form == "csv":
+                table.to_csv(path, index=False)
+            else:
+                table.to_parquet(path, engine="pyarrow", index=False)
+    except ImportError:
+        raise UsageError("Parquet needs the package pyarrow: pip install pyarrow") from None
+    except OSError as error:
+        raise UsageError(f"cannot write the tables: {error}") from error
+    return paths

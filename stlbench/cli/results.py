@@ -1,0 +1,94 @@
+"""`stlbench results`: take cells out of a folder of results, and put folders together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stlbench.cli.common import Json, print_json
+
+app = typer.Typer(rich_markup_mode=None)
+
+
+@app.callback()
+def results() -> None:
+    """Remove cells from a folder of results, or merge folders.
+
+    \b
+    Example:
+      stlbench results merge results other-machine/results
+    """
+
+
+@app.command("remove")
+def remove(
+    folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `stlbench run` wrote.")],
+    cells: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[CELL]...", help="Names, task/method/agent/seed; '*' stands for any characters."),
+    ] = None,
+    status: Annotated[
+        list[str] | None, typer.Option(metavar="STATUS", help="Only cells that ended so; may be said more than once.")
+    ] = None,
+    budget: Annotated[str | None, typer.Option(metavar="NAME", help="Only cells of this budget.")] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Remove cells from the ledger, with their traces: `stlbench run` measures them anew.
+
+    At least one of CELL, --status and --budget is needed; a cell is removed if all that are given fit. Prints the
+    cells, and asks before it removes them. --json prints a list of them and needs --yes.
+
+    \b
+    Examples:
+      stlbench results remove results hold-disc/funnel/dqn/0
+      stlbench results remove results "hold-disc/*" --status raised --status timeout --yes
+    """
+    from stlbench.errors import UsageError
+    from stlbench.study import upkeep
+
+    chosen = upkeep.choose(folder, cells, status, budget)
+    if as_json and not yes:
+        raise UsageError("--json cannot ask; say --yes too")
+    if not as_json:
+        for result in chosen:
+            typer.echo(f"{result.id.name} {result.id.budget} {result.status}")
+        if not yes:
+            typer.confirm(f"Remove {_count(len(chosen))} from {folder}/?", abort=True, err=True)
+    upkeep.remove(folder, [result.id for result in chosen])
+    if as_json:
+        print_json([{"cell": result.id.name, "budget": result.id.budget, "status": result.status} for result in chosen])
+    else:
+        typer.echo(f"Removed {_count(len(chosen))} from {folder}/; the tables there change with `stlbench report`")
+
+
+@app.command("merge")
+def merge(
+    into: Annotated[Path, typer.Argument(metavar="INTO", help="Folder of results that takes the cells.")],
+    sources: Annotated[
+        list[Path], typer.Argument(metavar="FROM...", help="Folders of results; they stay as they are.")
+    ],
+    as_json: Json = False,
+) -> None:
+    """Copy the cells of other folders of results, with their traces.
+
+    Of a cell that several folders have, the result that was measured last stays.
+
+    \b
+    Example:
+      stlbench results merge results machine-a/results machine-b/results
+    """
+    from stlbench.study import upkeep
+
+    counts = {source: upkeep.merge(into, source) for source in sources}
+    if as_json:
+        print_json([{"from": str(source), **counts[source]._asdict()} for source in sources])
+        return
+    for source, count in counts.items():
+        typer.echo(f"{source}: {count.added} new, {count.replaced} newer than in {into}/, {count.kept} left out")
+
+
+def _count(cells: int) -> str:
+    return f"{cells} {'cell' if cells == 1 else 'cells'}"

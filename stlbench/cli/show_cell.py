@@ -1,0 +1,115 @@
+"""`stlbench show cell`: one cell in full: how it ended, why, and what it scored."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from stlbench.cli.common import Json, console, print_json
+
+if TYPE_CHECKING:
+    from stlbench.report import Table
+    from stlbench.result import Measurement, Result
+
+
+def cell(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="task/method/agent/seed, as the run's lines name it.")],
+    folder: Annotated[Path, typer.Argument(metavar="[RESULTS]", help="A folder that `stlbench run` wrote.")] = Path(
+        "results"
+    ),
+    budget: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Budget of the cell.", show_default="the only one in RESULTS")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show one cell of a folder of results: status, reason and traceback, provenance, scores, cost.
+
+    \b
+    Examples:
+      stlbench show cell hold-disc/funnel/dqn/0
+      stlbench show cell "overlap[without=cuts]/funnel/dqn/1" results/ablation --json
+    """
+    from stlbench.report import to_screen
+    from stlbench.study.results import Results
+
+    result = Results.load(folder).cell(name, budget)
+    if as_json:
+        print_json(facts(result))
+        return
+    for line in _lines(result):
+        typer.echo(line)
+    if result.measurement is not None:
+        typer.echo()
+        for table in (_scores(result.measurement), _cost(result.measurement)):
+            to_screen(table, console())
+
+
+def facts(result: Result) -> dict[str, Any]:
+    """All that is recorded of a cell, as plain values."""
+    import json
+
+    from stlbench.result import to_json
+
+    content: dict[str, Any] = json.loads(to_json(result))
+    return {"name": result.id.name, **content}
+
+
+def _lines(result: Result) -> list[str]:
+    parts = {
+        "cell": result.id.name,
+        "budget": result.id.budget,
+        "status": result.status,
+        "reason": result.reason,
+        "key": result.key,
+        **result.provenance,
+    }
+    width = max(map(len, parts)) + 1
+    lines = [f"{name + ':':{width}} {text}" for name, text in parts.items() if text]
+    return [*lines, "", result.details.rstrip()] if result.details else lines
+
+
+def _scores(measurement: Measurement) -> Table:
+    """One row per protocol and policy."""
+    from stlbench.report import Column, Table
+
+    columns = (
+        Column("protocol", right=False),
+        Column("policy", right=False),
+        Column("mean robustness", "mean", digits=3),
+        Column("worst start", digits=3),
+        Column("satisfied", unit="%", digits=1),
+        Column("starts", digits=0),
+        Column("failed first", right=False),
+    )
+    rows = tuple(
+        (
+            *(protocol, policy, score.mean, score.minimum, 100 * score.satisfaction, len(score.robustness)),
+            "\n".join(f"{formula}: {count}" for formula, count in score.first_failed.items()) or None,
+        )
+        for protocol in measurement.selected
+        for policy, score in (
+            ("selected", measurement.selected[protocol]),
+            ("final", measurement.final[protocol]),
+        )
+    )
+    return Table("Scores", columns, rows)
+
+
+def _cost(measurement: Measurement) -> Table:
+    from stlbench.report import Column, Table
+
+    columns = (Column("what", right=False), Column("value"))
+    names = {
+        "selected at environment step": measurement.selected_steps,
+        "environment steps": measurement.env_steps,
+        "checkpoints": len(measurement.curve),
+        "training CPU [s]": measurement.training_cpu_seconds,
+        "training wall [s]": measurement.training_wall_seconds,
+        "cell CPU [s]": measurement.cpu_seconds,
+        "cell wall [s]": measurement.wall_seconds,
+        "reward [ns/step]": measurement.reward_nanoseconds,
+        "inputs added": measurement.inputs_added,
+    }
+    return Table("Cost", columns, tuple(names.items()))

@@ -1,0 +1,174 @@
+"""The results of a study in Python: tables as pandas DataFrames, traces as arrays."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from stlbench.errors import UsageError
+from stlbench.result import ACCIDENTS, IDENTITY, NOT_RUN, CellId, Measurement, Result, Score, find_cell
+from stlbench.rollout.trace_files import SavedTraces, read_saved
+from stlbench.rollout.traces import FOLDER, trace_file
+from stlbench.study import stored
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Results"]
+
+_NUMBERS = tuple(part.name for part in fields(Measurement) if part.name not in ("selected", "final", "curve"))
+_COUNTS = ("selected_steps", "env_steps", "inputs_added")
+_SCORE = ("robustness_mean", "robustness_min", "satisfaction")
+_CURVE = ("steps", "cpu_seconds", "satisfaction", "robustness_mean")
+
+
+@dataclass(frozen=True, repr=False)
+class Results:
+    """Results of cells, one per cell, and the folder where they and their traces lie.
+
+    Every table begins with the columns task, method, agent, seed and budget, which say which cell a row is of. Numbers
+    have full precision: robustness is in the unit of the task's predicates, satisfaction a share in [0, 1].
+
+    Attributes:
+        results: in the order of their cells.
+        folder: of results, as `stlbench run` writes it.
+        missing: cells that were planned and have no result, as those of an interrupted study.
+    """
+
+    results: tuple[Result, ...]
+    folder: Path
+    missing: tuple[CellId, ...] = ()
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Self:
+        """The results in a folder: of its ledger, else of its `cells.jsonl`. A single file of either kind will do.
+
+        Raises:
+            UsageError: there is neither, or the file is not as it should be.
+        """
+        path = Path(folder)
+        return cls.of(stored.read(path), path if path.is_dir() else path.parent, stored.missing(path))
+
+    @classmethod
+    def of(cls, results: Iterable[Result], folder: Path, missing: Iterable[CellId] = ()) -> Self:
+        """These results, put in order."""
+        return cls(tuple(sorted(results, key=lambda result: result.id)), folder, tuple(missing))
+
+    def __iter__(self) -> Iterator[Result]:
+        return iter(self.results)
+
+    def __len__(self) -> int:
+        return len(self.results)
+
+    def __repr__(self) -> str:
+        statuses = Counter[str](result.status for result in self.results)
+        if self.missing:
+            statuses[NOT_RUN] = len(self.missing)
+        counts = ", ".join(f"{count} {status}" for status, count in statuses.items())
+        return f"<Results of {len(self)} cells in {self.folder}{': ' if counts else ''}{counts}>"
+
+    def cell(self, cell: str | CellId, budget: str | None = None) -> Result:
+        """The result of one cell.
+
+        Args:
+            cell: its name, task/method/agent/seed, or its identity.
+            budget: needed with a name that several budgets share.
+
+        Raises:
+            UsageError: there is no such cell, or there are several.
+        """
+        by_id = {result.id: result for result in self.results}
+        name, budget = (cell.name, cell.budget) if isinstance(cell, CellId) else (cell, budget)
+        return by_id[find_cell(by_id, name, budget)]
+
+    def cells(self) -> pd.DataFrame:
+        """One row per cell: status, reason, seconds, steps, the reward's cost, and its provenance.
+
+        The numbers of a cell that is not `done` are missing. A cell without a result has the status `not run`.
+        """
+        provenance = tuple(dict.fromkeys(name for result in self.results for name in result.provenance))
+        rows: dict[CellId, Mapping[str, Any]] = {cell: {"status": NOT_RUN, "reason": ""} for cell in self.missing}
+        for result in self.results:
+            said = {"status": result.status, "reason": result.reason}
+            rows[result.id] = {**said, **_numbers(result.measurement), **result.provenance}
+        table = _table(sorted(rows.items()), ("status", "reason", *_NUMBERS, *provenance))
+        return table.astype(dict.fromkeys(_COUNTS, "Int64"))
+
+    def robustness(self) -> pd.DataFrame:
+        """One row per finished cell, protocol and policy.
+
+        The protocol is `formula`, the task's own, or one of the task's further protocols. The policy is `selected`,
+        the checkpoint that did best on other starts, or `final`, the one at the end of training. `robustness_mean` is
+        over the starts, `robustness_min` from the worst of them, `satisfaction` the share that satisfies.
+        """
+        rows = (
+            (result.id, {"protocol": protocol, "policy": policy} | _scored(score))
+            for result in self.results
+            if result.measurement
+            for protocol in result.measurement.selected
+            for policy, score in (
+                ("selected", result.measurement.selected[protocol]),
+                ("final", result.measurement.final[protocol]),
+            )
+        )
+        return _table(rows, ("protocol", "policy", *_SCORE))
+
+    def curves(self) -> pd.DataFrame:
+        """One row per finished cell and checkpoint, scored on the starts that are kept for selection.
+
+        `steps` are environment steps, `cpu_seconds` those of training so far.
+        """
+        rows = (
+            (result.id, {name: getattr(point, name) for name in _CURVE})
+            for result in self.results
+            if result.measurement
+            for point in result.measurement.curve
+        )
+        return _table(rows, _CURVE)
+
+    def failures(self) -> pd.DataFrame:
+        """One row per cell that raised, ran out of time or was killed: status, reason and traceback.
+
+        A method that does not fit a task is no failure; `cells` has its status and reason.
+        """
+        rows = (
+            (result.id, {"status": result.status, "reason": result.reason, "traceback": result.details})
+            for result in self.results
+            if result.status in ACCIDENTS
+        )
+        return _table(rows, ("status", "reason", "traceback"))
+
+    def traces(self, cell: str | CellId, budget: str | None = None) -> SavedTraces:
+        """What the selected policy of a cell did: the signals' `names`, and `samples` (starts, steps + 1, signals).
+
+        Raises:
+            UsageError: there is no such cell, or no file of its traces: a study that is kept as text has none.
+        """
+        result = self.cell(cell, budget)
+        path = trace_file(self.folder / FOLDER, result.id, result.key)
+        if not path.is_file():
+            raise UsageError(f"{result.id.name} has no traces at {path}; `stlbench run` records them")
+        return read_saved(path)
+
+
+def _table(rows: Iterable[tuple[CellId, Mapping[str, Any]]], columns: tuple[str, ...]) -> pd.DataFrame:
+    import pandas as pd
+
+    records = [{**_identity(cell), **row} for cell, row in rows]
+    return pd.DataFrame(records, columns=[*IDENTITY, *columns])
+
+
+def _identity(cell: CellId) -> dict[str, str | int]:
+    values = {name: getattr(cell, name) for name in IDENTITY}
+    return {name: value if isinstance(value, int) else str(value) for name, value in values.items()}
+
+
+def _numbers(measurement: Measurement | None) -> dict[str, Any]:
+    return {name: None if measurement is None else getattr(measurement, name) for name in _NUMBERS}
+
+
+def _scored(score: Score) -> dict[str, float]:
+    return dict(zip(_SCORE, (score.mean, score.minimum, score.satisfaction), strict=True))

@@ -1,0 +1,87 @@
+"""Where a folder has its results: in its ledger, else in `cells.jsonl`, which holds the same as text for git."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from stlbench.errors import UsageError
+from stlbench.result import CellId, Result, from_json, to_json
+from stlbench.study.ledger import FILE, Ledger
+
+__all__ = ["LINES", "SUFFIX", "locate", "missing", "read", "write_lines"]
+
+SUFFIX = ".jsonl"
+"""Of files of lines."""
+
+LINES = "cells" + SUFFIX
+"""Name of the text file in a folder of results: one result per line, ordered by cell, nothing rounded or left out."""
+
+
+def locate(path: Path) -> Path | None:
+    """The file that has the results: `path` itself, or the ledger, else `cells.jsonl` of a folder. None without one."""
+    candidates = (path / FILE, path / LINES) if path.is_dir() else (path,)
+    return next((file for file in candidates if file.is_file()), None)
+
+
+def read(path: Path) -> Iterator[Result]:
+    """One result of every cell in a folder, a ledger or a file of lines, one at a time.
+
+    Raises:
+        UsageError: there is none of these, or a file is not as it should be; the message says where.
+    """
+    file = _existing(path)
+    if file.suffix == SUFFIX:
+        yield from _read_lines(file)
+    else:
+        with Ledger(file, create=False) as ledger:
+            yield from ledger.results()
+
+
+def missing(path: Path) -> list[CellId]:
+    """The cells that were planned and have no result; a file of lines knows no plan. Raises `UsageError` as `read`."""
+    file = _existing(path)
+    if file.suffix == SUFFIX:
+        return []
+    with Ledger(file, create=False) as ledger:
+        return ledger.missing()
+
+
+def write_lines(results: Iterable[Result], path: Path) -> int:
+    """Write results as text, over the file of before; how many there are. Raises `UsageError` where it cannot."""
+    lines = [to_json(result) + "\n" for result in sorted(results, key=lambda result: result.id)]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("".join(lines), encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error}") from error
+    return len(lines)
+
+
+def _existing(path: Path) -> Path:
+    file = locate(path)
+    if file is None:
+        where = f"there is neither {path / FILE} nor {LINES}"
+        raise UsageError(f"{where}; `stlbench run` writes the one, `stlbench export` the other")
+    return file
+
+
+def _read_lines(path: Path) -> Iterator[Result]:
+    lines = dict[CellId, int]()
+    try:
+        with path.open(encoding="utf-8") as file:
+            for number, text in enumerate(file, 1):
+                result = _parsed(text, f"{path}, line {number}")
+                if (first := lines.setdefault(result.id, number)) != number:
+                    raise UsageError(f"{path}, line {number}: {result.id.name} is in line {first} already")
+                yield result
+    except (OSError, UnicodeError) as error:
+        raise UsageError(f"cannot read {path}: {error}") from error
+
+
+def _parsed(text: str, where: str) -> Result:
+    try:
+        return from_json(text)
+    except ValueError as error:
+        cause = str(error).splitlines()[0]
+        raise UsageError(f"{where}: not a result as `stlbench export --format jsonl` writes it: {cause}") from error

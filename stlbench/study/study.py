@@ -1,0 +1,142 @@
+"""A study as one value: which tasks, methods, agents and seeds, how much training, and where the results go."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import yaml
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.registry.choices import Choice, choice_of, parse_choices
+from stlbench.study.plan import Cell, plan_cells
+
+__all__ = ["MOST_SEEDS", "Study", "parse_seeds"]
+
+MOST_SEEDS = 10_000
+
+
+def parse_seeds(text: str) -> tuple[int, ...]:
+    """A lone number is a count, "3" -> 0, 1, 2; with a comma or a dash it is a list, "0-2,7" -> 0, 1, 2, 7. Sorted.
+
+    Raises:
+        UsageError: it is neither, or there is no seed.
+    """
+    if re.fullmatch(r"\s*[0-9]{1,5}\s*", text):
+        ranges: Collection[tuple[int, int]] = [(0, int(text) - 1)]
+    else:
+        ranges = [_seed_range(item, text) for item in text.split(",")]
+    if any(first > last or last >= MOST_SEEDS for first, last in ranges):
+        raise UsageError(f"'{text}': at least one seed, each less than {MOST_SEEDS}, ranges from low to high")
+    return tuple(sorted({seed for first, last in ranges for seed in range(first, last + 1)}))
+
+
+def _seed_range(item: str, text: str) -> tuple[int, int]:
+    ends = re.fullmatch(r"\s*([0-9]{1,5})(?:-([0-9]{1,5}))?\s*", item)
+    if not ends:
+        raise UsageError(f"'{text}': expected a count, as in 3, or a list of seeds, as in 3,7 or 0-4")
+    return int(ends[1]), int(ends[2] or ends[1])
+
+
+def _choices(value: Any) -> Any:
+    """A comma list as on the command line, or a sequence of which each item is one name."""
+    if value is None:
+        return None
+    if isinstance(value, str):
+        return parse_choices(value)
+    if isinstance(value, Iterable):
+        items = tuple(value)
+        if all(isinstance(item, str | Choice) for item in items):
+            return tuple(dict.fromkeys(map(choice_of, items)))
+    raise ValueError(f"a name or a list of names is expected, got {value!r:.80}")
+
+
+def _seeds(value: Any) -> Any:
+    """A count or a text as on the command line, or the seeds themselves."""
+    if value is None:
+        return None
+    if isinstance(value, str) or type(value) is int:
+        return parse_seeds(str(value))
+    if isinstance(value, Iterable):
+        seeds = tuple(value)
+        if seeds and all(type(seed) is int and 0 <= seed < MOST_SEEDS for seed in seeds):
+            return tuple(sorted(set(seeds)))
+    raise ValueError(f"a count, as in 3, or seeds below {MOST_SEEDS}, as in [3, 7], are expected, got {value!r:.80}")
+
+
+_Some = Annotated[tuple[Choice, ...], Field(min_length=1)]
+
+
+class Study(BaseModel):
+    """What `stlbench run` is told, as options or in a file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    tasks: Annotated[_Some, BeforeValidator(_choices)]
+    """Tasks, or ablations of them: `overlap[without=cuts]`."""
+    methods: Annotated[_Some, BeforeValidator(_choices)]
+    """Reward methods, with parameters in brackets: `funnel[ginf=0.02]`."""
+    agents: Annotated[_Some | None, BeforeValidator(_choices)] = None
+    """Agents, whose parameters override a task's recipe; None is each task's own."""
+    seeds: Annotated[tuple[int, ...] | None, BeforeValidator(_seeds)] = None
+    """A count n for 0..n-1, or a list; None is as many as the task's budget says."""
+    budget: str = "quick"
+    """How much training; `stlbench show task NAME` lists a task's budgets."""
+    jobs: Annotated[int, Field(ge=1)] | None = None
+    """Cells at a time; None is two, or one on a single core."""
+    results: Path = Path("results")
+    """Folder of ledger, traces and tables."""
+    executor: Annotated[Choice, BeforeValidator(choice_of)] = Choice("local")
+    """Where cells run."""
+    retry: bool = False
+    """Run cells again that raised, ran out of time or were killed."""
+
+    @classmethod
+    def of(cls, options: Mapping[str, Any], base: Study | str | Path | None = None) -> Study:
+        """The study that the options describe.
+
+        Args:
+            options: values of the fields, as Python values or as the texts of the command line.
+            base: what the options leave out: another study, or a YAML file whose keys are the fields of this class.
+                The folder of results in a file is relative to the working directory.
+
+        Raises:
+            UsageError: the file cannot be read, or one line with everything that is wrong.
+        """
+        if isinstance(base, Study):
+            content: Mapping[str, Any] = dict(base)
+        else:
+            content = {} if base is None else _content(Path(base))
+        try:
+            return cls.model_validate({**content, **options})
+        except ValidationError as error:
+            problems = "; ".join(map(_problem, error.errors()))
+        raise UsageError(f"{base}: {problems}" if isinstance(base, str | Path) else problems)
+
+    def cells(self) -> tuple[Cell, ...]:
+        """What there is to run, the first seed of everything first. Raises `UsageError`, see `plan_cells`."""
+        return plan_cells(self.tasks, self.methods, self.agents, self.seeds, self.budget)
+
+
+def _content(path: Path) -> Mapping[str, Any]:
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeError) as error:
+        raise UsageError(f"cannot read the study {path}: {error}") from error
+    except yaml.YAMLError as error:
+        raise UsageError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(content, dict):
+        raise UsageError(f"{path}: a study has keys such as tasks and methods, got {content!r:.80}")
+    return content
+
+
+def _problem(error: Mapping[str, Any]) -> str:
+    place = ".".join(map(str, error["loc"]))
+    if error["type"] == "extra_forbidden":
+        return f"no key '{place}'{did_you_mean(place, Study.model_fields)}"
+    if error["type"] == "missing":
+        return f"{place} must be given"
+    return f"{place}: {error['msg'].removeprefix('Value error, ')}"

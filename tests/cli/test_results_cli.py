@@ -1,0 +1,246 @@
+"""`export`, `show cell`, `show method`, `results remove` and `merge`, and a study in a file, from words to files."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from helpers.synthetic_results import result
+
+import stlbench
+from stlbench.errors import UsageError
+from stlbench.study import stored
+from stlbench.study.ledger import FILE, Ledger
+
+STUDY = "tasks: toy-line\nmethods: [toy-raw, toy-wrong]\nagents: [toy-agent]\nexecutor: toy-here\nseeds: 1\n"
+
+
+@pytest.fixture
+def study(toy):
+    """A file that describes a study of two cells, of which one raises."""
+    Path("study.yaml").write_text(STUDY)
+    return "study.yaml"
+
+
+@pytest.fixture
+def ledger(say):
+    """Three synthetic cells in results/."""
+    with Ledger(Path("results") / FILE) as ledger:
+        for one in (result("funnel"), result("flag", 1, "raised", reason="ValueError: no luck"), result("raw", 2)):
+            ledger.record(one)
+
+
+def rows(path):
+    with Path(path).open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+# ------------------------------------------------------------------------------------------------------------- study
+
+
+def test_a_study_in_a_file_runs(say, study):
+    done = say("run", study)
+    assert done.exit_code == 1
+    assert [(row["method"], row["status"]) for row in rows("results/cells.csv")] == [
+        ("toy-raw", "done"),
+        ("toy-wrong", "raised"),
+    ]
+
+
+def test_options_go_before_the_file(say, study):
+    done = say("run", study, "--methods", "toy-raw[weight=2]", "--seeds", "3,4", "--results", "other")
+    assert done.exit_code == 0
+    assert [(row["method"], row["seed"]) for row in rows("other/cells.csv")] == [
+        ("toy-raw[weight=2]", "3"),
+        ("toy-raw[weight=2]", "4"),
+    ]
+
+
+def test_a_file_with_errors_is_one_line(say, study):
+    Path(study).write_text(STUDY.replace("seeds: 1", "seeds: -1\nbudgt: quick"))
+    done = say("run", study)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: study.yaml: ")
+    assert "no key 'budgt'; did you mean 'budget'?" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_from_python_it_is_the_same_study(say, study):
+    results = stlbench.run_study(study, methods=["toy-raw"], seeds=2)
+    assert results.cells()["status"].tolist() == ["done", "done"]
+    assert say("run", study, "--methods", "toy-raw", "--seeds", "2").stderr == "2 cells, 2 of them done before\n"
+    wrong = stlbench.run_study(
+        tasks="toy-line", methods="toy-wrong", agents="toy-agent", seeds=[0], executor="toy-here"
+    )
+    assert wrong.failures()["reason"].tolist() == ["ValueError: no [such] luck"]
+    assert len(stlbench.Results.load("results")) == 3
+
+
+def test_a_study_of_nothing_that_is_installed(say, toy):
+    with pytest.raises(UsageError, match="no method 'toy-rwa'; did you mean 'toy-raw'"):
+        stlbench.run_study(tasks=["toy-line"], methods=["toy-rwa"], agents=["toy-agent"], executor="toy-here")
+    assert not Path("results").exists()
+
+
+# ------------------------------------------------------------------------------------------------------------ export
+
+
+def test_tables_in_full_precision(say, ledger):
+    done = say("export", "results", "--format", "csv")
+    assert (done.exit_code, done.stdout.split()) == (
+        0,
+        ["results/export/cells.csv", "results/export/robustness.csv", "results/export/curves.csv"],
+    )
+    assert [row["status"] for row in rows("results/export/cells.csv")] == ["raised", "done", "done"]
+    (first, *_) = rows("results/export/robustness.csv")
+    assert (first["method"], float(first["robustness_mean"])) == ("funnel", (0.3 + 0.4) / 2)
+
+
+def test_lines_take_the_place_of_the_ledger(say, ledger):
+    done = say("export", "results", "--format", "jsonl", "--out", "text", "--json")
+    assert json.loads(done.stdout) == ["text/cells.jsonl"]
+    same = say("compare", "results", "text", "--json"), say("compare", "results", "results", "--json")
+    first, second = (json.loads(done.stdout) for done in same)
+    assert [first[part] for part in ("comparisons", "findings")] == [
+        second[part] for part in ("comparisons", "findings")
+    ]
+    assert first["new"]["cells"] == 3
+    assert say("report", "text", "--json").stdout == say("report", "results", "--json").stdout
+    assert say("show", "cell", "hold-disc/raw/dqn/2", "text").exit_code == 0
+    drawn = say("plot", "text")
+    assert drawn.exit_code == 0
+    assert "learning-hold-disc" in drawn.stdout
+    assert drawn.stderr.splitlines()[0] == "warning: there are no traces in text; learning curves are all that is drawn"
+    assert drawn.stderr.count("warning") == 1
+
+
+def test_parquet(say, ledger, monkeypatch):
+    pytest.importorskip("pyarrow")
+    import pandas as pd
+
+    assert say("export", "results", "--format", "parquet", "--out", "out").exit_code == 0
+    table = pd.read_parquet("out/robustness.parquet")
+    pd.testing.assert_frame_equal(table, stlbench.Results.load("results").robustness())
+
+
+def test_parquet_without_pyarrow_is_one_line(say, ledger, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    done = say("export", "results", "--format", "parquet")
+    assert (done.exit_code, done.stderr) == (2, "error: Parquet needs the package pyarrow: pip install pyarrow\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["export", "nowhere"], "there is neither nowhere/ledger.sqlite nor cells.jsonl"),
+        (["export", "results", "--format", "xls"], "'xls' is not one of"),
+        (["export", "results", "--out", "file"], "cannot write the tables"),
+        (["export", "results", "--format", "jsonl", "--out", "file"], "cannot write file/cells.jsonl"),
+        (["show", "cell", "hold-disc/funnel/dqn/7"], "there is no cell 'hold-disc/funnel/dqn/7'; did you mean"),
+        (["show", "cell", "funnel"], "'funnel' names no cell"),
+        (["show", "cell", "hold-disc/funnel/dqn/0", "nowhere"], "there is neither"),
+        (["show", "method", "funel"], "no method 'funel'; did you mean 'funnel'?"),
+        (["results", "remove", "results"], "which cells?"),
+        (["results", "remove", "results", "x/*"], "there is no cell 'x/*'"),
+        (["results", "remove", "results", "*", "--json"], "--json cannot ask; say --yes too"),
+        (["results", "merge", "results", "results"], "cannot be merged into itself"),
+    ],
+)
+def test_bad_input_exits_2_with_one_line(say, ledger, words, message):
+    Path("file").write_text("")
+    done = say(*words)
+    assert (done.exit_code, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert message in done.stderr
+
+
+# -------------------------------------------------------------------------------------------------------------- show
+
+
+def test_a_cell_that_raised_says_why(say, study):
+    say("run", study)
+    done = say("show", "cell", "toy-line/toy-wrong/toy-agent/0")
+    assert done.exit_code == 0
+    lines = done.stdout.splitlines()
+    assert lines[0].split() == ["cell:", "toy-line/toy-wrong/toy-agent/0"]
+    assert any(line.split() == ["status:", "raised"] for line in lines)
+    assert "ValueError: no [such] luck" in done.stdout
+    shown = json.loads(say("show", "cell", "toy-line/toy-wrong/toy-agent/0", "--json").stdout)
+    assert (shown["status"], shown["reason"]) == ("raised", "ValueError: no [such] luck")
+    assert shown["provenance"]["machine"]
+
+
+def test_a_traceback_is_shown_below_the_rest(say):
+    from dataclasses import replace
+
+    with Ledger(Path("results") / FILE) as ledger:
+        ledger.record(replace(result("flag", status="raised", reason="no"), details="Traceback:\n  here"))
+    assert say("show", "cell", "hold-disc/flag/dqn/0").stdout.endswith("\nTraceback:\n  here\n")
+
+
+def test_a_cell_that_ended_shows_every_protocol_and_policy(say, study):
+    say("run", study)
+    shown = say("show", "cell", "toy-line/toy-raw/toy-agent/0").stdout
+    words = [line.split()[:2] for line in shown.splitlines()]
+    for protocol in ("formula", "end"):
+        for policy in ("selected", "final"):
+            assert [protocol, policy] in words
+
+
+def test_a_method_with_parameters_and_limits(say):
+    shown = json.loads(say("show", "method", "funnel", "--json").stdout)
+    assert shown["description"].startswith("Robustness inside a funnel")
+    assert "Saxena" in shown["source"]
+    assert shown["parameters"]["ginf"]["type"] == "float"
+    assert shown["parameters"]["ginf"]["default"] == 0.01
+    assert shown["parameters"]["ginf"]["meaning"].startswith("gamma_inf, in the unit of the predicates")
+    assert all(parameter["meaning"] for parameter in shown["parameters"].values())
+    assert "outside the fragment of eq. 2" in shown["limits"]["Unsuitable"]
+    screen = say("show", "method", "funnel").stdout
+    assert "Parameters" in screen
+    assert "Where it does not fit" in screen
+
+
+@pytest.mark.parametrize("name", ["flag", "raw", "tau-mdp"])
+def test_every_method_here_says_what_its_parameters_mean(say, name):
+    shown = json.loads(say("show", "method", name, "--json").stdout)
+    assert shown["description"]
+    assert all(parameter["meaning"] for parameter in shown["parameters"].values())
+
+
+# ----------------------------------------------------------------------------------------------------------- results
+
+
+def test_removing_says_what_and_asks(say, ledger):
+    from typer.testing import CliRunner
+
+    from stlbench.cli import app
+
+    asked = CliRunner().invoke(app, ["results", "remove", "results", "--status", "raised"], input="n\n")
+    assert asked.exit_code != 0
+    assert "hold-disc/flag/dqn/1 quick raised" in asked.stdout
+    assert len(stlbench.Results.load("results")) == 3
+    asked = CliRunner().invoke(app, ["results", "remove", "results", "--status", "raised"], input="y\n")
+    assert asked.exit_code == 0
+    assert asked.stdout.splitlines()[-1].startswith("Removed 1 cell from results/")
+    assert len(stlbench.Results.load("results")) == 2
+
+
+def test_removing_without_asking(say, ledger):
+    done = say("results", "remove", "results", "hold-disc/*", "--yes", "--json")
+    assert [cell["cell"] for cell in json.loads(done.stdout)] == [
+        "hold-disc/flag/dqn/1",
+        "hold-disc/funnel/dqn/0",
+        "hold-disc/raw/dqn/2",
+    ]
+    assert len(stlbench.Results.load("results")) == 0
+
+
+def test_merging_says_how_many(say, ledger):
+    stored.write_lines([result("funnel"), result("funnel", 5)], Path("more") / stored.LINES)
+    done = say("results", "merge", "results", "more")
+    assert done.stdout == "more: 1 new, 0 newer than in results/, 1 left out\n"
+    again = json.loads(say("results", "merge", "results", "more", "--json").stdout)
+    assert again == [{"from": "more", "added": 0, "replaced": 0, "kept": 2}]

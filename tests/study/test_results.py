@@ -1,0 +1,181 @@
+"""Results in Python: tables with every number as it was measured, traces, files of lines."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.synthetic_results import result
+
+import stlbench
+from stlbench.errors import UsageError
+from stlbench.result import CellId
+from stlbench.rollout.traces import FOLDER, trace_file
+from stlbench.study import stored
+from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.results import Results
+
+THIRD = 1 / 3
+
+
+@pytest.fixture
+def recorded():
+    """One finished cell, one that raised, and one whose method does not fit."""
+    done = result("funnel[ginf=0.02]", robustness=(THIRD, -0.5), final=(0.25, 0.5), further={"tail": (2.0, 4.0)})
+    done = replace(done, key="0123456789abcdef")
+    raised = replace(result("flag", 1, "raised", reason="ValueError: no luck"), details="Traceback ...\nValueError")
+    return (done, raised, result("tau-mdp", 2, "intractable", reason="6003 inputs"))
+
+
+@pytest.fixture
+def results(recorded, tmp_path):
+    return Results.of(recorded, tmp_path)
+
+
+def test_one_row_per_cell(results):
+    table = results.cells()
+    assert list(table.columns[:7]) == ["task", "method", "agent", "seed", "budget", "status", "reason"]
+    assert table["status"].tolist() == ["raised", "done", "intractable"]
+    done = table[table["status"] == "done"].iloc[0]
+    assert (done["method"], done["seed"], done["training_cpu_seconds"], done["env_steps"]) == (
+        "funnel[ginf=0.02]",
+        0,
+        10.0,
+        2000,
+    )
+    assert done["jobs"] == "2"
+    assert table["env_steps"].isna().tolist() == [True, False, True]
+
+
+def test_one_row_per_cell_protocol_and_policy_with_every_digit(results):
+    table = results.robustness()
+    assert list(table.columns) == [
+        *("task", "method", "agent", "seed", "budget"),
+        *("protocol", "policy", "robustness_mean", "robustness_min", "satisfaction"),
+    ]
+    rows = table[["protocol", "policy", "robustness_mean", "robustness_min", "satisfaction"]].values.tolist()
+    assert rows == [
+        ["formula", "selected", (THIRD - 0.5) / 2, -0.5, 0.5],
+        ["formula", "final", 0.375, 0.25, 1.0],
+        ["tail", "selected", 3.0, 2.0, 1.0],
+        ["tail", "final", 3.0, 2.0, 1.0],
+    ]
+
+
+def test_one_row_per_checkpoint(results):
+    table = results.curves()
+    assert table[["steps", "cpu_seconds", "satisfaction", "robustness_mean"]].values.tolist() == [
+        [1000, 1.0, 0.5, -0.1],
+        [2000, 2.0, 1.0, 0.3],
+    ]
+    assert set(table["method"]) == {"funnel[ginf=0.02]"}
+
+
+def test_failures_have_reason_and_traceback_and_a_finding_is_none(results):
+    (row,) = results.failures().to_dict("records")
+    assert (row["method"], row["status"], row["reason"]) == ("flag", "raised", "ValueError: no luck")
+    assert row["traceback"] == "Traceback ...\nValueError"
+
+
+def test_tables_of_nothing_have_their_columns(tmp_path):
+    nothing = Results((), tmp_path)
+    for table in (nothing.cells(), nothing.robustness(), nothing.curves(), nothing.failures()):
+        assert len(table) == 0
+        assert list(table.columns[:5]) == ["task", "method", "agent", "seed", "budget"]
+
+
+def test_what_was_planned_and_did_not_run_is_a_row(recorded, tmp_path):
+    missing = CellId.parse("hold-disc/funnel/dqn/4", "quick")
+    with Ledger(tmp_path / FILE) as ledger:
+        ledger.plan({"missing": missing, recorded[0].key: recorded[0].id})
+        ledger.record(recorded[0])
+    loaded = Results.load(tmp_path)
+    assert loaded.missing == (missing,)
+    assert loaded.cells()[["seed", "status"]].values.tolist() == [[4, "not run"], [0, "done"]]
+    assert repr(loaded) == f"<Results of 1 cells in {tmp_path}: 1 done, 1 not run>"
+
+
+def test_a_cell_by_name_and_by_identity(results, recorded):
+    assert results.cell("hold-disc/flag/dqn/1") == recorded[1]
+    assert results.cell(recorded[0].id) == recorded[0]
+    with pytest.raises(UsageError, match=r"no cell 'hold-disc/flag/dqn/7'; did you mean 'hold-disc/flag/dqn/1'"):
+        results.cell("hold-disc/flag/dqn/7")
+
+
+def test_traces(results, recorded, tmp_path):
+    path = trace_file(tmp_path / FOLDER, recorded[0].id, recorded[0].key)
+    path.parent.mkdir()
+    np.savez_compressed(path, traces=np.arange(12.0).reshape(2, 3, 2), signals=np.array(["x", "y"]))
+    traces = results.traces(recorded[0].id.name)
+    assert traces.names == ("x", "y")
+    assert traces.samples[1, 2].tolist() == [10.0, 11.0]
+    with pytest.raises(UsageError, match="hold-disc/flag/dqn/1 has no traces at"):
+        results.traces("hold-disc/flag/dqn/1")
+
+
+def test_lines_hold_all_that_a_ledger_holds(recorded, tmp_path):
+    odd = result("raw", robustness=(math.inf, -1e-300), reward_nanoseconds=0.1 + 0.2)
+    with Ledger(tmp_path / "a" / FILE) as ledger:
+        for one in (*recorded, odd):
+            ledger.record(one)
+    assert stored.write_lines(stored.read(tmp_path / "a"), tmp_path / "b" / stored.LINES) == 4
+    first, second = Results.load(tmp_path / "a"), Results.load(tmp_path / "b")
+    assert first.results == second.results
+    lines = (tmp_path / "b" / stored.LINES).read_text().splitlines()
+    assert [json.loads(line)["method"] for line in lines] == ["flag", "funnel[ginf=0.02]", "raw", "tau-mdp"]
+
+
+def test_the_ledger_goes_before_the_lines(recorded, tmp_path):
+    stored.write_lines(recorded, tmp_path / stored.LINES)
+    assert stored.locate(tmp_path) == tmp_path / stored.LINES
+    with Ledger(tmp_path / FILE) as ledger:
+        ledger.record(recorded[0])
+    assert stored.locate(tmp_path) == tmp_path / FILE
+    assert len(Results.load(tmp_path)) == 1
+    assert len(Results.load(tmp_path / stored.LINES)) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{}\n", "line 1: not a result as"),
+        ("nonsense\n", "line 1: not a result as"),
+        ("[1]\n", "line 1: not a result as `stlbench export --format jsonl` writes it: expected an object"),
+    ],
+)
+def test_a_line_that_is_no_result(tmp_path, text, message):
+    (tmp_path / stored.LINES).write_text(text)
+    with pytest.raises(UsageError) as caught:
+        Results.load(tmp_path)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_cell_twice(recorded, tmp_path):
+    stored.write_lines([recorded[0], recorded[0]], tmp_path / stored.LINES)
+    with pytest.raises(UsageError, match=r"line 2: hold-disc/funnel\[ginf=0.02\]/dqn/0 is in line 1 already"):
+        Results.load(tmp_path)
+
+
+def test_a_folder_without_results(tmp_path):
+    with pytest.raises(UsageError, match=r"there is neither .*ledger.sqlite nor cells.jsonl; `stlbench run` writes"):
+        Results.load(tmp_path)
+
+
+def test_the_front_door():
+    assert stlbench.Results is Results
+    assert set(stlbench.__all__) <= set(dir(stlbench)) | {"Results", "run_study"}
+    with pytest.raises(AttributeError, match="no attribute 'run_studdy'"):
+        stlbench.run_studdy  # noqa: B018
+
+
+def test_the_committed_reference_loads():
+    folder = Path(__file__).parents[2] / "results/reference"
+    if stored.locate(folder) is None:
+        pytest.skip("results/reference has no cells.jsonl yet")
+    robustness = Results.load(folder).robustness()
+    assert len(robustness[robustness["protocol"] == "formula"]["task"].unique()) == 12

@@ -1,0 +1,98 @@
+"""A study's description: from Python values, from the words of the command line, from a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stlbench.errors import UsageError
+from stlbench.registry.choices import Choice
+from stlbench.study.study import Study
+
+
+def test_python_values_and_texts_say_the_same():
+    words = Study.of({"tasks": "overlap, hold-disc", "methods": "funnel[ginf=0.02,variant=code]", "seeds": "3"})
+    values = Study.of(
+        {"tasks": ["overlap", Choice("hold-disc")], "methods": ("funnel[variant=code,ginf=0.02]",), "seeds": range(3)}
+    )
+    assert words == values
+    assert words.seeds == (0, 1, 2)
+    assert words.methods == (Choice("funnel", (("ginf", "0.02"), ("variant", "code"))),)
+
+
+@pytest.mark.parametrize(
+    ("seeds", "read"), [(2, (0, 1)), ("2", (0, 1)), ([2], (2,)), ("3,7", (3, 7)), ([7, 3, 7], (3, 7)), (None, None)]
+)
+def test_a_lone_number_is_a_count_and_a_list_is_what_it_says(seeds, read):
+    assert Study.of({"tasks": "a", "methods": "b", "seeds": seeds}).seeds == read
+
+
+def test_what_is_left_out():
+    study = Study.of({"tasks": "a", "methods": "b"})
+    assert (study.agents, study.budget, study.jobs, study.retry) == (None, "quick", None, False)
+    assert (study.results, study.executor) == (Path("results"), Choice("local"))
+
+
+def test_options_go_before_the_file(tmp_path):
+    file = tmp_path / "study.yaml"
+    file.write_text('tasks: [hold-disc]\nmethods: ["funnel[ginf=0.02]", flag]\nseeds: 5\nresults: here\n')
+    study = Study.of({"seeds": [7], "budget": "smoke"}, file)
+    assert (study.seeds, study.budget, study.results) == ((7,), "smoke", Path("here"))
+    assert [str(method) for method in study.methods] == ["funnel[ginf=0.02]", "flag"]
+    assert Study.of({"seeds": 1}, study) == Study.of({"seeds": 1, "budget": "smoke"}, file)
+
+
+def test_all_errors_at_once(tmp_path):
+    file = tmp_path / "study.yaml"
+    file.write_text("tasks: [A B]\nmethds: funnel\nseeds: [-1]\njobs: 0\nretry: maybe\n")
+    with pytest.raises(UsageError) as caught:
+        Study.of({}, file)
+    message = str(caught.value)
+    assert message.startswith(f"{file}: ")
+    assert "\n" not in message
+    for part in (
+        "tasks: 'A B': a name consists of",
+        "methods must be given",
+        "no key 'methds'; did you mean 'methods'?",
+        "seeds: a count, as in 3, or seeds below 10000",
+        "jobs: Input should be greater than or equal to 1",
+        "retry: Input should be a valid boolean",
+    ):
+        assert part in message
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[1, 2", "is no YAML: while parsing"),
+        ("- hold-disc\n", "a study has keys such as tasks and methods, got ['hold-disc']"),
+        ("", "a study has keys such as tasks and methods, got None"),
+        ("tasks: !!python/object/apply:os.system [ls]\n", "is no YAML: could not determine a constructor"),
+        ("tasks: []\nmethods: 3\n", "tasks: Tuple should have at least 1 item"),
+    ],
+)
+def test_a_file_that_is_no_study(tmp_path, text, message):
+    (tmp_path / "study.yaml").write_text(text)
+    with pytest.raises(UsageError) as caught:
+        Study.of({}, tmp_path / "study.yaml")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(UsageError, match="cannot read the study"):
+        Study.of({}, tmp_path / "study.yaml")
+
+
+def test_without_a_file_no_place_is_named():
+    with pytest.raises(UsageError, match=r"^tasks must be given; methods must be given$"):
+        Study.of({})
+
+
+def test_the_committed_studies_are_studies():
+    files = sorted((Path(__file__).parents[2] / "studies").glob("*.yaml"))
+    assert files
+    for file in files:
+        study = Study.of({}, file)
+        assert study.cells()

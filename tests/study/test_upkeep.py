@@ -1,0 +1,130 @@
+"""Cells taken out of a folder of results, and folders put together."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from helpers import synthetic_results
+
+from stlbench.errors import UsageError
+from stlbench.result import Result
+from stlbench.rollout.traces import FOLDER, trace_file
+from stlbench.study import stored
+from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.results import Results
+from stlbench.study.upkeep import Merged, choose, merge, remove
+
+MORNING, EVENING = "2026-11-22T08:00:00+00:00", "2026-11-22T20:00:00+00:00"
+
+
+def result(*which, **more) -> Result:
+    """A synthetic result, with a key that can be part of a file's name."""
+    made = synthetic_results.result(*which, **more)
+    return replace(made, key=hashlib.sha256(made.key.encode()).hexdigest())
+
+
+def folder_of(path: Path, *results: Result) -> Path:
+    """A ledger and a file of traces for each of the results; its content is the folder's name."""
+    with Ledger(path / FILE) as ledger:
+        for one in results:
+            ledger.record(one)
+            traces = trace_file(path / FOLDER, one.id, one.key)
+            traces.parent.mkdir(exist_ok=True)
+            traces.write_text(path.name)
+    return path
+
+
+def at(time: str, one: Result, key: str | None = None) -> Result:
+    return replace(one, provenance={"time": time}, key=key or one.key)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return folder_of(
+        tmp_path / "results",
+        result("funnel", 0),
+        result("funnel[ginf=0.02]", 0),
+        result("funnel", 1, "raised"),
+        result("flag", 0, "timeout", task="overlap"),
+        result("flag", 0, task="overlap", budget="smoke"),
+    )
+
+
+@pytest.mark.parametrize(
+    ("said", "count"),
+    [
+        ({"names": ["hold-disc/funnel/dqn/0"]}, 1),
+        ({"names": ["hold-disc/funnel[ginf=0.02]/dqn/0"]}, 1),
+        ({"names": ["hold-disc/*"]}, 3),
+        ({"names": ["*/funnel/*", "overlap/*"]}, 4),
+        ({"statuses": ["raised", "timeout"]}, 2),
+        ({"names": ["hold-disc/*"], "statuses": ["raised", "timeout"]}, 1),
+        ({"budget": "smoke"}, 1),
+        ({"names": ["overlap/flag/dqn/0"], "budget": "quick"}, 1),
+    ],
+)
+def test_choosing(folder, said, count):
+    assert len(choose(folder, **said)) == count
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({}, "which cells"),
+        ({"names": ["hold-disc/funnel/dqn/9"]}, "no cell 'hold-disc/funnel/dqn/9'; did you mean"),
+        ({"names": ["pendulum/*"]}, r"no cell 'pendulum/\*'"),
+        ({"statuses": ["rased"]}, "no status 'rased'; did you mean 'raised'"),
+        ({"statuses": ["killed"]}, "no such cell in"),
+    ],
+)
+def test_choosing_nothing(folder, said, message):
+    with pytest.raises(UsageError, match=message):
+        choose(folder, **said)
+
+
+def test_what_is_removed_is_gone_with_its_traces_and_older_results(folder):
+    cell = result("funnel", 0).id
+    with Ledger(folder / FILE) as ledger:
+        ledger.record(replace(result("funnel", 0), key="of an older plugin"))
+        ledger.plan({"planned": cell})
+    assert len(list((folder / FOLDER).iterdir())) == 5
+    remove(folder, [cell])
+    loaded = Results.load(folder)
+    assert "hold-disc/funnel/dqn/0" not in [one.id.name for one in loaded]
+    assert (len(loaded), loaded.missing) == (4, ())
+    assert len(list((folder / FOLDER).iterdir())) == 4
+
+
+def test_merging_counts_and_the_newest_wins(tmp_path):
+    a, b, c = (result("funnel", seed) for seed in range(3))
+    into = folder_of(tmp_path / "into", at(MORNING, a), at(EVENING, b), at(MORNING, result("flag")))
+    source = folder_of(tmp_path / "source", at(EVENING, a, "newer"), at(MORNING, b), at(MORNING, c))
+    assert merge(into, source) == Merged(added=1, replaced=1, kept=1)
+    merged = {one.id.name: one for one in Results.load(into)}
+    assert len(merged) == 4
+    assert merged[a.id.name].key == "newer"
+    assert merged[b.id.name].provenance["time"] == EVENING
+    assert trace_file(into / FOLDER, a.id, "newer").read_text() == "source"
+    assert trace_file(into / FOLDER, b.id, b.key).read_text() == "into"
+    assert not trace_file(into / FOLDER, a.id, a.key).exists()
+    assert merge(into, source) == Merged(added=0, replaced=0, kept=3)
+    assert len(Results.load(source)) == 3
+
+
+def test_merging_into_a_new_folder_from_lines(tmp_path):
+    stored.write_lines([result("funnel"), result("flag", 1, "raised")], tmp_path / "text" / stored.LINES)
+    assert merge(tmp_path / "new", tmp_path / "text") == Merged(2, 0, 0)
+    assert Results.load(tmp_path / "new").results == Results.load(tmp_path / "text").results
+
+
+def test_folders_that_cannot_be_merged(folder, tmp_path):
+    with pytest.raises(UsageError, match="cannot be merged into itself"):
+        merge(folder, folder)
+    with pytest.raises(UsageError, match="there is neither"):
+        merge(folder, tmp_path / "nowhere")
+    stored.write_lines([result("funnel")], tmp_path / "text" / stored.LINES)
+    with pytest.raises(UsageError, match="has no ledger.sqlite but cells.jsonl"):
+        merge(tmp_path / "text", folder)
