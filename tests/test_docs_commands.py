@@ -70,7 +70,7 @@ def test_a_command_parses(page: str, line: str) -> None:
     words = shlex.split(line, comments=True)[1:]
     options = parsed(words)
     if words[0] == "run":
-        for choice in choices.parse_choices(str(options["methods"])):
+        for choice in choices.parse_choices(str(options["methods"] or "funnel,flag")):
             if choice.name not in ELSEWHERE:
                 plugins.check("methods", choice)
         for choice in choices.parse_choices(str(options["agents"] or "dqn")):
@@ -129,6 +129,20 @@ def test_the_gymnasium_page() -> None:
     result = doctest.testfile(str(DOCS / "howto/gymnasium.md"), module_relative=False)
     assert result.attempted >= 15
     assert result.failed == 0
+
+
+def test_the_python_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    page = DOCS / "howto/python.md"
+    monkeypatch.chdir(tmp_path)
+    (study,) = blocks(page, "yaml")
+    (tmp_path / "study.yaml").write_text(study, encoding="utf-8")
+    names: dict[str, Any] = {"__name__": "__main__"}
+    for text in blocks(page, "python"):
+        exec(text, names)
+    printed = capsys.readouterr().out
+    assert printed.startswith("<Results of 2 cells in first: 2 done>\n")
+    assert printed.endswith(f"('x', 'y') {names['traces'].samples.shape}\n")
+    assert len(names["table"]) == 2
 
 
 def test_the_examples_of_task_and_agent_run_together(site: Callable[..., Path]) -> None:

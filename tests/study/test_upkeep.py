@@ -126,5 +126,5 @@ def test_folders_that_cannot_be_merged(folder, tmp_path):
     with pytest.raises(UsageError, match="there is neither"):
         merge(folder, tmp_path / "nowhere")
     stored.write_lines([result("funnel")], tmp_path / "text" / stored.LINES)
-    with pytest.raises(UsageError, match="has no ledger.sqlite but cells.jsonl"):
+    with pytest.raises(UsageError, match="merge into a new folder, and export that"):
         merge(tmp_path / "text", folder)
