@@ -10,7 +10,7 @@ import pytest
 from stlbench import __version__
 from stlbench.cli import app
 
-HEAVY = {"torch", "matplotlib", "scipy", "gymnasium"}
+HEAVY = {"torch", "matplotlib", "scipy", "gymnasium", "pandas"}
 
 
 def test_version(say):
@@ -18,7 +18,9 @@ def test_version(say):
     assert (done.exit_code, done.stdout) == (0, f"stlbench {__version__}\n")
 
 
-@pytest.mark.parametrize("words", [[], ["run"], ["list"], ["show"], ["show", "task"], ["report"], ["monitor"]])
+@pytest.mark.parametrize(
+    "words", [[], ["run"], ["list"], ["show"], ["show", "task"], ["show", "cell"], ["export"], ["report"], ["monitor"]]
+)
 def test_help_has_an_example(say, words):
     done = say(*words, "--help")
     assert done.exit_code == 0

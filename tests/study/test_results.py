@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -171,6 +173,21 @@ def test_the_front_door():
     assert set(stlbench.__all__) <= set(dir(stlbench)) | {"Results", "run_study"}
     with pytest.raises(AttributeError, match="no attribute 'run_studdy'"):
         stlbench.run_studdy  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("statement", "heavy"),
+    [
+        ("import stlbench", {"numpy", "pandas", "pydantic", "typer", "yaml"}),
+        ("import stlbench.stl", {"pandas", "pydantic", "typer", "yaml"}),
+        ("import stlbench; stlbench.run_study, stlbench.Results", {"pandas", "matplotlib", "torch", "typer"}),
+    ],
+)
+def test_what_an_import_does_not_load(statement, heavy):
+    code = f"{statement}\nimport sys\nprint(*{{name.partition('.')[0] for name in sys.modules}})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "stlbench" in done.stdout.split()
+    assert not heavy & set(done.stdout.split())
 
 
 def test_the_committed_reference_loads():
