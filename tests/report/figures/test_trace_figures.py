@@ -102,7 +102,15 @@ def test_a_method_that_is_gone_has_no_bounds_but_its_traces(run):
     assert "time-hold-disc-gone[beta=2]-dqn-quick.png" in names
 
 
+def test_a_folder_without_any_traces_is_one_warning(run):
+    drawn = run.draw(*(synthetic_results.result("funnel", seed) for seed in range(3)))
+    assert drawn == files("learning-hold-disc")
+    assert len(run.warnings) == 1
+    assert run.warnings[0].endswith("learning curves are all that is drawn")
+
+
 def test_a_task_that_is_gone_keeps_its_learning_curves(run):
+    (run.folder / "traces").mkdir()
     assert run.draw(synthetic_results.result(task="gone")) == files("learning-gone")
     assert run.warnings[0].startswith("no traces of gone are drawn: no task 'gone'")
 
