@@ -76,7 +76,7 @@ class Unsuitable(ValueError):
 
 @dataclass(frozen=True)
 class Specification:
-    """What a reward method is told about a task: the formula, and the signals it is read from.
+    """What a reward method knows about a task: the formula, and the signals it is read from.
 
     Intervals of the formulas are in steps. A method sees no system, no agent and no budget.
     """
@@ -220,7 +220,7 @@ class System(ABC):
     state: ClassVar[tuple[str, ...]]
     """Names of the n columns of the state."""
     coordinates: ClassVar[tuple[str, ...] | None] = None
-    """Names of what the boxes of initial states speak of, where that is not the state; see `initial_states`."""
+    """Names of the quantities in boxes of initial states, if these are not the state; see `initial_states`."""
 
     def __init__(self, dt: float) -> None:
         self.dt = dt

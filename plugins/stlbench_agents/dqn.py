@@ -119,7 +119,7 @@ class Learner(Protocol):
         """Store one lock-step of all copies, and update."""
 
     def policy(self) -> Policy:
-        """The greedy policy of now, frozen."""
+        """The present greedy policy, frozen."""
 
 
 class Schedule(NamedTuple):

@@ -55,7 +55,7 @@ class Team:
             learner.learn(observation, own, transition, generator)
 
     def policy(self) -> TeamPolicy:
-        """Every robot's greedy policy of now, frozen."""
+        """Every robot's present greedy policy, frozen."""
         return TeamPolicy([learner.policy() for learner in self.learners], self.sizes)
 
 

@@ -19,7 +19,7 @@ class TauMdp(RewardMethod):
 
     The formula is read as Phi = F[0,Te] phi or G[0,Te] phi, from the task's nested form where it has one. A formula
     of another form, such as a conjunction of absolute intervals, is all phi, and tau is its whole horizon: that is
-    the intractability which Saxena et al. speak of.
+    the intractability that Saxena et al. describe.
 
     With rho in units of rho_max, the reward of a history z is -exp(-beta rho(z, phi)) for G and exp(beta rho(z, phi))
     for F, the sum of which approximates beta times the minimum or maximum over time (log-sum-exp); in the

@@ -52,7 +52,7 @@ def gate(
     measured beside the cells. Exit codes: 0 no worse, 1 worse, 3 these seeds cannot tell, 4 nothing measured or cells
     missing, 2 bad input, 130 after ctrl-C. The same command again measures only what is missing in DIR.
 
-    --update alone measures and writes anew what the reference holds. With --tasks, --methods, --agents or --seeds the
+    --update alone measures and writes again what the reference holds. With --tasks, --methods, --agents or --seeds the
     reference will hold what these name, the rest as in `stlbench run` with ten seeds.
 
     \b

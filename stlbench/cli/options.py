@@ -1,4 +1,4 @@
-"""What `run` and `gate` are told in the same words: lists of names, jobs, executors."""
+"""The options that `run` and `gate` share: lists of names, jobs, executors."""
 
 from __future__ import annotations
 

@@ -69,4 +69,4 @@ METRICS = (
     Metric("CPU", lambda cell: _calibrated(cell.training_cpu_seconds, cell), speed, math.log(1.25), "x{:.2f}", True),
     Metric("reward", lambda cell: _calibrated(cell.reward_nanoseconds, cell), speed, math.log(1.5), "x{:.2f}", True),
 )
-"""CPU: seconds of training; reward: nanoseconds of the method's reward a step; both over the calibration."""
+"""CPU: seconds of training; reward: nanoseconds of the method's reward per step; both divided by the calibration."""

@@ -14,7 +14,7 @@ __all__ = ["fingerprint"]
 def fingerprint(module: str) -> str:
     """Digest (32 hex digits) of a module's source and of all that it imports from its own top-level package.
 
-    Comments count, names do not matter, other distributions are told by their versions. A module without a source
+    Comments count, names do not matter, other distributions are identified by their versions. A module without a source
     file has the digest of nothing.
     """
     pending, seen = [module], dict[str, bytes]()

@@ -150,7 +150,7 @@ class BatchEnvironment:
         return self.simulator.observe()
 
     def step(self, action: Integers | Array) -> Transition:
-        """Hold the actions for `hold` steps (see `contract.Environment`); rows whose episode is over start anew."""
+        """Hold the actions for `hold` steps (see `contract.Environment`); rows whose episode is over are reset."""
         simulator = self.simulator
         held = simulator.advance(action)
         self.taken += self.count * self.hold

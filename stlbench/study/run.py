@@ -86,7 +86,7 @@ def run_study(
         results: folder of ledger, traces and tables; `results` where left out.
         executor: where cells run; `local` where left out.
         retry: run cells again that raised, ran out of time or were killed.
-        progress: is told how the study goes on.
+        progress: called with the progress of the study.
 
     Returns:
         The results of these cells, those from before too. A method that does not fit a task, and a cell that failed,
@@ -133,7 +133,7 @@ def run_cells(
         folder: of results: the ledger and the traces.
         executor: runs the cells.
         retry: run cells again that raised, were stopped or killed.
-        progress: is told how it goes on.
+        progress: called with its progress.
         open_ledger: makes the ledger from its path.
 
     Raises:

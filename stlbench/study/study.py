@@ -71,7 +71,7 @@ _Some = Annotated[tuple[Choice, ...], Field(min_length=1)]
 
 
 class Study(BaseModel):
-    """What `stlbench run` is told, as options or in a file."""
+    """The settings of `stlbench run`, from options or from a file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

@@ -71,7 +71,7 @@ class TaskFile(Entry):
     """What a reader of the results should know, such as a choice that the source leaves open."""
     formula: Formula
     rewarded: Formula | None = None
-    """The formula as reward methods are told it, where predicates are brought to one scale, capped or stretched:
+    """The formula as reward methods see it, with predicates brought to one scale, capped or stretched:
     satisfied when the formula is. The referee scores `formula`."""
     nested: Formula | None = None
     """The same task as an outer operator over an inner window, for methods that need that form."""

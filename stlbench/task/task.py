@@ -56,7 +56,7 @@ class Task:
 
     @cached_property
     def specification(self) -> Specification:
-        """What a reward method is told of the task."""
+        """What a reward method knows of the task."""
         ranges = self.file.signals.values()
         return Specification(
             formula=self.file.rewarded or self.formula,
@@ -153,5 +153,5 @@ def _system(plugin: plugins.Plugin, parts: Parts) -> System | None:
 
 
 def _coordinates(system: System | type[System]) -> tuple[str, ...]:
-    """The names that boxes of initial states speak of."""
+    """The names that boxes of initial states use."""
     return system.state if system.coordinates is None else system.coordinates

@@ -47,7 +47,7 @@ class Steering:
     """Seconds for which an action is held: where it can, the robot arrives within them."""
 
     def __call__(self, state: Array, x: Array | float, y: Array | float) -> Array:
-        """The actions of now: (N, 3), (N,), (N,) -> (N, 2)."""
+        """The present actions: (N, 3), (N,), (N,) -> (N, 2)."""
         distance, bearing = polar(state, x, y)
         aside = (bearing + np.pi / 2) % np.pi - np.pi / 2  # of the nearer end, front or back
         ahead = np.where(abs(aside) < _AIMED, distance * np.cos(bearing), 0.0)

@@ -85,7 +85,7 @@ def test_the_joint_action_is_that_of_all_robots_and_each_explores_on_its_own() -
 
 
 def test_each_robot_finds_the_action_that_pays_whatever_the_other_does() -> None:
-    """A reward of two parts, one a robot: best is 2 for the one and 1 for the other."""
+    """A reward of two parts, one per robot: best is 2 for the one and 1 for the other."""
     made = team(gamma=0.0, n_steps=1, learning_rate=0.01, learning_rate_final=0.01, averaging=0.9)
     generator = np.random.default_rng(0)
     for _ in range(300):

@@ -1,4 +1,4 @@
-"""How everything here is measured: CPU time, one thread, peers and ours by turns in the same run."""
+"""How everything here is measured: CPU time, one thread, peers and ours in turns in the same run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Work = Callable[[], Any]
 
 
 class Race:
-    """Times our work and that of peers by turns, A B C A B C, and notes the ratio of each turn.
+    """Times our work and that of peers in turns, A B C A B C, and notes the ratio of each turn.
 
     A number under a key of `extra_info` is a figure, a list its samples, a text the reason why there is none;
     `collect.py` makes a table of them.

@@ -21,7 +21,7 @@ TASKS = ("hold-disc", "robot-nav")
 @pytest.mark.parametrize("copies", [16, 1024])
 @pytest.mark.parametrize("task", TASKS)
 def test_in_lock_step(race: Race, task: str, copies: int) -> None:
-    """Steps of one sampling time a second, all copies together, with the funnel's reward."""
+    """Steps of one sampling time per second, all copies together, with the funnel's reward."""
     entry = load_task(task)
     environment = BatchEnvironment(entry, build_method(entry, "funnel"), copies, seed=0)
     actions = np.random.default_rng(0).integers(entry.actions.size, size=(200, copies))

@@ -1,4 +1,4 @@
-"""Robustness of recorded traces and online monitors: traces a second, microseconds a step, beside rtamt and stlrom."""
+"""Recorded traces and online monitors: traces per second, microseconds per step, beside rtamt and stlrom."""
 
 from __future__ import annotations
 

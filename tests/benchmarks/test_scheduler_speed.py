@@ -26,7 +26,7 @@ SEEDS = 2500
 METHODS = "funnel,flag,tau-mdp,raw"
 CELLS = 4 * SEEDS
 MATRIX, MINUTES_LONG = 20, 120.0
-"""Cells, and CPU seconds of training of each, of the study for which the harness' share is told."""
+"""Cells, and CPU seconds of training of each, of the study for which the harness' share is given."""
 
 
 def children_seconds() -> float:

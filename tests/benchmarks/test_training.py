@@ -1,4 +1,4 @@
-"""Training steps a second: deep Q-learning on the pendulum, one update of batch 128 an environment step, MLP 128 x 128.
+"""Training steps per second: deep Q-learning on the pendulum, one update of batch 128 per step, MLP 128 x 128.
 
 All run the same environment and the same hyperparameters: no double Q-learning, one-step returns, target copied every
 1000 updates, Adam, gradients clipped to norm 10, epsilon 0.05. Ours runs it twice: with one copy of the environment,

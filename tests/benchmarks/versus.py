@@ -1,4 +1,4 @@
-"""Is anything slower than before? Micro-benchmarks of base and head by turns, and a t-test; see docs/ci.md.
+"""Is anything slower than before? Micro-benchmarks of base and head in turns, and a t-test; see docs/ci.md.
 
     python tests/benchmarks/versus.py --base ../base/.venv/bin/python --package stlbench -- tests/benchmarks -k update
 
@@ -111,7 +111,7 @@ def order(turns: int) -> Iterator[Side]:
 def measure(
     interpreters: Mapping[Side, str], package: str, arguments: Sequence[str], turns: int
 ) -> dict[Side, list[Turn]]:
-    """Run pytest with these arguments, by turns.
+    """Run pytest with these arguments, in turns.
 
     Raises:
         UsageError: pytest cannot run so, the benchmarks do not import the package, or both import the same file.

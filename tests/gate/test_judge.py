@@ -1,4 +1,4 @@
-"""What is worse, what is not, and what nobody can tell: on made-up snapshots, with values computed by hand."""
+"""What is worse, what is not, and what cannot be told: on made-up snapshots, with values computed by hand."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def compared(base: Sequence[Sample], new: Sequence[Sample]) -> Judgement:
 
 
 def satisfactions(base: Sequence[float], new: Sequence[float]) -> Comparison:
-    """The comparison of satisfaction alone, one value a seed."""
+    """The comparison of satisfaction alone, one value per seed."""
     one, two = ([cell(seed, satisfaction=value) for seed, value in enumerate(values)] for values in (base, new))
     return found(compared(one, two), "satisfaction")
 
@@ -219,7 +219,7 @@ def reference(seeds: int = 5) -> list[Sample]:
 
 
 def timed(sample: Sample, rng: np.random.Generator) -> Sample:
-    """The same cell, timed once more: 7 % for CPU, 10 % for the reward's short loop, 4 % for the calibration."""
+    """The same cell, timed again: 7 % for CPU, 10 % for the reward's short loop, 4 % for the calibration."""
     cpu, reward, calibration = np.exp(rng.normal(0, [0.07, 0.1, 0.04]))
     assert sample.training_cpu_seconds
     assert sample.reward_nanoseconds

@@ -19,7 +19,7 @@ def specification(
     nested: str | None = None,
     input_limit: int = 512,
 ) -> Specification:
-    """What a method is told: `box` is signal -> (low, high); an episode lasts as long as the formula by default."""
+    """What a method knows: `box` is signal -> (low, high); an episode lasts as long as the formula by default."""
     parsed = stl.parse(formula)
     return Specification(
         parsed,

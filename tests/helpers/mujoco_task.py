@@ -19,7 +19,7 @@ def rollout(task: Task, state: Array, actions: Array) -> Array:
 
 
 def check_no_memory(task: Task, steps: int = 60) -> None:
-    """Trajectories from different starts do not disturb each other, to the last bit, by turns and in a batch."""
+    """Trajectories from different starts do not disturb each other, to the last bit, in turns and in a batch."""
     generator = np.random.default_rng(1)
     first = task.system.initial_states(starts.sample(task.file.initial, generator, 3))
     actions = generator.uniform(task.actions.low, task.actions.high, (steps, 3, len(task.actions.names)))

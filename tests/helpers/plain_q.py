@@ -1,4 +1,4 @@
-"""Deep Q-learning once more, written for reading: torch and its autograd, every action enumerated, any precision."""
+"""Deep Q-learning a second time, written to be read: torch and its autograd, every action enumerated, any precision."""
 
 from __future__ import annotations
 

@@ -142,7 +142,7 @@ class TestReferee:
             time="seconds", formula="G[0,2] (x <= 1)", protocols={"tail": {"title": "t", "formula": "G[3,4] (x <= 1)"}}
         )
         report = Referee(task, Probe(task.specification)).assess(Rule(lambda seen: UP))
-        # .5 s a step: G[0,4] and G[6,8] in steps
+        # .5 s per step: G[0,4] and G[6,8] in steps
         assert report.scores[MAIN].robustness == pytest.approx(-1 - starts.grid(task.file.initial, 4)[:, 0])
         assert report.scores["tail"].robustness == pytest.approx(-3 - starts.grid(task.file.initial, 64)[:, 0])
 

@@ -77,7 +77,7 @@ def test_seeds_are_gathered_and_shown_evenly():
 
 
 def test_the_referee_keeps_the_states_at_each_decision():
-    """Always up from x_0: half a metre a step, a decision every 4 steps."""
+    """Always up from x_0: half a metre per step, a decision every 4 steps."""
     task = line(hold=4)
     report = Referee(task, Probe(task.specification)).assess(Rule(lambda seen: 2))
     assert report.states.shape == (4, 3, 1)

@@ -1,4 +1,4 @@
-"""A study: what is missing runs once, what is finished does not, and the caller is told."""
+"""A study: what is missing runs once, what is finished does not, and the caller is informed."""
 
 from __future__ import annotations
 

@@ -158,7 +158,7 @@ actions, final, more = [0, 1, 2, 1, 2], 0, 0
 
 
 class TestScript:
-    """An agent that reports known policies on the line: F[8,8] (x >= goal) from x in [-1, 1], half a metre a step."""
+    """An agent that reports known policies on the line: F[8,8] (x >= goal) from x in [-1, 1], half a metre per step."""
 
     @pytest.fixture
     def agent(self, site: Callable[..., Path]) -> Callable[[int], Any]:

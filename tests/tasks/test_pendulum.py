@@ -33,7 +33,7 @@ def test_the_paper() -> None:
 
 
 def test_what_methods_are_told() -> None:
-    """Errors and speeds in tolerances: 0.1 is two. A speed is at most five; an error beyond 0.25 adds one a radian."""
+    """Errors and speeds in tolerances: 0.1 is two. A speed is at most 5; an error beyond 0.25 adds one per radian."""
     margins = [TASK.specification.margin(term.psi) for term in TASK.specification.terms]
     states = np.array([[0, 0], [0.1, 0], [-1.25, 0], [0, -0.1], [0, 3], [0.05 - 1e-9, 0], [0, 0.05 + 1e-9]])
     expected = [1, -1, -5, -1, -4, 0, 0]

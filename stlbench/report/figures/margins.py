@@ -41,9 +41,9 @@ def robustness_in_time(
     Args:
         task: what the cells trained on.
         recording: their traces.
-        bands: of the method, on terms that methods are told. Where these are not the terms drawn, the legend says so.
+        bands: of the method, on terms that methods see. Where these are not the terms drawn, the legend says so.
         title: of the figure.
-        rewarded: draw the terms of the task file's `rewarded` form, that methods are told, in place of the task's own.
+        rewarded: draw the terms of the task file's `rewarded` form, that methods see, in place of the task's own.
     """
     rows = rewarded_terms(task) if rewarded else terms(task)
     if not rows:

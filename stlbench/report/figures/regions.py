@@ -29,7 +29,7 @@ def terms(task: Task) -> tuple[Term, ...]:
 
 
 def rewarded_terms(task: Task) -> tuple[Term, ...]:
-    """The terms that reward methods are told: of the task file's `rewarded` form where it has one."""
+    """The terms that reward methods see: of the task file's `rewarded` form where it has one."""
     try:
         return task.specification.terms
     except Unsuitable:

@@ -43,7 +43,7 @@ class Job:
     warn: Tell
     """Is told what could not be drawn, and why."""
     rewarded: bool = False
-    """Draw robustness against time in the form that methods are told, too, of tasks that have one."""
+    """Also draw robustness against time in the form that methods see, for tasks that have one."""
 
 
 def draw(results: Iterable[Result], job: Job) -> list[Path]:

@@ -1,6 +1,6 @@
 """What all parts of a formula share: operands, limits, where they were written, and a hash that is worked out once.
 
-A formula is the key under which its evaluator is found, at every evaluation; hashing it anew each time would cost more
+A formula is the key under which its evaluator is found, at every evaluation; hashing it again each time would cost more
 than a short evaluation does.
 """
 

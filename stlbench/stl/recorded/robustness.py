@@ -1,6 +1,6 @@
 """Robustness and satisfaction of recorded traces, at t = 0 or as a full trace.
 
-Satisfaction is told by signed values (see `signed_margin`), never by the sign of the robustness: at robustness 0 the
+Satisfaction follows from signed values (see `signed_margin`), never by the sign of the robustness: at robustness 0 the
 two say different things (`x >= 0` holds at x = 0, `x > 0` does not).
 """
 

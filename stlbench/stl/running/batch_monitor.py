@@ -36,7 +36,7 @@ class BatchMonitor:
     """Watches `count` traces for `formula`, each on its own clock; says for each what `Monitor` says for one.
 
     Costs a fixed number of NumPy calls per step for the formulas that cost `Monitor` constant work; the others are
-    evaluated anew at each step, once for all traces of one age. `copy.deepcopy` forks it.
+    evaluated again at each step, once for all traces of one age. `copy.deepcopy` forks it.
 
     Raises:
         UnknownSignalError: the formula uses a signal that is not in `names`.

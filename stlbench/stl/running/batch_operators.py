@@ -180,7 +180,7 @@ class Until(Operator):
 
 
 class Replayed(Operator):
-    """Any other formula: keeps the samples and evaluates them anew at each step, traces of one age together."""
+    """Any other formula: keeps the samples and evaluates them again at each step, traces of one age together."""
 
     def __init__(self, count: int, formula: Formula, names: tuple[str, ...], last: int) -> None:
         super().__init__(count, 0, last, (-np.inf, np.inf), False)

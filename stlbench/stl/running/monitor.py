@@ -43,7 +43,7 @@ class Monitor:
 
     G, F, G F, F G and until over formulas without temporal operators, with intervals or without, cost constant
     amortised time per step and at most one window of memory, also inside !, &, | and ->. Any other nesting keeps up to
-    horizon + 1 samples and evaluates them anew at each step. `copy.deepcopy` forks a monitor.
+    horizon + 1 samples and evaluates them again at each step. `copy.deepcopy` forks a monitor.
 
     Attributes:
         steps: how many samples were taken.

@@ -166,7 +166,7 @@ class Until(Operator):
 
 
 class Replayed(Operator):
-    """Any other formula: keeps the samples that it may still read and evaluates them anew at each step."""
+    """Any other formula: keeps the samples that it may still read and evaluates them again at each step."""
 
     def __init__(self, formula: Formula, names: tuple[str, ...], last: int) -> None:
         super().__init__(0, last, False)

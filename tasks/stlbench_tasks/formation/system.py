@@ -54,7 +54,7 @@ class Formation(System):
         return np.concatenate([goal / 5, np.tanh(goal * 2), *pairs, counts], axis=1)
 
     def controller(self, state: Array, t: Integers) -> Array:
-        """Every robot straight to its stop of now, the others in reach of the one whose goal counts: (N, 6)."""
+        """Every robot straight to its present stop, the others in reach of the one whose goal counts: (N, 6)."""
         return np.where(t[:, None] < _LEAVE, 0.0, nearest((_STOPS[_phase(t)] - state) / _HELD, 1.0, 0.5))
 
 

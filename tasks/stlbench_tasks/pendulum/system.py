@@ -41,7 +41,7 @@ class Pendulum(System):
     def features(self, state: Array, t: Integers) -> Array:
         """Error and speed at three scales, which target it is, and how far its deadline: (N, 8).
 
-        The error is theta less the target of now, at most 9 in size; the target is -1, 0 or 1 for the first to the
+        The error is theta less the present target, at most 9 in size; the target is -1, 0 or 1 for the first to the
         third. The deadline is the logarithm of a width that falls from pi at the start of a phase through 0.05 where
         the interval begins to 0.03, as the paper's funnels do, over 2 and shifted by 1.
         """

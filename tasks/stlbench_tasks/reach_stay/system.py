@@ -22,7 +22,7 @@ class ReachStay(DifferentialDrive):
         """Distance and bearing of the disc's centre: (N, 5).
 
         Distance over 10 m and, to resolve the last metre, its tanh over 1 m; the bearing's cosine and sine, which fade
-        out at the goal, where the bearing has no meaning, and the cosine once more without.
+        out at the goal, where the bearing has no meaning, and the cosine a second time without fading.
         """
         distance, bearing = polar(state, _GOAL, _GOAL)
         near, cosine, sine = np.tanh(distance), np.cos(bearing), np.sin(bearing)

@@ -22,7 +22,7 @@ class RobotNav(DifferentialDrive):
         """Distance and bearing of the goal that counts at t, and which one it is: (N, 6).
 
         Distance over 20 m and, to resolve the last metres, its tanh over 2 m; the bearing's cosine and sine, which
-        fade out at the goal, where the bearing has no meaning, and the cosine once more without.
+        fade out at the goal, where the bearing has no meaning, and the cosine a second time without fading.
         """
         second = t >= _SWITCH
         goal = np.where(second, 30.0, 25.0)
@@ -35,6 +35,6 @@ class RobotNav(DifferentialDrive):
         return np.stack(columns, axis=1)
 
     def controller(self, state: Array, t: Integers) -> Array:
-        """Straight to the centre of the region of now: (N, 2)."""
+        """Straight to the centre of the present region: (N, 2)."""
         goal = np.where(t >= _SWITCH, 30.0, 25.0)
         return _steer(state, goal, goal)
