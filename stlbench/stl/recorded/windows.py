@@ -75,7 +75,7 @@ def _rows(flat: Values, shape: tuple[int, ...], count: int) -> Values:
     """The first `count` of each row of an array of `shape` whose rows `flat` has one after the other, as a view."""
     item = flat.itemsize
     strides = [item * math.prod(shape[axis + 1 :]) for axis in range(len(shape))]
-    return np.ndarray((*shape[:-1], count), flat.dtype, flat, strides=strides)
+    return np.ndarray((*shape[:-1], count), flat.dtype, np.ascontiguousarray(flat), strides=strides)
 
 
 def _first_until(left: Values, right: Values, a: int) -> Values:

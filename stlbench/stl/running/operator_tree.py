@@ -145,8 +145,9 @@ class Tree(Generic[L]):
         return self._leaf(self.kit.lowest(run, interval, ends, flipped))
 
     def _nested(self, psi: Formula, outer: Interval, inner: Interval, negated: bool, flipped: bool) -> Part:
-        if inner[1] == END:  # of the windows that all reach on for ever the last one asks least
-            return self._lowest(psi, (outer[1], END), negated, flipped)
+        if inner[1] == END:  # of the windows that all reach on for ever the last one asks least; the first reads most
+            windows = [self._lowest(psi, (start, END), negated, flipped) for start in outer]
+            return Joined(windows, self.kit.least if flipped else self.kit.greatest)
         run, ends = self._psi(psi, negated)
         return self._leaf(self.kit.nested(run, outer, inner, ends, flipped))
 

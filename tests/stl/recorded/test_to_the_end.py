@@ -74,6 +74,8 @@ def defined(formula: Formula, trace: NDArray[np.float64], t: int) -> float:
         ("F G x >= 0", [0.5] * 5),
         ("G F[0,1] x >= 0", [1, 1, 4, 4]),  # at 0..3 alone: 3 1 4 4
         ("F[0,1] G x >= 0", [-2, -2, 0.5, 0.5]),
+        ("G[1,1] G x >= 0", [-2, -2, 0.5, 0.5]),  # one window over the operand's values, which are worked out backwards
+        ("x >= 9 U[1,1] G x >= 0", [-6, -8, -11, -5]),
         ("x >= 2 U x >= 4", [-1, -3, -4, 0, -3.5]),
         ("x >= 0 W x >= 9", [-2, -2, -2, 0.5, 0.5]),
         ("x <= 9 R x >= 1", [2, 0, -3, 3, -0.5]),

@@ -133,6 +133,14 @@ def test_the_trace_of_a_batch_is_named() -> None:
         assert (caught.value.what, caught.value.sample, caught.value.trace) == ("signal 'x' is NaN", 7, 69)
 
 
+@pytest.mark.parametrize("text", ["F G x >= 0", "G F x >= 0", "!F[0,2] G x >= 0", "y >= 9 | F[1,3] G[1,2] G x >= 0"])
+def test_windows_to_the_end_are_read_from_the_first_on(text: str) -> None:
+    """Though the last of them alone decides."""
+    for name in ("robustness_bounds", "monitor", "batch"):
+        with pytest.raises(UndefinedError, match="^signal 'x' is NaN at sample 2"):
+            FIRST[name](parse(text), trace_with(0, 2), ["x", "y"])
+
+
 @settings(max_examples=60, deadline=None)
 @given(formulas(LIPSCHITZ, 3, 4, endless=True), SEEDS, st.integers(0, 2), st.integers(0, 9))
 def test_all_evaluators_agree_about_what_is_read(formula: Formula, seed: int, column: int, step: int) -> None:
