@@ -78,7 +78,7 @@ def parse(text: str, dt: float | None = None) -> Formula:
     """
     if dt is not None and not (math.isfinite(dt) and dt > 0):
         raise ValueError(f"dt is the sampling time in seconds and must be positive, got {dt}")
-    return _Parser(text, dt).formula()
+    return _Parser(text, None if dt is None else float(dt)).formula()
 
 
 class _Parser(ExpressionParser):

@@ -83,11 +83,11 @@ class TokenStream:
         if self.number() > MAX_STEP * (self.dt or 1):
             self.fail(f"an interval end of at most {MAX_STEP} steps", token.shown, token.position)
         try:
-            steps = Decimal(token.text) / (1 if self.dt is None else Decimal(repr(self.dt)))
+            steps = Decimal(token.text) if self.dt is None else Decimal(token.text) / Decimal(repr(self.dt))
         except DecimalException:  # an exponent of twenty digits
             self.fail("a number of at least 1e-300, or 0", token.shown, token.position)
         whole = int(steps.to_integral_value())
-        if abs(steps - whole) > (0 if self.dt is None else _ROUNDING):
+        if steps != whole if self.dt is None else abs(steps - whole) > _ROUNDING:  # a difference would be rounded
             rule = "a whole number of steps" + (f" of dt={self.dt:g} seconds" if self.dt else "")
             hint = f"{token.text} seconds = {steps:.12g} steps" if self.dt else f"{token.text!r} (give dt for seconds)"
             self.fail(rule, hint, token.position)

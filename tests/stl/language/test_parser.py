@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -69,6 +70,7 @@ def test_constants() -> None:
 
 def test_seconds_become_steps() -> None:
     assert parse("F[0.3,2] x >= 1", dt=0.1) == parse("F[3,20] x >= 1")
+    assert parse("F[0.3,2] x >= 1", dt=np.float64(0.1)) == parse("F[3,20] x >= 1")
     assert parse("G[4, 7] x >= 1", dt=0.01) == parse("G[400,700] x >= 1")
     with pytest.raises(
         StlSyntaxError, match=r"whole number of steps of dt=0.1 seconds but found 1.25 seconds = 12.5 steps"
@@ -82,6 +84,8 @@ def test_seconds_become_steps() -> None:
     ("text", "dt", "found"),
     [
         ("G[0,1000000.4] x >= 1", None, "'1000000.4'"),
+        (f"G[0,1.{'0' * 40}1] x >= 1", None, f"'1.{'0' * 40}1'"),
+        ("G[0,1e-9999999] x >= 1", None, "'1e-9999999'"),
         ("G[0,1000000.4] x >= 1", 1.0, "1000000.4 seconds = 1000000.4 steps"),
         ("G[0,1000000.00001] x >= 1", 1.0, "1000000.00001 seconds = 1000000.00001 steps"),
         ("G[0,100000.04] x >= 1", 0.1, "100000.04 seconds = 1000000.4 steps"),

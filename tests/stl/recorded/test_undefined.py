@@ -137,7 +137,7 @@ def test_the_trace_of_a_batch_is_named() -> None:
 def test_windows_to_the_end_are_read_from_the_first_on(text: str) -> None:
     """Though the last of them alone decides."""
     for name in ("robustness_bounds", "monitor", "batch"):
-        with pytest.raises(UndefinedError, match="^signal 'x' is NaN at sample 2"):
+        with pytest.raises(UndefinedError, match=r"^signal 'x' is NaN at sample 2"):
             FIRST[name](parse(text), trace_with(0, 2), ["x", "y"])
 
 
