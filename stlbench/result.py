@@ -27,6 +27,7 @@ __all__ = [
     "Score",
     "Setting",
     "Status",
+    "Summary",
     "find_cell",
     "from_json",
     "to_json",
@@ -127,6 +128,16 @@ def find_cell(cells: Iterable[CellId], name: str, budget: str | None = None) -> 
 
 
 @dataclass(frozen=True)
+class Summary:
+    """What is left of a score whose single starts were not kept."""
+
+    mean: float
+    minimum: float
+    """NaN where it was not kept either."""
+    satisfaction: float
+
+
+@dataclass(frozen=True)
 class Score:
     """What the referee found under one protocol, one value per start."""
 
@@ -138,21 +149,23 @@ class Score:
     """Boolean satisfaction, its own verdict: at robustness 0 the two need not agree."""
     first_failed: Mapping[str, int]
     """How many starts failed, by the conjunct that failed first."""
+    summary: Summary | None = None
+    """Instead of the values per start, which are empty then. Studies older than `cells.jsonl` kept no more than this."""
 
     @property
     def mean(self) -> float:
         """Mean robustness over the starts."""
-        return float(np.mean(self.robustness))
+        return self.summary.mean if self.summary else float(np.mean(self.robustness))
 
     @property
     def minimum(self) -> float:
         """Robustness from the worst start."""
-        return float(np.min(self.robustness))
+        return self.summary.minimum if self.summary else float(np.min(self.robustness))
 
     @property
     def satisfaction(self) -> float:
         """Share of the starts that satisfy, in [0, 1]."""
-        return float(np.mean(self.satisfied))
+        return self.summary.satisfaction if self.summary else float(np.mean(self.satisfied))
 
 
 @dataclass(frozen=True)

@@ -47,8 +47,9 @@ def overview(groups: Sequence[Group], scores: Mapping[str, Score]) -> Table:
         for row, by_method in rows.items()
     )
     note = (
-        "Robustness, averaged over starts and seeds. In parentheses the seeds that learned the task: "
-        f"their policy satisfies the formula from at least {100 * LEARNED:.0f} % of the starts."
+        "Robustness of the selected policies, averaged over starts and seeds. In parentheses the seeds that learned the "
+        "task, with the selected policy and with the final one: the policy satisfies the formula from at least "
+        f"{100 * LEARNED:.0f} % of the starts."
     )
     return Table("Overview", columns, body, (note,))
 
@@ -66,8 +67,9 @@ def _learned(group: Group | None) -> Value:
     if not group.done:
         return ", ".join(sorted({row.status for row in group.rows}))
     learned = sum(numbers.satisfaction >= LEARNED for numbers in group.done)
+    final = sum(numbers.final_satisfaction >= LEARNED for numbers in group.done)
     mean = float(np.mean(group.values(lambda numbers: numbers.robustness_mean)))
-    return Learned(mean, learned, len(group.rows))
+    return Learned(mean, learned, final, len(group.rows))
 
 
 def _cpu_seconds(groups: Iterable[Group]) -> float | None:

@@ -41,10 +41,11 @@ class FirstFailed(NamedTuple):
 
 
 class Learned(NamedTuple):
-    """Mean robustness, and how many of the seeds learned the task."""
+    """Mean robustness of the selected policies, and on how many seeds they, and the final ones, learned the task."""
 
     robustness: float
     learned: int
+    final_learned: int
     seeds: int
 
 
@@ -118,8 +119,8 @@ def show(value: Value, digits: int | None = None) -> str:
             return f"{done} of {planned}, {unfinished}" if unfinished else f"{done} of {planned}"
         case FirstFailed(formula, starts, violating):
             return f"{formula} ({decimal(100 * starts / violating, 0)} % of {violating} violating starts)"
-        case Learned(robustness, learned, seeds):
-            return f"{decimal(robustness, digits)} ({learned}/{seeds})"
+        case Learned(robustness, learned, final_learned, seeds):
+            return f"{decimal(robustness, digits)} ({learned}, {final_learned} of {seeds})"
         case float():
             return decimal(value, digits)
         case None:

@@ -121,7 +121,7 @@ def test_csv_and_records_lose_no_digit(value):
         (Seeds(9, 10, "1 timeout"), None, "9 of 10, 1 timeout"),
         (Seeds(3, 3), None, "3 of 3"),
         (FirstFailed("F[0,2] b > 0", 5, 8), None, "F[0,2] b > 0 (62 % of 8 violating starts)"),
-        (Learned(-0.1, 2, 3), 3, "-0.100 (2/3)"),
+        (Learned(-0.1, 2, 1, 3), 3, "-0.100 (2, 1 of 3)"),
     ],
 )
 def test_how_values_are_shown(value, digits, text):

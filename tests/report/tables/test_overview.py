@@ -11,7 +11,7 @@ from stlbench.report.tables.overview import overview
 
 def test_one_row_per_task_and_one_column_per_method():
     results = [
-        *(result("funnel", seed=seed, robustness=(value, value)) for seed, value in enumerate((0.1, 0.2, -0.6))),
+        *(result("funnel", seed=seed, robustness=(value, value), final=(0.1, 0.1)) for seed, value in enumerate((0.1, 0.2, -0.6))),
         result("raw", seed=0, robustness=(0.5,), cpu_seconds=7.0),
         result("tau-mdp", seed=0, status="intractable", reason="needs 6000 inputs, limit 512"),
         result("raw", seed=0, task="other", robustness=(-0.0001,)),
@@ -20,9 +20,9 @@ def test_one_row_per_task_and_one_column_per_method():
     assert [column.heading for column in table.columns[3:]] == ["by hand", "funnel", "raw", "tau-mdp", "cell CPU [s]"]
     assert [row[0] for row in table.rows] == ["hold-disc", "other"]
     assert table.rows[0][3] == 0.4
-    assert table.rows[0][4] == (pytest.approx(-0.1), 2, 3)
-    assert table.rows[0][5:] == ((0.5, 1, 1), "intractable", pytest.approx((3 * 14 + 7) / 4))
-    assert table.rows[1][3:] == (None, None, (-0.0001, 0, 1), None, 14.0)
+    assert table.rows[0][4] == (pytest.approx(-0.1), 2, 3, 3)
+    assert table.rows[0][5:] == ((0.5, 1, 1, 1), "intractable", pytest.approx((3 * 14 + 7) / 4))
+    assert table.rows[1][3:] == (None, None, (-0.0001, 0, 0, 1), None, 14.0)
 
 
 def test_learned_is_95_percent_of_the_starts():
@@ -30,7 +30,7 @@ def test_learned_is_95_percent_of_the_starts():
     found = {
         count: overview(condense([result(robustness=values)]), {}).rows[0][3][1:] for count, values in starts.items()
     }
-    assert found == {20: (1, 1), 10: (0, 1)}
+    assert found == {20: (1, 1, 1), 10: (0, 0, 1)}
 
 
 def test_a_task_by_two_agents_has_two_rows_and_an_ablation_the_controller_of_its_task():
