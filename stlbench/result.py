@@ -150,7 +150,7 @@ class Score:
     first_failed: Mapping[str, int]
     """How many starts failed, by the conjunct that failed first."""
     summary: Summary | None = None
-    """Instead of the values per start, which are empty then. Studies older than `cells.jsonl` kept no more than this."""
+    """Instead of the values per start, which are empty then. Studies older than `cells.jsonl` kept no more."""
 
     @property
     def mean(self) -> float:

@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import pickle
 import signal
+import sys
 import threading
 import time
 import traceback
@@ -14,6 +15,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import connection, resource_tracker
+from multiprocessing.context import SpawnContext, SpawnProcess
+from types import ModuleType
 from typing import Annotated, Any
 
 from pebble import ProcessExpired, ProcessPool
@@ -109,7 +112,7 @@ class _Slot:
 
     def _schedule(self, work: bytes) -> Future[Any]:
         if self.pool is None:
-            self.pool = ProcessPool(1, initializer=_prepare, context=multiprocessing.get_context("spawn"))
+            self.pool = ProcessPool(1, initializer=_prepare, context=_Context())
         future: Future[Any] = self.pool.schedule(_call, (work,), timeout=self._deadlines[self._index])
         return future
 
@@ -173,6 +176,23 @@ def _death(code: int) -> str:
         return f"killed by signal {-code} ({signal.Signals(-code).name})"
     except ValueError:
         return f"killed by signal {-code}"
+
+
+class _Worker(SpawnProcess):
+    """A process that does not run the user's script again, as a spawned one does: it has the importable function."""
+
+    @staticmethod
+    def _Popen(process: Any) -> Any:  # noqa: N802 - the name is that of multiprocessing
+        script = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            return SpawnProcess._Popen(process)
+        finally:
+            sys.modules["__main__"] = script
+
+
+class _Context(SpawnContext):
+    Process = _Worker
 
 
 @contextmanager

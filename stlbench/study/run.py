@@ -72,8 +72,7 @@ def run_study(
     """Train and score every task, method, agent and seed: `stlbench run` in Python.
 
     Each cell is recorded in the folder of results as it ends. The same call again runs only what is missing there, so
-    a study that was interrupted goes on. Workers are fresh processes: in a script, call this below
-    `if __name__ == "__main__":`.
+    a study that was interrupted goes on. Workers are fresh processes, which do not run your script again.
 
     Args:
         study: a YAML file whose keys are the arguments below, or the study itself; the arguments go before it.

@@ -144,11 +144,23 @@ import sys
 from pathlib import Path
 from helpers import victims
 from stlbench_executors.local import LocalExecutor
-if __name__ == "__main__":
-    folder = Path(sys.argv[1])
-    for outcome in LocalExecutor(jobs=2).run(victims.leave_pid, [folder / "a", folder / "b"], [600.0, 600.0]):
-        print(outcome)
+folder = Path(sys.argv[1])
+for outcome in LocalExecutor(jobs=2).run(victims.leave_pid, [folder / "a", folder / "b"], [600.0, 600.0]):
+    print(outcome)
 """
+
+
+def test_a_script_needs_no_guard_against_being_run_again_by_its_workers(tmp_path):
+    program = tmp_path / "program.py"
+    program.write_text(
+        "from helpers import victims\n"
+        "from stlbench_executors.local import LocalExecutor\n"
+        "print('read once')\n"
+        "print([outcome.value for outcome in LocalExecutor().run(victims.work, ['a', 'b'], [60.0, 60.0])])\n"
+    )
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    ran = subprocess.run([sys.executable, program], env=environment, capture_output=True, text=True)
+    assert (ran.returncode, ran.stdout) == (0, "read once\n['A', 'B']\n"), ran.stderr
 
 
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, -signal.SIGINT), (signal.SIGKILL, -signal.SIGKILL)])
@@ -174,23 +186,26 @@ def test_no_worker_outlives_a_parent_that_is_interrupted_or_killed(tmp_path, sen
 
 
 UNABLE = """
-import time
 from stlbench_executors import local
 from helpers import victims
-if __name__ == "__mp_main__":
+local.START_SECONDS = {seconds}
+for outcome in local.LocalExecutor(jobs=2).run(victims.pid, [0, 1, 2], [600.0] * 3):
+    print(outcome.index, outcome.status, outcome.reason)
+"""
+
+AT_A_WORKERS_START = """
+import os, sys, time
+if "--multiprocessing-fork" in sys.orig_argv:
     {start}
-else:
-    local.START_SECONDS = {seconds}
-    for outcome in local.LocalExecutor(jobs=2).run(victims.pid, [0, 1, 2], [600.0] * 3):
-        print(outcome.index, outcome.status, outcome.reason)
 """
 
 
-@pytest.mark.parametrize(("start", "seconds"), [("raise SystemExit(1)", 600.0), ("time.sleep(600)", 0.5)])
+@pytest.mark.parametrize(("start", "seconds"), [("os._exit(1)", 600.0), ("time.sleep(600)", 0.5)])
 def test_workers_that_cannot_start_are_told_and_nothing_waits_for_ever(tmp_path, start, seconds):
     program = tmp_path / "program.py"
-    program.write_text(UNABLE.format(start=start, seconds=seconds))
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    program.write_text(UNABLE.format(seconds=seconds))
+    (tmp_path / "sitecustomize.py").write_text(AT_A_WORKERS_START.format(start=start))
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
     command = [sys.executable, program]
     ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=True)
     reason = "killed 3 worker processes, one after the other, ended or hung before they took it"

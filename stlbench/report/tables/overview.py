@@ -47,8 +47,8 @@ def overview(groups: Sequence[Group], scores: Mapping[str, Score]) -> Table:
         for row, by_method in rows.items()
     )
     note = (
-        "Robustness of the selected policies, averaged over starts and seeds. In parentheses the seeds that learned the "
-        "task, with the selected policy and with the final one: the policy satisfies the formula from at least "
+        "Robustness of the selected policies, averaged over starts and seeds. In parentheses the seeds that learned "
+        "the task, with the selected policy and with the final one: the policy satisfies the formula from at least "
         f"{100 * LEARNED:.0f} % of the starts."
     )
     return Table("Overview", columns, body, (note,))

@@ -11,7 +11,10 @@ from stlbench.report.tables.overview import overview
 
 def test_one_row_per_task_and_one_column_per_method():
     results = [
-        *(result("funnel", seed=seed, robustness=(value, value), final=(0.1, 0.1)) for seed, value in enumerate((0.1, 0.2, -0.6))),
+        *(
+            result("funnel", seed=seed, robustness=(value, value), final=(0.1, 0.1))
+            for seed, value in enumerate((0.1, 0.2, -0.6))
+        ),
         result("raw", seed=0, robustness=(0.5,), cpu_seconds=7.0),
         result("tau-mdp", seed=0, status="intractable", reason="needs 6000 inputs, limit 512"),
         result("raw", seed=0, task="other", robustness=(-0.0001,)),
