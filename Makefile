@@ -57,10 +57,9 @@ bench: $(VENV)/ready-dev
 	$(BIN)/python tests/benchmarks/collect.py results/benchmarks.json --json results/bench.json --page docs/performance.md
 
 ## All tasks x all methods x 5 seeds, three hours of CPU time; goes on where it was interrupted. See docs/reproduction.md.
-TASKS := hold-disc,hold-disc-coarse,integrator-or,reach-stay,annulus,robot-nav,overlap,pendulum,formation
-MODELS := cartpole,fetch-reach,ball-in-cup
 reference: $(VENV)/ready-all
-	$(BIN)/stlbench run --tasks $(TASKS),$(MODELS) --methods funnel,flag,raw,tau-mdp --seeds 5 --results results/reference
+	$(BIN)/stlbench run studies/reference.yaml
+	$(BIN)/stlbench export results/reference --format jsonl
 	$(BIN)/stlbench plot results/reference --rewarded
 
 ## What the parts of the recipes are worth, and other agents beside ours; an hour of CPU time. See docs/reproduction.md.
@@ -77,6 +76,7 @@ ablation: $(VENV)/ready-all
 	formation[without=rewarded],formation[without=cuts],\
 	ball-in-cup[without=exploring]"
 	$(BIN)/stlbench report results/ablation
+	$(BIN)/stlbench export results/ablation --format jsonl
 
 clean:
 	rm -rf $(VENV) $(VENV)-lowest site dist build
