@@ -7,6 +7,7 @@ import io
 import math
 import sys
 import zipfile
+import zlib
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +18,14 @@ from numpy.typing import NDArray
 
 from stlbench.errors import UsageError
 
-__all__ = ["STDIN", "SavedTraces", "TraceTable", "read_saved", "read_table"]
+__all__ = ["DAMAGED", "STDIN", "SavedTraces", "TraceTable", "read_saved", "read_table"]
 
 STDIN = Path("-")
+#: what reading an .npz raises where it is damaged, encrypted, a pickle, or no .npz at all
+DAMAGED = (
+    *(OSError, ValueError, TypeError, KeyError, EOFError, MemoryError, RuntimeError),
+    *(zipfile.BadZipFile, zlib.error),
+)
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 #: how far a row's time may be from its place, in steps
 _JITTER = 0.1
@@ -121,8 +127,8 @@ def read_saved(path: Path) -> SavedTraces:
     try:
         with np.load(path) as saved:
             samples, names = np.asarray(saved["traces"], dtype=np.float64), tuple(map(str, saved["signals"].tolist()))
-    except (OSError, ValueError, TypeError, KeyError, zipfile.BadZipFile, EOFError) as error:
-        raise UsageError(f"cannot read {path} as traces of stlbench: {error}") from error
+    except DAMAGED as error:
+        raise UsageError(f"cannot read {path} as traces of stlbench: {str(error)[:200]}") from error
     if samples.ndim != 3 or 0 in samples.shape or samples.shape[2] != len(names):
         raise UsageError(f"{path}: traces have shape (starts, steps, {len(names)} signals), got {samples.shape}")
     return SavedTraces(names, samples)

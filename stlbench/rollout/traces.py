@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from stlbench.contract import Array, Integers
 from stlbench.errors import UsageError
 from stlbench.result import MAIN, CellId, Result
 from stlbench.rollout.referee import Assessment
+from stlbench.rollout.trace_files import DAMAGED
 from stlbench.task.task import Task
 
 __all__ = ["FOLDER", "Film", "Recording", "gather", "load", "save", "trace_file"]
@@ -62,8 +62,8 @@ def load(task: Task, result: Result, run: Path) -> Recording:
         raise UsageError(
             f"{result.id.name} has no traces at {path}; `stlbench run` records them when it trains a cell"
         ) from None
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
-        raise UsageError(f"cannot read the traces {path}: {error}") from error
+    except DAMAGED as error:
+        raise UsageError(f"cannot read the traces {path}: {str(error)[:200]}") from error
     if names != task.signals or traces.ndim != 3 or traces.shape[1:] != (task.file.steps + 1, len(names)):
         raise UsageError(f"the traces {path} are of another version of the task {task.name}")
     return Recording(traces, 1, film)

@@ -38,7 +38,7 @@ def _right(declared: Any, value: Any, timing: Timing) -> Any:
     if isinstance(several, type) and issubclass(several, BaseModel):
         return None if value is None else right_parts(several, value, timing)
     if get_origin(several) is dict and isinstance(value, Mapping):
-        parts = {name: _right(get_args(several)[1], item, timing) for name, item in value.items()}
+        parts = {str(name): _right(get_args(several)[1], item, timing) for name, item in value.items()}
         return {name: None if part is _WRONG else part for name, part in parts.items()}  # the names count
     if get_origin(several) is tuple and get_args(several)[-1] is Ellipsis and isinstance(value, list | tuple):
         items = [_right(get_args(several)[0], item, timing) for item in value]

@@ -34,6 +34,8 @@ def read(text: str, name: str) -> Reading:
         content = yaml.safe_load(text)
     except yaml.YAMLError as error:
         raise UsageError(f"task {name}: task.yaml is no YAML: {error}") from error
+    except RecursionError:
+        raise UsageError(f"task {name}: task.yaml nests too deep") from None
     timing = _timing(content)
     try:
         file = TaskFile.model_validate(content, context=timing)

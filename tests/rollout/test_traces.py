@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pytest
 from helpers import synthetic_results
@@ -9,6 +11,7 @@ from helpers.line_task import Probe, Rule, line
 
 from stlbench.errors import UsageError
 from stlbench.rollout.referee import Referee
+from stlbench.rollout.trace_files import read_saved
 from stlbench.rollout.traces import Recording, gather, load, trace_file
 
 RESULT = synthetic_results.result(task="line")
@@ -57,6 +60,25 @@ def test_no_file_is_a_usage_error(tmp_path):
 def test_traces_that_do_not_fit_are_refused(save, tmp_path, content, message):
     save(**content)
     with pytest.raises(UsageError, match=message):
+        load(line(), RESULT, tmp_path)
+
+
+def test_damage_anywhere_is_a_usage_error(save, tmp_path):
+    """Of the headers and the compressed data: what then fails is zipfile, zlib or NumPy."""
+    path = save(traces=TRACES, signals=["x"])
+    whole = path.read_bytes()
+    for place in range(0, len(whole), 3):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
+        with contextlib.suppress(UsageError):  # many a byte does not count
+            load(line(), RESULT, tmp_path)
+        with contextlib.suppress(UsageError):
+            read_saved(path)
+
+
+def test_one_array_is_no_archive(save, tmp_path):
+    with save(traces=TRACES, signals=["x"]).open("wb") as file:
+        np.save(file, TRACES)
+    with pytest.raises(UsageError, match="cannot read the traces"):
         load(line(), RESULT, tmp_path)
 
 
