@@ -114,6 +114,8 @@ class Study(BaseModel):
             return cls.model_validate({**content, **options})
         except ValidationError as error:
             problems = "; ".join(map(_problem, error.errors()))
+        except UnicodeEncodeError as error:  # bytes of the command line that are no UTF-8, which pydantic cannot quote
+            problems = error.object.encode("ascii", "backslashreplace").decode()
         raise UsageError(f"{base}: {problems}" if isinstance(base, str | Path) else problems)
 
     def cells(self) -> tuple[Cell, ...]:
@@ -128,6 +130,8 @@ def _content(path: Path) -> Mapping[str, Any]:
         raise UsageError(f"cannot read the study {path}: {error}") from error
     except yaml.YAMLError as error:
         raise UsageError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
+    except RecursionError:
+        raise UsageError(f"{path} nests too deep") from None
     if not isinstance(content, dict):
         raise UsageError(f"{path}: a study has keys such as tasks and methods, got {content!r:.80}")
     return content

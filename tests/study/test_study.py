@@ -69,6 +69,7 @@ def test_all_errors_at_once(tmp_path):
         ("- hold-disc\n", "a study has keys such as tasks and methods, got ['hold-disc']"),
         ("", "a study has keys such as tasks and methods, got None"),
         ("tasks: !!python/object/apply:os.system [ls]\n", "is no YAML: could not determine a constructor"),
+        ("- " * 5000, "nests too deep"),
         ("tasks: []\nmethods: 3\n", "tasks: Tuple should have at least 1 item"),
     ],
 )
@@ -83,6 +84,12 @@ def test_a_file_that_is_no_study(tmp_path, text, message):
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(UsageError, match="cannot read the study"):
         Study.of({}, tmp_path / "study.yaml")
+
+
+def test_bytes_that_are_no_utf_8_are_no_name():
+    """As Python reads them from the command line."""
+    with pytest.raises(UsageError, match=r"^'\\udcff': a name consists of a-z"):
+        Study.of({"tasks": "\udcff", "methods": "raw"})
 
 
 def test_without_a_file_no_place_is_named():
