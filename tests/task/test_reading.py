@@ -53,9 +53,7 @@ class TestMessages:
     def test_a_name_that_yaml_reads_as_something_else(self) -> None:
         """`on` is true, which pydantic calls 1, and `7` is a number."""
         lines = errors(signals={True: {"low": -2, "high": 2}, 7: {"low": -2, "high": 2}})
-        assert sorted(lines[:2]) == [
-            f"signals.{key}.[key]: Input should be a valid string" for key in ("1", "7")
-        ]
+        assert sorted(lines[:2]) == [f"signals.{key}.[key]: Input should be a valid string" for key in ("1", "7")]
         assert lines[2].startswith("formula: no signal 'x'")
 
     def test_a_file_that_nests_too_deep(self) -> None:
