@@ -29,10 +29,11 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench import origin, stl
-from stlbench.actions import ActionBox, ActionGrid, Actions
-from stlbench.executor import Executor, Outcome
-from stlbench.stepwise import along_by_steps, complete
+from stlbench import stl
+from stlbench.contract_parts import origin
+from stlbench.contract_parts.actions import ActionBox, ActionGrid, Actions
+from stlbench.contract_parts.executor import Executor, Outcome
+from stlbench.contract_parts.stepwise import along_by_steps, complete
 
 __all__ = [
     "ActionBox",

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from stlbench import __version__, origin
+from stlbench import __version__
 from stlbench.cli.common import Commands, refuse
 from stlbench.cli.compare import compare
 from stlbench.cli.export import export
@@ -20,6 +20,7 @@ from stlbench.cli.report import report
 from stlbench.cli.results import app as results
 from stlbench.cli.run import run
 from stlbench.cli.show import app as show
+from stlbench.contract_parts import origin
 
 __all__ = ["app", "main"]
 

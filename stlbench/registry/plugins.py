@@ -11,7 +11,8 @@ from functools import lru_cache
 from importlib.metadata import EntryPoint, distributions
 from typing import Any
 
-from stlbench import contract, origin
+from stlbench import contract
+from stlbench.contract_parts import origin
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import choices
 from stlbench.registry.choices import Choice
