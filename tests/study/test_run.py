@@ -9,7 +9,7 @@ from stlbench.contract import Executor, Outcome
 from stlbench.errors import UsageError
 from stlbench.study import run, trial
 from stlbench.study.ledger import FILE, Ledger
-from stlbench.study.run import build_executor, run_study
+from stlbench.study.run import build_executor, run_cells
 
 
 class Here(Executor):
@@ -49,7 +49,7 @@ def scripted(monkeypatch):
 
 def study(folder, cells, **words):
     executor, told = Here(), Told()
-    run_study(cells, folder, executor, progress=told, **words)
+    run_cells(cells, folder, executor, progress=told, **words)
     return executor.ran, told.lines
 
 
@@ -130,5 +130,5 @@ def test_cells_are_run_by_the_trial_with_a_folder_for_their_traces(tmp_path, mon
             seen.append((function.func, function.keywords))
             return super().run(function, items, deadlines)
 
-    run_study(scripted_cells.cells("a"), tmp_path, Remembers())
+    run_cells(scripted_cells.cells("a"), tmp_path, Remembers())
     assert seen == [(trial.run_cell, {"folder": tmp_path / "traces"})]
