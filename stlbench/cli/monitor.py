@@ -12,7 +12,7 @@ from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
     from stlbench import stl
-    from stlbench.rollout.trace_files import SavedTraces
+    from stlbench.rollout.saved_traces import SavedTraces
 
 ShortTraces = Literal["strict", "clip"]
 
@@ -134,7 +134,8 @@ def _parsed(source: Source, dt: float | None) -> stl.Formula:
 
 def _traces(path: Path, used: set[str], dt: float | None, start: int | None) -> tuple[SavedTraces, list[int | None]]:
     """The traces that are judged, and which starts they are from, None for a table."""
-    from stlbench.rollout.trace_files import SavedTraces, read_saved, read_table
+    from stlbench.rollout.saved_traces import SavedTraces, read_saved
+    from stlbench.rollout.trace_table import read_table
 
     if path.suffix == ".npz":
         saved = read_saved(path)
@@ -162,7 +163,7 @@ def _judge(
 ) -> list[Verdict]:
     from stlbench import stl
 
-    names, samples = traces
+    names, samples = traces.names, traces.samples
     try:
         values = stl.robustness(formula, samples, names, policy=policy)
         verdicts = stl.satisfied(formula, samples, names, policy=policy)

@@ -1,4 +1,4 @@
-"""What the referee recorded of each finished cell: saved as a file, and read again, alone or for several seeds."""
+"""Recorded traces of one task: those of a cell, or of several seeds together."""
 
 from __future__ import annotations
 
@@ -8,27 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from stlbench.contract import Array, Integers
+from stlbench.contract import Array
 from stlbench.errors import UsageError
-from stlbench.result import MAIN, CellId, Result
-from stlbench.rollout.referee import Assessment
-from stlbench.rollout.trace_files import DAMAGED
+from stlbench.result import Result
+from stlbench.rollout.saved_traces import Film, read_cell
 from stlbench.task.task import Task
 
-__all__ = ["FOLDER", "Film", "Recording", "gather", "load", "save", "trace_file"]
-
-FOLDER = "traces"
-"""Name of the folder of traces in a folder of results."""
-
-
-@dataclass(frozen=True)
-class Film:
-    """The states that the best and the worst start of a cell went through."""
-
-    starts: Integers
-    """(2,): which starts they are."""
-    states: Array
-    """(2, decisions + 1, n): at each decision and at the end."""
+__all__ = ["Recording", "gather", "load"]
 
 
 @dataclass(frozen=True)
@@ -53,41 +39,12 @@ def load(task: Task, result: Result, run: Path) -> Recording:
     Raises:
         UsageError: there is no file, it is damaged, or it is of another version of the task.
     """
-    path = trace_file(run / FOLDER, result.id, result.key)
-    try:
-        with np.load(path) as saved:
-            traces, names = saved["traces"], tuple(saved["signals"].tolist())
-            film = Film(saved["extremes"], saved["states"]) if "states" in saved else None
-    except FileNotFoundError:
-        raise UsageError(
-            f"{result.id.name} has no traces at {path}; `stlbench run` records them when it trains a cell"
-        ) from None
-    except DAMAGED as error:
-        raise UsageError(f"cannot read the traces {path}: {str(error)[:200]}") from error
-    if names != task.signals or traces.ndim != 3 or traces.shape[1:] != (task.file.steps + 1, len(names)):
-        raise UsageError(f"the traces {path} are of another version of the task {task.name}")
-    return Recording(traces, 1, film)
+    saved = read_cell(run, result)
+    if saved.names != task.signals or saved.samples.shape[1] != task.file.steps + 1:
+        raise UsageError(f"the traces of {result.id.name} are of another version of the task {task.name}")
+    return Recording(saved.samples, 1, saved.film)
 
 
 def gather(recordings: Sequence[Recording]) -> Recording:
     """Several seeds' traces as one."""
     return Recording(np.concatenate([recording.traces for recording in recordings]), len(recordings))
-
-
-def trace_file(folder: Path, cell: CellId, key: str) -> Path:
-    """Where a cell's traces are saved: an .npz with `traces` (N, T + 1, k) and `signals` (k,), their names.
-
-    For films, `extremes` (2,) says which starts were the best and the worst, and `states` (2, decisions + 1, n) what
-    states these went through.
-    """
-    return folder / f"{cell.name.replace('/', '_')}_{key[:12]}.npz"
-
-
-def save(path: Path, assessment: Assessment, signals: tuple[str, ...]) -> None:
-    """Write what the referee recorded of a policy."""
-    robustness = assessment.scores[MAIN].robustness
-    extremes = np.array([np.argmax(robustness), np.argmin(robustness)])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(
-        path, traces=assessment.traces, signals=np.array(signals), extremes=extremes, states=assessment.states[extremes]
-    )

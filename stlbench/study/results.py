@@ -8,10 +8,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from stlbench.errors import UsageError
 from stlbench.result import ACCIDENTS, IDENTITY, NOT_RUN, CellId, Measurement, Result, Score, find_cell
-from stlbench.rollout.trace_files import SavedTraces, read_saved
-from stlbench.rollout.traces import FOLDER, trace_file
+from stlbench.rollout.saved_traces import SavedTraces, read_cell
 from stlbench.study import stored
 
 if TYPE_CHECKING:
@@ -147,11 +145,7 @@ class Results:
         Raises:
             UsageError: there is no such cell, or no file of its traces: a study that is kept as text has none.
         """
-        result = self.cell(cell, budget)
-        path = trace_file(self.folder / FOLDER, result.id, result.key)
-        if not path.is_file():
-            raise UsageError(f"{result.id.name} has no traces at {path}; `stlbench run` records them")
-        return read_saved(path)
+        return read_cell(self.folder, self.cell(cell, budget))
 
 
 def _table(rows: Iterable[tuple[CellId, Mapping[str, Any]]], columns: tuple[str, ...]) -> pd.DataFrame:

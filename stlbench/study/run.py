@@ -13,7 +13,7 @@ from stlbench.contract import Executor
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, choice_of
 from stlbench.result import CellId, Result
-from stlbench.rollout.traces import FOLDER
+from stlbench.rollout.saved_traces import FOLDER
 from stlbench.study import scheduler, trial
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.plan import Cell, check_cells

@@ -14,7 +14,7 @@ from stlbench.contract import Agent, Intractable, Policy, RewardMethod, Training
 from stlbench.result import CurvePoint, Measurement, Result
 from stlbench.rollout.environment import BatchEnvironment, Simulator
 from stlbench.rollout.referee import Assessment, Referee
-from stlbench.rollout.traces import save, trace_file
+from stlbench.rollout.saved_traces import save, trace_file
 from stlbench.study.plan import Cell, derive_seed
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.task.file import Budget

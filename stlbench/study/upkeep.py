@@ -10,7 +10,7 @@ from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.result import CellId, Result, Status
-from stlbench.rollout.traces import FOLDER, trace_file
+from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import stored
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.results import Results

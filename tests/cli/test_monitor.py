@@ -11,7 +11,7 @@ from helpers.line_task import Probe, Rule, line
 
 from stlbench.result import MAIN
 from stlbench.rollout.referee import Referee
-from stlbench.rollout.traces import save
+from stlbench.rollout.saved_traces import save
 
 TRACE = "x,y\n0,1\n1,3\n2,-1\n"
 

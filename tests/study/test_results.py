@@ -16,7 +16,7 @@ from helpers.synthetic_results import result
 import stlbench
 from stlbench.errors import UsageError
 from stlbench.result import CellId
-from stlbench.rollout.traces import FOLDER, trace_file
+from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import stored
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.results import Results

@@ -18,7 +18,7 @@ from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.registry.choices import parse_choices
 from stlbench.result import MAIN, CellId, Measurement, Result
-from stlbench.rollout.traces import trace_file
+from stlbench.rollout.saved_traces import trace_file
 from stlbench.study import trial
 from stlbench.study.plan import Cell, plan_cells
 from stlbench.task import build_agent, build_method, load_task, starts

@@ -11,7 +11,7 @@ from helpers import synthetic_results
 
 from stlbench.errors import UsageError
 from stlbench.result import Result
-from stlbench.rollout.traces import FOLDER, trace_file
+from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import stored
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.results import Results

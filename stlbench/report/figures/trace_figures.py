@@ -21,7 +21,8 @@ from stlbench.report.figures.report_figures import draw_learning
 from stlbench.report.figures.trajectories import TRACES_PER_PANEL, trajectories
 from stlbench.report.tables.rows import Group, group, row
 from stlbench.result import Result, Setting
-from stlbench.rollout.traces import FOLDER, Recording, gather, load
+from stlbench.rollout.saved_traces import FOLDER
+from stlbench.rollout.traces import Recording, gather, load
 from stlbench.task import build_method, load_task
 from stlbench.task.task import Task
 

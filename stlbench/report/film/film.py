@@ -23,7 +23,8 @@ from stlbench.report.figures.signals import signals_in_time
 from stlbench.report.figures.units import signal_label
 from stlbench.report.film.video import FRAMES_A_SECOND
 from stlbench.report.film.video import write as write_video
-from stlbench.rollout.traces import Film, Recording
+from stlbench.rollout.saved_traces import Film
+from stlbench.rollout.traces import Recording
 from stlbench.task.task import Task
 
 __all__ = ["Pace", "Scene", "pace", "scene", "write"]

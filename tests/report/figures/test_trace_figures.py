@@ -12,7 +12,7 @@ from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
 from stlbench.report.figures import trace_figures
 from stlbench.report.figures.palette import GROUPS_PER_FIGURE
-from stlbench.rollout.traces import trace_file
+from stlbench.rollout.saved_traces import trace_file
 from stlbench.task import load_task
 
 

@@ -9,7 +9,8 @@ from PIL import Image
 
 from stlbench.registry.choices import Choice
 from stlbench.report.film import film
-from stlbench.rollout.traces import Film, Recording
+from stlbench.rollout.saved_traces import Film
+from stlbench.rollout.traces import Recording
 from stlbench.task import load_task
 from stlbench.task.task import Task
 

@@ -1,4 +1,4 @@
-"""Traces in files: tables of text (CSV), and the traces that the referee recorded (.npz)."""
+"""A trace as a table of text (CSV)."""
 
 from __future__ import annotations
 
@@ -6,36 +6,21 @@ import csv
 import io
 import math
 import sys
-import zipfile
-import zlib
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.errors import UsageError
 
-__all__ = ["DAMAGED", "STDIN", "SavedTraces", "TraceTable", "read_saved", "read_table"]
+__all__ = ["STDIN", "TraceTable", "read_table"]
 
 STDIN = Path("-")
-#: what reading an .npz raises where it is damaged, encrypted, a pickle, or no .npz at all
-DAMAGED = (
-    *(OSError, ValueError, TypeError, KeyError, EOFError, MemoryError, RuntimeError),
-    *(zipfile.BadZipFile, zlib.error),
-)
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 #: how far a row's time may be from its place, in steps
 _JITTER = 0.1
-
-
-class SavedTraces(NamedTuple):
-    """Samples (N, T + 1, k) of k named signals from N starts."""
-
-    names: tuple[str, ...]
-    samples: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -116,22 +101,6 @@ def read_table(path: Path) -> TraceTable:
         return _table(source, rows, _DELIMITERS[delimiter])
     except UsageError as error:
         raise UsageError(f"{source}: {error}") from None
-
-
-def read_saved(path: Path) -> SavedTraces:
-    """Read the traces that `stlbench run` saved of one cell.
-
-    Raises:
-        UsageError: no such file, or none with `traces` (N, T + 1, k) and the names of k `signals`.
-    """
-    try:
-        with np.load(path) as saved:
-            samples, names = np.asarray(saved["traces"], dtype=np.float64), tuple(map(str, saved["signals"].tolist()))
-    except DAMAGED as error:
-        raise UsageError(f"cannot read {path} as traces of stlbench: {str(error)[:200]}") from error
-    if samples.ndim != 3 or 0 in samples.shape or samples.shape[2] != len(names):
-        raise UsageError(f"{path}: traces have shape (starts, steps, {len(names)} signals), got {samples.shape}")
-    return SavedTraces(names, samples)
 
 
 def _table(source: str, rows: list[list[str]], delimiter: str) -> TraceTable:

@@ -1,0 +1,88 @@
+"""The file of a cell's traces: what the referee recorded, saved by a trial and read by everything that shows it."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from stlbench.contract import Array, Integers
+from stlbench.errors import UsageError
+from stlbench.result import MAIN, CellId, Result
+from stlbench.rollout.referee import Assessment
+
+__all__ = ["FOLDER", "Film", "SavedTraces", "read_cell", "read_saved", "save", "trace_file"]
+
+FOLDER = "traces"
+"""Name of the folder of traces in a folder of results."""
+
+_DAMAGED = (
+    *(OSError, ValueError, TypeError, KeyError, EOFError, MemoryError, RuntimeError),
+    *(zipfile.BadZipFile, zlib.error),
+)
+"""What reading an .npz raises where it is damaged, encrypted, a pickle, or no .npz at all."""
+
+
+class Film(NamedTuple):
+    """The states that the best and the worst start of a cell went through."""
+
+    starts: Integers
+    """(2,): which starts they are."""
+    states: Array
+    """(2, decisions + 1, n): at each decision and at the end."""
+
+
+class SavedTraces(NamedTuple):
+    """Samples (N, T + 1, k) of k named signals from N starts."""
+
+    names: tuple[str, ...]
+    samples: Array
+    film: Film | None = None
+    """None where the file has no states."""
+
+
+def trace_file(folder: Path, cell: CellId, key: str) -> Path:
+    """Where a cell's traces are saved: an .npz with `traces` (N, T + 1, k) and `signals` (k,), their names.
+
+    For films, `extremes` (2,) says which starts were the best and the worst, and `states` (2, decisions + 1, n) what
+    states these went through.
+    """
+    return folder / f"{cell.name.replace('/', '_')}_{key[:12]}.npz"
+
+
+def save(path: Path, assessment: Assessment, signals: tuple[str, ...]) -> None:
+    """Write what the referee recorded of a policy."""
+    robustness = assessment.scores[MAIN].robustness
+    extremes = np.array([np.argmax(robustness), np.argmin(robustness)])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(
+        path, traces=assessment.traces, signals=np.array(signals), extremes=extremes, states=assessment.states[extremes]
+    )
+
+
+def read_cell(results: Path, result: Result) -> SavedTraces:
+    """The traces of a cell in a folder of results. Raises `UsageError` where there is no file, and as `read_saved`."""
+    path = trace_file(results / FOLDER, result.id, result.key)
+    if not path.is_file():
+        raise UsageError(f"{result.id.name} has no traces at {path}; `stlbench run` records them when it trains a cell")
+    return read_saved(path)
+
+
+def read_saved(path: Path) -> SavedTraces:
+    """Read the traces that `stlbench run` saved of one cell.
+
+    Raises:
+        UsageError: no such file, or none with `traces` (N, T + 1, k) and the names of k `signals`.
+    """
+    try:
+        with np.load(path) as saved:
+            samples, names = np.asarray(saved["traces"], dtype=np.float64), tuple(map(str, saved["signals"].tolist()))
+            film = Film(saved["extremes"], saved["states"]) if "states" in saved else None
+    except _DAMAGED as error:
+        raise UsageError(f"cannot read {path} as traces of stlbench: {str(error)[:200]}") from error
+    if samples.ndim != 3 or 0 in samples.shape or samples.shape[2] != len(names):
+        raise UsageError(f"{path}: traces have shape (starts, steps, {len(names)} signals), got {samples.shape}")
+    return SavedTraces(names, samples, film)
