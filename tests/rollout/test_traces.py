@@ -54,7 +54,7 @@ def test_no_file_is_a_usage_error(tmp_path):
         ({"traces": TRACES, "signals": ["y"]}, "are of another version of the task line"),
         ({"traces": TRACES[:, :5], "signals": ["x"]}, "are of another version of the task line"),
         ({"traces": TRACES[..., 0], "signals": ["x"]}, r"traces have shape \(starts, steps, 1 signals\), got \(4, 9\)"),
-        ({"signals": ["x"]}, "cannot read .* as traces of stlbench"),
+        ({"signals": ["x"]}, r"cannot read .* as traces of stlbench"),
     ],
 )
 def test_traces_that_do_not_fit_are_refused(save, tmp_path, content, message):
@@ -78,7 +78,7 @@ def test_damage_anywhere_is_a_usage_error(save, tmp_path):
 def test_one_array_is_no_archive(save, tmp_path):
     with save(traces=TRACES, signals=["x"]).open("wb") as file:
         np.save(file, TRACES)
-    with pytest.raises(UsageError, match="cannot read .* as traces of stlbench"):
+    with pytest.raises(UsageError, match=r"cannot read .* as traces of stlbench"):
         load(line(), RESULT, tmp_path)
 
 
@@ -86,7 +86,7 @@ def test_one_array_is_no_archive(save, tmp_path):
 def test_a_damaged_file_is_a_usage_error(save, tmp_path, size):
     path = save(traces=TRACES, signals=["x"])
     path.write_bytes(path.read_bytes()[:size])
-    with pytest.raises(UsageError, match="cannot read .* as traces of stlbench"):
+    with pytest.raises(UsageError, match=r"cannot read .* as traces of stlbench"):
         load(line(), RESULT, tmp_path)
 
 
