@@ -44,7 +44,7 @@ lowest: | $(VENV)-lowest/bin
 	$(LOW)/bin/python -m pytest -q -n auto --dist loadfile
 
 docs: $(VENV)/ready-dev
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 ## Is anything worse than the committed reference? See docs/ci.md.
 gate: $(VENV)/ready
