@@ -140,10 +140,11 @@ def test_closing_stops_what_runs(tmp_path):
 
 
 PROGRAM = """
-import sys
+import signal, sys
 from pathlib import Path
 from helpers import victims
 from stlbench_executors.local import LocalExecutor
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background has it ignored
 folder = Path(sys.argv[1])
 for outcome in LocalExecutor(jobs=2).run(victims.leave_pid, [folder / "a", folder / "b"], [600.0, 600.0]):
     print(outcome)

@@ -77,18 +77,17 @@ def test_a_result_is_recorded_when_it_is_yielded_and_closing_stops_the_executor(
 
 
 PROGRAM = """
-import sys
+import signal, sys
 from pathlib import Path
 from helpers import scripted_cells
 from stlbench.study import scheduler
 from stlbench.study.ledger import Ledger
 from stlbench_executors.local import LocalExecutor
-if __name__ == "__main__":
-    cells = scripted_cells.cells("a", "b", "hang", "hang", "c", "hang")
-    with Ledger(Path(sys.argv[1])) as ledger:
-        runs = scheduler.run(cells, ledger, LocalExecutor(jobs=2), scripted_cells.run_cell, {})
-        for result in runs:
-            print(result.id.method, flush=True)
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background has it ignored
+cells = scripted_cells.cells("a", "b", "hang", "hang", "c", "hang")
+with Ledger(Path(sys.argv[1])) as ledger:
+    for result in scheduler.run(cells, ledger, LocalExecutor(jobs=2), scripted_cells.run_cell, {}):
+        print(result.id.method, flush=True)
 """
 
 
