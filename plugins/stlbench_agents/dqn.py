@@ -6,23 +6,16 @@ state. One lock-step of all copies is followed by `gradient_steps` updates, all 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
-from numba import njit
 
-from stlbench.contract import ActionGrid, Agent, Array, Environment, Integers, Policy, Training, Transition
-from stlbench_agents.actions import grid_of
+from stlbench.contract import Agent, Array, Environment, Integers, Policy, Training, Transition
 from stlbench_agents.checkpoints import report_rounds
-from stlbench_agents.engine import Network, Workspace, best_actions, gradient
-from stlbench_agents.network import GreedyPolicy, Head, QNetwork, Single
-from stlbench_agents.optimizer import Weights, step
-from stlbench_agents.parameter_types import Count, Positive, Share, ShareBelow1, Widths
-from stlbench_agents.replay import Batch, Memory, Replay, gather
+from stlbench_agents.parameter_types import Count, Head, Positive, Share, ShareBelow1, Widths
 
-__all__ = ["DQN", "Learner", "QLearner"]
+__all__ = ["DQN", "Learner"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +93,8 @@ class DQN(Agent):
 
     def learner(self, environment: Environment, seed: int, updates: int) -> Learner:
         """What is trained, with fresh networks, for as many updates in all."""
+        from stlbench_agents.q_learner import QLearner  # imports Numba, which parameters do not need
+
         return QLearner(self, environment, seed, updates)
 
     def _epsilon(self, progress: float) -> float:
@@ -120,119 +115,3 @@ class Learner(Protocol):
 
     def policy(self) -> Policy:
         """The present greedy policy, frozen."""
-
-
-class Schedule(NamedTuple):
-    """What the updates need of the recipe."""
-
-    rate: float
-    decay: float
-    """Of the learning rate, from one update to the next."""
-    max_norm: float
-    tau: float
-    interval: int
-    averaging: float
-    double: bool
-
-
-class QLearner:
-    """One Q-network in training: its weights, its target and its replay."""
-
-    def __init__(
-        self,
-        recipe: DQN,
-        environment: Environment,
-        seed: int | Sequence[int],
-        updates: int,
-        grid: ActionGrid | None = None,
-    ) -> None:
-        """Args: `updates` in all, for the learning rate; `grid` the actions to choose among, where not all."""
-        self.recipe = recipe
-        size, copies, grid = environment.observation_size, environment.count, grid or grid_of(environment)
-        self.network = QNetwork(size, recipe.net_arch, grid.shape, recipe.head)
-        self.weights = Weights.of(self.network.initial(np.random.default_rng(seed)))
-        self.replay = Replay(
-            max(recipe.n_steps + 1, recipe.buffer_size // copies),
-            copies,
-            size,
-            recipe.n_steps,
-            recipe.gamma,
-            recipe.reward_scale,
-            recipe.time_limit == "terminal",
-        )
-        self.schedule = Schedule(
-            recipe.learning_rate,
-            (recipe.learning_rate_final / recipe.learning_rate) ** (1 / max(1, updates - 1)),
-            recipe.max_grad_norm,
-            recipe.tau,
-            recipe.target_update_interval,
-            recipe.averaging,
-            recipe.double,
-        )
-        self._actions, self._copies, self._count = grid.size, copies, 0
-        self._batch = Batch.of(recipe.batch_size, size)
-        self._space = Workspace.of(self.network.engine, recipe.batch_size)
-
-    def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
-        """Actions (N,) at observations (N, D): each with probability `epsilon` any, else the current best."""
-        chance = generator.random((2, len(observation)))
-        action: Integers = _explore(
-            self.weights.online, self.network.engine, observation, epsilon, chance, self._actions
-        )
-        return action
-
-    def learn(
-        self, observation: Array, action: Integers, transition: Transition, generator: np.random.Generator
-    ) -> None:
-        """Store one lock-step of all copies, and update once there is enough to draw from."""
-        self.replay.add(observation, action, transition)
-        if self.replay.ready:
-            self.update(self.replay.draw(generator, self.recipe.gradient_steps, self.recipe.batch_size))
-
-    def update(self, first: Integers) -> None:
-        """One update for each row of `first` (updates, batch size), from the transitions that begin there."""
-        _update(
-            self.weights, self.network.engine, self.replay.memory, first, self._copies, self.schedule, self._count,
-            self._batch, self._space,
-        )  # fmt: skip
-        self._count += len(first)
-
-    def policy(self) -> GreedyPolicy:
-        """What is reported: the greedy policy of the averaged weights, or of the current ones without averaging."""
-        flat = self.weights.average if self.schedule.averaging else self.weights.online
-        return GreedyPolicy(self.network, self.network.views(flat))
-
-
-@njit(cache=True)
-def _explore(
-    flat: Single, network: Network, observation: Array, epsilon: float, chance: Array, actions: int
-) -> Integers:
-    """Epsilon-greedy actions; `chance` (2, N) is uniform in [0, 1): whether to explore, and which action."""
-    chosen = best_actions(flat, network, observation)
-    for i in range(len(chosen)):
-        if chance[0, i] < epsilon:
-            chosen[i] = int(chance[1, i] * actions)
-    return chosen
-
-
-@njit(cache=True)
-def _update(
-    weights: Weights, network: Network, memory: Memory, first: Integers, copies: int, schedule: Schedule, count: int,
-    batch: Batch, space: Workspace,
-) -> None:  # fmt: skip
-    """For each row of `first` a step of Adam on the mean squared difference to the targets, and of both averages.
-
-    The target is (1 - gamma) sum_i gamma^i r_{t+i} + gamma^n Q_target(s_{t+n}, best action there). `count` updates
-    have been before.
-    """
-    for row in range(len(first)):
-        gather(memory, first[row], copies, batch)
-        gradient(
-            weights.online, weights.target, network, batch.observation, batch.action, batch.returns, batch.arrived,
-            batch.discount, schedule.double, space, weights.gradient,
-        )  # fmt: skip
-        rate = schedule.rate * schedule.decay**count
-        count += 1
-        tau = schedule.tau if count % schedule.interval == 0 else 0.0
-        share = max(1 - schedule.averaging, 1 / count) if schedule.averaging > 0 else 0.0
-        step(weights, rate, count, schedule.max_norm, tau, share)

@@ -1,4 +1,4 @@
-"""Deep Q-learning robot by robot: independent Q-learning (Tan, ICML 1993) with `stlbench_agents.dqn`'s learner.
+"""Deep Q-learning robot by robot: independent Q-learning (Tan, ICML 1993) with the learner of `dqn`.
 
 Every robot sees what all see and is paid what all are paid, but chooses and learns about its own actions alone: what
 the others do is part of its world. Three robots with 25 actions each have 75 outputs to learn where their joint actions
@@ -9,13 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stlbench.contract import Array, Environment, Integers, Policy, Transition
 from stlbench_agents.actions import grid_of
-from stlbench_agents.dqn import DQN, Learner, QLearner
-from stlbench_agents.network import GreedyPolicy
+from stlbench_agents.dqn import DQN, Learner
+
+if TYPE_CHECKING:
+    from stlbench_agents.network import GreedyPolicy
+    from stlbench_agents.q_learner import QLearner
 
 __all__ = ["DQNPerRobot", "Team", "TeamPolicy"]
 
@@ -29,6 +33,8 @@ class DQNPerRobot(DQN):
         grid = grid_of(environment)
         if not grid.robots:
             return super().learner(environment, seed, updates)
+        from stlbench_agents.q_learner import QLearner  # imports Numba, which parameters do not need
+
         return Team(
             [QLearner(self, environment, [seed, 2 + i], updates, part) for i, part in enumerate(grid.parts)],
             [part.size for part in grid.parts],

@@ -13,17 +13,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import Array, Integers, Policy
 from stlbench_agents.engine import Network, best_actions
+from stlbench_agents.parameter_types import Head
 
-__all__ = ["GreedyPolicy", "Head", "QNetwork"]
+__all__ = ["GreedyPolicy", "QNetwork"]
 
-Head = Literal["joint", "additive"]
 Single = NDArray[np.float32]
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-__all__ = ["Count", "NotNegative", "Positive", "Share", "ShareBelow1", "Steps", "Widths"]
+__all__ = ["Count", "Head", "NotNegative", "Positive", "Share", "ShareBelow1", "Steps", "Widths"]
 
 Share = Annotated[float, Field(ge=0, le=1)]
 ShareBelow1 = Annotated[float, Field(ge=0, lt=1)]
@@ -16,3 +16,5 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Widths = Annotated[tuple[Count, ...], Field(min_length=1)]
 """Widths of the hidden layers of a network."""
+Head = Literal["joint", "additive"]
+"""How the outputs of a Q-network stand for actions (see `stlbench_agents.network`)."""

@@ -13,8 +13,9 @@ from helpers import plain_q
 from numpy.typing import NDArray
 
 from stlbench_agents.engine import Network, Workspace, best_actions, gradient
-from stlbench_agents.network import GreedyPolicy, Head, QNetwork
+from stlbench_agents.network import GreedyPolicy, QNetwork
 from stlbench_agents.optimizer import Weights, adam, blend, clipping, step
+from stlbench_agents.parameter_types import Head
 
 Floats = NDArray[Any]
 
