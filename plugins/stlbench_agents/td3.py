@@ -17,7 +17,6 @@ from stlbench_agents.checkpoints import report_rounds
 from stlbench_agents.libraries import need_torch
 from stlbench_agents.one_thread import one_thread
 from stlbench_agents.parameter_types import Count, NotNegative, Positive, Share, ShareBelow1, Steps, Widths
-from stlbench_agents.replay import Replay
 
 __all__ = ["TD3"]
 
@@ -81,6 +80,7 @@ class TD3(Agent):
 
     def _train(self, training: Training) -> Policy:
         from stlbench_agents.actor_critic import ActorCritic  # imports PyTorch, which takes seconds
+        from stlbench_agents.replay import Replay  # imports Numba
 
         environment = training.make(self.copies)
         box = box_of(environment)

@@ -11,23 +11,23 @@ from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, Specification, Truth
 
-__all__ = ["AbsoluteFlags", "Flags", "WindowFlags", "is_windowed"]
+__all__ = ["FG", "AbsoluteFlags", "F", "Flags", "G", "Terms", "WindowFlags", "is_windowed"]
 
 Window = stl.Always | stl.Eventually
-_F, _G, _FG = 0, 1, 2
-_KINDS = {"F": _F, "G": _G, "FG": _FG}
+F, G, FG = 0, 1, 2
+"""Kinds of terms, for compiled code."""
+_KINDS = {"F": F, "G": G, "FG": FG}
 
 
 class Terms(NamedTuple):
     """The n terms of a conjunction, for compiled code."""
 
     kinds: Integers
-    """(n,): `_F`, `_G` or `_FG`."""
+    """(n,): `F`, `G` or `FG`."""
     columns: Integers
     """(n,): where a term's flag is; the counter of F G follows it."""
     active: Truth
@@ -69,9 +69,11 @@ class WindowFlags(Flags):
 
     def along(self, samples: Array, t: Integers, flags: Array) -> tuple[Array, Array]:
         """F[0,w] is satisfied iff its counter is positive, G[0,w] iff its counter is full."""
+        from stlbench_methods.flag_updates import count  # imports Numba, which building a method does without
+
         after = flags.copy()
         verdicts = _truths(self._holds, samples)
-        _count(verdicts, self._eventually, self.full, after)
+        count(verdicts, self._eventually, self.full, after)
         return self._paid[self._combined(verdicts).view(np.int8)], after
 
 
@@ -101,8 +103,10 @@ class AbsoluteFlags(Flags):
 
     def along(self, samples: Array, t: Integers, flags: Array) -> tuple[Array, Array]:
         """Latch F, drop G, count and latch F G, each on its own interval alone; pay the sum of those on whose it is."""
+        from stlbench_methods.flag_updates import latch  # as above
+
         after = flags.copy()
-        return _latch(_truths(self._holds, samples), self._terms, self.full, t, after), after
+        return latch(_truths(self._holds, samples), self._terms, self.full, t, after), after
 
 
 def is_windowed(formula: stl.Formula) -> bool:
@@ -138,52 +142,6 @@ def _truths(predicates: Sequence[Callable[[Array], Truth]], samples: Array) -> T
     for i, holds in enumerate(predicates):
         truths[i] = holds(samples)
     return truths
-
-
-@njit(cache=True)
-def _count(truths: Truth, eventually: Truth, full: Array, flags: Array) -> None:
-    """Counters (N, m) of windows go on by h samples; `truths` (m, h, N) become the windows' verdicts after each.
-
-    F: full at a sample where psi holds, one less at each other; positive iff psi held among the last `full`.
-    G: one more at each sample where psi holds, 0 at any other; full iff psi held at each of the last `full`.
-    """
-    for i in range(truths.shape[0]):
-        for sample in range(truths.shape[1]):
-            for row in range(truths.shape[2]):
-                flag, holds = flags[row, i], truths[i, sample, row]
-                if eventually[i]:
-                    flag = full[i] if holds else max(flag - 1, 0.0)
-                    truths[i, sample, row] = flag > 0
-                else:
-                    flag = min(flag + 1, full[i]) if holds else 0.0
-                    truths[i, sample, row] = flag == full[i]
-                flags[row, i] = flag
-
-
-@njit(cache=True)
-def _latch(truths: Truth, terms: Terms, full: Array, t: Integers, flags: Array) -> Array:
-    """Flags (N, m) of terms with absolute intervals go on by h samples, the first at steps t (N,): paid (h, N)."""
-    count, held, rows = truths.shape
-    rewards = np.zeros((held, rows))
-    for i in range(count):
-        kind, at = terms.kinds[i], terms.columns[i]
-        for sample in range(held):
-            for row in range(rows):
-                if not terms.active[i, t[row] + sample]:
-                    if kind == _FG:
-                        flags[row, at + 1] = 0
-                    continue
-                holds = truths[i, sample, row]
-                if kind == _G:
-                    flags[row, at] = flags[row, at] if holds else 0
-                elif kind == _F:
-                    flags[row, at] = 1 if holds else flags[row, at]
-                else:
-                    flags[row, at + 1] = min(flags[row, at + 1] + 1, full[at + 1]) if holds else 0
-                    if flags[row, at + 1] == full[at + 1]:
-                        flags[row, at] = 1
-                rewards[sample, row] += terms.paid[i, int(flags[row, at])]
-    return rewards
 
 
 def _paid(outer_f: bool, beta: float) -> Array:

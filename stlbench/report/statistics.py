@@ -11,12 +11,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 __all__ = ["Interval", "Statistic", "interval", "iqm"]
 
 Statistic = Callable[..., Any]
 """A function of values and `axis`, such as `np.mean`, `np.median` or `iqm`."""
+
+RESAMPLES = 9999
+"""Of one bootstrap."""
 
 
 class Interval(NamedTuple):
@@ -31,7 +33,9 @@ def iqm(values: Iterable[float] | NDArray[np.float64], axis: int = 0) -> Any:
 
     A quarter of n is rounded down, so up to 3 values nothing is cut: with 3 seeds the IQM equals the mean.
     """
-    return stats.trim_mean(_array(values), 0.25, axis=axis)
+    data = np.moveaxis(_array(values), axis, -1)
+    cut, count = data.shape[-1] // 4, data.shape[-1]
+    return np.partition(data, (cut, count - cut - 1))[..., cut : count - cut].mean(axis=-1)
 
 
 def interval(values: Iterable[float], statistic: Statistic, seed: int = 0, level: float = 0.95) -> Interval | None:
@@ -60,10 +64,14 @@ def interval(values: Iterable[float], statistic: Statistic, seed: int = 0, level
 @lru_cache(maxsize=4096)
 def _bootstrapped(values: tuple[float, ...], statistic: Statistic, seed: int, level: float) -> Interval:
     """Cached, since a report shows an interval on screen, in files and in a figure, and each takes milliseconds."""
-    rng = np.random.default_rng(seed)
+    rng, data, resampled = np.random.default_rng(seed), np.array(values), list[NDArray[np.float64]]()
     batch = max(1, 1_000_000 // len(values))  # resamples held in memory at a time
-    result = stats.bootstrap((values,), statistic, confidence_level=level, method="percentile", batch=batch, rng=rng)
-    return Interval(float(result.confidence_interval.low), float(result.confidence_interval.high))
+    for begin in range(0, RESAMPLES, batch):
+        places = rng.integers(0, len(values), (min(batch, RESAMPLES - begin), len(values)))
+        resampled.append(statistic(data[places], axis=-1))
+    tail = (1 - level) / 2
+    low, high = np.quantile(np.concatenate(resampled), (tail, 1 - tail))
+    return Interval(float(low), float(high))
 
 
 def _array(values: Iterable[float] | NDArray[np.float64]) -> NDArray[np.float64]:

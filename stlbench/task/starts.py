@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import count as naturals
 from itertools import islice
+from math import isqrt
 
 import numpy as np
 
@@ -75,28 +77,44 @@ def _key(state: Array) -> bytes:
 
 def _blocks(region: Region, count: int) -> Iterator[Array]:
     """An even sequence of states, a Halton sequence without noise, in blocks (count, n)."""
-    from scipy.stats import qmc
-
     free = np.flatnonzero(region.low < region.high)
     if not len(free):
         if not len(region.keep(region.low[None])):
             raise UsageError(f"initial states: the one state breaks the condition '{region.where}'")
         while True:
             yield np.repeat(region.low[None], count, axis=0)
-    points = qmc.Halton(d=len(free), scramble=False)
-    points.fast_forward(1)
-    rest = np.empty((0, len(region.low)))
+    rest, drawn = np.empty((0, len(region.low))), 0
     while True:
         for _ in range(_ROUNDS):
             if len(rest) >= count:
                 break
             states = np.tile(region.low, (count, 1))
-            states[:, free] += points.random(count) * (region.high - region.low)[free]
+            states[:, free] += _halton(drawn + 1, count, len(free)) * (region.high - region.low)[free]
+            drawn += count
             rest = np.concatenate([rest, region.keep(states)])
         else:
             raise _hopeless(region)
         yield rest[:count]
         rest = rest[count:]
+
+
+def _halton(first: int, count: int, dimensions: int) -> Array:
+    """Points `first`, `first` + 1, ... of Halton's sequence in [0, 1), (count, dimensions), whose point 0 is 0.
+
+    Coordinate i of point n has the digits of n in base p_i, the i-th prime, mirrored at the point (J. H. Halton,
+    Numerische Mathematik 2, 1960). Written out, as SciPy's takes a second of every process to import.
+    """
+    points = np.zeros((count, dimensions))
+    for i, prime in enumerate(islice(_primes(), dimensions)):
+        number, weight = np.arange(first, first + count), 1.0 / prime
+        while number.any():
+            points[:, i] += number % prime * weight
+            number, weight = number // prime, weight / prime
+    return points
+
+
+def _primes() -> Iterator[int]:
+    return (n for n in naturals(2) if all(n % divisor for divisor in range(2, isqrt(n) + 1)))
 
 
 def _hopeless(region: Region) -> UsageError:

@@ -10,7 +10,7 @@ import pytest
 from stlbench import __version__
 from stlbench.cli import app
 
-HEAVY = {"torch", "matplotlib", "scipy", "gymnasium", "pandas"}
+HEAVY = {"dm_control", "gymnasium", "matplotlib", "mujoco", "numba", "pandas", "scipy", "torch"}
 
 
 def test_version(say):
@@ -53,7 +53,17 @@ def test_a_bug_is_not_hidden(monkeypatch, tmp_path):
         app(["monitor", "x > 0", "trace.csv"])
 
 
-@pytest.mark.parametrize("words", [["--help"], ["--version"], ["monitor", "x > 0", "trace.csv", "--json"]])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--help"],
+        ["--version"],
+        ["monitor", "x > 0", "trace.csv", "--json"],
+        *(["list", kind] for kind in ("methods", "tasks", "agents", "executors")),
+        ["show", "task", "hold-disc"],
+        ["show", "method", "flag"],
+    ],
+)
 def test_starts_without_the_heavy_packages(say, tmp_path, words):
     (tmp_path / "trace.csv").write_text("x\n1\n")
     code = (

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
 from stlbench.report.statistics import interval, iqm
 
@@ -63,3 +64,14 @@ def test_interval_is_that_of_the_normal_theory_for_many_values():
     low, high = interval(values, np.mean)
     half = 1.96 * values.std() / 20
     assert (low, high) == pytest.approx((values.mean() - half, values.mean() + half), abs=0.01)
+
+
+@pytest.mark.parametrize("statistic", [iqm, np.mean])
+@pytest.mark.parametrize("count", [2, 3, 5, 10, 400])
+def test_both_are_those_of_scipy(count, statistic):
+    """SciPy draws the same resamples from the same generator, 400 values in batches."""
+    values, batch = np.random.default_rng(count).normal(size=count), 1_000_000 // count
+    assert iqm(values) == stats.trim_mean(values, 0.25)
+    settings = {"method": "percentile", "batch": batch, "rng": np.random.default_rng(7)}
+    expected = stats.bootstrap((np.sort(values),), statistic, confidence_level=0.9, **settings).confidence_interval
+    assert interval(values, statistic, seed=7, level=0.9) == pytest.approx(tuple(expected), rel=1e-12)

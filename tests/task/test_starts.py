@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import qmc
 
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
@@ -55,6 +56,12 @@ class TestGrid:
         """Van der Corput's sequence in base 2 without 0: 1/2, 1/4, 3/4, 1/8 of [0, 8]."""
         region = Region(box={"a": 3, "b": (0, 8)})
         assert starts.grid(region, 4).tolist() == [[3, 4], [3, 2], [3, 6], [3, 1]]
+
+    def test_is_haltons_sequence_without_its_first_point(self) -> None:
+        sequence = qmc.Halton(d=12, scramble=False)
+        sequence.fast_forward(1)
+        region = Region(box={f"x{i}": (0, 1) for i in range(12)})
+        assert np.array_equal(starts.grid(region, 500), sequence.random(500))
 
     def test_a_region_of_one_state_repeats_it(self) -> None:
         assert starts.grid(Region(box={"a": 3, "b": -1}), 3).tolist() == [[3, -1]] * 3

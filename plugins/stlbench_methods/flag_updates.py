@@ -1,0 +1,57 @@
+"""How the flags of the flag method go on, sample by sample; compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from stlbench.contract import Array, Integers, Truth
+from stlbench_methods.flag_counting import FG, F, G, Terms
+
+__all__ = ["count", "latch"]
+
+
+@njit(cache=True)
+def count(truths: Truth, eventually: Truth, full: Array, flags: Array) -> None:
+    """Counters (N, m) of windows go on by h samples; `truths` (m, h, N) become the windows' verdicts after each.
+
+    F: full at a sample where psi holds, one less at each other; positive iff psi held among the last `full`.
+    G: one more at each sample where psi holds, 0 at any other; full iff psi held at each of the last `full`.
+    """
+    for i in range(truths.shape[0]):
+        for sample in range(truths.shape[1]):
+            for row in range(truths.shape[2]):
+                flag, holds = flags[row, i], truths[i, sample, row]
+                if eventually[i]:
+                    flag = full[i] if holds else max(flag - 1, 0.0)
+                    truths[i, sample, row] = flag > 0
+                else:
+                    flag = min(flag + 1, full[i]) if holds else 0.0
+                    truths[i, sample, row] = flag == full[i]
+                flags[row, i] = flag
+
+
+@njit(cache=True)
+def latch(truths: Truth, terms: Terms, full: Array, t: Integers, flags: Array) -> Array:
+    """Flags (N, m) of terms with absolute intervals go on by h samples, the first at steps t (N,): paid (h, N)."""
+    terms_count, held, rows = truths.shape
+    rewards = np.zeros((held, rows))
+    for i in range(terms_count):
+        kind, at = terms.kinds[i], terms.columns[i]
+        for sample in range(held):
+            for row in range(rows):
+                if not terms.active[i, t[row] + sample]:
+                    if kind == FG:
+                        flags[row, at + 1] = 0
+                    continue
+                holds = truths[i, sample, row]
+                if kind == G:
+                    flags[row, at] = flags[row, at] if holds else 0
+                elif kind == F:
+                    flags[row, at] = 1 if holds else flags[row, at]
+                else:
+                    flags[row, at + 1] = min(flags[row, at + 1] + 1, full[at + 1]) if holds else 0
+                    if flags[row, at + 1] == full[at + 1]:
+                        flags[row, at] = 1
+                rewards[sample, row] += terms.paid[i, int(flags[row, at])]
+    return rewards
