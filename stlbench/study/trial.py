@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -14,12 +14,16 @@ from stlbench.contract import Agent, Intractable, Policy, RewardMethod, Training
 from stlbench.result import CurvePoint, Measurement, Result
 from stlbench.rollout.environment import BatchEnvironment, Simulator
 from stlbench.rollout.referee import Assessment, Referee
+from stlbench.rollout.rehearsal import rehearse
 from stlbench.rollout.saved_traces import save, trace_file
 from stlbench.study.plan import Cell, derive_seed
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.task.file import Budget
 
 __all__ = ["measure", "reward_time", "run_cell"]
+
+_REWARDED = 16
+"""Copies that are stepped to measure the time of a reward."""
 
 
 def run_cell(cell: Cell, folder: Path | None = None) -> Result:
@@ -90,7 +94,7 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
     clock = _Clock()
     selection = _Selection(referee, clock)
     training = _training(task, method, cell, budget, selection, used.append)
-    _warm_up(agent, training, task.file.hold)
+    rehearse(agent, training, task.file.hold)
     used.clear()
     clock.resume()
     final = agent.train(training)
@@ -137,23 +141,23 @@ def _training(
     return Training(make, budget.steps, derive_seed(plugin, agent, "training", seed), report, budget.checkpoints)
 
 
-def _warm_up(agent: Agent, training: Training, hold: int) -> None:
-    """Train for a moment, unscored: what a library loads at first use would be charged to the first cell otherwise."""
-    few = min(training.steps, 1000 * hold)
-    agent.train(replace(training, steps=few, report=lambda policy, steps: None, checkpoints=1))
-
-
 def reward_time(task: Task, method: RewardMethod, rows: int = 1024, repeats: int = 50) -> float:
-    """CPU nanoseconds that the method's reward takes per step and copy, in a batch of `rows` under random actions."""
+    """CPU nanoseconds that the method's reward takes per step and copy, in a batch of `rows` under random actions.
+
+    Few copies are stepped, and their signals repeated to `rows`: to step a simulator as often would take longer.
+    """
     generator = np.random.default_rng(0)
     simulator = Simulator(task, method)
     region, actions = task.file.initial, task.actions
-    simulator.reset(task.system.initial_states(generator.uniform(region.low, region.high, (rows, len(region.low)))))
-    action = generator.uniform(actions.low, actions.high, (rows, len(actions.names)))
-    states = [simulator.state]
+    points = generator.uniform(region.low, region.high, (_REWARDED, len(region.low)))
+    action = generator.uniform(actions.low, actions.high, (_REWARDED, len(actions.names)))
+    states = [task.system.initial_states(points)]
     for _ in range(task.file.hold):
         states.append(task.system.step(states[-1], action))
-    along = partial(method.along, task.system.signals(np.stack(states)), action, simulator.t)
+    repeated = np.arange(rows) % _REWARDED
+    simulator.reset(states[0][repeated])
+    signals = task.system.signals(np.stack(states))[:, repeated]
+    along = partial(method.along, signals, action[repeated], simulator.t)
     along(simulator.memory)
     begin = time.process_time_ns()
     memory = simulator.memory

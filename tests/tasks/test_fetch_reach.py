@@ -55,6 +55,21 @@ def test_steps_are_those_of_the_environment_bit_for_bit() -> None:
         state = TASK.system.step(state, action[None, :3])
 
 
+def test_what_is_left_out_of_a_step_changes_no_bit() -> None:
+    """The environment ends a step with all of `mj_forward`; where the gripper is and how it moves needs a part."""
+
+    class Whole(type(TASK.system)):  # type: ignore[misc]
+        def arrive(self) -> None:
+            self.data.qpos[-2:] = 0
+            self.mujoco.mj_forward(self.model, self.data)
+
+    part, whole = TASK.system, Whole(TASK.file.sampling_time)
+    ours = theirs = part.initial_states(np.array([[1, 0, 0, 3.0], [0.3, -1, -1, 5.0]]))
+    for action in np.random.default_rng(1).uniform(-1, 1, (60, 2, 3)):
+        ours, theirs = part.step(ours, np.sign(action)), whole.step(theirs, np.sign(action))
+        assert np.array_equal(ours, theirs)
+
+
 def test_starts_are_where_a_repeated_action_leads() -> None:
     """From the reset near (1.34, 0.75, 0.53), and the gripper comes to rest; `moves` is rounded down, at most 5."""
     points = np.array([[1, 0, 0, 0.9], [1, 0, 0, 3.0], [1, 0, 0, 3.9], [0, -1, 0.5, 5.0], [0, -1, 0.5, 6.0]])

@@ -65,9 +65,13 @@ class FetchReach(MujocoSystem):
         data.mocap_quat[0] = data.xquat[self._wrist] + [1.0, 0.0, 1.0, 0.0]
 
     def arrive(self) -> None:
-        """Close the fingers, and find where everything is."""
+        """Close the fingers, and find where everything is and how it moves.
+
+        The environment calls `mj_forward`, which also looks for contacts and solves for forces that nobody reads.
+        """
         self.data.qpos[-2:] = 0
-        self.mujoco.mj_forward(self.model, self.data)
+        for find in (self.mujoco.mj_kinematics, self.mujoco.mj_comPos, self.mujoco.mj_comVel):
+            find(self.model, self.data)
 
     def derived(self) -> Array:
         """Place and velocity of the gripper: (6,)."""

@@ -1,0 +1,46 @@
+"""A training that is not scored: what a library loads or compiles at first use is then not charged to a cell."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import replace
+
+from stlbench.contract import Agent, Array, Environment, Integers, Training, Transition
+
+__all__ = ["rehearse"]
+
+_DECISIONS = 1000
+"""Of all copies together, the most that are trained: agents begin to learn after some hundreds."""
+_STEPPED = 2
+"""Lock-steps that the task itself makes. What an agent loads does not depend on more, and a simulation can be dear."""
+
+
+def rehearse(agent: Agent, training: Training, hold: int) -> None:
+    """Train for a moment on copies that are stepped twice and then stand still; nothing is reported.
+
+    Args:
+        agent: as for the training that follows.
+        training: that training; its steps are the most that are spent.
+        hold: steps of the task in a decision.
+    """
+    few = min(training.steps, _DECISIONS * hold)
+    still = replace(training, make=lambda count: _Still(training.make(count)), steps=few, checkpoints=1)
+    agent.train(replace(still, report=lambda policy, steps: None))
+
+
+class _Still:
+    """An environment whose last transition is given again and again."""
+
+    def __init__(self, environment: Environment) -> None:
+        self._environment, self._left = environment, _STEPPED
+        self.count, self.observation_size = environment.count, environment.observation_size
+        self.actions, self.hold = environment.actions, environment.hold
+
+    def reset(self) -> Array:
+        return self._environment.reset()
+
+    def step(self, action: Integers | Array) -> Transition:
+        if self._left:
+            self._left -= 1
+            self._last = self._environment.step(action)
+        return deepcopy(self._last)
