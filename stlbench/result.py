@@ -33,7 +33,7 @@ __all__ = [
     "to_json",
 ]
 
-FORMAT = 2
+FORMAT = 3
 """Version of what is recorded and of how it is computed; part of every cell's key."""
 
 MAIN = "formula"
@@ -178,6 +178,9 @@ class CurvePoint:
     """CPU seconds of training so far."""
     satisfaction: float
     robustness_mean: float
+    starts: int | None = None
+    """From how many of these starts: a checkpoint that is clearly behind is scored from fewer than a good one. None in
+    records that do not say it; there it is all."""
 
 
 @dataclass(frozen=True)

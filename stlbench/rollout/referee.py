@@ -6,21 +6,25 @@ enters a score: a method is there only to give the policy the inputs that it was
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Policy, RewardMethod
+from stlbench.contract import Array, Integers, Policy, RewardMethod, Truth
 from stlbench.result import MAIN, Score
 from stlbench.rollout.environment import Simulator
+from stlbench.rollout.selection import Race, race
 from stlbench.task import starts
 from stlbench.task.task import Task
 
 __all__ = ["Assessment", "Evaluation", "Referee", "follow", "record", "score", "start_states"]
+
+_COPIES = 512
+"""The most that checkpoints are simulated in at a time: their traces fill memory, and more are hardly faster."""
 
 
 def start_states(task: Task) -> tuple[Array, Array]:
@@ -119,6 +123,19 @@ class Assessment(NamedTuple):
     """(N, decisions + 1, n): the states behind them, at each decision and at the end."""
 
 
+@dataclass(frozen=True)
+class _Crowd(Policy):
+    """Several policies as one: each acts for its equal share of the copies, in turn."""
+
+    policies: Sequence[Policy]
+
+    def act(self, observation: Array) -> Integers | Array:
+        shares = np.split(observation, len(self.policies))
+        acted: list[Any] = [policy.act(share) for policy, share in zip(self.policies, shares, strict=True)]
+        together: Integers | Array = np.concatenate(acted)
+        return together
+
+
 class Referee:
     """Scores the policies of one cell: checkpoints for selection, then the report.
 
@@ -140,14 +157,35 @@ class Referee:
             )
 
     def select(self, policy: Policy) -> tuple[float, float]:
-        """Satisfaction and mean robustness of the task's formula from the starts kept for selection.
+        """Satisfaction and mean robustness of the task's formula from all of the starts kept for selection.
 
         These share no state with the report's.
         """
-        traces = record(self.task, self.method, policy, self._selection)
-        formula, names = self.task.formula, self.task.signals
-        satisfied, robustness = stl.satisfied(formula, traces, names), stl.robustness(formula, traces, names)
+        satisfied, robustness = self._verdicts([policy], self._selection)
         return float(satisfied.mean()), float(robustness.mean())
+
+    def choose(self, policies: Sequence[Policy]) -> Race:
+        """The best of the checkpoints (K,), by a race on the starts kept for selection.
+
+        Those in the race are simulated side by side.
+        """
+
+        def play(which: Integers, part: slice) -> tuple[Truth, Array]:
+            return self._verdicts([policies[i] for i in which], self._selection[part])
+
+        return race(play, len(policies), len(self._selection))
+
+    def _verdicts(self, policies: Sequence[Policy], states: Array) -> tuple[Truth, Array]:
+        """Satisfaction and robustness when each of the policies (k,) acts from each of the states (n, ...): (k, n)."""
+        formula, names, together = self.task.formula, self.task.signals, max(1, _COPIES // len(states))
+        satisfied, robustness = [], []
+        for first in range(0, len(policies), together):
+            crowd = _Crowd(policies[first : first + together])
+            traces = record(self.task, self.method, crowd, np.tile(states, (len(crowd.policies), 1)))
+            satisfied.append(stl.satisfied(formula, traces, names))
+            robustness.append(stl.robustness(formula, traces, names))
+        shape = len(policies), len(states)
+        return np.concatenate(satisfied).reshape(shape), np.concatenate(robustness).reshape(shape)
 
     def assess(self, policy: Policy) -> Assessment:
         """Every protocol's score, from the report's starts."""

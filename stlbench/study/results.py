@@ -20,7 +20,7 @@ __all__ = ["Results"]
 _NUMBERS = tuple(part.name for part in fields(Measurement) if part.name not in ("selected", "final", "curve"))
 _COUNTS = ("selected_steps", "env_steps", "inputs_added")
 _SCORE = ("robustness_mean", "robustness_min", "satisfaction")
-_CURVE = ("steps", "cpu_seconds", "satisfaction", "robustness_mean")
+_CURVE = ("steps", "cpu_seconds", "satisfaction", "robustness_mean", "starts")
 
 
 @dataclass(frozen=True, repr=False)
@@ -117,7 +117,8 @@ class Results:
     def curves(self) -> pd.DataFrame:
         """One row per finished cell and checkpoint, scored on the starts that are kept for selection.
 
-        `steps` are environment steps, `cpu_seconds` those of training so far.
+        `steps` are environment steps, `cpu_seconds` those of training so far; `starts` says from how many of those
+        starts, and is missing in older records, where it is all of them.
         """
         rows = (
             (result.id, {name: getattr(point, name) for name in _CURVE})
@@ -125,7 +126,7 @@ class Results:
             if result.measurement
             for point in result.measurement.curve
         )
-        return _table(rows, _CURVE)
+        return _table(rows, _CURVE).astype({"starts": "Int64"})
 
     def failures(self) -> pd.DataFrame:
         """One row per cell that raised, ran out of time or was killed: status, reason and traceback.

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -66,23 +67,13 @@ class _Clock:
         self._since = (time.process_time(), time.perf_counter())
 
 
-class _Selection:
-    """The best checkpoint so far: by satisfaction, then by mean robustness, on the starts kept for selection."""
+class _Reported(NamedTuple):
+    """A checkpoint, frozen."""
 
-    def __init__(self, referee: Referee, clock: _Clock) -> None:
-        self.referee, self.clock = referee, clock
-        self.curve: list[CurvePoint] = []
-        self.best: Policy | None = None
-        self.steps = 0
-        self._rank = (-1.0, -np.inf)
-
-    def __call__(self, policy: Policy, steps: int) -> None:
-        self.clock.pause()
-        satisfaction, mean = self.referee.select(policy)
-        self.curve.append(CurvePoint(steps, self.clock.cpu, satisfaction, mean))
-        if (satisfaction, mean) > self._rank:
-            self._rank, self.best, self.steps = (satisfaction, mean), policy, steps
-        self.clock.resume()
+    policy: Policy
+    steps: int
+    cpu_seconds: float
+    """Of training so far."""
 
 
 def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple[Measurement, Assessment]:
@@ -92,8 +83,14 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
     budget = task.budget(cell.id.budget)
     used: list[BatchEnvironment] = []
     clock = _Clock()
-    selection = _Selection(referee, clock)
-    training = _training(task, method, cell, budget, selection, used.append)
+    reported: list[_Reported] = []
+
+    def report(policy: Policy, steps: int) -> None:
+        clock.pause()
+        reported.append(_Reported(policy, steps, clock.cpu))
+        clock.resume()
+
+    training = _training(task, method, cell, budget, report, used.append)
     rehearse(agent, training, task.file.hold)
     used.clear()
     clock.resume()
@@ -102,16 +99,16 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
     taken = sum(environment.taken for environment in used)
     if taken > budget.steps:
         raise RuntimeError(f"agent {cell.id.agent} took {taken} environment steps, its budget is {budget.steps}")
-    selected = final if selection.best is None else selection.best
-    assessment = referee.assess(selected)
-    last = assessment if selected is final else referee.assess(final)
+    selected, curve = _choose(referee, reported or [_Reported(final, taken, clock.cpu)])
+    assessment = referee.assess(selected.policy)
+    last = assessment if selected.policy is final else referee.assess(final)
     reward_nanoseconds = reward_time(task, method)
     whole.pause()
     measurement = Measurement(
         selected=assessment.scores,
         final=last.scores,
-        selected_steps=selection.steps,
-        curve=tuple(selection.curve),
+        selected_steps=selected.steps,
+        curve=curve,
         training_cpu_seconds=clock.cpu,
         training_wall_seconds=clock.wall,
         cpu_seconds=whole.cpu,
@@ -121,6 +118,14 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
         inputs_added=method.memory_size,
     )
     return measurement, assessment
+
+
+def _choose(referee: Referee, reported: Sequence[_Reported]) -> tuple[_Reported, tuple[CurvePoint, ...]]:
+    """The best of the checkpoints, and the learning curve of all."""
+    found = referee.choose([checkpoint.policy for checkpoint in reported])
+    scores = zip(found.satisfaction.tolist(), found.robustness_mean.tolist(), found.starts.tolist(), strict=True)
+    curve = [CurvePoint(at.steps, at.cpu_seconds, *score) for at, score in zip(reported, scores, strict=True)]
+    return reported[found.best], tuple(curve)
 
 
 def _training(

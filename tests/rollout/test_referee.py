@@ -137,6 +137,31 @@ class TestReferee:
         assert referee.select(policy) == (0.0, pytest.approx(-1 - others.mean()))
         assert referee.assess(policy).scores[MAIN].robustness == pytest.approx(-1 - own)
 
+    def test_checkpoints_side_by_side_have_the_scores_that_each_has_alone(self) -> None:
+        """Bit for bit, memories and held actions included; more of them than are simulated at a time."""
+        task = line(hold=2, starts=8, formula="G[0,8] (x <= 2) | F[0,8] (x <= -1)")
+        probe = Probe(task.specification, memory_size=1)
+        # they turn at different times: the memory counts steps
+        policies = [Rule(lambda seen, k=k: np.where(seen[:, 3] < k % 9, 2, k % 3)) for k in range(150)]
+        referee = Referee(task, probe)
+        found = referee.choose(policies)
+        alone = [referee.select(policy) for policy in policies]
+        assert found.starts.tolist() == [8] * 150
+        assert list(zip(found.satisfaction.tolist(), found.robustness_mean.tolist(), strict=True)) == alone
+        assert len(set(alone)) == 4
+        assert found.best == alone.index(max(alone))
+
+    def test_a_race_of_checkpoints_is_on_the_first_starts_first(self) -> None:
+        task = line(starts=16)
+        referee = Referee(task, Probe(task.specification))
+        found = referee.choose([Rule(lambda seen: UP), Rule(lambda seen: 0)])  # robustness -1 - x_0 and 1 - x_0
+        others = start_states(task)[1][:, 0]
+        assert (found.best, found.starts.tolist()) == (1, [8, 8])
+        assert found.robustness_mean == pytest.approx([-1 - others[:8].mean(), 1 - others[:8].mean()])
+        # a first part is as even as the whole
+        assert abs(others[:8].mean() - others.mean()) < 0.1
+        assert np.ptp(others[:8]) > 1.5
+
     def test_protocols_in_seconds_are_read_in_the_tasks_unit(self) -> None:
         task = line(
             time="seconds", formula="G[0,2] (x <= 1)", protocols={"tail": {"title": "t", "formula": "G[3,4] (x <= 1)"}}
