@@ -81,6 +81,16 @@ def test_json_has_the_parts_of_the_identity_beside_the_rest_as_it_always_had():
     assert from_json(json.dumps(content)) == result("funnel[b=2,a=1]", 3, robustness=(float("inf"), 0.5)) != result()
 
 
+def test_a_record_whose_curve_does_not_say_its_starts_is_read():
+    content = json.loads(to_json(result()))
+    points = content["measurement"]["curve"]
+    assert [point.pop("starts") for point in points] == [None, 64]
+    read = from_json(json.dumps(content)).measurement
+    assert read is not None
+    assert [point.starts for point in read.curve] == [None, None]
+
+
+
 @pytest.mark.parametrize("text", ["", "[]", "{}", "null", to_json(result()).replace('"seed": 0', '"seed": "x"')])
 def test_other_json_is_refused(text):
     with pytest.raises(ValueError):  # noqa: PT011
