@@ -90,7 +90,6 @@ def test_a_record_whose_curve_does_not_say_its_starts_is_read():
     assert [point.starts for point in read.curve] == [None, None]
 
 
-
 @pytest.mark.parametrize("text", ["", "[]", "{}", "null", to_json(result()).replace('"seed": 0', '"seed": "x"')])
 def test_other_json_is_refused(text):
     with pytest.raises(ValueError):  # noqa: PT011
