@@ -76,14 +76,47 @@ class _Reported(NamedTuple):
     """Of training so far."""
 
 
+class _Trained(NamedTuple):
+    """What came of a training."""
+
+    final: Policy
+    checkpoints: list[_Reported]
+    """At least one: where an agent reported none, its final policy."""
+    env_steps: int
+    clock: _Clock
+
+
 def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple[Measurement, Assessment]:
     """Train, and score the selected and the final policy: the measurement and the selected policy's report."""
     whole = _Clock()
     referee = Referee(task, method)
-    budget = task.budget(cell.id.budget)
+    trained = _train(task, method, agent, cell)
+    selected, curve = _choose(referee, trained.checkpoints)
+    assessment = referee.assess(selected.policy)
+    last = assessment if selected.policy is trained.final else referee.assess(trained.final)
+    reward_nanoseconds = reward_time(task, method)
+    whole.pause()
+    measurement = Measurement(
+        selected=assessment.scores,
+        final=last.scores,
+        selected_steps=selected.steps,
+        curve=curve,
+        training_cpu_seconds=trained.clock.cpu,
+        training_wall_seconds=trained.clock.wall,
+        cpu_seconds=whole.cpu,
+        wall_seconds=whole.wall,
+        env_steps=trained.env_steps,
+        reward_nanoseconds=reward_nanoseconds,
+        inputs_added=method.memory_size,
+    )
+    return measurement, assessment
+
+
+def _train(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> _Trained:
+    """Rehearse, then train by the clock. Raises `RuntimeError` where the agent takes more steps than its budget."""
     used: list[BatchEnvironment] = []
-    clock = _Clock()
     reported: list[_Reported] = []
+    budget, clock = task.budget(cell.id.budget), _Clock()
 
     def report(policy: Policy, steps: int) -> None:
         clock.pause()
@@ -99,25 +132,7 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
     taken = sum(environment.taken for environment in used)
     if taken > budget.steps:
         raise RuntimeError(f"agent {cell.id.agent} took {taken} environment steps, its budget is {budget.steps}")
-    selected, curve = _choose(referee, reported or [_Reported(final, taken, clock.cpu)])
-    assessment = referee.assess(selected.policy)
-    last = assessment if selected.policy is final else referee.assess(final)
-    reward_nanoseconds = reward_time(task, method)
-    whole.pause()
-    measurement = Measurement(
-        selected=assessment.scores,
-        final=last.scores,
-        selected_steps=selected.steps,
-        curve=curve,
-        training_cpu_seconds=clock.cpu,
-        training_wall_seconds=clock.wall,
-        cpu_seconds=whole.cpu,
-        wall_seconds=whole.wall,
-        env_steps=taken,
-        reward_nanoseconds=reward_nanoseconds,
-        inputs_added=method.memory_size,
-    )
-    return measurement, assessment
+    return _Trained(final, reported or [_Reported(final, taken, clock.cpu)], taken, clock)
 
 
 def _choose(referee: Referee, reported: Sequence[_Reported]) -> tuple[_Reported, tuple[CurvePoint, ...]]:

@@ -14,7 +14,7 @@ import pytest
 from helpers import line_task
 
 from stlbench import stl
-from stlbench.contract import Intractable, Unsuitable
+from stlbench.contract import Array, Integers, Intractable, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.registry.choices import parse_choices
 from stlbench.result import MAIN, CellId, Measurement, Result
@@ -195,6 +195,15 @@ class TestScript:
         assert [point.satisfaction for point in found.curve] == [0, 0, 0, 0]
         assert np.diff([point.robustness_mean for point in found.curve]) == pytest.approx([4, 4, -8])
 
+    def test_of_an_agent_that_reports_nothing_the_final_policy_is_selected(self, agent: Callable[[int], Any]) -> None:
+        script = agent(2)
+        script.actions, script.more = [], 3
+        found = trial.run_cell(self.cell()).measurement
+        assert found is not None
+        assert found.selected == found.final
+        assert [(point.steps, point.starts) for point in found.curve] == [(6, 4)]
+        assert found.selected_steps == 6
+
     def test_the_training_is_the_budgets_and_the_warm_up_is_not_counted(self, agent: Callable[[int], Any]) -> None:
         script = agent(2)
         found = trial.run_cell(self.cell()).measurement
@@ -218,6 +227,30 @@ class TestScript:
         assert raw == tau
         assert raw[1] != other[1]
         assert raw[2] != other[2]
+
+
+def test_the_time_of_a_reward_is_measured_without_simulating_as_many_copies() -> None:
+    task = load_task("hold-disc")
+    stepped, rewarded = list[int](), list[int]()
+
+    class Counted(type(task.system)):  # type: ignore[misc]
+        def step(self, state: Array, action: Array) -> Array:
+            stepped.append(len(state))
+            return super().step(state, action)
+
+    method = build_method(task, "flag")
+    along = method.along
+
+    def counted(signals: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        rewarded.append(signals.shape[1])
+        assert len(action) == len(t) == len(memory) == signals.shape[1]
+        return along(signals, action, t, memory)
+
+    method.along = counted  # type: ignore[method-assign]
+    counting = replace(task, system=Counted(task.file.sampling_time))
+    assert trial.reward_time(counting, method) > 0
+    assert set(rewarded) == {1024}
+    assert max(stepped) < 100
 
 
 class TestFindings:
