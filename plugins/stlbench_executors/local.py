@@ -19,7 +19,6 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from types import ModuleType
 from typing import Annotated, Any
 
-from pebble import ProcessExpired, ProcessPool
 from pydantic import Field
 
 from stlbench.contract import Executor, Outcome
@@ -112,6 +111,8 @@ class _Slot:
 
     def _schedule(self, work: bytes) -> Future[Any]:
         if self.pool is None:
+            from pebble import ProcessPool  # imports asyncio, which a study that is done already does without
+
             self.pool = ProcessPool(1, initializer=_prepare, context=_Context())
         future: Future[Any] = self.pool.schedule(_call, (work,), timeout=self._deadlines[self._index])
         return future
@@ -124,6 +125,8 @@ class _Slot:
 
     def outcome(self) -> Outcome | None:
         """How the item ended; None where no worker took it and it is to be offered again."""
+        from pebble import ProcessExpired
+
         try:
             if not self._future.done():
                 raise BrokenProcessPool

@@ -5,15 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-from rich.progress import Progress as Bar
 from rich.text import Text
 
 from stlbench.registry.choices import Choice
 from stlbench.result import MAIN, CellId, Result
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
 
 __all__ = ["Progress"]
 
@@ -28,15 +29,14 @@ class Progress:
         self.total = self.done = self.ran = 0
         self.missing = set[CellId]()
         self.console = Console(stderr=True, highlight=False, soft_wrap=True)
-        columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-        self.bar = Bar(*columns, console=self.console, disable=not self.console.is_terminal, refresh_per_second=2)
-        self.task = self.bar.add_task("")
+        self.bar: Bar | None = None
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.bar.stop()
+        if self.bar is not None:
+            self.bar.stop()
 
     def begin(self, missing: Sequence[CellId], done: int) -> None:
         """Say how many cells there are, and begin to count the time."""
@@ -45,8 +45,8 @@ class Progress:
         self.total, self.since = total, time.monotonic()
         earlier = f", {done} of them done before" if done else ""
         self._say(f"{total} {'cell' if total == 1 else 'cells'}{earlier}")
-        if done < total:
-            self.bar.reset(self.task, total=total, completed=done)
+        if missing:
+            self.bar = _bar(self.console, total, done)
             self.bar.start()
 
     def note(self, text: str) -> None:
@@ -62,7 +62,8 @@ class Progress:
         else:
             self.ran += 1
         self._say(f"[{self.done}/{self.total}] {describe(result)}")
-        self.bar.update(self.task, completed=self.done, description=self._left())
+        if self.bar is not None:
+            self.bar.update(self.bar.task_ids[0], completed=self.done, description=self._left())
 
     def _left(self) -> str:
         """How long the rest may take, by the cells that ran; those of methods that do not fit their task take none."""
@@ -72,6 +73,15 @@ class Progress:
 
     def _say(self, line: str) -> None:
         self.console.print(Text(line))
+
+
+def _bar(console: Console, total: int, done: int) -> Bar:
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+    bar = Progress(*columns, console=console, disable=not console.is_terminal, refresh_per_second=2)
+    bar.add_task("", total=total, completed=done)
+    return bar
 
 
 def _reward(cell: CellId) -> tuple[Choice, Choice]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import hashlib
 from collections.abc import Iterator
+from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -47,17 +48,24 @@ def _file(module: str) -> Path | None:
     return None
 
 
-def _imports(module: str, path: Path, source: bytes) -> Iterator[str]:
+@lru_cache(maxsize=1024)
+def _imports(module: str, path: Path, source: bytes) -> tuple[str, ...]:
     """Names of the same top-level package that are imported anywhere in the source; some may be no modules."""
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError):
-        return
+        return ()
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    for node in ast.walk(tree):
-        for name in _targets(node, package):
-            if name.split(".")[0] == module.split(".")[0]:
-                yield name
+    names = (name for statement in _statements(tree) for name in _targets(statement, package))
+    return tuple(name for name in names if name.split(".")[0] == module.split(".")[0])
+
+
+def _statements(block: ast.AST) -> Iterator[ast.AST]:
+    """All below a block: of expressions, which are most of a tree, none is an import."""
+    for part in ("body", "handlers", "cases", "orelse", "finalbody"):
+        for statement in getattr(block, part, ()):
+            yield statement
+            yield from _statements(statement)
 
 
 def _targets(node: ast.AST, package: str) -> Iterator[str]:

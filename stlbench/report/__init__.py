@@ -61,14 +61,14 @@ def only(groups: Iterable[Group], cells: Container[CellId]) -> tuple[Group, ...]
 
 
 def write(groups: Sequence[Group], scores: Mapping[str, Score], folder: Path) -> list[Path]:
-    """Write every table and figure into `folder`, over those of an earlier report; the files' paths.
+    """Write every table into `folder`, and every figure that an earlier report did not draw alike; all files' paths.
 
     report.md has all tables, and how they came about; robustness, controllers and time (.csv, .tex) and cells.csv one
     each; figures/ a few of each task. `scores` are those of the controllers, by task; where there are none, their files
     have no row.
     Raises `UsageError` where the folder cannot be written.
     """
-    from stlbench.report.figures import report_figures  # matplotlib takes a second to import, and the tables do without
+    from stlbench.report.figures import report_figures  # imports all of tasks, and the tables do without
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

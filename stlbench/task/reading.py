@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import yaml
@@ -28,8 +29,12 @@ class Reading:
     """A line per error, with its place; none where there is a file."""
 
 
+@lru_cache(maxsize=64)
 def read(text: str, name: str) -> Reading:
-    """A task file's text, with every error. Raises `UsageError` where it is no YAML."""
+    """A task file's text, with every error. Raises `UsageError` where it is no YAML.
+
+    Cached, since a command asks for its tasks several times, and YAML is slow to read.
+    """
     try:
         content = yaml.safe_load(text)
     except yaml.YAMLError as error:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PlainSerializer, PlainValidator
+from pydantic import Field, ValidationInfo
 
 from stlbench import stl
-from stlbench.task.entry import Count, Entry, Finite, read_point_formula
+from stlbench.task.entry import Count, Entry, Finite, Read, read_point_formula
 from stlbench.task.region import Region
 
 __all__ = ["VIOLATION", "Ending", "Exploring", "TrainingEpisodes"]
@@ -16,14 +16,14 @@ VIOLATION: Literal["violation"] = "violation"
 """Where a term G[a,b] psi of the formula is violated."""
 
 
-def _read_where(value: Any) -> stl.Formula | Literal["violation"]:
-    return VIOLATION if value == VIOLATION else read_point_formula(value)
+def _read_where(value: Any, info: ValidationInfo) -> stl.Formula | Literal["violation"]:
+    return VIOLATION if value == VIOLATION else read_point_formula(value, info)
 
 
 class Ending(Entry):
     """Where a training episode ends early, as if `reward` were paid for ever after."""
 
-    where: Annotated[stl.Formula | Literal["violation"], PlainValidator(_read_where), PlainSerializer(str)]
+    where: Annotated[stl.Formula | Literal["violation"], Read(_read_where)]
     """A formula without temporal operators over the signals, such as of a pole that fell; or `VIOLATION`."""
     reward: Finite
     """In units of the method's `scale`."""

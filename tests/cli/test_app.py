@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
+from helpers.imports import HEAVY, imported
 
 from stlbench import __version__
 from stlbench.cli import app
-
-HEAVY = {"dm_control", "gymnasium", "matplotlib", "mujoco", "numba", "pandas", "scipy", "torch"}
 
 
 def test_version(say):
@@ -64,15 +60,8 @@ def test_a_bug_is_not_hidden(monkeypatch, tmp_path):
         ["show", "method", "flag"],
     ],
 )
-def test_starts_without_the_heavy_packages(say, tmp_path, words):
+def test_starts_without_the_heavy_packages(tmp_path, words):
     (tmp_path / "trace.csv").write_text("x\n1\n")
-    code = (
-        "import sys\nfrom stlbench.cli import app\n"
-        "try:\n    app(sys.argv[1:])\nexcept SystemExit as end:\n    assert not end.code\n"
-        "print(*sorted({name.partition('.')[0] for name in sys.modules}), file=sys.stderr)\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, *words], capture_output=True, text=True, check=True, cwd=tmp_path
-    )
-    assert "typer" in done.stderr.split()
-    assert not HEAVY & set(done.stderr.split())
+    packages = imported(*words, folder=tmp_path)
+    assert "typer" in packages
+    assert not HEAVY & packages

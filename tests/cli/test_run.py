@@ -8,16 +8,18 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from helpers.imports import HEAVY, imported
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
-from stlbench.study.ledger import Ledger
+from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.provenance import PACKAGES
-from stlbench.study.study import parse_seeds
+from stlbench.study.study import Study, parse_seeds
 
 TOY = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here")
 
@@ -56,6 +58,19 @@ def test_the_same_words_run_nothing_and_repeat_the_tables(run, monkeypatch):
     assert again.exit_code == 0
     assert again.stderr == "2 cells, 2 of them done before\n"
     assert again.stdout == first.stdout
+
+
+def test_what_is_done_already_is_reported_without_the_heavy_packages(tmp_path):
+    """The first report draws, the second finds the figures as they are."""
+    study = Study.of({"tasks": "hold-disc", "methods": "funnel,flag", "seeds": "1", "results": tmp_path})
+    with Ledger(tmp_path / FILE) as ledger:
+        for cell in study.cells():
+            ledger.record(replace(result(cell.id.method.name), key=cell.key))
+    words = ("run", "--methods", "funnel,flag", "--seeds", "1", "--results", tmp_path)
+    assert "matplotlib" in imported(*words, folder=tmp_path)
+    packages = imported(*words, folder=tmp_path)
+    assert "numpy" in packages
+    assert not HEAVY & packages
 
 
 def test_more_seeds_run_only_what_is_missing(run):

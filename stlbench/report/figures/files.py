@@ -1,17 +1,25 @@
-"""Files of figures: their names, and writing PNG and SVG."""
+"""Files of figures, PNG and SVG: their names, writing them, and what each of them says it was drawn from."""
 
 from __future__ import annotations
 
 import re
+from functools import cache
+from hashlib import sha256
+from importlib import metadata
+from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import matplotlib as mpl
-from matplotlib.figure import Figure
-from PIL import Image
-
+import stlbench
 from stlbench.errors import UsageError
 
-__all__ = ["file_name", "save"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["drawn", "file_name", "save", "source_of"]
+
+_HEAD = 4096
+"""Bytes of a file within which it says what it was drawn from."""
 
 
 def file_name(*parts: str) -> str:
@@ -25,18 +33,64 @@ def file_name(*parts: str) -> str:
     return "-".join(parts)
 
 
-def save(figure: Figure, folder: Path, name: str) -> list[Path]:
+def source_of(*values: object) -> str:
+    """A digest (64 hex digits) of what a figure is drawn from: the values, as `repr` has them, and what draws."""
+    return sha256(repr((_drawing(), values)).encode()).hexdigest()
+
+
+@cache
+def _drawing() -> tuple[str, ...]:
+    """What draws: versions, and the code of this room, so that a change of it shows without a new version."""
+    code = sha256()
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+        code.update(path.read_bytes())
+    return stlbench.__version__, metadata.version("matplotlib"), code.hexdigest()
+
+
+def drawn(folder: Path, name: str, source: str) -> list[Path]:
+    """The files of a figure where both are there and were drawn from this source (`source_of`); else none."""
+    paths = [folder / f"{name}.png", folder / f"{name}.svg"]
+    return paths if all(source.encode() in _head(path) for path in paths) else []
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(_HEAD)
+    except OSError:
+        return b""
+
+
+def save(figure: Figure, folder: Path, name: str, source: str = "") -> list[Path]:
     """Write the figure as `name`.png and `name`.svg, the same bytes whenever it is drawn again; their paths.
 
     The PNG has 256 colours, a third of the size: reports are committed. They are chosen for coverage; by the usual
     median cut, colours of few pixels such as a legend's were merged with their neighbours.
+
+    Args:
+        figure: what to write.
+        folder: is made where it is not there.
+        name: without the ending.
+        source: of the figure (`source_of`), kept in both files for `drawn`; none is kept where it is empty.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    png, svg = folder / f"{name}.png", folder / f"{name}.svg"
+    import matplotlib as mpl
+    from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
+
+    picture, few, svg, note = BytesIO(), BytesIO(), BytesIO(), PngInfo()
     with mpl.rc_context({"svg.hashsalt": "stlbench"}):
-        figure.savefig(png, dpi=120)
-        figure.savefig(svg, metadata={"Date": None})
-    with Image.open(png) as picture:
-        few = picture.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    few.save(png, optimize=True)
-    return [png, svg]
+        figure.savefig(picture, format="png", dpi=120)
+        figure.savefig(svg, format="svg", metadata={"Date": None, "Identifier": source or None})
+    if source:
+        note.add_text("Source", source)
+    colours = Image.open(picture).convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    colours.save(few, format="png", optimize=True, pnginfo=note)
+    folder.mkdir(parents=True, exist_ok=True)
+    return [_written(folder / f"{name}.{end}", file) for end, file in (("png", few), ("svg", svg))]
+
+
+def _written(path: Path, content: BytesIO) -> Path:
+    """Never half a file, which would say that it is all there."""
+    part = path.with_name(f"{path.name}.part")
+    part.write_bytes(content.getvalue())
+    return part.replace(path)

@@ -19,12 +19,7 @@ from stlbench.report.figures.scale import linear_threshold, set_symlog
 from stlbench.report.statistics import interval
 from stlbench.report.tables.rows import CurveRow, Group
 
-__all__ = ["aligned", "has_curves", "learning_curves"]
-
-
-def has_curves(groups: Sequence[Group]) -> bool:
-    """Whether some cell has checkpoints to draw; results that were read from a CSV table have none."""
-    return any(numbers.curve for group in groups for numbers in group.done)
+__all__ = ["aligned", "learning_curves"]
 
 
 def learning_curves(groups: Sequence[Group], unit: str) -> Figure:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,7 +20,8 @@ def as_array(values: ArrayLike) -> NDArray[Any]:
     Raises:
         TypeError: text, or a masked array, whose mask NumPy would drop without a word.
     """
-    if isinstance(values, np.ma.MaskedArray):
+    masked = sys.modules.get("numpy.ma")  # `np.ma` would import it, for every trace and none that is masked
+    if masked is not None and isinstance(values, masked.MaskedArray):
         raise TypeError("a masked array has samples without a value; cut them off, or put values in with filled()")
     if isinstance(values, str | bytes):
         raise TypeError(f"samples are numbers, got {type(values).__name__}")

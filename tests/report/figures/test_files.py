@@ -9,7 +9,8 @@ from matplotlib.patches import Rectangle
 from PIL import Image
 
 from stlbench.errors import UsageError
-from stlbench.report.figures.files import file_name, save
+from stlbench.report.figures import files
+from stlbench.report.figures.files import drawn, file_name, save, source_of
 
 
 def test_parts_of_a_name():
@@ -32,6 +33,45 @@ def test_the_same_figure_gives_the_same_files(tmp_path):
     assert (png.name, svg.name) == ("name.png", "name.svg")
     assert png.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     assert [path.read_bytes() for path in (png, svg)] == [path.read_bytes() for path in again]
+
+
+def test_both_files_say_what_they_were_drawn_from(tmp_path):
+    source = source_of("a figure", (0.1, 0.2))
+    assert drawn(tmp_path, "name", source) == []
+    paths = save(Figure(), tmp_path, "name", source)
+    assert drawn(tmp_path, "name", source) == paths
+    assert drawn(tmp_path, "name", source_of("a figure", (0.1, 0.3))) == []
+    assert drawn(tmp_path, "other", source) == []
+
+
+@pytest.mark.parametrize("lost", ["png", "svg"])
+def test_a_figure_of_which_a_file_is_gone_or_another_is_not_there(tmp_path, lost):
+    source = source_of("a figure")
+    path = next(path for path in save(Figure(), tmp_path, "name", source) if path.suffix == f".{lost}")
+    path.write_bytes(path.read_bytes().replace(source.encode(), b"0" * len(source)))
+    assert drawn(tmp_path, "name", source) == []
+    path.unlink()
+    assert drawn(tmp_path, "name", source) == []
+
+
+def test_a_figure_without_a_source_says_none(tmp_path):
+    png, svg = save(Figure(), tmp_path, "name")
+    assert b"Source" not in png.read_bytes()
+    assert b"identifier" not in svg.read_bytes()
+
+
+def test_nothing_but_the_figure_is_left_in_the_folder(tmp_path):
+    save(Figure(), tmp_path, "name")
+    assert {path.name for path in tmp_path.iterdir()} == {"name.png", "name.svg"}
+
+
+def test_another_version_is_another_source(monkeypatch):
+    before = source_of("a figure")
+    assert source_of("a figure") == before
+    monkeypatch.setattr("stlbench.__version__", "0.2.0")
+    files._drawing.cache_clear()
+    assert source_of("a figure") != before
+    files._drawing.cache_clear()
 
 
 def test_a_colour_of_few_pixels_is_kept_among_thousands_of_shades(tmp_path):

@@ -1,21 +1,16 @@
-"""Robustness by method, and both figures of a report, read back from matplotlib's own objects."""
+"""Robustness by method, read back from matplotlib's own objects."""
 
 from __future__ import annotations
 
 import csv
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.synthetic_results import result
 
-from stlbench.errors import UsageError
-from stlbench.registry.choices import Choice
 from stlbench.report import condense
-from stlbench.report.figures import report_figures
 from stlbench.report.figures.learning import learning_curves
-from stlbench.report.figures.palette import GROUPS_PER_FIGURE
 from stlbench.report.figures.robustness import robustness_by_method
 from stlbench.result import CurvePoint
 
@@ -56,40 +51,6 @@ def test_a_method_has_one_colour_in_both_figures():
     curves = [line.get_color() for line in learning_curves(GROUPS, "m").axes[0].lines]
     assert len(set(curves)) == 2
     assert set(curves) == points
-
-
-def test_two_figures_a_task_as_png_and_svg(tmp_path):
-    groups = condense([result(), result(task="other"), result(task="third", status="raised")])
-    paths = report_figures.draw(groups, tmp_path)
-    names = {
-        f"{kind}-{task}.{end}"
-        for kind in ("robustness", "learning")
-        for task in ("hold-disc", "other")
-        for end in ("png", "svg")
-    }
-    assert {path.name for path in paths} == {path.name for path in tmp_path.iterdir()} == names
-    assert all(path.stat().st_size > 1000 for path in paths)
-
-
-def test_the_same_results_give_the_same_file(tmp_path):
-    report_figures.draw(GROUPS, tmp_path / "a")
-    report_figures.draw(GROUPS, tmp_path / "b")
-    for path in (tmp_path / "a").iterdir():
-        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
-
-
-def test_a_task_cannot_leave_the_folder(tmp_path):
-    elsewhere = replace(result(), id=replace(result().id, task=Choice("../x")))
-    with pytest.raises(UsageError, match=r"'\.\./x' cannot name a figure's file"):
-        report_figures.draw(condense([elsewhere]), tmp_path / "figures")
-    assert not list(tmp_path.iterdir())
-
-
-def test_groups_that_do_not_fit_into_one_figure_go_into_the_next(tmp_path):
-    results = [result(f"method-{i:02}", curve=curve((100, 1.0, 0.1))) for i in range(GROUPS_PER_FIGURE + 1)]
-    names = {path.name for path in report_figures.draw(condense(results), tmp_path)}
-    assert {"robustness-hold-disc.png", "robustness-hold-disc_2.png", "learning-hold-disc_2.svg"} <= names
-    assert len(names) == 8
 
 
 def pendulum(**curves):
@@ -143,13 +104,3 @@ def test_learning_curves_of_methods_near_zero_are_told_apart():
     low, high = right.get_ylim()
     assert low < -700
     assert high > 0.03
-
-
-def test_results_without_checkpoints_have_no_learning_curves(tmp_path):
-    names = {path.name for path in report_figures.draw(pendulum(), tmp_path)}
-    assert names == {"robustness-pendulum.png", "robustness-pendulum.svg"}
-
-
-def test_a_report_names_the_unit_of_the_task(tmp_path):
-    svg = next(path for path in report_figures.draw(pendulum(), tmp_path) if path.suffix == ".svg")
-    assert "[rad or rad/s]" in svg.read_text(encoding="utf-8")

@@ -1,0 +1,126 @@
+"""The figures of a report: which files there are, and which of them are drawn again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from helpers.synthetic_results import result
+
+from stlbench.errors import UsageError
+from stlbench.registry.choices import Choice
+from stlbench.report import condense
+from stlbench.report.figures import files, report_figures
+from stlbench.report.figures.palette import GROUPS_PER_FIGURE
+from stlbench.result import CurvePoint, Result
+
+CURVE = (CurvePoint(100, 0.0, 1.0, 0.1),)
+CELLS = [*(result(method, seed) for method in ("funnel", "flag") for seed in (0, 1)), result(task="other")]
+
+
+def test_two_figures_a_task_as_png_and_svg(tmp_path: Path) -> None:
+    groups = condense([result(), result(task="other"), result(task="third", status="raised")])
+    paths = report_figures.draw(groups, tmp_path)
+    names = {
+        f"{kind}-{task}.{end}"
+        for kind in ("robustness", "learning")
+        for task in ("hold-disc", "other")
+        for end in ("png", "svg")
+    }
+    assert {path.name for path in paths} == {path.name for path in tmp_path.iterdir()} == names
+    assert all(path.stat().st_size > 1000 for path in paths)
+
+
+def test_the_same_results_give_the_same_file(tmp_path: Path) -> None:
+    report_figures.draw(condense(CELLS), tmp_path / "a")
+    report_figures.draw(condense(CELLS), tmp_path / "b")
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+
+
+def test_a_task_cannot_leave_the_folder(tmp_path: Path) -> None:
+    elsewhere = replace(result(), id=replace(result().id, task=Choice("../x")))
+    with pytest.raises(UsageError, match=r"'\.\./x' cannot name a figure's file"):
+        report_figures.draw(condense([elsewhere]), tmp_path / "figures")
+    assert not list(tmp_path.iterdir())
+
+
+def test_groups_that_do_not_fit_into_one_figure_go_into_the_next(tmp_path: Path) -> None:
+    results = [result(f"method-{i:02}", curve=CURVE) for i in range(GROUPS_PER_FIGURE + 1)]
+    names = {path.name for path in report_figures.draw(condense(results), tmp_path)}
+    assert {"robustness-hold-disc.png", "robustness-hold-disc_2.png", "learning-hold-disc_2.svg"} <= names
+    assert len(names) == 8
+
+
+def test_results_without_checkpoints_have_no_learning_curves(tmp_path: Path) -> None:
+    names = {path.name for path in report_figures.draw(condense([result(curve=())]), tmp_path)}
+    assert names == {"robustness-hold-disc.png", "robustness-hold-disc.svg"}
+
+
+def test_a_report_names_the_unit_of_the_task(tmp_path: Path) -> None:
+    groups = condense([result(task="pendulum")])
+    svg = next(path for path in report_figures.draw(groups, tmp_path) if path.suffix == ".svg")
+    assert "[rad or rad/s]" in svg.read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def draw(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Sequence[Result]], set[str]]:
+    """Draw the figures of results in one folder, and say which were not taken over from before."""
+
+    def draw(results: Sequence[Result]) -> set[str]:
+        saved = set[str]()
+
+        def save(figure: object, folder: Path, name: str, source: str = "") -> list[Path]:
+            saved.add(name)
+            return files.save(figure, folder, name, source)  # type: ignore[arg-type]
+
+        monkeypatch.setattr(report_figures, "save", save)
+        paths = report_figures.draw(condense(results), tmp_path)
+        assert set(paths) == set(tmp_path.iterdir())
+        return saved
+
+    return draw
+
+
+OF_HOLD_DISC = {"learning-hold-disc", "robustness-hold-disc"}
+OF_OTHER = {"learning-other", "robustness-other"}
+
+
+def test_nothing_is_drawn_again_where_nothing_changed(draw: Callable[[Sequence[Result]], set[str]]) -> None:
+    assert draw(CELLS) == OF_HOLD_DISC | OF_OTHER
+    assert draw(list(reversed(CELLS))) == set()
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        result("flag", 1, robustness=(0.3, 0.41)),
+        result("flag", 1, curve=CURVE),
+        result("flag", 1, "timeout"),
+        result("flag", 2),
+        result("raw", 0, "intractable"),
+    ],
+)
+def test_a_cell_that_changed_has_the_figures_of_its_task_drawn_again(
+    draw: Callable[[Sequence[Result]], set[str]], changed: Result
+) -> None:
+    draw(CELLS)
+    cells = {entry.id: entry for entry in [*CELLS, changed]}
+    assert draw([*cells.values()]) == OF_HOLD_DISC
+    assert draw([*cells.values()]) == set()
+
+
+def test_a_file_that_is_gone_is_drawn_again(draw: Callable[[Sequence[Result]], set[str]], tmp_path: Path) -> None:
+    draw(CELLS)
+    (tmp_path / "robustness-other.svg").unlink()
+    assert draw(CELLS) == {"robustness-other"}
+
+
+def test_another_unit_is_drawn_again(
+    draw: Callable[[Sequence[Result]], set[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draw(CELLS)
+    monkeypatch.setattr(report_figures, "unit_of_task", lambda task: "km")
+    assert draw(CELLS) == OF_HOLD_DISC | OF_OTHER
