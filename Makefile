@@ -51,11 +51,14 @@ docs: $(VENV)/ready-dev
 gate: $(VENV)/ready
 	$(BIN)/stlbench gate results/gate-reference --budget smoke
 
-## Speed beside that of others, by turns in one run; half an hour. Writes results/bench.json and docs/performance.md.
-bench: $(VENV)/ready-dev
+## Speed beside that of others, by turns in one run; an hour. Writes results/bench.json and docs/performance.md.
+## A part, after which the rest stays as it is: make bench PARTS=tests/benchmarks/test_monitor.py
+PARTS := tests/benchmarks
+bench: $(VENV)/ready-bench
 	@mkdir -p results
-	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -q --benchmark-json=results/benchmarks.json
-	$(BIN)/python tests/benchmarks/collect.py results/benchmarks.json --json results/bench.json --page docs/performance.md
+	$(BIN)/python -m pytest $(PARTS) --benchmark-only -q --benchmark-json=results/benchmarks.json
+	$(BIN)/python tests/benchmarks/collect.py results/benchmarks.json --json results/bench.json \
+	  $(if $(filter-out tests/benchmarks,$(PARTS)),--merge) --page docs/performance.md
 
 ## All tasks x all methods x 5 seeds, three hours of CPU time; goes on where it was interrupted. See docs/reproduction.md.
 reference: $(VENV)/ready-all

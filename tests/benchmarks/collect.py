@@ -3,7 +3,8 @@
     python tests/benchmarks/collect.py BENCHMARK_JSON --json results/bench.json --page docs/performance.md
 
 BENCHMARK_JSON is what `pytest --benchmark-json` wrote. Each benchmark put its figures into `extra_info`: a number, a
-list of samples, or a text, the reason why there is no number.
+list of samples, or a text, the reason why there is no number. With `--merge`, what was not measured this time stays as
+it is in the file that `--json` names; of those figures the table has the median alone.
 """
 
 from __future__ import annotations
@@ -11,13 +12,16 @@ from __future__ import annotations
 import argparse
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
 FIGURE = Path("figures/reward-cost")
 METHODS = ("funnel", "flag", "tau_mdp", "raw")
+PEERS = ("jax", "optax", "sbx-rl", "stable-baselines3", "torch", "sentil", "mstlo-python", "tidystl", "rtamt", "stlrom")
 
 
 class Line(NamedTuple):
@@ -33,12 +37,33 @@ def _training() -> Iterator[Line]:
     for actions, goal in ((61, "10"), (273, "7")):
         name = f"train_{actions}"
         yield Line(f"Training, {actions} actions: times SB3's steps/s", f"{name}_vs_sb3", "{:.1f} x", f"{goal} x")
+        yield Line("... times SBX's", f"{name}_vs_sbx", "{:.1f} x")
         yield Line("... times the plain torch loop's", f"{name}_vs_torch", "{:.1f} x")
         yield Line("... one copy alone: times SB3's", f"{name}_single_vs_sb3", "{:.1f} x")
+        yield Line("... one copy alone: times SBX's", f"{name}_single_vs_sbx", "{:.1f} x")
         yield Line("... one copy alone: times the torch loop's", f"{name}_single_vs_torch", "{:.1f} x")
-        for who, words in (("ours", "dqn"), ("single", "dqn, one copy"), ("torch", "torch"), ("sb3", "SB3")):
+        yield from _whole_loop("dqn" if actions == 61 else f"dqn_{actions}", 16)
+        sides = {"ours": "dqn", "single": "dqn, one copy", "jax_16": "JAX, 16 copies", "jax_1": "JAX, one copy"}
+        for who, words in (sides | {"torch": "torch", "sbx": "SBX", "sb3": "SB3"}).items():
             yield Line(f"... steps/s of {words}", f"{name}_steps_per_second_{who}", "{:,.0f}")
             yield Line(f"... share of the sgemm limit, {words}", f"{name}_share_of_sgemm_{who}", "{:.0%}")
+
+
+def _continuous() -> Iterator[Line]:
+    yield Line("Training, any torque: times SB3's steps/s", "td3_vs_sb3", "{:.1f} x")
+    yield Line("... times SBX's", "td3_vs_sbx", "{:.1f} x")
+    yield Line("... one copy alone: times SB3's", "td3_single_vs_sb3", "{:.1f} x")
+    yield Line("... one copy alone: times SBX's", "td3_single_vs_sbx", "{:.1f} x")
+    yield from _whole_loop("td3", 8)
+    sides = {"ours": "td3", "single": "td3, one copy", "jax_8": "JAX, 8 copies", "jax_1": "JAX, one copy"}
+    for who, words in (sides | {"sbx": "SBX", "sb3": "SB3"}).items():
+        yield Line(f"... steps/s of {words}", f"td3_steps_per_second_{who}", "{:,.0f}")
+
+
+def _whole_loop(name: str, copies: int) -> Iterator[Line]:
+    """Beside the JAX program; below 1 it is the faster."""
+    yield Line(f"... times the JAX program's, {copies} copies each", f"{name}_{copies}_vs_jax", "{:.2f} x", "1 x")
+    yield Line("... times the JAX program's, one copy each", f"{name}_1_vs_jax", "{:.2f} x", "1 x")
 
 
 def _time_to_result() -> Iterator[Line]:
@@ -100,7 +125,7 @@ def _rest() -> Iterator[Line]:
     yield Line("Two workers: times one", "two_workers_speedup", "{:.2f} x", "1.9 x")
 
 
-LINES = (*_training(), *_time_to_result(), *_monitor(), *_methods(), *_rest())
+LINES = (*_training(), *_continuous(), *_time_to_result(), *_monitor(), *_methods(), *_rest())
 
 
 def read(path: Path) -> tuple[dict[str, Any], str]:
@@ -117,14 +142,29 @@ def read(path: Path) -> tuple[dict[str, Any], str]:
     return noted, f"{words}, Python {machine['python_version']}, {content['datetime'][:10]}"
 
 
+def standing(path: Path) -> dict[str, float | None]:
+    """Key -> median, as `--json` wrote it before; nothing where there is no file."""
+    content: dict[str, float | None] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return content
+
+
+def versions(names: Iterable[str]) -> str:
+    """Those of the distributions that are installed here, with their versions."""
+    found = []
+    for name in names:
+        with suppress(PackageNotFoundError):
+            found.append(f"{name} {version(name)}")
+    return ", ".join(found)
+
+
 def flat(noted: Mapping[str, Any]) -> dict[str, float | None]:
     """Key -> median; None where there is none to give."""
     return {key: middle(value) for key, value in sorted(noted.items())}
 
 
 def middle(value: Any) -> float | None:
-    """The median of what was noted, None for a text."""
-    if isinstance(value, str) or value == []:
+    """The median of what was noted, None for a text or nothing."""
+    if value is None or isinstance(value, str) or value == []:
         return None
     return float(median(value) if isinstance(value, list) else value)
 
@@ -132,7 +172,7 @@ def middle(value: Any) -> float | None:
 def table(noted: Mapping[str, Any]) -> str:
     """The Markdown table of all that was measured."""
     rows = ["| | Median | Least to greatest | Goal |", "|:--|--:|:-:|--:|"]
-    rows += [_row(line, noted[line.key]) for line in LINES if line.key in noted]
+    rows += [_row(line, noted[line.key]) for line in LINES if noted.get(line.key) is not None]
     return "\n".join(rows)
 
 
@@ -204,15 +244,20 @@ def replaced(page: str, name: str, text: str) -> str:
     return f"{before}{begin}\n\n{text}\n\n{end}{rest.split(end, 1)[1]}"
 
 
-def main() -> None:
+def main(words: Sequence[str] | None = None) -> None:
     """Write the files that the options name, and print the table."""
     parser = argparse.ArgumentParser(description="Boil down what the benchmarks measured.")
     parser.add_argument("benchmarks", type=Path, help="what pytest --benchmark-json wrote")
     parser.add_argument("--json", type=Path, help="write the medians there")
+    parser.add_argument("--merge", action="store_true", help="keep what stands there and was not measured now")
     parser.add_argument("--page", type=Path, help="put the tables between the markers of this Markdown page")
-    options = parser.parse_args()
+    options = parser.parse_args(words)
+    if options.merge and not options.json:
+        parser.error("--merge keeps what stands in the file that --json names")
     noted, machine = read(options.benchmarks)
-    shown = f"{machine}.\n\n{table(noted)}"
+    if options.merge:
+        noted = standing(options.json) | noted
+    shown = f"{machine}. Peers: {versions(PEERS)}.\n\n{table(noted)}"
     if options.json:
         options.json.parent.mkdir(parents=True, exist_ok=True)
         options.json.write_text(json.dumps(flat(noted), indent=2) + "\n", encoding="utf-8")

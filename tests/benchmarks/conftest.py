@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -11,6 +12,9 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 Work = Callable[[], Any]
+
+#: of JAX, which reads them when it first computes; with its pool of threads it needs up to twice the CPU time
+JAX = {"JAX_PLATFORMS": "cpu", "NPROC": "1", "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false"}
 
 
 class Race:
@@ -71,9 +75,15 @@ def ratios(theirs: Sequence[float], ours: Sequence[float]) -> list[float]:
     return [their / our for their, our in zip(theirs, ours, strict=True)]
 
 
+def without(names: Sequence[str]) -> dict[str, str]:
+    """Those of the modules that are not installed -> the text to note in place of a number."""
+    return {name: f"{name} is not installed" for name in names if importlib.util.find_spec(name) is None}
+
+
 @pytest.fixture
 def race(benchmark: BenchmarkFixture) -> Race:
     """A race, on one thread."""
     if os.environ.get("OMP_NUM_THREADS") != "1":
         pytest.fail("benchmarks are of one thread: set OMP_NUM_THREADS=1 before Python starts, as `make bench` does")
+    os.environ |= JAX
     return Race(benchmark)

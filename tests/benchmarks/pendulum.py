@@ -1,20 +1,24 @@
-"""The paper's pendulum (sec. IV-A), on which training is timed, with its 61 actions or with a grid of 273."""
+"""The paper's pendulum (sec. IV-A), on which training is timed: 61 actions, a grid of 273, or any torque."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import yaml
 
-from stlbench.contract import Array, Integers, System
+from stlbench.contract import Agent, Array, Integers, System, Training
 from stlbench.registry.choices import Choice
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.task import build_method
 from stlbench.task.reading import read_task_file
 from stlbench.task.task import Task
 
-__all__ = ["Pendulum", "pendulum"]
+__all__ = ["Pendulum", "environment", "pendulum", "training"]
 
-_GRIDS: dict[int, dict[str, dict[str, float]]] = {
+_ACTIONS: dict[int | None, dict[str, dict[str, float]]] = {
+    None: {"a": {"low": -3, "high": 3}},
     61: {"a": {"low": -3, "high": 3, "count": 61}},
     273: {"a": {"low": -3, "high": 3, "count": 21}, "nothing": {"low": -1, "high": 1, "count": 13}},
 }
@@ -64,7 +68,18 @@ def _wrapped(angle: Array) -> Array:
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
-def pendulum(actions: int) -> Task:
-    """The task with 61 or 273 actions."""
-    text = yaml.safe_dump(_FILE | {"actions": _GRIDS[actions]}, sort_keys=False)
+def pendulum(actions: int | None) -> Task:
+    """The task with 61 or 273 actions; None: with any torque between the ends."""
+    text = yaml.safe_dump(_FILE | {"actions": _ACTIONS[actions]}, sort_keys=False)
     return Task(Choice("pendulum"), read_task_file(text, "pendulum"), Pendulum(0.01))
+
+
+def environment(task: Task, copies: int) -> BatchEnvironment:
+    """The task under the funnel's reward."""
+    return BatchEnvironment(task, build_method(task, "funnel"), copies, seed=0)
+
+
+def training(agent: Agent, task: Task, steps: int) -> Callable[[], Any]:
+    """A function that trains the agent anew for so many steps, without reports on the way."""
+    whole = Training(lambda count: environment(task, count), steps, 0, lambda policy, taken: None, 1)
+    return lambda: agent.train(whole)
