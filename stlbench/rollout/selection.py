@@ -21,6 +21,8 @@ _FIRST = 8
 """Starts of the first round, or an eighth of them, whichever is more; each round doubles their number."""
 _SURE = 3.0
 """Standard errors of the difference by which a checkpoint is behind that leaves."""
+_SAFE = 5.0
+"""Standard deviations over starts by which a leader's mean robustness is above 0 whose satisfaction is settled."""
 
 
 class Race(NamedTuple):
@@ -39,9 +41,12 @@ def race(play: Callable[[Integers, slice], tuple[Truth, Array]], checkpoints: in
     """Find the best of some checkpoints, of equals the first.
 
     A checkpoint leaves after a round of n starts if it is behind the leader of that round by more than 3 standard
-    errors. What is compared, start by start, is satisfaction; or robustness, where the two satisfied from the very
-    same starts. The error is that of a mean over n of all N starts, which falls to 0 as n comes to N: of those that
-    are never clearly behind, the best is found by all starts, exactly.
+    errors. What is compared, start by start, is satisfaction. Where the two satisfied from the very same starts it is
+    robustness, but only once satisfaction is settled: the leader satisfied from none, or from all with a mean
+    robustness of more than 5 standard deviations over the starts, so that it hardly fails from the others.
+
+    The standard error is that of a mean over n of all N starts, which falls to 0 as n comes to N: of those that are
+    never clearly behind, the best is found by all starts, exactly.
 
     Args:
         play: from checkpoints (k,) and a part of the starts to whether they satisfied, and their robustness, (k, part).
@@ -80,10 +85,19 @@ def _leader(satisfied: Array, robustness: Array) -> int:
 def _behind(satisfied: Array, robustness: Array, starts: int) -> Truth:
     """Which of k checkpoints are clearly behind their leader by n of the starts, both (k, n): (k,)."""
     leader, n = _leader(satisfied, robustness), satisfied.shape[1]
+    by_verdict = satisfied[leader] - satisfied
+    alike = ~by_verdict.any(axis=1)
     with np.errstate(invalid="ignore"):  # robustness may be infinite
-        by_verdict, by_robustness = satisfied[leader] - satisfied, robustness[leader] - robustness
-        behind = np.where(by_verdict.any(axis=1, keepdims=True), by_verdict, by_robustness)
-        mean, spread = behind.mean(axis=1), behind.std(axis=1, ddof=1 if n > 1 else 0)
-    error = spread * np.sqrt(1 / n - 1 / starts)
-    clearly: Truth = mean > _SURE * error
-    return clearly
+        ahead = np.where(alike[:, None], robustness[leader] - robustness, by_verdict)
+        error = _spread(ahead) * np.sqrt(1 / n - 1 / starts)
+        clearly: Truth = ahead.mean(axis=1) > _SURE * error
+        safe = robustness[leader].mean() > _SAFE * _spread(robustness[leader])
+    settled = n == starts or not satisfied[leader].any() or (satisfied[leader].all() and safe)
+    leaves: Truth = clearly & (~alike | settled)
+    return leaves
+
+
+def _spread(values: Array) -> Array:
+    """The standard deviation along the last axis; of one value it is not known, and infinite."""
+    spread: Array = values.std(axis=-1, ddof=1) if values.shape[-1] > 1 else np.full(values.shape[:-1], np.inf)
+    return spread
