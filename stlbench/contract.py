@@ -119,9 +119,16 @@ class Specification:
 
     def range(self, psi: stl.Formula) -> tuple[float, float]:
         """Sound bounds (rho_min, rho_max) of the robustness of `psi` over the box of the signals."""
-        box = {name: (low, high) for name, low, high in zip(self.signals, self.low, self.high, strict=True)}
-        proven = stl.bounds(psi, box)
-        return proven.low, proven.high
+        if psi not in self._ranges:
+            box = {name: (low, high) for name, low, high in zip(self.signals, self.low, self.high, strict=True)}
+            proven = stl.bounds(psi, box)
+            self._ranges[psi] = proven.low, proven.high
+        return self._ranges[psi]
+
+    @cached_property
+    def _ranges(self) -> dict[stl.Formula, tuple[float, float]]:
+        """Those that were asked for, since every method asks for those of all terms."""
+        return {}
 
 
 class RewardMethod:

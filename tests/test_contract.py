@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification
 from stlbench.stl import parse
 
@@ -82,3 +85,13 @@ def test_both_or_neither_is_refused_when_the_class_is_made() -> None:
         type("Neither", (RewardMethod,), {})
     with pytest.raises(TypeError, match=r"^Both has both of step and along; write one of them$"):
         type("Both", (Steps,), {"step": Steps.step, "along": RewardMethod.along})
+
+
+def test_a_range_is_proven_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, bounds = list[str](), stl.bounds
+    monkeypatch.setattr(stl, "bounds", lambda psi, box: asked.append(str(psi)) or bounds(psi, box))
+    specification = replace(SPECIFICATION)
+    for _ in range(2):
+        assert specification.range(parse("x >= 1")) == pytest.approx((-10, 8))
+        assert specification.range(parse("x >= 2")) == pytest.approx((-11, 7))
+    assert asked == ["x >= 1", "x >= 2"]

@@ -31,6 +31,31 @@ def test_an_edit_of_the_module_or_of_what_it_imports_from_its_package_is_seen(si
     assert "zz_pack" not in sys.modules
 
 
+BLOCKS = [
+    "def f():\n    {}",
+    "async def f():\n    {}",
+    "class C:\n    def f(self):\n        {}",
+    "if x:\n    pass\nelif y:\n    {}\nelse:\n    pass",
+    "if x:\n    pass\nelse:\n    {}",
+    "for i in x:\n    {}",
+    "while x:\n    {}",
+    "with x:\n    {}",
+    "try:\n    {}\nexcept Exception:\n    pass",
+    "try:\n    pass\nexcept Exception:\n    {}\nelse:\n    pass",
+    "try:\n    pass\nexcept* Exception:\n    pass\nelse:\n    {}",
+    "try:\n    pass\nfinally:\n    {}",
+    "match x:\n    case 1:\n        {}",
+]
+
+
+@pytest.mark.parametrize("block", BLOCKS)
+def test_an_import_inside_any_block_is_seen(site, block):
+    root = site("acme", "", FILES | {"zz_pack/one.py": block.format("from zz_pack.late import x") + "\n"})
+    before = fingerprint("zz_pack.one")
+    (root / "zz_pack/late.py").write_text("x = 2\n")
+    assert fingerprint("zz_pack.one") != before
+
+
 def test_an_edit_elsewhere_is_not_seen_and_the_place_does_not_matter(site):
     root = site("acme", "", FILES)
     before = fingerprint("zz_pack.one")
