@@ -23,7 +23,7 @@ from stlbench.task.task import Task
 
 __all__ = ["Assessment", "Evaluation", "Referee", "follow", "record", "score", "start_states"]
 
-_COPIES = 512
+_COPIES = 1024
 """The most that checkpoints are simulated in at a time: their traces fill memory, and more are hardly faster."""
 
 
