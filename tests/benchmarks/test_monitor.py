@@ -1,10 +1,10 @@
-"""Recorded traces and online monitors: traces per second, microseconds per step, beside rtamt and stlrom."""
+"""Recorded traces and online monitors: traces per second, microseconds per step, beside five other libraries."""
 
 from __future__ import annotations
 
 import time
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from statistics import median
 from typing import Any
@@ -13,26 +13,46 @@ import numpy as np
 import pytest
 
 from benchmarks import peers_stl
-from benchmarks.conftest import Race, Work, ratios, seconds
-from benchmarks.peers_stl import FORMULAS, Floats
+from benchmarks.conftest import Race, Work, ratios, seconds, without
+from benchmarks.peers_stl import FORMULAS, Floats, Values
 from stlbench.stl import BatchMonitor, Monitor, horizon, parse, robustness, robustness_trace
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time)
 
 #: batch -> evaluate as many traces
 Calls = dict[int, Callable[[], Any]]
+#: peer -> its work, and how many traces that is
+Peers = dict[str, tuple[Callable[[], Values], int]]
 
 NAMES = ["x", "y"]
 SAMPLES = 2001
 #: batch -> calls that are timed together, some tens of milliseconds
 BATCHES = {1: 400, 64: 16, 1024: 1}
-STLROM_TRACES = 16
+#: peer -> its module
+MODULES = {"rtamt": "rtamt", "stlrom": "stlrom", "sentil": "sentil", "mstlo": "mstlo_python", "tidystl": "tidystl"}
+FIRST = ("stlrom", "sentil")
+"""Who can be asked for the robustness at t = 0 alone."""
+MANY = 16
+"""Traces of the peers that take several."""
+SLOW = {("rtamt", "until"), ("tidystl", "until")}
+"""Seconds to minutes for a trace: timed once."""
+EXACT, DENSE = 1e-12, 0.1
+"""How far a peer's values may be from ours: rounding, or the signal's change within a step; see `peers_stl`."""
+
 #: traces that an online monitor watches in a turn
 ONLINE_TRACES = 20
 #: of the online peers, so that a turn takes about a second; 0: 0.3.0 crashes (segmentation fault)
 ONLINE_STEPS = {
     "rtamt": {"conjunction": 2001, "nested": 1051, "until": 20},
     "stlrom": {"conjunction": 2001, "nested": 1051, "until": 0},
+    "sentil": {"conjunction": 2001, "nested": 1051, "until": 901},
+    "mstlo": {"conjunction": 2001, "nested": 1051, "until": 901},
+}
+ONLINE = {
+    "rtamt": peers_stl.rtamt_online,
+    "stlrom": peers_stl.stlrom_online,
+    "sentil": peers_stl.sentil_online,
+    "mstlo": peers_stl.mstlo_online,
 }
 
 
@@ -56,57 +76,77 @@ def repeated(work: Callable[[], Any], times: int) -> Work:
 @pytest.mark.parametrize("formula", FORMULAS)
 @pytest.mark.benchmark(group="robustness at every sample")
 def test_full_trace(race: Race, formula: str) -> None:
-    """The whole robustness signal, as rtamt gives it, of 2001 samples."""
+    """The whole robustness signal of 2001 samples. Values are compared where no window reaches beyond them."""
     parsed, batch = parse(FORMULAS[formula].ours), traces(1024)
     ours: Calls = {n: partial(robustness_trace, parsed, batch[:n], NAMES, "clip") for n in BATCHES}
-    peers: dict[str, tuple[Work, int]] = {}
-    if peers_stl.imported("rtamt"):
-        work = peers_stl.rtamt_offline(formula, batch[0])
-        if formula != "until":
-            np.testing.assert_allclose([rho for _, rho in work()], ours[1]()[0], atol=1e-12)
-        peers["rtamt"] = work, 1
-    if peers_stl.imported("stlrom"):
-        peers["stlrom"] = peers_stl.stlrom_offline(formula, batch[:STLROM_TRACES], SAMPLES - 1), STLROM_TRACES
-    _compare(race, f"monitor_{formula}", ours, peers)
+    lacking = _lacking(MODULES)
+    peers: Peers = {peer: _full(peer, formula, batch) for peer in MODULES if peer not in lacking}
+    complete = SAMPLES - horizon(parsed)
+    for peer in peers.keys() - {"stlrom"}:  # its values are compared in test_first_value
+        if (peer, formula) != ("rtamt", "until"):
+            dense = formula == "until" and peer in ("mstlo", "tidystl")
+            values, known = peers[peer][0](), ours[1]()[0]
+            np.testing.assert_allclose(values[:complete], known[:complete], atol=DENSE if dense else EXACT)
+    slow = {peer for peer in peers if (peer, formula) in SLOW}
+    _compare(race, f"monitor_{formula}", ours, peers, lacking, slow)
+
+
+def _full(peer: str, formula: str, batch: Floats) -> tuple[Callable[[], Values], int]:
+    """The whole robustness signal by a peer."""
+    match peer:
+        case "rtamt":
+            return peers_stl.rtamt_offline(formula, batch[0]), 1
+        case "stlrom":
+            return peers_stl.stlrom_offline(formula, batch[:MANY], SAMPLES - 1), MANY
+        case "sentil":
+            return peers_stl.sentil_offline(formula, batch[0]), 1
+        case "mstlo":
+            return peers_stl.mstlo_offline(formula, batch[0]), 1
+        case _:
+            count = 1 if (peer, formula) in SLOW else MANY
+            return peers_stl.tidystl_offline(formula, batch[:count]), count
 
 
 @pytest.mark.parametrize("formula", FORMULAS)
 @pytest.mark.benchmark(group="robustness at t = 0")
 def test_first_value(race: Race, formula: str) -> None:
-    """The robustness at t = 0 alone, which rtamt cannot be asked for."""
+    """The robustness at t = 0 alone, which the others cannot be asked for."""
     parsed, batch = parse(FORMULAS[formula].ours), traces(1024)
     ours: Calls = {n: partial(robustness, parsed, batch[:n], NAMES) for n in BATCHES}
-    peers: dict[str, tuple[Work, int]] = {}
-    if peers_stl.imported("stlrom"):
-        work = peers_stl.stlrom_offline(formula, batch[:STLROM_TRACES], 0.0)
-        np.testing.assert_allclose(work(), ours[64]()[:STLROM_TRACES], atol=0.1)  # the same question: see peers_stl
-        peers["stlrom"] = work, STLROM_TRACES
-    _compare(race, f"monitor_{formula}_t0", ours, peers, asked=("stlrom",))
+    known, lacking, peers = ours[64](), _lacking(FIRST), Peers()
+    if "stlrom" not in lacking:
+        peers["stlrom"] = peers_stl.stlrom_offline(formula, batch[:MANY], 0.0), MANY
+        np.testing.assert_allclose(peers["stlrom"][0](), known[:MANY], atol=DENSE)
+    if "sentil" not in lacking:
+        peers["sentil"] = peers_stl.sentil_first(formula, batch[0]), 1
+        np.testing.assert_allclose(peers["sentil"][0](), known[:1], atol=EXACT)
+    _compare(race, f"monitor_{formula}_t0", ours, peers, lacking, set())
+
+
+def _lacking(peers: Iterable[str]) -> dict[str, str]:
+    """Peer -> why it is not there."""
+    return {peer: reason for peer in peers for reason in without([MODULES[peer]]).values()}
 
 
 def _compare(
-    race: Race,
-    name: str,
-    ours: Calls,
-    peers: dict[str, tuple[Work, int]],
-    asked: tuple[str, ...] = ("rtamt", "stlrom"),
+    race: Race, name: str, ours: Calls, peers: Peers, lacking: Mapping[str, str], slow: Collection[str]
 ) -> None:
-    """Notes traces/s of all, and of each peer how many times as fast we are: a batch, and in the batch of the least."""
-    slow = {peer: peers.pop(peer) for peer in list(peers) if (name, peer) == ("monitor_until", "rtamt")}
+    """Notes traces/s of all, and of each peer how many times as fast we are: a batch, and in the batch of the least.
+
+    The `slow` are timed once.
+    """
     works = {str(n): repeated(call, BATCHES[n]) for n, call in ours.items()}
-    times = race.run(works.pop("1"), works | {peer: work for peer, (work, _) in peers.items()})
+    quick = {peer: work for peer, (work, _) in peers.items() if peer not in slow}
+    times = race.run(works.pop("1"), works | quick)
     each = {n: [t / BATCHES[n] / n for t in times["ours" if n == 1 else str(n)]] for n in BATCHES}
-    theirs = {peer: [t / count for t in times[peer]] for peer, (_, count) in peers.items()}
-    theirs |= {peer: [seconds(work)] for peer, (work, _) in slow.items()}  # a minute and more: once
     for n, spent in each.items():
         race.note(**{f"{name}_{n}_traces_per_second": [1 / t for t in spent]})
-    for peer in asked:
-        if peer not in theirs:
-            race.note(**{f"{name}_vs_{peer}": f"{peer} is not installed"})
-            continue
-        once = len(theirs[peer]) == 1
-        found = {n: ratios(theirs[peer], [median(spent)] if once else spent) for n, spent in each.items()}
-        race.note(**{f"{name}_{peer}_traces_per_second": [1 / t for t in theirs[peer]]})
+    for peer, reason in lacking.items():
+        race.note(**{f"{name}_vs_{peer}": reason})
+    for peer, (work, count) in peers.items():
+        theirs = [t / count for t in ([seconds(work)] if peer in slow else times[peer])]
+        found = {n: ratios(theirs, [median(spent)] if peer in slow else spent) for n, spent in each.items()}
+        race.note(**{f"{name}_{peer}_traces_per_second": [1 / t for t in theirs]})
         race.note(**{f"{name}_{n}_vs_{peer}": values for n, values in found.items()})
         race.note(**{f"{name}_vs_{peer}": min(found.values(), key=median)})
 
@@ -120,20 +160,29 @@ def test_online(race: Race, formula: str) -> None:
     tuples, arrays = [tuple(row) for row in needed.tolist()], list(needed)
     works = {"array": repeated(lambda: _watch(Monitor(parsed, NAMES), arrays), ONLINE_TRACES)}
     steps = dict.fromkeys(("ours", "array"), ONLINE_TRACES * len(arrays))
-    for peer, make in (("rtamt", peers_stl.rtamt_online), ("stlrom", peers_stl.stlrom_online)):
-        if not peers_stl.imported(peer):
-            race.note(**{f"online_{formula}_vs_{peer}": f"{peer} is not installed"})
-        elif not (count := ONLINE_STEPS[peer][formula]):
-            race.note(**{f"online_{formula}_vs_{peer}": f"{peer} crashes on an incomplete trace"})
+    lacking = _lacking(ONLINE)
+    for peer in ONLINE:
+        if count := 0 if peer in lacking else ONLINE_STEPS[peer][formula]:
+            work = ONLINE[peer](formula, trace[:count])
+            _check_last(peer, formula, work, robustness(parsed, trace, NAMES))
+            rounds = ONLINE_TRACES if peer == "sentil" else 1
+            works[peer], steps[peer] = repeated(work, rounds), rounds * count
         else:
-            works[peer], steps[peer] = make(formula, trace[:count]), count
+            reason = lacking.get(peer, f"{peer} crashes on an incomplete trace")
+            race.note(**{f"online_{formula}_vs_{peer}": reason})
     times = race.run(repeated(lambda: _watch(Monitor(parsed, NAMES), tuples), ONLINE_TRACES), works, turns=5)
     each = {key: [t / steps[key] for t in spent] for key, spent in times.items()}
     for key, spent in each.items():
         name = f"online_{formula}" if key == "ours" else f"online_{formula}_{key}"
         race.note(**{f"{name}_microseconds": [t * 1e6 for t in spent]})
-        if key in ONLINE_STEPS:
+        if key in ONLINE:
             race.note(**{f"online_{formula}_vs_{key}": ratios(spent, each["ours"])})
+
+
+def _check_last(peer: str, formula: str, work: Callable[[], Any], known: float) -> None:
+    """What a peer says after the last sample is our value at t = 0."""
+    if peer in ("sentil", "mstlo"):
+        assert work() == pytest.approx(known, abs=DENSE if (peer, formula) == ("mstlo", "until") else EXACT)
 
 
 def _watch(monitor: Monitor | BatchMonitor, samples: list[Any]) -> None:
