@@ -42,8 +42,8 @@ def race(play: Callable[[Integers, slice], tuple[Truth, Array]], checkpoints: in
 
     A checkpoint leaves after a round of n starts if it is behind the leader of that round by more than 3 standard
     errors. What is compared, start by start, is satisfaction. Where the two satisfied from the very same starts it is
-    robustness, but only once satisfaction is settled: the leader satisfied from none, or from all with a mean
-    robustness of more than 5 standard deviations over the starts, so that it hardly fails from the others.
+    robustness, but only once satisfaction is settled: the leader satisfied from none; or from all, these are half of
+    the N starts, and its mean robustness is more than 5 standard deviations over them, so that it hardly fails later.
 
     The standard error is that of a mean over n of all N starts, which falls to 0 as n comes to N: of those that are
     never clearly behind, the best is found by all starts, exactly.
@@ -92,7 +92,8 @@ def _behind(satisfied: Array, robustness: Array, starts: int) -> Truth:
         error = _spread(ahead) * np.sqrt(1 / n - 1 / starts)
         clearly: Truth = ahead.mean(axis=1) > _SURE * error
         safe = robustness[leader].mean() > _SAFE * _spread(robustness[leader])
-    settled = n == starts or not satisfied[leader].any() or (satisfied[leader].all() and safe)
+    reliable = 2 * n >= starts and satisfied[leader].all() and safe
+    settled = n == starts or reliable or not satisfied[leader].any()
     leaves: Truth = clearly & (~alike | settled)
     return leaves
 

@@ -98,11 +98,11 @@ class TestWhoLeaves:
         assert found.best == 1
 
     def test_a_small_difference_decides_where_it_is_always_there(self) -> None:
-        """Starts differ by far more than checkpoints do: the comparison is start by start."""
+        """Starts differ by far more than checkpoints do: the comparison is start by start, by half of them."""
         wide = 100 + np.random.default_rng(1).normal(0, 10, 64)
         found, played = raced(rows(1, 1), rows(0.1, 0.11) + wide)
         assert found.best == 1
-        assert len(played) == 1
+        assert [end for _, _, end in played] == [8, 16, 32]
 
     def test_robustness_decides_only_where_the_leader_can_hardly_fail(self) -> None:
         """The leader is ahead nearly everywhere, but only 2 standard deviations above 0; from one start it fails."""
@@ -112,6 +112,13 @@ class TestWhoLeaves:
         found, _ = raced(satisfied, robustness)
         assert found.best == 1
         assert found.starts.tolist() == [64, 64]
+
+    def test_a_margin_on_few_starts_is_not_enough(self) -> None:
+        """The leader fails from one start in eight, without a sign of it on the first eight."""
+        satisfied = np.ones((2, 64))
+        satisfied[0, 8::8] = 0
+        found, _ = raced(satisfied, rows(0.3, 0.2))
+        assert found.best == 1
 
     def test_where_none_satisfies_robustness_decides_soon(self) -> None:
         wide = np.random.default_rng(1).normal(-0.5, 0.15, 64)
