@@ -56,17 +56,37 @@ def test_robustness_by_hand(trace: Array, robustness: float) -> None:
     assert stl.robustness(TASK.formula, trace, TASK.signals) == pytest.approx(robustness)
 
 
-def test_what_is_rewarded() -> None:
-    """Three times the clearance, up to .15 m of it; the distance of a goal over 4.3."""
-    safety, goal, _ = TASK.specification.terms
-    points = np.array([[1.0, 1.0], [2.0, 1.1], [2.0, 1.6], [2.5, 2.5], [3.0, 1.25]])
-    assert TASK.specification.margin(safety.psi)(points) == pytest.approx([0.45, 0.3, -0.3, 0, 0.45])
-    assert TASK.specification.margin(goal.psi)(points)[[0, 4]] == pytest.approx([-1.7 / 4.3, 0.05 / 4.3])
-    random = np.random.default_rng(0).uniform(0, 4, (300, 2))
+def margins(*points: tuple[float, float]) -> list[list[float]]:
+    """What reward methods see of safety, the first and the second goal at some points."""
+    values = [TASK.specification.margin(term.psi)(np.array(points)) for term in TASK.specification.terms]
+    return [value.tolist() for value in values]
+
+
+def test_clearance_is_rewarded_up_to_a_passage() -> None:
+    """Five times what it is above .22 m, at most .012 and at least -.2 of it."""
+    safety, _, _ = margins((1.0, 1.0), (2.0, 1.25), (2.0, 1.2), (2.0, 1.1), (2.0, 1.6), (3.0, 1.0))
+    assert safety == pytest.approx([0.06, 0.06, -0.1, -0.6, -1, 0.06])
+
+
+def test_what_is_rewarded_implies_the_formula() -> None:
+    random = np.random.default_rng(0).uniform(0, 4, (3000, 2))
     robust = [stl.margin(term.psi, TASK.signals)(random) for term in stl.fragment(TASK.formula)]
-    rewarded = [TASK.specification.margin(term.psi)(random) for term in TASK.specification.terms]
-    assert rewarded[0] == pytest.approx(3 * np.minimum(robust[0], 0.15))
-    assert rewarded[1:] == [pytest.approx(value / 4.3) for value in robust[1:]]
+    safety, first, second = (TASK.specification.margin(term.psi)(random) for term in TASK.specification.terms)
+    assert ((safety >= 0) == (robust[0] >= 0.22)).all()
+    assert first == pytest.approx(np.maximum(robust[1] / 4.3, -0.5))
+    assert ((second >= 0) == (robust[2] >= 0)).all()
+    left = random[:, 0] <= 1.5
+    assert second[left] == pytest.approx(robust[2][left] / 4.5)
+
+
+def test_the_way_between_two_obstacles_is_longer_than_the_way_back() -> None:
+    """From (3,1): nearer to the second goal as the crow flies at the pinch, but farther in what is rewarded."""
+    pinch, passage = (2.7, 2.3), (2.0, 1.25)
+    assert math.dist(pinch, GOAL_2) < math.dist(passage, GOAL_2)
+    _, _, rewarded = margins(pinch, passage)
+    assert rewarded[0] < rewarded[1] - 0.2
+    expected = math.dist(pinch, GOAL_2) + 0.5 * 1.2 + min(1.2, 1.05)
+    assert rewarded[0] == pytest.approx((0.3 - expected) / 4.5)
 
 
 def test_the_pinch_cannot_be_jumped() -> None:
