@@ -1,14 +1,11 @@
 """The arithmetic of deep Q-learning, compiled by numba: acting, and the gradient of the loss.
 
-Why not a framework: at these sizes (batch 128, layers of 64 to 128) an update is 150 microseconds of matrix products,
-and dispatch, bookkeeping and unfused elementwise work cost more than that again; docs/performance.md compares. Here
-matrix products go to BLAS, but for the few inputs of the first layer, and the loops in between are fused. Everything
-works in place on weights that lie in one flat vector, in whatever floating-point type that has: the tests check the
-gradient against torch's autograd in double precision.
+Why not a framework: at these sizes (batch 128, layers of 64 to 128) dispatch, bookkeeping and unfused elementwise work
+cost more than the matrix products; docs/performance.md compares. Everything works in place on weights that lie in one
+flat vector, as `stlbench_agents.layers` says. The tests check the gradient against torch's autograd in double
+precision.
 
-Layers lie in the flat vector as `layers` says, a row a layer: (offset of the matrix, rows, columns, offset of the
-bias). Hidden matrices are (inputs, outputs); the last one is (outputs, inputs), so that the row of an action lies in
-one piece. `axes` counts the actions along each axis of the grid. With `additive` the first output is V and
+`axes` counts the actions along each axis of the grid. With `additive` the first output is V and
 Q = V + sum_i (A_i(a_i) - mean A_i); without, there is one axis of all the actions and Q = A_1(a).
 """
 
@@ -20,13 +17,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["Network", "Workspace", "best_actions", "gradient"]
+from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, outputs, widest
+from stlbench_agents.products import inner_product
+from stlbench_agents.replay import Batch
+
+__all__ = ["Network", "Workspace", "actions", "additive_gradient", "greedy_actions", "joint_gradient"]
 
 Floats = NDArray[Any]
 Indices = NDArray[np.int64]
-
-_THIN = 16
-"""Up to so many inputs the gradient by the first matrix is faster as a loop than by BLAS."""
 
 
 class Network(NamedTuple):
@@ -43,243 +41,197 @@ class Network(NamedTuple):
 class Workspace(NamedTuple):
     """What an update of B rows writes to, made once."""
 
-    here: Floats
-    """(L - 1, B * widest): hidden activations at the observations."""
-    there: Floats
-    """The same at what the transitions arrived at."""
-    back: Floats
-    """(2, B * widest): gradients by activations."""
+    space: Space
     outputs: Floats
-    """(B, outputs)."""
+    """(B * outputs,)."""
+    ones: Floats
+    """(outputs,), all 1: an inner product with them is a sum."""
     chosen: Indices
     """(B,): the actions to bootstrap from."""
+    goal: Floats
+    """(B,): the targets."""
 
     @staticmethod
     def of(network: Network, batch: int, dtype: Any = np.float32) -> Workspace:
         """A workspace for batches of `batch` rows."""
-        layers = network.layers
-        size = (len(layers) - 1, batch * int(layers[:-1, 2].max()))
-        hidden = (np.zeros(size, dtype), np.zeros(size, dtype), np.zeros((2, size[1]), dtype))
-        return Workspace(*hidden, np.zeros((batch, int(layers[-1, 1])), dtype), np.zeros(batch, np.int64))
+        count = int(network.layers[-1, 1])
+        return Workspace(
+            Space.of(network.layers, batch, dtype),
+            np.zeros(batch * count, dtype),
+            np.ones(count, dtype),
+            np.zeros(batch, np.int64),
+            np.zeros(batch, dtype),
+        )
 
 
 @njit(cache=True)
-def _matrix(flat: Floats, layer: Indices) -> Floats:
-    return flat[layer[0] : layer[0] + layer[1] * layer[2]].reshape((layer[1], layer[2]))
-
-
-@njit(cache=True)
-def _rows(store: Floats, rows: int, columns: int) -> Floats:
-    return store[: rows * columns].reshape((rows, columns))
-
-
-@njit(cache=True, fastmath=True)
-def _hidden(flat: Floats, layers: Indices, x: Floats, into: Floats) -> Floats:
-    """The last hidden layer (B, width); the others stay in `into`."""
-    for layer in range(len(layers) - 1):
-        columns, bias = layers[layer, 2], flat[layers[layer, 3] :]
-        out = _rows(into[layer], len(x), columns)
-        np.dot(x, _matrix(flat, layers[layer]), out)
-        for i in range(len(x)):
-            for j in range(columns):
-                out[i, j] = max(out[i, j] + bias[j], flat.dtype.type(0))
-        x = out
-    return x
-
-
-@njit(cache=True, fastmath=True)
-def _outputs(flat: Floats, layers: Indices, hidden: Floats, into: Floats) -> None:
-    """All outputs (B, outputs)."""
-    np.dot(hidden, _matrix(flat, layers[-1]).T, into)
-    bias = flat[layers[-1, 3] :]
-    for i in range(into.shape[0]):
-        for j in range(into.shape[1]):
-            into[i, j] += bias[j]
-
-
-@njit(cache=True, fastmath=True)
-def _max(row: Floats) -> Any:
-    best = row[0]
-    for j in range(1, len(row)):
-        best = max(best, row[j])
-    return best
-
-
-@njit(cache=True)
-def _greedy(row: Floats, network: Network) -> int:
-    """The action of the largest Q, the first of equals, of a row of outputs."""
-    action, begin = 0, 1 if network.additive else 0
+def _greedy(values: Floats, begin: int, network: Network) -> int:
+    """The action of the largest Q, the first of equals, of a row of outputs that begins there."""
+    action = 0
+    begin += 1 if network.additive else 0
     for count in network.axes:
-        best, first = _max(row[begin : begin + count]), 0
-        while first < count - 1 and row[begin + first] != best:
-            first += 1
+        first = 0
+        for j in range(1, count):
+            if values[begin + j] > values[begin + first]:
+                first = j
         action = action * count + first
         begin += count
     return action
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
-def _additive(row: Floats, action: int, axes: Indices) -> Any:
-    """V + sum_i (A_i(a_i) - mean A_i) of a row of outputs."""
-    q, begin, rest = row[0], len(row), action
+@njit(inline="always", error_model="numpy")
+def _additive(values: Floats, begin: int, action: int, axes: Indices, ones: Floats) -> Any:
+    """V + sum_i (A_i(a_i) - mean A_i) of a row of outputs that begins there."""
+    q, at, rest = values[begin], begin + len(ones), action
     for i in range(len(axes) - 1, -1, -1):
-        begin -= axes[i]
-        total = row.dtype.type(0)
-        for j in range(begin, begin + axes[i]):  # not .mean(), which would not be vectorised
-            total += row[j]
-        q += row[begin + rest % axes[i]] - total / row.dtype.type(axes[i])
+        at -= axes[i]
+        q += values[at + rest % axes[i]] - inner_product(values, at, ones, 0, axes[i]) / values.dtype.type(axes[i])
         rest //= axes[i]
     return q
 
 
-@njit(cache=True, fastmath=True)
-def _single(flat: Floats, layers: Indices, hidden: Floats, action: int) -> Any:
+@njit(inline="always")
+def _single(flat: Floats, layers: Indices, last: Floats, row: int, action: int) -> Any:
     """Q of one action of a joint head: one row of the last layer is all it needs."""
-    row, q = _matrix(flat, layers[-1])[action], flat[layers[-1, 3] + action]
-    for j in range(len(hidden)):  # a BLAS dot product would take as long as ten of these
-        q += hidden[j] * row[j]
-    return q
+    at, _, width, bias = layers[-1]
+    return inner_product(last, row * width, flat, at + action * width, width) + flat[bias + action]
 
 
 @njit(cache=True)
-def best_actions(flat: Floats, network: Network, observation: Floats) -> Indices:
-    """Greedy actions at observations (B, D) of any floating-point type: (B,). Of equals the first."""
-    size, layers, widest = len(observation), network.layers, 0
-    for layer in range(len(layers) - 1):
-        widest = max(widest, layers[layer, 2])
-    x = np.empty((size, observation.shape[1]), flat.dtype)
-    for i in range(size):
-        for j in range(observation.shape[1]):
-            x[i, j] = observation[i, j]
-    hidden = np.empty((len(layers) - 1, size * widest), flat.dtype)
-    outputs = np.empty((size, layers[-1, 1]), flat.dtype)
-    chosen = np.empty(size, np.int64)
-    _choose(flat, network, x, hidden, outputs, chosen)
+def actions(flat: Floats, network: Network, observation: Floats, epsilon: float, chance: Floats, count: int) -> Indices:
+    """Epsilon-greedy actions at observations (B, D) of any floating-point type: (B,). Of equals the first.
+
+    `chance` (2, B) is uniform in [0, 1): whether to explore, and which of the `count` actions.
+    """
+    rows, inputs, layers = len(observation), observation.shape[1], network.layers
+    most = widest(layers)
+    x = np.empty(rows * inputs, flat.dtype)
+    for i in range(rows):
+        for j in range(inputs):
+            x[i * inputs + j] = observation[i, j]
+    activations = np.empty((len(layers) - 1, rows * most), flat.dtype)
+    values, turned = np.empty(rows * layers[-1, 1], flat.dtype), np.empty(layers[-1, 1] * most, flat.dtype)
+    chosen = np.empty(rows, np.int64)
+    _choose(flat, network, hidden(flat, layers, x, rows, activations), rows, turned, values, chosen)
+    for i in range(rows):
+        if epsilon > 0 and chance[0, i] < epsilon:
+            chosen[i] = int(chance[1, i] * count)
     return chosen
 
 
-@njit(cache=True)
-def _choose(flat: Floats, network: Network, x: Floats, hidden: Floats, outputs: Floats, into: Indices) -> None:
-    _outputs(flat, network.layers, _hidden(flat, network.layers, x, hidden), outputs)
-    for i in range(len(x)):
-        into[i] = _greedy(outputs[i], network)
+def greedy_actions(flat: Floats, network: Network, observation: Floats) -> Indices:
+    """Greedy actions at observations (B, D) of any floating-point type: (B,). Of equals the first."""
+    chosen: Indices = actions(flat, network, np.ascontiguousarray(observation), 0.0, _NO_CHANCE, 1)
+    return chosen
 
 
-@njit(cache=True, fastmath=True)
-def gradient(
-    online: Floats, target: Floats, network: Network, observation: Floats, action: Indices, returns: Floats,
-    arrived: Floats, discount: Floats, double: bool, space: Workspace, into: Floats,
-) -> None:  # fmt: skip
+_NO_CHANCE = np.empty((2, 0))
+
+
+@njit(inline="always")
+def _choose(
+    flat: Floats, network: Network, last: Floats, rows: int, turned: Floats, values: Floats, into: Indices
+) -> None:
+    outputs(flat, network.layers, last, rows, turned, values)
+    for i in range(rows):
+        into[i] = _greedy(values, i * network.layers[-1, 1], network)
+
+
+@njit(inline="always")
+def joint_gradient(
+    online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace, into: Floats
+) -> None:
     """The gradient of sum_i (Q(x_i, a_i) - y_i)^2 / 2B with y = returns + discount * Q_target(arrived, best).
 
     It is written to `into`, which has the layout of the weights. The best action is the online network's with
     `double`, else the target network's.
     """
-    layers, size = network.layers, len(observation)
-    if double:
-        _choose(online, network, arrived, space.there, space.outputs, space.chosen)
-    later, goal = _hidden(target, layers, arrived, space.there), np.empty_like(returns)
-    if network.additive or not double:
-        _outputs(target, layers, later, space.outputs)
-    for i in range(size):
-        if network.additive:
-            action_there = space.chosen[i] if double else _greedy(space.outputs[i], network)
-            value = _additive(space.outputs[i], action_there, network.axes)
-        elif double:
-            value = _single(target, layers, later[i], space.chosen[i])
+    layers, rows, space = network.layers, len(batch.returns), work.space
+    later = _later(online, target, network, batch, double, work)
+    if not double:
+        outputs(target, layers, later, rows, space.turned, work.outputs)
+    for i in range(rows):
+        if double:
+            value = _single(target, layers, later, i, work.chosen[i])
         else:
-            value = _max(space.outputs[i])
-        goal[i] = returns[i] + discount[i] * value
-    hidden = _hidden(online, layers, observation, space.here)
-    back = _rows(space.back[0], size, layers[-1, 2])
-    if network.additive:
-        _back_additive(online, network, hidden, action, goal, space.outputs, back, into)
-    else:
-        _back_joint(online, layers, hidden, action, goal, back, into)
-    _back_hidden(online, layers, observation, space, into)
+            value = work.outputs[i * layers[-1, 1] + _greedy(work.outputs, i * layers[-1, 1], network)]
+        work.goal[i] = batch.returns[i] + batch.discount[i] * value
+    x = batch.observation.reshape(batch.observation.size)
+    last = hidden(online, layers, x, rows, space.here)
+    _back_joint(online, layers, last, batch.action, rows, work, into)
+    back_hidden(online, layers, x, rows, space, into)
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@njit(inline="always")
+def additive_gradient(
+    online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace, into: Floats
+) -> None:
+    """The same for an additive head."""
+    layers, rows, space = network.layers, len(batch.returns), work.space
+    later = _later(online, target, network, batch, double, work)
+    outputs(target, layers, later, rows, space.turned, work.outputs)
+    for i in range(rows):
+        begin = i * layers[-1, 1]
+        chosen = work.chosen[i] if double else _greedy(work.outputs, begin, network)
+        value = _additive(work.outputs, begin, chosen, network.axes, work.ones)
+        work.goal[i] = batch.returns[i] + batch.discount[i] * value
+    x = batch.observation.reshape(batch.observation.size)
+    last = hidden(online, layers, x, rows, space.here)
+    _back_additive(online, network, last, batch.action, rows, work, into)
+    back_hidden(online, layers, x, rows, space, into)
+
+
+@njit(inline="always")
+def _later(
+    online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace
+) -> Floats:
+    """The target network's last hidden layer where transitions arrived; with `double` also the best actions there."""
+    rows, space = len(batch.returns), work.space
+    there = batch.arrived.reshape(batch.arrived.size)
+    if double:
+        last = hidden(online, network.layers, there, rows, space.there)
+        _choose(online, network, last, rows, space.turned, work.outputs, work.chosen)
+    return hidden(target, network.layers, there, rows, space.there)
+
+
+@njit(inline="always", error_model="numpy")
 def _back_joint(
-    flat: Floats, layers: Indices, hidden: Floats, action: Indices, goal: Floats, back: Floats, into: Floats
+    flat: Floats, layers: Indices, last: Floats, action: Indices, rows: int, work: Workspace, into: Floats
 ) -> None:
     """The last layer of a joint head: only the rows of the B actions taken have a gradient."""
-    matrix, bias = _matrix(flat, layers[-1]), layers[-1, 3]
-    by_matrix = _matrix(into, layers[-1])
-    by_matrix[:] = 0
-    into[bias : bias + len(matrix)] = 0
-    for i in range(len(action)):
-        row, q = action[i], flat[bias + action[i]]
-        for j in range(hidden.shape[1]):  # three loops: one alone would not be vectorised
-            q += hidden[i, j] * matrix[row, j]
-        error = (q - goal[i]) / flat.dtype.type(len(action))
-        into[bias + row] += error
-        for j in range(hidden.shape[1]):
-            by_matrix[row, j] += error * hidden[i, j]
-        for j in range(hidden.shape[1]):
-            back[i, j] = error * matrix[row, j]
+    at, count, width, bias = layers[-1]
+    back = work.space.back[0]
+    into[at : at + count * width] = 0
+    into[bias : bias + count] = 0
+    for i in range(rows):
+        error = (_single(flat, layers, last, i, action[i]) - work.goal[i]) / flat.dtype.type(rows)
+        into[bias + action[i]] += error
+        begin, row = i * width, at + action[i] * width
+        for j in range(width):
+            into[row + j] += error * last[begin + j]
+        for j in range(width):
+            back[begin + j] = error * flat[row + j]
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _back_additive(
-    flat: Floats, network: Network, hidden: Floats, action: Indices, goal: Floats, outputs: Floats, back: Floats,
-    into: Floats,
-) -> None:  # fmt: skip
-    """The last layer of an additive head; `outputs` ends as the gradient by the outputs."""
-    layers, axes = network.layers, network.axes
-    _outputs(flat, layers, hidden, outputs)
-    for i in range(len(action)):
-        error = (_additive(outputs[i], action[i], axes) - goal[i]) / flat.dtype.type(len(action))
-        outputs[i, 0] = error
-        begin, rest = outputs.shape[1], action[i]
+    flat: Floats, network: Network, last: Floats, action: Indices, rows: int, work: Workspace, into: Floats
+) -> None:
+    """The last layer of an additive head; `work.outputs` ends as the gradient by the outputs."""
+    layers, axes, values = network.layers, network.axes, work.outputs
+    count = layers[-1, 1]
+    outputs(flat, layers, last, rows, work.space.turned, values)
+    for i in range(rows):
+        begin = i * count
+        q = _additive(values, begin, action[i], axes, work.ones)
+        error = (q - work.goal[i]) / flat.dtype.type(rows)
+        values[begin] = error
+        at, rest = begin + count, action[i]
         for axis in range(len(axes) - 1, -1, -1):
-            begin -= axes[axis]
-            outputs[i, begin : begin + axes[axis]] = -error / flat.dtype.type(axes[axis])
-            outputs[i, begin + rest % axes[axis]] += error
+            at -= axes[axis]
+            share = -error / flat.dtype.type(axes[axis])
+            for j in range(axes[axis]):
+                values[at + j] = share
+            values[at + rest % axes[axis]] += error
             rest //= axes[axis]
-    np.dot(outputs.T, hidden, _matrix(into, layers[-1]))
-    _column_sums(outputs, into[layers[-1, 3] :])
-    np.dot(outputs, _matrix(flat, layers[-1]), back)
-
-
-@njit(cache=True, fastmath=True)
-def _back_hidden(flat: Floats, layers: Indices, x: Floats, space: Workspace, into: Floats) -> None:
-    """The hidden layers, last first; the gradient by the last one's activations is in `space.back[0]`."""
-    size, now = len(x), 0
-    for layer in range(len(layers) - 2, -1, -1):
-        rows, columns = layers[layer, 1], layers[layer, 2]
-        back, active = _rows(space.back[now], size, columns), _rows(space.here[layer], size, columns)
-        by_matrix, by_bias = _matrix(into, layers[layer]), into[layers[layer, 3] :]
-        by_bias[:columns] = 0
-        for i in range(size):
-            for j in range(columns):
-                back[i, j] = back[i, j] if active[i, j] > 0 else flat.dtype.type(0)
-            for j in range(columns):
-                by_bias[j] += back[i, j]
-        below = _rows(space.here[layer - 1], size, rows) if layer else x
-        if rows > _THIN:
-            np.dot(below.T, back, by_matrix)
-        else:
-            _thin(below, back, by_matrix)
-        if layer:
-            now = 1 - now
-            np.dot(back, _matrix(flat, layers[layer]).T, _rows(space.back[now], size, rows))
-
-
-@njit(cache=True, fastmath=True)
-def _thin(x: Floats, back: Floats, into: Floats) -> None:
-    """into = x.T back, for few columns of x."""
-    into[:] = 0
-    for i in range(x.shape[0]):
-        for k in range(x.shape[1]):
-            share = x[i, k]
-            for j in range(back.shape[1]):
-                into[k, j] += share * back[i, j]
-
-
-@njit(cache=True, fastmath=True)
-def _column_sums(values: Floats, into: Floats) -> None:
-    into[: values.shape[1]] = 0
-    for i in range(values.shape[0]):
-        for j in range(values.shape[1]):
-            into[j] += values[i, j]
+    back_outputs(flat, layers, last, values, rows, into, work.space.back[0])

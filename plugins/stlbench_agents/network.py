@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import Array, Integers, Policy
-from stlbench_agents.engine import Network, best_actions
+from stlbench_agents.engine import Network, greedy_actions
 from stlbench_agents.parameter_types import Head
 
 __all__ = ["GreedyPolicy", "QNetwork"]
@@ -78,5 +78,4 @@ class GreedyPolicy(Policy):
 
     def act(self, observation: Array) -> Integers:
         """The greedy actions' indices: (N, D) -> (N,)."""
-        actions: Integers = best_actions(self.flat, self.network.engine, np.ascontiguousarray(observation))
-        return actions
+        return greedy_actions(self.flat, self.network.engine, observation)

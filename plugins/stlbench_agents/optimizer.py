@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from stlbench_agents.products import inner_product
+
 __all__ = ["Weights", "adam", "blend", "clipping", "step"]
 
 Floats = NDArray[Any]
@@ -39,18 +41,15 @@ class Weights(NamedTuple):
         return Weights(flat.copy(), flat.copy(), flat.copy(), *nothing)
 
 
-@njit(cache=True, fastmath=True)
+@njit(inline="always")
 def clipping(gradient: Floats, max_norm: float) -> float:
     """The factor, at most 1, that brings the gradient's norm to `max_norm`."""
-    total = gradient.dtype.type(0)
-    for i in range(len(gradient)):
-        total += gradient[i] * gradient[i]
+    total = inner_product(gradient, 0, gradient, 0, len(gradient))
     return float(min(1.0, max_norm / (np.sqrt(total) + 1e-6)))
 
 
-# Without error_model="numpy" the test for a division by 0 keeps the loop scalar, four times slower; with "arcp" among
-# the fastmath flags the reciprocal is refined by a step whose residual is denormal where moments are tiny.
-@njit(cache=True, fastmath={"nnan", "ninf", "nsz", "reassoc", "contract"}, error_model="numpy")
+# Without error_model="numpy" the test for a division by 0 keeps the loop scalar, four times slower.
+@njit(inline="always", error_model="numpy")
 def adam(
     weights: Floats, gradient: Floats, mean: Floats, square: Floats, rate: float, count: int, factor: float
 ) -> None:
@@ -70,7 +69,7 @@ def adam(
         weights[i] -= step * mean[i] / (np.sqrt(square[i]) + epsilon)
 
 
-@njit(cache=True)
+@njit(inline="always")
 def blend(into: Floats, weights: Floats, share: float) -> None:
     """into = (1 - share) into + share weights: a target network, or averaged weights, one step on; exact at 0 and 1."""
     part, rest = into.dtype.type(share), into.dtype.type(1 - share)

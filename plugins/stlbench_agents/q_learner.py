@@ -10,8 +10,8 @@ from numba import njit
 
 from stlbench.contract import ActionGrid, Array, Environment, Integers, Transition
 from stlbench_agents.actions import grid_of
-from stlbench_agents.engine import Network, Workspace, best_actions, gradient
-from stlbench_agents.network import GreedyPolicy, QNetwork, Single
+from stlbench_agents.engine import Network, Workspace, actions, additive_gradient, joint_gradient
+from stlbench_agents.network import GreedyPolicy, QNetwork
 from stlbench_agents.optimizer import Weights, step
 from stlbench_agents.replay import Batch, Memory, Replay, gather
 
@@ -70,15 +70,16 @@ class QLearner:
         )
         self._actions, self._copies, self._count = grid.size, copies, 0
         self._batch = Batch.of(recipe.batch_size, size)
-        self._space = Workspace.of(self.network.engine, recipe.batch_size)
+        self._work = Workspace.of(self.network.engine, recipe.batch_size)
+        self._update = _update_joint if recipe.head == "joint" else _update_additive
 
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
         """Actions (N,) at observations (N, D): each with probability `epsilon` any, else the current best."""
         chance = generator.random((2, len(observation)))
-        action: Integers = _explore(
+        chosen: Integers = actions(
             self.weights.online, self.network.engine, observation, epsilon, chance, self._actions
         )
-        return action
+        return chosen
 
     def learn(
         self, observation: Array, action: Integers, transition: Transition, generator: np.random.Generator
@@ -90,9 +91,9 @@ class QLearner:
 
     def update(self, first: Integers) -> None:
         """One update for each row of `first` (updates, batch size), from the transitions that begin there."""
-        _update(
+        self._update(
             self.weights, self.network.engine, self.replay.memory, first, self._copies, self.schedule, self._count,
-            self._batch, self._space,
+            self._batch, self._work,
         )  # fmt: skip
         self._count += len(first)
 
@@ -103,35 +104,36 @@ class QLearner:
 
 
 @njit(cache=True)
-def _explore(
-    flat: Single, network: Network, observation: Array, epsilon: float, chance: Array, actions: int
-) -> Integers:
-    """Epsilon-greedy actions; `chance` (2, N) is uniform in [0, 1): whether to explore, and which action."""
-    chosen = best_actions(flat, network, observation)
-    for i in range(len(chosen)):
-        if chance[0, i] < epsilon:
-            chosen[i] = int(chance[1, i] * actions)
-    return chosen
-
-
-@njit(cache=True)
-def _update(
+def _update_joint(
     weights: Weights, network: Network, memory: Memory, first: Integers, copies: int, schedule: Schedule, count: int,
-    batch: Batch, space: Workspace,
+    batch: Batch, work: Workspace,
 ) -> None:  # fmt: skip
     """For each row of `first` a step of Adam on the mean squared difference to the targets, and of both averages.
 
     The target is (1 - gamma) sum_i gamma^i r_{t+i} + gamma^n Q_target(s_{t+n}, best action there). `count` updates
-    have been before.
+    have been before. There is one such function for each head, since most recipes need, and compile, only one.
     """
     for row in range(len(first)):
         gather(memory, first[row], copies, batch)
-        gradient(
-            weights.online, weights.target, network, batch.observation, batch.action, batch.returns, batch.arrived,
-            batch.discount, schedule.double, space, weights.gradient,
-        )  # fmt: skip
-        rate = schedule.rate * schedule.decay**count
-        count += 1
-        tau = schedule.tau if count % schedule.interval == 0 else 0.0
-        share = max(1 - schedule.averaging, 1 / count) if schedule.averaging > 0 else 0.0
-        step(weights, rate, count, schedule.max_norm, tau, share)
+        joint_gradient(weights.online, weights.target, network, batch, schedule.double, work, weights.gradient)
+        _descend(weights, schedule, count + row)
+
+
+@njit(cache=True)
+def _update_additive(
+    weights: Weights, network: Network, memory: Memory, first: Integers, copies: int, schedule: Schedule, count: int,
+    batch: Batch, work: Workspace,
+) -> None:  # fmt: skip
+    """The same for an additive head."""
+    for row in range(len(first)):
+        gather(memory, first[row], copies, batch)
+        additive_gradient(weights.online, weights.target, network, batch, schedule.double, work, weights.gradient)
+        _descend(weights, schedule, count + row)
+
+
+@njit(inline="always")
+def _descend(weights: Weights, schedule: Schedule, count: int) -> None:
+    """The step along the gradient that follows `count` others."""
+    tau = schedule.tau if (count + 1) % schedule.interval == 0 else 0.0
+    share = max(1 - schedule.averaging, 1 / (count + 1)) if schedule.averaging > 0 else 0.0
+    step(weights, schedule.rate * schedule.decay**count, count + 1, schedule.max_norm, tau, share)
