@@ -64,7 +64,7 @@ class Workspace(NamedTuple):
         )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _greedy(values: Floats, begin: int, network: Network) -> int:
     """The action of the largest Q, the first of equals, of a row of outputs that begins there."""
     action = 0
@@ -90,14 +90,14 @@ def _additive(values: Floats, begin: int, action: int, axes: Indices, ones: Floa
     return q
 
 
-@njit(inline="always")
+@njit(inline="always", error_model="numpy")
 def _single(flat: Floats, layers: Indices, last: Floats, row: int, action: int) -> Any:
     """Q of one action of a joint head: one row of the last layer is all it needs."""
     at, _, width, bias = layers[-1]
     return inner_product(last, row * width, flat, at + action * width, width) + flat[bias + action]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def actions(flat: Floats, network: Network, observation: Floats, epsilon: float, chance: Floats, count: int) -> Indices:
     """Epsilon-greedy actions at observations (B, D) of any floating-point type: (B,). Of equals the first.
 
@@ -128,7 +128,7 @@ def greedy_actions(flat: Floats, network: Network, observation: Floats) -> Indic
 _NO_CHANCE = np.empty((2, 0))
 
 
-@njit(inline="always")
+@njit(inline="always", error_model="numpy")
 def _choose(
     flat: Floats, network: Network, last: Floats, rows: int, turned: Floats, values: Floats, into: Indices
 ) -> None:
@@ -137,7 +137,7 @@ def _choose(
         into[i] = _greedy(values, i * network.layers[-1, 1], network)
 
 
-@njit(inline="always")
+@njit(inline="always", error_model="numpy")
 def joint_gradient(
     online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace, into: Floats
 ) -> None:
@@ -159,10 +159,10 @@ def joint_gradient(
     x = batch.observation.reshape(batch.observation.size)
     last = hidden(online, layers, x, rows, space.here)
     _back_joint(online, layers, last, batch.action, rows, work, into)
-    back_hidden(online, layers, x, rows, space, into)
+    back_hidden(online, layers, x, rows, space, True, into)
 
 
-@njit(inline="always")
+@njit(inline="always", error_model="numpy")
 def additive_gradient(
     online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace, into: Floats
 ) -> None:
@@ -178,10 +178,10 @@ def additive_gradient(
     x = batch.observation.reshape(batch.observation.size)
     last = hidden(online, layers, x, rows, space.here)
     _back_additive(online, network, last, batch.action, rows, work, into)
-    back_hidden(online, layers, x, rows, space, into)
+    back_hidden(online, layers, x, rows, space, True, into)
 
 
-@njit(inline="always")
+@njit(inline="always", error_model="numpy")
 def _later(
     online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace
 ) -> Floats:
@@ -234,4 +234,4 @@ def _back_additive(
                 values[at + j] = share
             values[at + rest % axes[axis]] += error
             rest //= axes[axis]
-    back_outputs(flat, layers, last, values, rows, into, work.space.back[0])
+    back_outputs(flat, layers, last, values, rows, work.space, True, into)

@@ -11,15 +11,17 @@ whether a process compiled or loaded it decided which of the copies ran, and so 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from stlbench_agents.products import inner_product, matrix, product, transposed
+from stlbench_agents.products import Matrix, inner_product, matrix, product, transposed
 
-__all__ = ["Space", "back_hidden", "back_outputs", "hidden", "outputs", "widest"]
+__all__ = ["Space", "back_hidden", "back_outputs", "hidden", "layout", "outputs", "size_of", "views", "widest"]
 
 Floats = NDArray[Any]
 Indices = NDArray[np.int64]
@@ -36,18 +38,45 @@ class Space(NamedTuple):
     """(2, B * widest): gradients by activations."""
     turned: Floats
     """(widest * widest,): a matrix of weights, transposed."""
+    one: Floats
+    """(1,): the number 1."""
 
     @staticmethod
     def of(layers: Indices, rows: int, dtype: Any = np.float32) -> Space:
         """For B = `rows` and networks of this shape."""
         most = int(widest(layers))
         size, square = (len(layers) - 1, rows * most), most * most
-        return Space(
-            np.zeros(size, dtype), np.zeros(size, dtype), np.zeros((2, size[1]), dtype), np.zeros(square, dtype)
-        )
+        hidden = (np.zeros(size, dtype), np.zeros(size, dtype), np.zeros((2, size[1]), dtype))
+        return Space(*hidden, np.zeros(square, dtype), np.ones(1, dtype))
 
 
-@njit(inline="always")
+def layout(widths: Sequence[int], begin: int = 0) -> Indices:
+    """The layers (L, 4) of a network with these widths, inputs first and outputs last, that begins at an offset."""
+    layers = []
+    for inputs, columns in pairwise(widths):
+        bias = begin + inputs * columns
+        layers.append((begin, inputs, columns, bias))
+        begin = bias + columns
+    at, inputs, columns, bias = layers[-1]
+    layers[-1] = (at, columns, inputs, bias)
+    return np.array(layers)
+
+
+def size_of(layers: Indices) -> int:
+    """Where a network ends in its vector."""
+    return int(layers[-1, 3] + layers[-1, 1])
+
+
+def views(flat: Floats, layers: Indices) -> list[Floats]:
+    """Matrix, bias, matrix, bias, ... that lie in a flat vector, sharing its memory."""
+    parts = []
+    for at, rows, columns, bias in layers.tolist():
+        end = bias + (rows if len(parts) == 2 * len(layers) - 2 else columns)
+        parts += [flat[at : at + rows * columns].reshape(rows, columns), flat[bias:end]]
+    return parts
+
+
+@njit(inline="always", error_model="numpy")
 def widest(layers: Indices) -> int:
     """The width of the widest layer but the inputs."""
     most = layers[-1, 1]
@@ -56,7 +85,7 @@ def widest(layers: Indices) -> int:
     return most
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) -> Floats:
     """The last hidden layer (B * width,) of B = `rows` inputs x; the others stay in `into`."""
     for layer in range(len(layers) - 1):
@@ -69,7 +98,7 @@ def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) ->
     return x
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, turned: Floats, into: Floats) -> None:
     """All outputs (B, outputs) of the last hidden layer (B, width), both flat; no activation after them."""
     at, count, width, bias = layers[-1]
@@ -90,7 +119,7 @@ _FEW = 8
 """Below so many outputs their inner products are faster one by one."""
 
 
-@njit(inline="always")
+@njit(inline="always", error_model="numpy")
 def _turn(flat: Floats, at: int, rows: int, columns: int, into: Floats) -> None:
     """Transpose the matrix at an offset."""
     for i in range(rows):
@@ -98,39 +127,46 @@ def _turn(flat: Floats, at: int, rows: int, columns: int, into: Floats) -> None:
             into[j * rows + i] = flat[at + i * columns + j]
 
 
-@njit(inline="always")
+@njit(inline="always", error_model="numpy")
 def back_outputs(
-    flat: Floats, layers: Indices, last: Floats, by_output: Floats, rows: int, into: Floats, back: Floats
+    flat: Floats, layers: Indices, last: Floats, by_output: Floats, rows: int, space: Space, wanted: bool, into: Floats
 ) -> None:
     """From the gradient by the outputs (B, outputs) to that by the last layer's weights, and by its inputs.
 
-    The first is written to `into`, which has the layout of the weights, the second to `back` (B, width).
+    The first is written to `into`, which has the layout of the weights, where it is `wanted`; the second (B, width) to
+    `space.back[0]`.
     """
     at, count, width, bias = layers[-1]
     given = matrix(by_output, 0, rows, count)
     nothing = matrix(flat, 0, 0, 0)
-    product(transposed(given), matrix(last, 0, rows, width), nothing, -np.inf, matrix(into, at, count, width))
-    _column_sums(by_output, rows, count, into, bias)
-    product(given, matrix(flat, at, count, width), nothing, -np.inf, matrix(back, 0, rows, width))
+    if wanted:
+        product(transposed(given), matrix(last, 0, rows, width), nothing, -np.inf, matrix(into, at, count, width))
+        _column_sums(by_output, rows, count, space.one, into, bias)
+    product(given, matrix(flat, at, count, width), nothing, -np.inf, matrix(space.back[0], 0, rows, width))
 
 
-@njit(inline="always")
-def back_hidden(flat: Floats, layers: Indices, x: Floats, rows: int, space: Space, into: Floats) -> Floats:
+@njit(inline="always", error_model="numpy")
+def back_hidden(
+    flat: Floats, layers: Indices, x: Floats, rows: int, space: Space, wanted: bool, into: Floats
+) -> Floats:
     """From the gradient by the last hidden layer, in `space.back[0]`, to that by all weights below, in `into`.
 
-    The pass forwards left its activations in `space.here`. Returns the gradient by the first layer's sums (B, width),
-    from which `by_input` goes on.
+    The pass forwards left its activations in `space.here`. Where the gradient by the weights is not `wanted`, nothing
+    is written to `into`. Returns the gradient by the first layer's sums (B, width).
     """
-    nothing = matrix(flat, 0, 0, 0)
+    nothing, zero = matrix(flat, 0, 0, 0), flat.dtype.type(0)
     back = space.back[0]
     for layer in range(len(layers) - 2, -1, -1):
         at, inner, columns, bias = layers[layer]
         active, below = space.here[layer], space.here[layer - 1] if layer else x
         for i in range(rows * columns):
-            back[i] = back[i] if active[i] > 0 else 0
+            slope, on = back[i], active[i] > zero  # both read first: a branch would be guessed wrong half of the time
+            back[i] = slope if on else zero
         given = matrix(back, 0, rows, columns)
-        product(transposed(matrix(below, 0, rows, inner)), given, nothing, -np.inf, matrix(into, at, inner, columns))
-        _column_sums(back, rows, columns, into, bias)
+        if wanted:
+            left, down = transposed(matrix(below, 0, rows, inner)), matrix(into, at, inner, columns)
+            product(left, given, nothing, -np.inf, down)
+            _column_sums(back, rows, columns, space.one, into, bias)
         if layer:
             following = space.back[(len(layers) - 1 - layer) % 2]
             _turn(flat, at, inner, columns, space.turned)
@@ -139,11 +175,8 @@ def back_hidden(flat: Floats, layers: Indices, x: Floats, rows: int, space: Spac
     return back
 
 
-@njit(inline="always")
-def _column_sums(values: Floats, rows: int, columns: int, into: Floats, at: int) -> None:
-    """The sums over rows of a matrix, written to `into` from an offset on."""
-    for j in range(columns):
-        into[at + j] = 0
-    for i in range(rows):
-        for j in range(columns):
-            into[at + j] += values[i * columns + j]
+@njit(inline="always", error_model="numpy")
+def _column_sums(values: Floats, rows: int, columns: int, one: Floats, into: Floats, at: int) -> None:
+    """The sums over rows of a matrix, written to `into` from an offset on: the product with a row of ones."""
+    ones = Matrix(one, 0, 1, rows, 0, 0)
+    product(ones, matrix(values, 0, rows, columns), matrix(one, 0, 0, 0), -np.inf, matrix(into, at, 1, columns))

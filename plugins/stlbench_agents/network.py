@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import Array, Integers, Policy
 from stlbench_agents.engine import Network, greedy_actions
+from stlbench_agents.layers import layout, size_of, views
 from stlbench_agents.parameter_types import Head
 
 __all__ = ["GreedyPolicy", "QNetwork"]
@@ -36,18 +36,9 @@ class QNetwork:
     def __init__(self, inputs: int, net_arch: Sequence[int], grid: tuple[int, ...], head: Head) -> None:
         """Args: `inputs` D, `net_arch` hidden widths, `grid` actions an axis (their product is A)."""
         self.axes = (math.prod(grid),) if head == "joint" else grid
-        self.first = 0 if head == "joint" else 1
-        widths = (inputs, *net_arch)
-        matrices = [*pairwise(widths), (self.first + sum(self.axes), widths[-1])]
-        biases = [*net_arch, self.first + sum(self.axes)]
-        self.shapes: list[tuple[int, ...]] = []
-        for shape, bias in zip(matrices, biases, strict=True):
-            self.shapes += [shape, (bias,)]
-        ends = np.cumsum([math.prod(shape) for shape in self.shapes])
-        begins = [0, *ends[:-1].tolist()]
-        self.size = int(ends[-1])
-        layers = [(begins[2 * i], *shape, begins[2 * i + 1]) for i, shape in enumerate(matrices)]
-        self.engine = Network(np.array(layers), np.array(self.axes), head == "additive")
+        layers = layout((inputs, *net_arch, sum(self.axes) + (head == "additive")))
+        self.size = size_of(layers)
+        self.engine = Network(layers, np.array(self.axes), head == "additive")
 
     def initial(self, generator: np.random.Generator) -> Single:
         """Fresh weights as one flat vector: He's normal initialisation, a small last layer, biases 0."""
@@ -60,8 +51,7 @@ class QNetwork:
 
     def views(self, flat: Single) -> list[Single]:
         """The weights that lie in a flat vector, sharing its memory."""
-        ends = np.cumsum([math.prod(shape) for shape in self.shapes])[:-1]
-        return [part.reshape(shape) for part, shape in zip(np.split(flat, ends), self.shapes, strict=True)]
+        return views(flat, self.engine.layers)
 
 
 class GreedyPolicy(Policy):

@@ -42,19 +42,19 @@ class Matrix(NamedTuple):
     step: int
 
 
-@njit(inline="always")
+@njit(inline="always", error_model="numpy")
 def matrix(values: Floats, at: int, rows: int, columns: int) -> Matrix:
     """The matrix (rows, columns) that lies row by row from `at` on."""
     return Matrix(values, at, rows, columns, columns, 1)
 
 
-@njit(inline="always")
+@njit(inline="always", error_model="numpy")
 def transposed(of: Matrix) -> Matrix:
     """The same entries, with rows and columns exchanged; nothing is copied."""
     return Matrix(of.values, of.at, of.columns, of.rows, of.step, of.row)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def product(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> None:
     """out = max(least, a b + bias), for a (rows, inner) and b (inner, columns).
 
@@ -88,7 +88,7 @@ def product(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> No
                     _block(a, b, bias, least, out, min(i, out.rows - _TALL), left)
 
 
-@njit(inline="always")
+@njit(inline="always", error_model="numpy")
 def _by_entries(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> None:
     """For fewer columns than a vector has."""
     for i in range(out.rows):
@@ -99,7 +99,7 @@ def _by_entries(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -
             out.values[out.at + i * out.row + j] = max(a.values.dtype.type(least), total)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def inner_product(a: Floats, a_at: int, b: Floats, b_at: int, count: int) -> Any:
     """The sum of a[a_at + i] b[b_at + i] over i < count, in an order of its own that is always the same."""
     lanes = _SUMS // a.itemsize

@@ -103,7 +103,7 @@ class QLearner:
         return GreedyPolicy(self.network, self.network.views(flat))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _update_joint(
     weights: Weights, network: Network, memory: Memory, first: Integers, copies: int, schedule: Schedule, count: int,
     batch: Batch, work: Workspace,
@@ -119,7 +119,7 @@ def _update_joint(
         _descend(weights, schedule, count + row)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _update_additive(
     weights: Weights, network: Network, memory: Memory, first: Integers, copies: int, schedule: Schedule, count: int,
     batch: Batch, work: Workspace,
@@ -131,7 +131,7 @@ def _update_additive(
         _descend(weights, schedule, count + row)
 
 
-@njit(inline="always")
+@njit(inline="always", error_model="numpy")
 def _descend(weights: Weights, schedule: Schedule, count: int) -> None:
     """The step along the gradient that follows `count` others."""
     tau = schedule.tau if (count + 1) % schedule.interval == 0 else 0.0

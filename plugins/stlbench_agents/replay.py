@@ -141,7 +141,7 @@ class Replay:
         return batch
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def gather(memory: Memory, first: Integers, copies: int, into: Batch) -> None:
     """Write the transitions of up to n decisions that begin at the places `first` (B,) into a batch of B rows."""
     reward, powers = memory.reward, memory.powers

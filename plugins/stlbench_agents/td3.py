@@ -1,8 +1,7 @@
 """TD3 for environments in lock-step (Fujimoto, van Hoof, Meger 2018), with what time-bounded tasks need.
 
 As in `stlbench_agents.dqn`, the observation contains the time, targets weight rewards by 1 - gamma, and returns stop
-where the environment says so. SB3's TD3 does the same work (`sb3-td3`); here the two critics are one batched product
-and the environments act in NumPy.
+where the environment says so. SB3's TD3 does the same work (`sb3-td3`); here updates are compiled.
 """
 
 from __future__ import annotations
@@ -14,8 +13,6 @@ import numpy as np
 from stlbench.contract import Agent, Array, Policy, Training
 from stlbench_agents.actions import box_of
 from stlbench_agents.checkpoints import report_rounds
-from stlbench_agents.libraries import need_torch
-from stlbench_agents.one_thread import one_thread
 from stlbench_agents.parameter_types import Count, NotNegative, Positive, Share, ShareBelow1, Steps, Widths
 
 __all__ = ["TD3"]
@@ -70,54 +67,37 @@ class TD3(Agent):
     reward_scale: Positive = 10.0
     """factor on rewards, which arrive divided by the method's `scale`"""
 
-    def __post_init__(self) -> None:
-        need_torch()
-
     def train(self, training: Training) -> Policy:
         """Spend the budget; return the policy at its end."""
-        with one_thread():
-            return self._train(training)
-
-    def _train(self, training: Training) -> Policy:
-        from stlbench_agents.actor_critic import ActorCritic  # imports PyTorch, which takes seconds
-        from stlbench_agents.replay import Replay  # imports Numba
+        from stlbench_agents.actor_critic import ActorCritic  # imports Numba
+        from stlbench_agents.replay import Replay
 
         environment = training.make(self.copies)
-        box = box_of(environment)
+        box, size = box_of(environment), environment.observation_size
         low, high = np.array(box.low), np.array(box.high)
+        shape = (self.copies, len(box.names))
         rounds = max(1, training.steps // (self.copies * environment.hold))
         generator = np.random.default_rng(training.seed)
         updates = (rounds - self.random_steps) * self.gradient_steps
-        learner = ActorCritic(self, environment.observation_size, box, generator, updates)
+        learner = ActorCritic(self, size, box, generator, updates)
         rows = max(self.n_steps + 1, min(rounds, self.buffer_size // self.copies))
-        replay = Replay(
-            rows,
-            self.copies,
-            environment.observation_size,
-            self.n_steps,
-            self.gamma,
-            self.reward_scale,
-            axes=len(box.names),
-        )
+        replay = Replay(rows, self.copies, size, self.n_steps, self.gamma, self.reward_scale, axes=len(box.names))
         noise, shares = self._noise(rounds), np.linspace(0.25, 1.75, self.copies)[:, None]
         reports = report_rounds(rounds, training.checkpoints)
         observation = environment.reset()
-        policy = learner.policy()
         for done in range(1, rounds + 1):
             if done <= self.random_steps:
-                action = generator.uniform(-1, 1, (self.copies, len(box.names)))
+                action = generator.uniform(-1, 1, shape)
             else:
-                greedy = 2 * (policy.act(observation) - low) / (high - low) - 1
-                action = greedy + noise[done - 1] * shares * generator.standard_normal(greedy.shape)
-                action = np.clip(action, -1, 1)
+                action = learner.act(observation, noise[done - 1] * shares * generator.standard_normal(shape))
             transition = environment.step(low + (action + 1) / 2 * (high - low))
             replay.add(observation, action, transition)
             observation = transition.observation
             learner.saw(transition.reward)
             if done > self.random_steps and replay.ready:
-                for first in replay.draw(generator, self.gradient_steps, self.batch_size):
-                    learner.update(replay.batch(first), generator.standard_normal((self.batch_size, len(box.names))))
-                policy = learner.policy()
+                first = replay.draw(generator, self.gradient_steps, self.batch_size)
+                normal = generator.standard_normal((*first.shape, len(box.names)), dtype=np.float32)
+                learner.update(replay.memory, first, self.copies, normal)
             if done in reports:
                 final = learner.policy(averaged=True)
                 training.report(final, done * self.copies * environment.hold)
