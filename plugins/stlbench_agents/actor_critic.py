@@ -115,7 +115,7 @@ class ActorCritic:
         )
         self._scale, self._count = recipe.reward_scale, 0
         bounded = recipe.gamma < 1  # otherwise values are sums of rewards, without bounds
-        self._least, self._most = (math.inf, -math.inf) if bounded else (-math.inf, math.inf)
+        self.bounds = (math.inf, -math.inf) if bounded else (-math.inf, math.inf)
         self._batch = Batch.of(recipe.batch_size, inputs, len(box.names))
         self._work = Work.of(self.networks, recipe.batch_size)
 
@@ -132,8 +132,8 @@ class ActorCritic:
 
     def saw(self, reward: Array) -> None:
         """Take note of rewards (N,): a value, a mean of rewards weighted by powers of gamma, lies among them."""
-        self._least = min(self._least, self._scale * float(reward.min()))
-        self._most = max(self._most, self._scale * float(reward.max()))
+        least, most = self._scale * float(reward.min()), self._scale * float(reward.max())
+        self.bounds = min(self.bounds[0], least), max(self.bounds[1], most)
 
     def update(self, memory: Memory, first: Integers, copies: int, normal: Floats) -> None:
         """One update for each row of `first` (updates, B), from the transitions that begin there.
@@ -146,7 +146,7 @@ class ActorCritic:
         """
         _update(
             self.actor, self.critics, self.networks, memory, first, copies, normal, self.schedule,
-            (self._least, self._most), self._count, self._batch, self._work,
+            self.bounds, self._count, self._batch, self._work,
         )  # fmt: skip
         self._count += len(first)
 
@@ -235,6 +235,8 @@ def targets(
     Kept within `bounds`, the rewards that were seen: without that, values of states never visited run away.
     """
     rows, axes, kind = len(batch.returns), batch.action.shape[1], critics.dtype.type
+    if len(work.goal) != rows:
+        raise ValueError("the workspace was made for a batch of another size")
     _output(actor, networks.actor, batch.arrived, work.actor.there, work.actor.turned, work.output)
     later = work.by_output.reshape((rows, axes))  # not needed yet
     for i in range(rows):

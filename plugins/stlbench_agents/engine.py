@@ -187,6 +187,8 @@ def _later(
 ) -> Floats:
     """The target network's last hidden layer where transitions arrived; with `double` also the best actions there."""
     rows, space = len(batch.returns), work.space
+    if len(work.goal) != rows:
+        raise ValueError("the workspace was made for a batch of another size")
     there = batch.arrived.reshape(batch.arrived.size)
     if double:
         last = hidden(online, network.layers, there, rows, space.there)

@@ -12,16 +12,17 @@ import torch
 from helpers import plain_q
 from numpy.typing import NDArray
 
-from stlbench_agents.engine import Network, Workspace, best_actions, gradient
+from stlbench_agents.engine import Network, Workspace, additive_gradient, greedy_actions, joint_gradient
 from stlbench_agents.network import GreedyPolicy, QNetwork
 from stlbench_agents.optimizer import Weights, adam, blend, clipping, step
+from stlbench_agents.replay import Batch
 from stlbench_agents.parameter_types import Head
 
 Floats = NDArray[Any]
 
 INPUTS, ROWS = 5, 48
-ARCHITECTURES = [(9,), (12, 7), (6, 14, 10)]
-"""Widths that grow and that shrink, none equal to another."""
+ARCHITECTURES = [(9,), (12, 7), (6, 14, 10), (40, 24)]
+"""Widths that grow and that shrink, none equal to another; the last wider than the processor's vectors."""
 GRIDS = [(6,), (4, 3), (3, 2, 4)]
 SHAPES = [
     *(plain_q.Shape(INPUTS, net_arch, (4, 3), "joint") for net_arch in ARCHITECTURES),
@@ -79,17 +80,21 @@ def engine_of(shape: plain_q.Shape) -> Network:
 
 
 def poisoned(network: Network, rows: int, dtype: Any) -> Workspace:
-    """A workspace of NaN, and of no action."""
-    space = Workspace.of(network, rows, dtype)
-    for part in space:
-        part[:] = -1 if part is space.chosen else np.nan
-    return space
+    """A workspace of NaN, and of no action; only what is constant is as it should be."""
+    work = Workspace.of(network, rows, dtype)
+    for part in (*work.space[:-1], work.outputs, work.goal):
+        part[:] = np.nan
+    work.chosen[:] = -1
+    return work
 
 
-def computed(of: Case, space: Workspace | None = None) -> Floats:
+def computed(of: Case, work: Workspace | None = None) -> Floats:
     """The gradient, written over NaN."""
     dtype, into = of.online.dtype, np.full_like(of.online, np.nan)
-    gradient(*of, space or poisoned(of.network, len(of.action), dtype), into)
+    batch = Batch(of.observation, of.action, of.returns, of.arrived, of.discount)
+    gradient = additive_gradient if of.network.additive else joint_gradient
+    work = work or poisoned(of.network, len(of.action), dtype)
+    gradient(of.online, of.target, of.network, batch, of.double, work, into)
     return into
 
 
@@ -161,10 +166,10 @@ class TestGradient:
         of, other = case(shape, double, dtype=np.float32), case(shape, not double, dtype=np.float32, seed=1)
         fresh = computed(of)
         assert np.isfinite(fresh).all()
-        space = poisoned(of.network, ROWS, np.float32)
-        computed(other, space)
-        assert np.array_equal(computed(of, space), fresh)
-        assert np.array_equal(computed(of, space), fresh)
+        work = poisoned(of.network, ROWS, np.float32)
+        computed(other, work)
+        assert np.array_equal(computed(of, work), fresh)
+        assert np.array_equal(computed(of, work), fresh)
 
     def test_by_hand(self) -> None:
         """One hidden unit, two actions, one row.
@@ -193,7 +198,7 @@ class TestGradient:
 
     def test_a_workspace_of_another_batch_is_refused(self) -> None:
         of = case(SHAPES[0], True)
-        with pytest.raises(ValueError, match="output array"):
+        with pytest.raises(ValueError, match="made for a batch of another size"):
             computed(of, poisoned(of.network, ROWS + 1, np.float64))
 
 
@@ -352,7 +357,7 @@ class TestBestActions:
         drawn = set()
         for seed in range(5):
             of = case(shape, True, 100, seed=seed)
-            found = best_actions(of.online, of.network, of.observation)
+            found = greedy_actions(of.online, of.network, of.observation)
             q = plain_q.all_q(shape, torch.tensor(of.online), torch.tensor(of.observation)).numpy()
             assert found.dtype == np.int64
             assert np.array_equal(found, q.argmax(axis=1))
@@ -363,7 +368,7 @@ class TestBestActions:
     def test_observations_in_double_precision_are_rounded_to_that_of_the_weights(self, shape: plain_q.Shape) -> None:
         of = case(shape, True, 400, np.float32)
         fine = of.observation.astype(np.float64) * (1 + 1e-9)
-        assert np.array_equal(best_actions(of.online, of.network, fine), best_actions(*of[:1], *of[2:4]))
+        assert np.array_equal(greedy_actions(of.online, of.network, fine), greedy_actions(*of[:1], *of[2:4]))
 
     @pytest.mark.parametrize("grid", GRIDS)
     @pytest.mark.parametrize("head", ["joint", "additive"])
@@ -372,7 +377,7 @@ class TestBestActions:
         shape, generator = plain_q.Shape(INPUTS, (4, 3), grid, head), np.random.default_rng(0)
         flat = generator.integers(-1, 2, size=sum(math.prod(part) for part in shape.weights)).astype(np.float32)
         x = generator.integers(-1, 2, size=(300, INPUTS)).astype(np.float32)
-        found = best_actions(flat, engine_of(shape), x)
+        found = greedy_actions(flat, engine_of(shape), x)
         # in whole numbers as well: the means that an additive head takes off are the same for all actions
         w1, b1, w2, b2, w3, b3 = QNetwork(*shape).views(flat)
         outputs = np.maximum(np.maximum(x @ w1 + b1, 0) @ w2 + b2, 0) @ w3.T + b3
@@ -392,5 +397,5 @@ class TestBestActions:
     def test_of_nothing_but_equals_the_first(self, head: Head) -> None:
         shape = plain_q.Shape(INPUTS, (4,), (3, 2), head)
         flat, x = np.zeros(sum(math.prod(part) for part in shape.weights), np.float32), np.ones((2, 5), np.float32)
-        assert best_actions(flat, engine_of(shape), x).tolist() == [0, 0]
+        assert greedy_actions(flat, engine_of(shape), x).tolist() == [0, 0]
         assert policy_of(shape, flat).act(x.astype(np.float64)).tolist() == [0, 0]

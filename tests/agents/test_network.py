@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stlbench.contract import ActionGrid, Array
-from stlbench_agents.engine import best_actions
+from stlbench_agents.engine import greedy_actions
 from stlbench_agents.network import GreedyPolicy, QNetwork, Single
 from stlbench_agents.parameter_types import Head
 
@@ -53,7 +53,7 @@ def test_the_policy_and_the_engine_choose_the_best_of_an_enumeration_of_all_acti
     assert clear.sum() > ROWS / 2
     assert len(set(q.argmax(axis=1)[clear])) > 5
     policy = GreedyPolicy(network, network.views(flat))
-    compiled = best_actions(flat, network.engine, observation)
+    compiled = greedy_actions(flat, network.engine, observation)
     assert np.array_equal(policy.act(observation)[clear], q.argmax(axis=1)[clear])
     assert np.array_equal(compiled[clear], q.argmax(axis=1)[clear])
 
@@ -75,7 +75,8 @@ def test_an_index_means_the_same_action_to_the_grid_and_to_the_additive_head() -
 @pytest.mark.parametrize(("head", "outputs"), [("joint", 24), ("additive", 1 + 4 + 2 + 3)])
 def test_the_number_of_outputs(head: Head, outputs: int) -> None:
     network = QNetwork(INPUTS, WIDTHS, GRID.shape, head)
-    assert network.shapes == [(5, 16), (16,), (16, 8), (8,), (outputs, 8), (outputs,)]
+    views = network.views(np.zeros(network.size, np.float32))
+    assert [view.shape for view in views] == [(5, 16), (16,), (16, 8), (8,), (outputs, 8), (outputs,)]
 
 
 @pytest.mark.parametrize("net_arch", [(7,), (16, 8), (6, 9, 4)])
