@@ -345,3 +345,11 @@ class Agent(ABC):
     @abstractmethod
     def train(self, training: Training) -> Policy:
         """Spend the budget and return the final policy. The same `training.seed` gives the same policy, bit for bit."""
+
+    def uncompiled(self) -> Callable[[], None] | None:
+        """What compiles the agent's code, where it is compiled and this machine has not done so yet; None elsewhere.
+
+        The harness calls it before the first cell, and says that it does. Without it, what is compiled at first use
+        takes its time in the first cell of each worker.
+        """
+        return None

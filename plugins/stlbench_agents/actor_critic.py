@@ -10,20 +10,20 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionBox, Array, Integers
 from stlbench_agents.actor_policy import ActorPolicy
+from stlbench_agents.compiler import compiled
 from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, layout, outputs, size_of, views
 from stlbench_agents.optimizer import Weights, step
 from stlbench_agents.products import inner_product
-from stlbench_agents.replay import Batch, Memory, gather
+from stlbench_agents.replay import Batch, Memory, Replay, gather
 
 if TYPE_CHECKING:
     from stlbench_agents.td3 import TD3
 
-__all__ = ["ActorCritic", "Networks", "Noise", "Work", "actor_gradient", "critic_gradient", "targets"]
+__all__ = ["ActorCritic", "Networks", "Noise", "Work", "actor_gradient", "compile_all", "critic_gradient", "targets"]
 
 Floats = NDArray[Any]
 Indices = NDArray[np.int64]
@@ -151,6 +151,15 @@ class ActorCritic:
         self._count += len(first)
 
 
+def compile_all(recipe: TD3) -> None:
+    """Call all that is compiled, on nothing of interest."""
+    made = ActorCritic(recipe, 1, ActionBox(("a",), (-1.0,), (1.0,)), np.random.default_rng(0), 1)
+    made.act(np.zeros((1, 1)), np.zeros((1, 1)))
+    replay = Replay(2, 1, 1, 1, 0.0, axes=1)
+    rows = (1, recipe.batch_size)
+    made.update(replay.memory, np.zeros(rows, np.int64), 1, np.zeros((*rows, 1), np.float32))
+
+
 def _initial(generator: np.random.Generator, layers: Indices, last: float) -> Floats:
     """Uniform in 1/sqrt(inputs), the last layer in `last` times that, biases 0."""
     begin = int(layers[0, 0])
@@ -163,7 +172,7 @@ def _initial(generator: np.random.Generator, layers: Indices, last: float) -> Fl
     return flat
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _act(flat: Floats, layers: Indices, observation: Floats, noise: Floats) -> Floats:
     rows, inputs, axes = len(observation), observation.shape[1], layers[-1, 1]
     space_of = max(layers[:, 2].max(), layers[:, 1].max())
@@ -181,7 +190,7 @@ def _act(flat: Floats, layers: Indices, observation: Floats, noise: Floats) -> F
     return vectors
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _update(
     actor: Weights, critics: Weights, networks: Networks, memory: Memory, first: Integers, copies: int,
     normal: Floats, schedule: Schedule, bounds: tuple[float, float], count: int, batch: Batch, work: Work,
@@ -205,7 +214,7 @@ def _update(
             step(actor, rate, count // schedule.delay, np.inf, tau, 1 - schedule.averaging)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _join(observation: Floats, action: Floats, into: Floats) -> None:
     """Observations (B, D) and actions (B, axes) side by side."""
     rows, inputs, axes = len(observation), observation.shape[1], action.shape[1]
@@ -217,15 +226,17 @@ def _join(observation: Floats, action: Floats, into: Floats) -> None:
             into[begin + inputs + j] = action[i, j]
 
 
-@njit(cache=True, error_model="numpy")
-def _output(flat: Floats, layers: Indices, observation: Floats, activations: Floats, turned: Floats, into: Floats) -> None:
+@compiled()
+def _output(
+    flat: Floats, layers: Indices, observation: Floats, activations: Floats, turned: Floats, into: Floats
+) -> None:
     """The actor's output before the tanh."""
     rows = len(observation)
     last = hidden(flat, layers, observation.reshape(observation.size), rows, activations)
     outputs(flat, layers, last, rows, turned, into)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def targets(
     actor: Floats, critics: Floats, networks: Networks, batch: Batch, noise: Noise, bounds: tuple[float, float],
     work: Work,
@@ -255,7 +266,7 @@ def targets(
         work.goal[i] = min(kind(bounds[1]), max(kind(bounds[0]), goal))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def critic_gradient(critics: Floats, networks: Networks, batch: Batch, work: Work, into: Floats) -> None:
     """The gradient of Huber's loss of both critics, the sum of their means over the batch, by `work.goal`."""
     rows, kind = len(batch.returns), critics.dtype.type
@@ -271,7 +282,7 @@ def critic_gradient(critics: Floats, networks: Networks, batch: Batch, work: Wor
         back_hidden(critics, layers, work.joined, rows, work.critic, True, into)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def actor_gradient(
     actor: Floats, critics: Floats, networks: Networks, batch: Batch, penalty: float, work: Work, into: Floats
 ) -> None:

@@ -6,13 +6,16 @@ state. One lock-step of all copies is followed by `gradient_steps` updates, all 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
 
-from stlbench.contract import Agent, Array, Environment, Integers, Policy, Training, Transition
+from stlbench.contract import ActionGrid, Agent, Array, Environment, Integers, Policy, Training, Transition
+from stlbench_agents.actions import grid_of
 from stlbench_agents.checkpoints import report_rounds
+from stlbench_agents.compiled_code import is_ready, note_ready
 from stlbench_agents.parameter_types import Count, Head, Positive, Share, ShareBelow1, Widths
 
 __all__ = ["DQN", "Learner"]
@@ -95,7 +98,17 @@ class DQN(Agent):
         """What is trained, with fresh networks, for as many updates in all."""
         from stlbench_agents.q_learner import QLearner  # imports Numba, which parameters do not need
 
-        return QLearner(self, environment, seed, updates)
+        return QLearner(self, environment.observation_size, environment.count, grid_of(environment), seed, updates)
+
+    def uncompiled(self) -> Callable[[], None] | None:
+        """The updates of its head, where this machine has not compiled them."""
+        return None if is_ready(f"dqn-{self.head}") else self._compile
+
+    def _compile(self) -> None:
+        from stlbench_agents.q_learner import QLearner
+
+        QLearner(self, 1, 1, ActionGrid(("a",), ((0.0, 1.0),)), 0, 1).compile()
+        note_ready(f"dqn-{self.head}")
 
     def _epsilon(self, progress: float) -> float:
         first, last, share = self.exploration_initial_eps, self.exploration_final_eps, self.exploration_fraction

@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from stlbench_agents.compiler import compiled, inlined
 from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, outputs, widest
 from stlbench_agents.products import inner_product
 from stlbench_agents.replay import Batch
@@ -64,7 +64,7 @@ class Workspace(NamedTuple):
         )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _greedy(values: Floats, begin: int, network: Network) -> int:
     """The action of the largest Q, the first of equals, of a row of outputs that begins there."""
     action = 0
@@ -79,7 +79,7 @@ def _greedy(values: Floats, begin: int, network: Network) -> int:
     return action
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def _additive(values: Floats, begin: int, action: int, axes: Indices, ones: Floats) -> Any:
     """V + sum_i (A_i(a_i) - mean A_i) of a row of outputs that begins there."""
     q, at, rest = values[begin], begin + len(ones), action
@@ -90,14 +90,14 @@ def _additive(values: Floats, begin: int, action: int, axes: Indices, ones: Floa
     return q
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def _single(flat: Floats, layers: Indices, last: Floats, row: int, action: int) -> Any:
     """Q of one action of a joint head: one row of the last layer is all it needs."""
     at, _, width, bias = layers[-1]
     return inner_product(last, row * width, flat, at + action * width, width) + flat[bias + action]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def actions(flat: Floats, network: Network, observation: Floats, epsilon: float, chance: Floats, count: int) -> Indices:
     """Epsilon-greedy actions at observations (B, D) of any floating-point type: (B,). Of equals the first.
 
@@ -128,7 +128,7 @@ def greedy_actions(flat: Floats, network: Network, observation: Floats) -> Indic
 _NO_CHANCE = np.empty((2, 0))
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def _choose(
     flat: Floats, network: Network, last: Floats, rows: int, turned: Floats, values: Floats, into: Indices
 ) -> None:
@@ -137,7 +137,7 @@ def _choose(
         into[i] = _greedy(values, i * network.layers[-1, 1], network)
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def joint_gradient(
     online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace, into: Floats
 ) -> None:
@@ -162,7 +162,7 @@ def joint_gradient(
     back_hidden(online, layers, x, rows, space, True, into)
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def additive_gradient(
     online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace, into: Floats
 ) -> None:
@@ -181,10 +181,8 @@ def additive_gradient(
     back_hidden(online, layers, x, rows, space, True, into)
 
 
-@njit(inline="always", error_model="numpy")
-def _later(
-    online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace
-) -> Floats:
+@inlined()
+def _later(online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace) -> Floats:
     """The target network's last hidden layer where transitions arrived; with `double` also the best actions there."""
     rows, space = len(batch.returns), work.space
     if len(work.goal) != rows:
@@ -196,7 +194,7 @@ def _later(
     return hidden(target, network.layers, there, rows, space.there)
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def _back_joint(
     flat: Floats, layers: Indices, last: Floats, action: Indices, rows: int, work: Workspace, into: Floats
 ) -> None:
@@ -215,7 +213,7 @@ def _back_joint(
             back[begin + j] = error * flat[row + j]
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def _back_additive(
     flat: Floats, network: Network, last: Floats, action: Indices, rows: int, work: Workspace, into: Floats
 ) -> None:

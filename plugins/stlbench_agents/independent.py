@@ -35,8 +35,9 @@ class DQNPerRobot(DQN):
             return super().learner(environment, seed, updates)
         from stlbench_agents.q_learner import QLearner  # imports Numba, which parameters do not need
 
+        size, copies = environment.observation_size, environment.count
         return Team(
-            [QLearner(self, environment, [seed, 2 + i], updates, part) for i, part in enumerate(grid.parts)],
+            [QLearner(self, size, copies, part, [seed, 2 + i], updates) for i, part in enumerate(grid.parts)],
             [part.size for part in grid.parts],
         )
 

@@ -16,9 +16,9 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from stlbench_agents.compiler import compiled, inlined
 from stlbench_agents.products import Matrix, inner_product, matrix, product, transposed
 
 __all__ = ["Space", "back_hidden", "back_outputs", "hidden", "layout", "outputs", "size_of", "views", "widest"]
@@ -69,23 +69,23 @@ def size_of(layers: Indices) -> int:
 
 def views(flat: Floats, layers: Indices) -> list[Floats]:
     """Matrix, bias, matrix, bias, ... that lie in a flat vector, sharing its memory."""
-    parts = []
+    parts: list[Floats] = []
     for at, rows, columns, bias in layers.tolist():
         end = bias + (rows if len(parts) == 2 * len(layers) - 2 else columns)
         parts += [flat[at : at + rows * columns].reshape(rows, columns), flat[bias:end]]
     return parts
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def widest(layers: Indices) -> int:
     """The width of the widest layer but the inputs."""
-    most = layers[-1, 1]
+    most: int = layers[-1, 1]
     for layer in range(len(layers) - 1):
         most = max(most, layers[layer, 2])
     return most
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) -> Floats:
     """The last hidden layer (B * width,) of B = `rows` inputs x; the others stay in `into`."""
     for layer in range(len(layers) - 1):
@@ -98,7 +98,7 @@ def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) ->
     return x
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, turned: Floats, into: Floats) -> None:
     """All outputs (B, outputs) of the last hidden layer (B, width), both flat; no activation after them."""
     at, count, width, bias = layers[-1]
@@ -119,7 +119,7 @@ _FEW = 8
 """Below so many outputs their inner products are faster one by one."""
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def _turn(flat: Floats, at: int, rows: int, columns: int, into: Floats) -> None:
     """Transpose the matrix at an offset."""
     for i in range(rows):
@@ -127,7 +127,7 @@ def _turn(flat: Floats, at: int, rows: int, columns: int, into: Floats) -> None:
             into[j * rows + i] = flat[at + i * columns + j]
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def back_outputs(
     flat: Floats, layers: Indices, last: Floats, by_output: Floats, rows: int, space: Space, wanted: bool, into: Floats
 ) -> None:
@@ -145,7 +145,7 @@ def back_outputs(
     product(given, matrix(flat, at, count, width), nothing, -np.inf, matrix(space.back[0], 0, rows, width))
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def back_hidden(
     flat: Floats, layers: Indices, x: Floats, rows: int, space: Space, wanted: bool, into: Floats
 ) -> Floats:
@@ -155,7 +155,7 @@ def back_hidden(
     is written to `into`. Returns the gradient by the first layer's sums (B, width).
     """
     nothing, zero = matrix(flat, 0, 0, 0), flat.dtype.type(0)
-    back = space.back[0]
+    back: Floats = space.back[0]
     for layer in range(len(layers) - 2, -1, -1):
         at, inner, columns, bias = layers[layer]
         active, below = space.here[layer], space.here[layer - 1] if layer else x
@@ -175,7 +175,7 @@ def back_hidden(
     return back
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def _column_sums(values: Floats, rows: int, columns: int, one: Floats, into: Floats, at: int) -> None:
     """The sums over rows of a matrix, written to `into` from an offset on: the product with a row of ones."""
     ones = Matrix(one, 0, 1, rows, 0, 0)

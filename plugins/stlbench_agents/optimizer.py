@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from stlbench_agents.compiler import compiled, inlined
 from stlbench_agents.products import inner_product
 
 __all__ = ["Weights", "adam", "blend", "clipping", "step"]
@@ -41,7 +41,7 @@ class Weights(NamedTuple):
         return Weights(flat.copy(), flat.copy(), flat.copy(), *nothing)
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def clipping(gradient: Floats, max_norm: float) -> float:
     """The factor, at most 1, that brings the gradient's norm to `max_norm`."""
     total = inner_product(gradient, 0, gradient, 0, len(gradient))
@@ -49,7 +49,7 @@ def clipping(gradient: Floats, max_norm: float) -> float:
 
 
 # Without error_model="numpy" the test for a division by 0 keeps the loop scalar, four times slower.
-@njit(inline="always", error_model="numpy")
+@inlined()
 def adam(
     weights: Floats, gradient: Floats, mean: Floats, square: Floats, rate: float, count: int, factor: float
 ) -> None:
@@ -69,7 +69,7 @@ def adam(
         weights[i] -= step * mean[i] / (np.sqrt(square[i]) + epsilon)
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def blend(into: Floats, weights: Floats, share: float) -> None:
     """into = (1 - share) into + share weights: a target network, or averaged weights, one step on; exact at 0 and 1."""
     part, rest = into.dtype.type(share), into.dtype.type(1 - share)
@@ -77,7 +77,7 @@ def blend(into: Floats, weights: Floats, share: float) -> None:
         into[i] = rest * into[i] + part * weights[i]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def step(weights: Weights, rate: float, count: int, max_norm: float, target_share: float, average_share: float) -> None:
     """Step `count` of Adam along the gradient, its norm clipped; then target and average move by their shares."""
     factor = clipping(weights.gradient, max_norm)

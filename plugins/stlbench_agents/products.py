@@ -1,9 +1,8 @@
 """Products of small matrices, compiled: what the networks of this package spend their time on.
 
 BLAS is made for large matrices: for two of 128 x 128 it makes 96 billion operations a second on a machine where this
-kernel makes 236. It keeps 8 x 32 results in registers, copies no operand, and is not called but compiled into what
-needs it. Each entry is summed from the first term to the last, one fused operation after the other. So its bits depend
-on neither the processor's vectors nor on how the work is cut into blocks.
+kernel makes 236. It keeps 8 x 32 results in registers and copies no operand. Each entry is summed from the first term
+to the last, one fused operation after the other, so its bits do not depend on how the work is cut into blocks.
 """
 
 from __future__ import annotations
@@ -12,10 +11,12 @@ from typing import Any, NamedTuple
 
 import llvmlite.binding
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
+
+from stlbench_agents.compiler import compiled, inlined
 
 __all__ = ["Matrix", "inner_product", "matrix", "product", "transposed"]
 
@@ -42,19 +43,19 @@ class Matrix(NamedTuple):
     step: int
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def matrix(values: Floats, at: int, rows: int, columns: int) -> Matrix:
     """The matrix (rows, columns) that lies row by row from `at` on."""
     return Matrix(values, at, rows, columns, columns, 1)
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def transposed(of: Matrix) -> Matrix:
     """The same entries, with rows and columns exchanged; nothing is copied."""
     return Matrix(of.values, of.at, of.columns, of.rows, of.step, of.row)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def product(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> None:
     """out = max(least, a b + bias), for a (rows, inner) and b (inner, columns).
 
@@ -88,7 +89,7 @@ def product(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> No
                     _block(a, b, bias, least, out, min(i, out.rows - _TALL), left)
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def _by_entries(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> None:
     """For fewer columns than a vector has."""
     for i in range(out.rows):
@@ -99,12 +100,12 @@ def _by_entries(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -
             out.values[out.at + i * out.row + j] = max(a.values.dtype.type(least), total)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def inner_product(a: Floats, a_at: int, b: Floats, b_at: int, count: int) -> Any:
     """The sum of a[a_at + i] b[b_at + i] over i < count, in an order of its own that is always the same."""
     lanes = _SUMS // a.itemsize
     whole = count // lanes * lanes
-    total = _partial_sums(a, a_at, b, b_at, whole)
+    total: Any = _partial_sums(a, a_at, b, b_at, whole)  # type: ignore[call-arg]  # it gets its context by itself
     for i in range(whole, count):
         total += a[a_at + i] * b[b_at + i]
     return total
@@ -147,9 +148,7 @@ class _Kernel:
         """A vector of nothing but this number."""
         undefined, first = ir.Constant(self.vector, ir.Undefined), ir.IntType(32)(0)
         everywhere = ir.Constant(ir.VectorType(ir.IntType(32), self.lanes), [0] * self.lanes)
-        return self.builder.shuffle_vector(
-            self.builder.insert_element(undefined, number, first), undefined, everywhere
-        )
+        return self.builder.shuffle_vector(self.builder.insert_element(undefined, number, first), undefined, everywhere)
 
     def fused(self, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
         """a b + c."""
@@ -233,9 +232,7 @@ def _summed(
     term, below = variable(_INDEX, _INDEX(0)), variable(pointer, left)
     heads = [variable(pointer, top) for top in tops]
     sums = [[variable(kernel.vector, first) for first in row] for row in start]
-    vectors = [
-        kernel.load(kernel.moved(below, _INDEX(v * _BYTES)), kernel.vector) for v in range(len(start[0]))
-    ]
+    vectors = [kernel.load(kernel.moved(below, _INDEX(v * _BYTES)), kernel.vector) for v in range(len(start[0]))]
     added = []
     for head, row in zip(heads, sums, strict=True):
         factor = kernel.spread(kernel.load(head, kernel.number))
@@ -267,8 +264,8 @@ def _partial_sums(_: Any, a: Any, a_at: Any, b: Any, b_at: Any, count: Any) -> A
         left, right = kernel.place(args[0], a, args[1]), kernel.place(args[2], b, args[3])
         with cgutils.for_range_slice(builder, _INDEX(0), args[4], _INDEX(kernel.lanes), intp=_INDEX) as (entry, _):
             offset = kernel.in_bytes(entry)
-            pair = [kernel.load(kernel.moved(place, offset), kernel.vector) for place in (left, right)]
-            builder.store(kernel.fused(*pair, builder.load(total)), total)
+            one, other = (kernel.load(kernel.moved(place, offset), kernel.vector) for place in (left, right))
+            builder.store(kernel.fused(one, other, builder.load(total)), total)
         return _sum_of(kernel, builder.load(total))
 
     return a.dtype(a, types.intp, b, types.intp, types.intp), generate

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
 
-from stlbench.contract import ActionGrid, Array, Environment, Integers, Transition
-from stlbench_agents.actions import grid_of
+from stlbench.contract import ActionGrid, Array, Integers, Transition
+from stlbench_agents.compiler import compiled, inlined
 from stlbench_agents.engine import Network, Workspace, actions, additive_gradient, joint_gradient
 from stlbench_agents.network import GreedyPolicy, QNetwork
 from stlbench_agents.optimizer import Weights, step
@@ -40,14 +39,14 @@ class QLearner:
     def __init__(
         self,
         recipe: DQN,
-        environment: Environment,
+        size: int,
+        copies: int,
+        grid: ActionGrid,
         seed: int | Sequence[int],
         updates: int,
-        grid: ActionGrid | None = None,
     ) -> None:
-        """Args: `updates` in all, for the learning rate; `grid` the actions to choose among, where not all."""
+        """Args: `size` D of an observation; `copies` in lock-step; `updates` in all, for the learning rate."""
         self.recipe = recipe
-        size, copies, grid = environment.observation_size, environment.count, grid or grid_of(environment)
         self.network = QNetwork(size, recipe.net_arch, grid.shape, recipe.head)
         self.weights = Weights.of(self.network.initial(np.random.default_rng(seed)))
         self.replay = Replay(
@@ -97,13 +96,19 @@ class QLearner:
         )  # fmt: skip
         self._count += len(first)
 
+    def compile(self) -> None:
+        """Call all that is compiled, on nothing of interest."""
+        size = self.replay.memory.observation.shape[1]
+        self.act(np.zeros((1, size)), 0.0, np.random.default_rng(0))
+        self.update(np.zeros((1, self.recipe.batch_size), np.int64))
+
     def policy(self) -> GreedyPolicy:
         """What is reported: the greedy policy of the averaged weights, or of the current ones without averaging."""
         flat = self.weights.average if self.schedule.averaging else self.weights.online
         return GreedyPolicy(self.network, self.network.views(flat))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _update_joint(
     weights: Weights, network: Network, memory: Memory, first: Integers, copies: int, schedule: Schedule, count: int,
     batch: Batch, work: Workspace,
@@ -119,7 +124,7 @@ def _update_joint(
         _descend(weights, schedule, count + row)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _update_additive(
     weights: Weights, network: Network, memory: Memory, first: Integers, copies: int, schedule: Schedule, count: int,
     batch: Batch, work: Workspace,
@@ -131,7 +136,7 @@ def _update_additive(
         _descend(weights, schedule, count + row)
 
 
-@njit(inline="always", error_model="numpy")
+@inlined()
 def _descend(weights: Weights, schedule: Schedule, count: int) -> None:
     """The step along the gradient that follows `count` others."""
     tau = schedule.tau if (count + 1) % schedule.interval == 0 else 0.0

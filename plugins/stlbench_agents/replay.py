@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from stlbench.contract import Array, Integers, Transition
+from stlbench_agents.compiler import compiled
 
 __all__ = ["Batch", "Memory", "Replay", "gather", "weighted_rewards"]
 
@@ -141,7 +141,7 @@ class Replay:
         return batch
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def gather(memory: Memory, first: Integers, copies: int, into: Batch) -> None:
     """Write the transitions of up to n decisions that begin at the places `first` (B,) into a batch of B rows."""
     reward, powers = memory.reward, memory.powers

@@ -6,6 +6,7 @@ where the environment says so. SB3's TD3 does the same work (`sb3-td3`); here up
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from stlbench.contract import Agent, Array, Policy, Training
 from stlbench_agents.actions import box_of
 from stlbench_agents.checkpoints import report_rounds
+from stlbench_agents.compiled_code import is_ready, note_ready
 from stlbench_agents.parameter_types import Count, NotNegative, Positive, Share, ShareBelow1, Steps, Widths
 
 __all__ = ["TD3"]
@@ -102,6 +104,16 @@ class TD3(Agent):
                 final = learner.policy(averaged=True)
                 training.report(final, done * self.copies * environment.hold)
         return final
+
+    def uncompiled(self) -> Callable[[], None] | None:
+        """The updates, where this machine has not compiled them."""
+        return None if is_ready("td3") else self._compile
+
+    def _compile(self) -> None:
+        from stlbench_agents.actor_critic import compile_all
+
+        compile_all(self)
+        note_ready("td3")
 
     def _noise(self, rounds: int) -> Array:
         """The standard deviation in each round, (rounds,)."""

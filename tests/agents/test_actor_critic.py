@@ -84,7 +84,7 @@ def tensors(of: Case) -> tuple[Tensor, Tensor]:
 @axes_of
 @pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 1e-5)])
 class TestAgainstAutograd:
-    """In double precision rounding is 1e-16 an operation, in single 6e-8; sums have at most 75 terms, layer on layer."""
+    """In double precision rounding is 1e-16 an operation, in single 6e-8; sums have 75 terms, a layer upon a layer."""
 
     def test_the_critics(self, net_arch: tuple[int, ...], axes: int, dtype: Any, bound: float) -> None:
         """Errors lie on both sides of 1, where Huber's loss bends."""
@@ -136,8 +136,8 @@ def test_nothing_but_the_gradient_is_written() -> None:
 
 def test_a_workspace_of_another_batch_is_refused() -> None:
     of = case((12, 7), 2)
+    work = Work.of(of.networks, ROWS + 1, np.float64)
     with pytest.raises(ValueError, match="made for a batch of another size"):
-        work = Work.of(of.networks, ROWS + 1, np.float64)
         targets(of.actor, of.critics, of.networks, of.batch, Noise(of.normal, 0.5, 0.6), WIDE, work)
 
 

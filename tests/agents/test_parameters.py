@@ -106,7 +106,7 @@ def hold_disc_by(agent: str) -> Cell:
     return cell
 
 
-MISSING = [(name, "torch", "PyTorch") for name in OWN if name == "td3" or name.startswith("sb3")] + [
+MISSING = [(name, "torch", "PyTorch") for name in OWN if name.startswith("sb3")] + [
     (name, "stable_baselines3", "Stable-Baselines3") for name in OWN if name.startswith("sb3")
 ]
 

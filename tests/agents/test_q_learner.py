@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 from helpers import plain_q
 from numpy.typing import NDArray
 
-from stlbench.contract import ActionGrid, Environment, Integers, Transition
+from stlbench.contract import ActionGrid, Integers, Transition
 from stlbench_agents.dqn import DQN
 from stlbench_agents.network import GreedyPolicy
 from stlbench_agents.parameter_types import Head
@@ -21,9 +20,8 @@ INPUTS, ROWS = 4, 32
 
 
 def learner(updates: int = 100, seed: int = 0, **recipe: Any) -> QLearner:
-    shape = cast(Environment, SimpleNamespace(observation_size=INPUTS, actions=GRID, count=ROWS))
     sizes: dict[str, Any] = {"net_arch": (12, 8), "batch_size": ROWS}
-    return QLearner(DQN(**(sizes | recipe)), shape, seed, updates)
+    return QLearner(DQN(**(sizes | recipe)), INPUTS, ROWS, GRID, seed, updates)
 
 
 def some(ours: QLearner, seed: int) -> Integers:

@@ -11,6 +11,7 @@ import pytest
 from benchmarks.conftest import Race
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.task import build_method, load_task
+from stlbench_agents.actions import grid_of
 from stlbench_agents.dqn import DQN
 from stlbench_agents.q_learner import QLearner
 
@@ -65,7 +66,7 @@ def _trained(agent: DQN) -> tuple[QLearner, Any]:
     """A learner with a thousand lock-steps of hold-disc in its replay, and an observation."""
     entry = load_task("hold-disc")
     environment = BatchEnvironment(entry, build_method(entry, "funnel"), COPIES, seed=0)
-    learner = QLearner(agent, environment, 0, 100_000)
+    learner = QLearner(agent, environment.observation_size, COPIES, grid_of(environment), 0, 100_000)
     generator, observation = np.random.default_rng(0), environment.reset()
     for _ in range(1000):
         action = generator.integers(entry.actions.size, size=COPIES)
