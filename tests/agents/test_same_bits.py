@@ -1,0 +1,69 @@
+"""The same training gives the same bits: in the process that compiles the code, and in those that load it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from stlbench import run_study
+
+_TRAINED = """
+import hashlib, sys
+from stlbench.contract import Training
+from stlbench.registry.choices import choice_of
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.task import build_agent, build_method, load_task
+from stlbench_agents.compiled_code import folder
+
+task = load_task(choice_of(sys.argv[1]))
+method, agent = build_method(task, choice_of("raw")), build_agent(task, choice_of(sys.argv[2]))
+make = lambda count: BatchEnvironment(task, method, count, 0)
+policy = agent.train(Training(make, int(sys.argv[3]), 0, lambda policy, steps: None, 1))
+weights = policy.weights if hasattr(policy, "weights") else [part for layer in policy.layers for part in layer]
+print(len(list(folder().rglob("*.nbc"))), hashlib.sha256(b"".join(part.tobytes() for part in weights)).hexdigest())
+"""
+
+_TRAININGS = {
+    "joint": ("hold-disc", "dqn[gradient_steps=2]", "6400"),
+    "one axis": ("pendulum", "dqn[head=additive]", "6400"),  # a head that once differed
+    "two axes": ("reach-stay", "dqn[head=additive]", "64000"),
+    "continuous": ("cartpole", "td3", "6000"),
+}
+
+
+def trained(arguments: tuple[str, ...], cache: Path) -> tuple[int, str]:
+    """How many functions are compiled then, and the weights' digest."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-c", _TRAINED, *arguments]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    count, digest = ended.stdout.split()
+    return int(count), digest
+
+
+@pytest.mark.parametrize("training", _TRAININGS.values(), ids=_TRAININGS)
+def test_in_a_process_that_compiles_and_in_one_that_loads(training: tuple[str, ...], tmp_path: Path) -> None:
+    compiled = trained(training, tmp_path)
+    assert compiled[0] > 0
+    assert trained(training, tmp_path) == compiled
+
+
+def test_with_one_job_and_with_two_and_in_any_order_of_cells(tmp_path: Path) -> None:
+    """Workers are used again: a cell must not depend on those that its worker trained before."""
+
+    def robustness(name: str, tasks: list[str], jobs: int) -> dict[str, list[float]]:
+        results = run_study(
+            tasks=tasks, methods=["raw", "flag"], seeds=1, budget="smoke", jobs=jobs, results=tmp_path / name
+        )
+        found = results.robustness()
+        return {task: sorted(found[found["task"] == task]["mean"]) for task in tasks}
+
+    tasks = ["integrator-or", "pendulum", "hold-disc"]
+    one = robustness("one", tasks, 1)
+    assert all(len(values) >= 4 for values in one.values())  # selected and final, of two methods
+    assert robustness("two", tasks, 2) == one
+    assert robustness("reversed", tasks[::-1], 1) == one
