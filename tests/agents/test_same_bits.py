@@ -28,9 +28,8 @@ print(len(list(folder().rglob("*.nbc"))), hashlib.sha256(b"".join(part.tobytes()
 """
 
 _TRAININGS = {
-    "joint": ("hold-disc", "dqn[gradient_steps=2]", "6400"),
-    "one axis": ("pendulum", "dqn[head=additive]", "6400"),  # a head that once differed
-    "two axes": ("reach-stay", "dqn[head=additive]", "64000"),
+    "joint": ("hold-disc", "dqn[gradient_steps=2]", "4800"),
+    "one axis": ("pendulum", "dqn[head=additive]", "4800"),  # a head that once differed
     "continuous": ("cartpole", "td3", "6000"),
 }
 
@@ -57,13 +56,13 @@ def test_with_one_job_and_with_two_and_in_any_order_of_cells(tmp_path: Path) -> 
 
     def robustness(name: str, tasks: list[str], jobs: int) -> dict[str, list[float]]:
         results = run_study(
-            tasks=tasks, methods=["raw", "flag"], seeds=1, budget="smoke", jobs=jobs, results=tmp_path / name
+            tasks=tasks, methods=["raw"], seeds=1, budget="smoke", jobs=jobs, results=tmp_path / name
         )
         found = results.robustness()
-        return {task: sorted(found[found["task"] == task]["mean"]) for task in tasks}
+        return {task: sorted(found[found["task"] == task]["robustness_mean"]) for task in tasks}
 
-    tasks = ["integrator-or", "pendulum", "hold-disc"]
+    tasks = ["integrator-or", "pendulum"]
     one = robustness("one", tasks, 1)
-    assert all(len(values) >= 4 for values in one.values())  # selected and final, of two methods
+    assert all(len(values) >= 2 for values in one.values())  # of the selected and the final policy
     assert robustness("two", tasks, 2) == one
     assert robustness("reversed", tasks[::-1], 1) == one
