@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -18,7 +18,7 @@ from stlbench.result import FORMAT, CellId, Measurement, Result, Status
 from stlbench.task import build_agent, load_task
 from stlbench.task.task import Task
 
-__all__ = ["Cell", "check_cells", "derive_seed", "plan_cells"]
+__all__ = ["Cell", "check_cells", "derive_seed", "plan_cells", "uncompiled"]
 
 
 @dataclass(frozen=True)
@@ -112,6 +112,17 @@ def check_cells(cells: Iterable[Cell]) -> tuple[str, ...]:
         if agent.name not in task.file.agents:
             notes.append(f"task {name} has no recipe for agent {agent}, which trains with its defaults")
     return tuple(notes)
+
+
+def uncompiled(cells: Iterable[Cell]) -> Iterator[tuple[Choice, Callable[[], None]]]:
+    """Agents of these cells whose code this machine has not compiled, and what compiles it.
+
+    Otherwise each worker would compile it at the same time, in its first cell.
+    """
+    for task, agent in dict.fromkeys((cell.id.task, cell.id.agent) for cell in cells):
+        work = build_agent(load_task(task), agent).uncompiled()
+        if work is not None:
+            yield agent, work
 
 
 def _check_agent(task: Task, agent: Choice) -> None:

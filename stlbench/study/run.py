@@ -16,11 +16,10 @@ from stlbench.result import CellId, Result
 from stlbench.rollout.saved_traces import FOLDER
 from stlbench.study import scheduler, trial
 from stlbench.study.ledger import FILE, Ledger
-from stlbench.study.plan import Cell, check_cells
+from stlbench.study.plan import Cell, check_cells, uncompiled
 from stlbench.study.provenance import collect
 from stlbench.study.results import Results
 from stlbench.study.study import Study
-from stlbench.task import build_agent, load_task
 
 __all__ = ["Progress", "build_executor", "run_cells", "run_study"]
 
@@ -149,18 +148,10 @@ def run_cells(
         told.begin([cell.id for cell in missing], len(cells) - len(missing))
         for line in notes:
             told.note(line)
-        _compile(missing, told)
+        for agent, work in uncompiled(missing):
+            told.note(f"compiling {agent}, once per machine")
+            work()
         run_cell = partial(trial.run_cell, folder=folder / FOLDER)
         with closing(scheduler.run(missing, ledger, executor, run_cell, collect(executor.jobs))) as results:
             for result in results:
                 told.ended(result)
-
-
-def _compile(cells: Sequence[Cell], told: Progress) -> None:
-    """Compile here, once, what else each worker would compile at the same time."""
-    agents = {(cell.id.task, cell.id.agent): None for cell in cells}
-    for task, name in agents:
-        work = build_agent(load_task(task), name).uncompiled()
-        if work is not None:
-            told.note(f"compiling {name}, once per machine")
-            work()

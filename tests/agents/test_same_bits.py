@@ -55,9 +55,7 @@ def test_with_one_job_and_with_two_and_in_any_order_of_cells(tmp_path: Path) -> 
     """Workers are used again: a cell must not depend on those that its worker trained before."""
 
     def robustness(name: str, tasks: list[str], jobs: int) -> dict[str, list[float]]:
-        results = run_study(
-            tasks=tasks, methods=["raw"], seeds=1, budget="smoke", jobs=jobs, results=tmp_path / name
-        )
+        results = run_study(tasks=tasks, methods=["raw"], seeds=1, budget="smoke", jobs=jobs, results=tmp_path / name)
         found = results.robustness()
         return {task: sorted(found[found["task"] == task]["robustness_mean"]) for task in tasks}
 

@@ -7,6 +7,7 @@ from helpers import scripted_cells
 
 from stlbench.contract import Executor, Outcome
 from stlbench.errors import UsageError
+from stlbench.registry.choices import choice_of
 from stlbench.study import run, trial
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.run import build_executor, run_cells
@@ -45,6 +46,7 @@ class Told:
 @pytest.fixture(autouse=True)
 def scripted(monkeypatch):
     monkeypatch.setattr(run, "check_cells", lambda cells: ("by the way",) if len(cells) == 3 else ())
+    monkeypatch.setattr(run, "uncompiled", lambda cells: ())
 
 
 def study(folder, cells, **words):
@@ -66,6 +68,18 @@ def test_what_is_missing_runs_with_its_deadline_and_the_caller_is_told(tmp_path)
     ]
     with Ledger(tmp_path / FILE, create=False) as ledger:
         assert [result.id for result in ledger.results()] == [cell.id for cell in cells]
+
+
+def test_what_is_not_compiled_is_compiled_before_the_first_cell_and_the_caller_is_told(tmp_path, monkeypatch):
+    cells, done = scripted_cells.cells("a", "b"), list[str]()
+    work = (choice_of("dqn[head=joint]"), lambda: done.append("compiled"))
+    monkeypatch.setattr(run, "uncompiled", lambda cells: [work] if cells else [])
+    _, lines = study(tmp_path, cells)
+    assert lines[1] == "compiling dqn[head=joint], once per machine"
+    assert done == ["compiled"]
+    _, lines = study(tmp_path, cells)
+    assert done == ["compiled"]
+    assert not any("compiling" in line for line in lines)
 
 
 def test_what_is_finished_is_not_run_again(tmp_path):

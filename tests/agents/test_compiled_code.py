@@ -1,0 +1,60 @@
+"""What is compiled once: each agent says what is missing, until this machine has compiled it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stlbench.contract import Agent
+from stlbench_agents import compiled_code
+from stlbench_agents.dqn import DQN
+from stlbench_agents.independent import DQNPerRobot
+from stlbench_agents.td3 import TD3
+
+
+@pytest.fixture
+def empty(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A machine that has compiled nothing: only the notes of it are elsewhere, so that the test compiles nothing."""
+    monkeypatch.setattr(compiled_code, "folder", lambda: tmp_path / "new")
+    return tmp_path / "new"
+
+
+@pytest.mark.parametrize(
+    ("agent", "same", "other"),
+    [
+        (DQN(), DQN(net_arch=(7,), double=False), DQN(head="additive")),
+        (DQN(head="additive"), DQNPerRobot(head="additive"), TD3()),
+        (TD3(), TD3(net_arch=(5, 5, 5)), DQN()),
+    ],
+)
+def test_what_is_compiled_is_not_compiled_again(empty: Path, agent: Agent, same: Agent, other: Agent) -> None:
+    work = agent.uncompiled()
+    assert work is not None
+    assert same.uncompiled() is not None
+    work()
+    assert agent.uncompiled() is None
+    assert same.uncompiled() is None
+    assert other.uncompiled() is not None
+    assert len([path for path in empty.iterdir() if path.is_file()]) == 1
+
+
+def test_an_agent_without_compiled_code_has_nothing_to_compile() -> None:
+    class Plain(Agent):
+        def train(self, training):  # type: ignore[no-untyped-def]
+            raise NotImplementedError
+
+    assert Plain().uncompiled() is None
+
+
+def test_the_folder_is_another_for_other_sources(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    made = []
+    for text in ("a = 1", "a = 2", "a = 1"):
+        (tmp_path / "compiled_code.py").write_text(text, encoding="utf-8")
+        monkeypatch.setattr(compiled_code, "__file__", str(tmp_path / "compiled_code.py"))
+        compiled_code.folder.cache_clear()
+        made.append(compiled_code.folder())
+    compiled_code.folder.cache_clear()
+    assert made[0] == made[2] != made[1]
+    assert made[0].parent == tmp_path
