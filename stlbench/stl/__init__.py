@@ -56,7 +56,8 @@ from stlbench.stl.recorded.robustness import (
     satisfied_trace,
 )
 from stlbench.stl.running.batch_monitor import BatchMonitor, Intervals
-from stlbench.stl.running.monitor import Interval, Monitor
+from stlbench.stl.running.monitor import Monitor
+from stlbench.stl.running.monitor_source import Interval
 
 __all__ = [
     "END",

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from stlbench.stl.errors import UndefinedError, shorten
-from stlbench.stl.language.syntax import Formula
-from stlbench.stl.language.traversal import require_pointwise
+from stlbench.stl.language.syntax import Formula, Not, Predicate
+from stlbench.stl.language.traversal import require_pointwise, signals
 from stlbench.stl.predicates.dialect import ARRAYS, FLOATS
 from stlbench.stl.predicates.formula_source import FormulaWriter, Reading
 from stlbench.stl.predicates.inputs import check_names
+from stlbench.stl.predicates.source import functions, indented
 
 #: a function of samples (..., k)
 OfSamples: TypeAlias = Callable[[Any], Any]
@@ -26,6 +27,21 @@ Compiled: TypeAlias = OfSamples | float | bool
 Sample: TypeAlias = Sequence[float]
 #: a function of one sample of floats
 OfSample: TypeAlias = Callable[[Sample], float]
+
+
+class Written(NamedTuple):
+    """A value as source.
+
+    Attributes:
+        lines, value: statements, and the text of the value after them.
+        signed: whether it never is 0 or NaN; otherwise that remains to be asked.
+        columns: of the signals that are read.
+    """
+
+    lines: tuple[str, ...]
+    value: str
+    signed: bool
+    columns: tuple[int, ...]
 
 
 def compile_margin(psi: Formula, names: tuple[str, ...]) -> Compiled:
@@ -53,8 +69,20 @@ def compile_sample(psi: Formula, names: tuple[str, ...], negated: bool = False) 
     body = FormulaWriter(_columns(psi, names), FLOATS, Reading.SIGNED).statements(psi, negated)
     if not isinstance(body, list):
         return lambda sample: body
-    tried = ["try:", *(f" {line}" for line in body), "except (ArithmeticError, ValueError): return in_arrays(sample)"]
-    return _function(tried, {**FLOATS.namespace, "in_arrays": _in_arrays(psi, names, negated)})
+    tried = ["try:", *indented(body), "except (ArithmeticError, ValueError): return in_arrays(sample)"]
+    return _predicate(tried, {**FLOATS.namespace, "in_arrays": _in_arrays(psi, names, negated)})
+
+
+def write_sample(psi: Formula, names: tuple[str, ...], negated: bool = False) -> Written:
+    """The same value as source, where x0, x1, ... are the floats of the sample; for `FLOATS.namespace`.
+
+    It raises ArithmeticError or ValueError where only `compile_sample` knows the value, or that there is none. Of one
+    predicate it is the margin, which may be 0 or NaN.
+    """
+    alone = isinstance(psi.arg if isinstance(psi, Not) else psi, Predicate) and bool(signals(psi))
+    writer = FormulaWriter(_columns(psi, names), FLOATS, Reading.MARGIN if alone else Reading.SIGNED)
+    value = writer.formula(psi, negated, 0)
+    return Written(tuple(writer.lines), value.text, not alone, tuple(writer.used))
 
 
 def _in_arrays(psi: Formula, names: tuple[str, ...], negated: bool) -> OfSample:
@@ -75,18 +103,11 @@ def _of_arrays(psi: Formula, names: tuple[str, ...], reading: Reading, negated: 
     body = FormulaWriter(_columns(psi, names), ARRAYS, reading).statements(psi, negated)
     if not isinstance(body, list):
         return body
-    return _function(body, ARRAYS.namespace)
+    return _predicate(body, ARRAYS.namespace)
 
 
-def _function(body: Sequence[str], namespace: Mapping[str, Any]) -> Callable[[Any], Any]:
-    """The function of `sample` with these statements."""
-    source = "\n".join(["def predicate(sample):", *(f" {line}" for line in body)])
-    scope = {**namespace, "__builtins__": {}}
-    # Safe: every character of the source is ours. Signals are column numbers, constants reprs of floats, operators and
-    # functions texts of our tables; `test_compiler` holds it to that with hostile names.
-    exec(compile(source, "<predicate>", "exec"), scope)  # noqa: S102
-    function: Callable[[Any], Any] = scope["predicate"]
-    return function
+def _predicate(body: Sequence[str], namespace: Mapping[str, Any]) -> Callable[[Any], Any]:
+    return functions(["def predicate(sample):", *indented(body)], namespace)["predicate"]
 
 
 def _columns(psi: Formula, names: tuple[str, ...]) -> dict[str, int]:

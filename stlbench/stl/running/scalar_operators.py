@@ -1,199 +1,194 @@
-"""Operators of the online monitor for one trace, on plain floats: for one sample many times faster than NumPy."""
+"""Operators of the online monitor for one trace, as source: see `operator_source`."""
 
 from __future__ import annotations
 
-import math
-from collections import deque
-from collections.abc import Callable
-from typing import Any, TypeAlias
+from collections.abc import Callable, Iterator
+from itertools import count
+from typing import TypeAlias
 
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates.compiler import Sample, compile_sample, compile_signed
+from stlbench.stl.predicates.compiler import Sample, compile_signed
+from stlbench.stl.predicates.inputs import check_names
+from stlbench.stl.predicates.source import block
 from stlbench.stl.recorded.evaluation import evaluate
-from stlbench.stl.running.operator_tree import Kit, Leaf, Pointwise
+from stlbench.stl.running.operator_source import Operator, Piece, constant, greatest_of, least_of, value_of
+from stlbench.stl.running.operator_tree import Kit, Pointwise
 
 Bounds: TypeAlias = tuple[float, float]
-
-
-class Operator(Leaf):
-    """A leaf that takes the samples of one trace."""
-
-    @property
-    def turns(self) -> tuple[int, ...]:
-        """The steps from which on something else is read than before."""
-        return self.start, self.stop + 1
-
-    def asks(self, now: int) -> tuple[Pointwise, ...]:
-        """What is asked of the sample of step `now` in start..stop; the same until the next turn."""
-        raise NotImplementedError
-
-    def reader(self, now: int) -> Callable[[Sample], Any]:
-        """What reads that sample for `take`: changes nothing, and raises UndefinedError where there is no value."""
-        psis = self.asks(now)
-        if len(psis) == 1:
-            read: Callable[[Sample], Any] = psis[0].value
-            return read
-        first, second = (psi.value for psi in psis)
-        return lambda sample: (first(sample), second(sample))
-
-    def take(self, now: int, value: Any) -> bool:
-        """Count what was read at step `now`; whether `ends` may have changed."""
-        raise NotImplementedError
 
 
 class Lowest(Operator):
     """G[a,b] psi: one running minimum. `unknown` bounds psi at a sample that has not come yet."""
 
-    def __init__(self, psi: Pointwise, interval: tuple[int, int], unknown: Bounds, flipped: bool) -> None:
-        super().__init__(*interval, flipped)
+    def __init__(self, number: int, psi: Pointwise, interval: tuple[int, int], unknown: Bounds, flipped: bool) -> None:
+        super().__init__(number, *interval, flipped)
         self.psi, self.unknown = psi, unknown
-        self.least = math.inf
-        self.ends = unknown
 
-    def asks(self, now: int) -> tuple[Pointwise, ...]:
-        """Psi, at every step."""
-        return (self.psi,)
+    def begin(self) -> list[str]:
+        """No sample is known."""
+        return [f"m.least{self.number} = inf", *self.publish(*map(constant, self.unknown))]
 
-    def take(self, now: int, value: Any) -> bool:
-        """Count the value of psi."""
-        if value < self.least:
-            self.least = value
-        elif now < self.stop:
-            return False
-        least, (lower, upper) = self.least, self.unknown
-        self.ends = (least, least) if now == self.stop else (min(least, lower), min(least, upper))
-        return True
+    def cuts(self) -> set[int]:
+        """At the last step the value is certain."""
+        return {self.start, self.stop, self.stop + 1}
+
+    def piece(self, first: int, last: int) -> Piece:
+        """Keep the least."""
+        v, least = self.v, f"m.least{self.number}"
+        columns, read, sign = self.reading(v, self.psi)
+        if first == self.stop:
+            take = [f"if {v} > {least}: {v} = {least}", *self.publish(v, v)]
+            return Piece(first, last, columns, read, "", sign, take)
+        lower, upper = (least_of(v, end) for end in self.unknown)
+        take = block(f"if {v} < {least}", [f"{least} = {v}", *self.publish(lower, upper)])
+        return Piece(first, last, columns, read, f"{v} >= {least}", sign, take)
 
 
 class Nested(Operator):
-    """F[a,c] G[d,e] psi: a queue of the samples that can still be a window's minimum, constant amortised work.
+    """F[a,c] G[d,e] psi: the best minimum of a window, in constant amortised work.
 
-    Windows that are complete count as they are. An incomplete window can only lose what its seen part already lost,
-    and the seen parts shrink as t grows, so of those the last window, t = c, decides alone.
+    Only a run of samples above the best so far can be better. `queue` has those of the run that can still be a
+    window's minimum, values and steps, both rising. The first window in the run is complete at step `due`; its minimum
+    is the first of the queue, is better than the best, and ends the run: the next one begins after it. An incomplete
+    window can only lose what its seen part already lost, and the seen parts shrink as t grows, so of those the last
+    window, t = c, decides alone (`open`).
     """
 
     def __init__(
-        self, psi: Pointwise, outer: tuple[int, int], inner: tuple[int, int], unknown: Bounds, flipped: bool
+        self,
+        number: int,
+        psi: Pointwise,
+        outer: tuple[int, int],
+        inner: tuple[int, int],
+        unknown: Bounds,
+        flipped: bool,
     ) -> None:
         (a, c), (d, e) = outer, inner
-        super().__init__(a + d, c + e, flipped)
+        super().__init__(number, a + d, c + e, flipped)
         self.psi, self.unknown = psi, unknown
-        self.first, self.last, self.width = a + e, c + d, e - d
-        self.best, self.open = -math.inf, math.inf  # of the complete windows; of the last one as far as seen
-        self.queue: deque[tuple[int, float]] = deque()  # times and values, both rising
-        self.ends = unknown
+        self.last, self.width = c + d, e - d
 
-    def asks(self, now: int) -> tuple[Pointwise, ...]:
-        """Psi, at every step."""
-        return (self.psi,)
+    def begin(self) -> list[str]:
+        """No window is complete."""
+        n = self.number
+        known = [f"m.best{n} = -inf", f"m.open{n} = inf", f"m.queue{n} = deque()", f"m.due{n} = 0"]
+        return [*known, *self.publish(*map(constant, self.unknown))]
 
-    def take(self, now: int, value: Any) -> bool:
-        """Count the value of psi."""
-        queue = self.queue
-        while queue and queue[-1][1] >= value:
-            queue.pop()
-        queue.append((now, value))
-        changed = now == self.stop
-        if now >= self.first:
-            if queue[0][0] < now - self.width:
-                queue.popleft()
-            if queue[0][1] > self.best:
-                self.best = queue[0][1]
-                changed = True
-        if now >= self.last and value < self.open:
-            self.open = value
-            changed = True
-        if changed:
-            best, (lower, upper) = self.best, self.unknown
-            ahead = (best, best) if now == self.stop else (min(self.open, lower), min(self.open, upper))
-            self.ends = max(best, ahead[0]), max(best, ahead[1])
-        return changed
+    def cuts(self) -> set[int]:
+        """From step `last` on the samples are those of the last window."""
+        return {self.start, self.last, self.stop, self.stop + 1}
+
+    def piece(self, first: int, last: int) -> Piece:
+        """Count the window that is complete, and from `last` on the last one."""
+        n, v, best = self.number, self.v, f"m.best{self.number}"
+        columns, read, sign = self.reading(v, self.psi)
+        if first == self.stop:
+            return Piece(first, last, columns, read, "", sign, [*self._slide([]), *self.publish(best, best)])
+        quiet, closing, ahead = f"{v} <= {best} and not m.queue{n}", [], "inf"
+        if first >= self.last:
+            ahead = f"m.open{n}"
+            quiet = f"{quiet} and {v} >= {ahead}"
+        bounds = self.publish(*(greatest_of(best, least_of(ahead, end)) for end in self.unknown))
+        if first >= self.last:
+            closing = block(f"if {v} < {ahead}", [f"{ahead} = {v}", *bounds])
+        return Piece(first, last, columns, read, quiet, sign, [*closing, *self._slide(bounds)])
+
+    def _slide(self, bounds: list[str]) -> list[str]:
+        n, v = self.number, self.v
+        complete = [f"m.best{n}, first = queue.popleft()", f"m.due{n} = first + {self.width + 1}", *bounds]
+        run = [
+            *block("if queue", block(f"while queue and queue[-1][0] >= {v}", ["queue.pop()"])),
+            *block("else", [f"m.due{n} = now + {self.width}"]),
+            f"queue.append(({v}, now))",
+            *block(f"if now == m.due{n}", complete),
+        ]
+        anew = "elif queue: queue.clear()"
+        return [f"queue = m.queue{n}", *block(f"if {v} > m.best{n}", run), anew]
 
 
 class Until(Operator):
-    """left U[a,b] right: the minimum of left so far and the best of right within it."""
+    """left U[a,b] right: the minimum of left so far (`guard`) and the best of right within it."""
 
     def __init__(
         self,
+        number: int,
         psis: tuple[Pointwise, Pointwise],
         interval: tuple[int, int],
         unknowns: tuple[Bounds, Bounds],
         flipped: bool,
     ) -> None:
-        super().__init__(0, interval[1], flipped)
+        super().__init__(number, 0, interval[1], flipped)
         self.left, self.right = psis
         self.a = interval[0]
-        self.changes = {0, self.a - 1, self.stop}  # where the bounds change of themselves
         self.lows, self.highs = zip(*unknowns, strict=True)  # of left and of right
-        self.best, self.guard = -math.inf, math.inf
-        self.ends = -math.inf, math.inf
 
-    @property
-    def turns(self) -> tuple[int, ...]:
-        """Left is read before the end of the interval, right within it."""
-        return self.start, self.a, self.stop, self.stop + 1
+    def begin(self) -> list[str]:
+        """Nothing is known."""
+        n = self.number
+        return [f"m.best{n} = -inf", f"m.guard{n} = inf", *self.publish("-inf", "inf")]
 
-    def asks(self, now: int) -> tuple[Pointwise, ...]:
-        """Left, right or both."""
-        return (self.left,) * (now < self.stop) + (self.right,) * (now >= self.a)
+    def cuts(self) -> set[int]:
+        """Left is read before the last step, right from a on; at 0 and a - 1 the bounds change of themselves."""
+        return {0, 1, self.a - 1, self.a, self.stop, self.stop + 1}
 
-    def take(self, now: int, value: Any) -> bool:
-        """Count the values of left and right."""
-        changed = now in self.changes
-        if now >= self.a:
-            if now < self.stop:
-                value, goal = value
-            else:
-                goal = value
-            goal = goal if goal < self.guard else self.guard
-            if goal > self.best:
-                self.best = goal
-                changed = True
-        if now < self.stop and value < self.guard:
-            self.guard = value
-            changed = True
-        if changed:
-            self.ends = self._end(now, *self.lows), self._end(now, *self.highs)
-        return changed
+    def piece(self, first: int, last: int) -> Piece:
+        """Count left and right."""
+        v, w, best, guard = self.v, self.w, f"m.best{self.number}", f"m.guard{self.number}"
+        before, within = first < self.stop, first >= self.a
+        left, of_left, sign_left = self.reading(v, self.left) if before else (set(), [], [])
+        right, of_right, sign_right = self.reading(w, self.right) if within else (set(), [], [])
+        quiet = [f"{v} >= {guard}"] * before + [f"({best} >= {guard} or {w} <= {best}) and {w} == {w}"] * within
+        better = [f"{best} = {w} if {w} < {guard} else {guard}"]
+        take = block(f"if {w} > {best} and {guard} > {best}", better) if within else []
+        take += [f"if {v} < {guard}: {guard} = {v}"] if before else []
+        take += self.publish(*(self._end(first, *ends) for ends in (self.lows, self.highs)))
+        by_itself = first in (0, self.a - 1, self.stop)
+        told = "" if by_itself else " and ".join(quiet)
+        return Piece(first, last, left | right, [*of_left, *of_right], told, [*sign_left, *sign_right], take)
 
-    def _end(self, now: int, left: float, right: float) -> float:
+    def _end(self, now: int, left: float, right: float) -> str:
         """With the values that left and right take from now on: the next t' is the best of those ahead."""
+        best = f"m.best{self.number}"
         if now == self.stop:
-            return self.best
+            return best
         ahead = right if now >= self.a - 1 or right < left else left
-        ahead = ahead if ahead < self.guard else self.guard
-        return ahead if ahead > self.best else self.best
+        return greatest_of(best, least_of(f"m.guard{self.number}", ahead))
 
 
 class Replayed(Operator):
     """Any other formula: keeps the samples that it may still read and evaluates them again at each step."""
 
-    def __init__(self, formula: Formula, names: tuple[str, ...], last: int) -> None:
-        super().__init__(0, last, False)
+    def __init__(self, number: int, formula: Formula, names: tuple[str, ...], last: int) -> None:
+        super().__init__(number, 0, last, False)
         self.formula, self.names = formula, names
-        self.samples: list[Sample] = []
-        self.ends = -math.inf, math.inf
+        self.namespace |= {f"replay{number}": self._replay, "tuple": tuple}
 
-    def asks(self, now: int) -> tuple[Pointwise, ...]:
-        """Nothing by itself: the evaluation says where it fails."""
-        return ()
+    def begin(self) -> list[str]:
+        """There are no samples."""
+        return [f"m.samples{self.number} = []", *self.publish("-inf", "inf")]
 
-    def reader(self, now: int) -> Callable[[Sample], Any]:
-        """The bounds with one more sample."""
-        return self._read
+    def cuts(self) -> set[int]:
+        """The same at all steps."""
+        return {0, self.stop + 1}
 
-    def _read(self, sample: Sample) -> tuple[Sample, float, float]:
-        sample = tuple(sample)
-        known = [*self.samples, sample]
-        lower, upper = evaluate(compile_signed, self.formula, known, self.names, "interval", full=False)
-        return sample, lower.item(), upper.item()
+    def piece(self, first: int, last: int) -> Piece:
+        """Evaluate with one more sample, and keep it."""
+        n, v = self.number, self.v
+        kept = [f"m.samples{n}.append(tuple(sample))", *self.publish(f"{v}[0]", f"{v}[1]")]
+        columns = set(check_names(self.formula, self.names).values())
+        return Piece(first, last, columns, [f"{v} = replay{n}(m.samples{n}, sample)"], "", [], kept)
 
-    def take(self, now: int, value: Any) -> bool:
-        """Keep the sample."""
-        sample, lower, upper = value
-        self.samples.append(sample)
-        self.ends = lower, upper
-        return True
+    def _replay(self, samples: list[Sample], sample: Sample) -> Bounds:
+        ends = evaluate(compile_signed, self.formula, [*samples, sample], self.names, "interval", full=False)
+        lower, upper = (end.item() for end in ends)
+        return lower, upper
 
 
-ONE = Kit(min, max, compile_sample, Lowest, Nested, Until, Replayed)
+def one() -> Kit[Operator]:
+    """The operators for one trace, numbered from 0."""
+    numbers: Iterator[int] = count()
+
+    def numbered(operator: Callable[..., Operator]) -> Callable[..., Operator]:
+        return lambda *arguments: operator(next(numbers), *arguments)
+
+    return Kit(min, max, value_of, *map(numbered, (Lowest, Nested, Until, Replayed)))

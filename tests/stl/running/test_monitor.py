@@ -30,7 +30,6 @@ from stlbench.stl import (
     satisfaction_bounds,
     satisfied,
 )
-from stlbench.stl.running.scalar_operators import Lowest, Nested
 
 quick = settings(max_examples=80, deadline=None)
 
@@ -94,12 +93,11 @@ def test_without_an_interval_the_end_stays_open() -> None:
 def test_without_intervals_at_most_a_window_is_kept() -> None:
     texts = ("G x >= 0", "F G x >= 0", "G F[0,3] x >= 0", "F[0,9] G x >= 0", "G[1,2] G x >= 0", "x >= 0 U x >= 9")
     for text in (*texts, "x >= 0 W x >= 9", "x >= 9 R x >= 0", "G[0,3] G[1,2] x >= 0", "F[0,3] F[1,2] x >= 0"):
-        kinds = {type(leaf).__name__ for leaf in Monitor(parse(text), ["x"])._tree.leaves}
-        assert "Replayed" not in kinds, text
+        assert not any(name.startswith("samples") for name in vars(Monitor(parse(text), ["x"])._state)), text
     monitor = Monitor(parse("G F[0,3] x >= 0"), ["x"])
     for x in range(500):
         monitor.update([float(-x)])
-    assert len(monitor._tree.leaves[0].queue) <= 5  # type: ignore[attr-defined]
+    assert len(vars(monitor._state)["queue0"]) <= 5
 
 
 @quick
@@ -145,18 +143,17 @@ def test_a_margin_of_zero_keeps_its_side_through_every_operator() -> None:
 
 def test_fragment_formulas_keep_no_samples() -> None:
     monitor = Monitor(parse("F[0,9] x >= 0 & G[0,9] x >= 0 & F[0,9] G[3,700] x >= 0"), ["x"])
-    parts = monitor._tree.leaves
-    assert [type(part) for part in parts] == [Lowest, Lowest, Nested]
+    assert not any(name.startswith("samples") for name in vars(monitor._state))
     for x in np.random.default_rng(0).normal(size=600):
         monitor.update([x])
-    assert len(parts[2].queue) < 40  # type: ignore[attr-defined]  # records of a random sequence: about its logarithm
+    assert len(vars(monitor._state)["queue2"]) < 40  # records of a random sequence: about its logarithm
 
 
 def test_general_formulas_keep_at_most_the_horizon() -> None:
     monitor = Monitor(parse("F[0,2] (x >= 0 U[0,3] x >= 1)"), ["x"])
     for _ in range(50):
         monitor.update([0.5])
-    assert len(monitor._tree.leaves[0].samples) == 6  # type: ignore[attr-defined]
+    assert len(vars(monitor._state)["samples0"]) == 6
 
 
 def test_what_overflows_is_infinite_as_in_arrays() -> None:

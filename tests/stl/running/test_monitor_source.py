@@ -1,0 +1,146 @@
+"""The function that a formula's monitor is: its words, its size, and that it is the batch monitor to the bit."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+from helpers.generated_formulas import LIPSCHITZ, NAMES, formulas, intervals, pointwise
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stlbench.stl import (
+    Always,
+    And,
+    BatchMonitor,
+    Eventually,
+    Formula,
+    Monitor,
+    Not,
+    Or,
+    Predicate,
+    Signal,
+    UndefinedError,
+    Until,
+    horizon,
+    parse,
+)
+from stlbench.stl.predicates.dialect import FLOATS
+from stlbench.stl.running import monitor_source
+from stlbench.stl.running.monitor_source import source
+from stlbench.stl.running.operator_tree import Tree, last_step
+from stlbench.stl.running.scalar_operators import one
+
+quick = settings(max_examples=100, deadline=None)
+#: ties, zeros of both signs, and what is next to them and to infinity
+VALUES = st.one_of(
+    st.integers(-2, 6).map(lambda i: i / 2),
+    st.sampled_from([0.0, -0.0, 5e-324, -1e-310, 1e308, -1.7e308, math.inf, -math.inf]),
+)
+TRACES = st.lists(st.tuples(VALUES, VALUES, VALUES), min_size=1, max_size=14)
+PSI = pointwise(LIPSCHITZ)
+OPERATORS = st.one_of(
+    st.builds(lambda ab, psi: Always(*ab, psi), intervals(8), PSI),
+    st.builds(lambda ab, psi: Eventually(*ab, psi), intervals(8), PSI),
+    st.builds(lambda ac, de, psi: Eventually(*ac, Always(*de, psi)), intervals(6), intervals(4), PSI),
+    st.builds(lambda ac, de, psi: Always(*ac, Eventually(*de, psi)), intervals(6), intervals(4), PSI),
+    st.builds(lambda ab, left, right: Until(*ab, left, right), intervals(8), PSI, PSI),
+)
+SEVERAL = st.lists(st.one_of(OPERATORS, OPERATORS.map(Not)), min_size=2, max_size=4).map(tuple)
+JOINED = st.one_of(OPERATORS, st.builds(And, SEVERAL), st.builds(Or, SEVERAL), SEVERAL.map(lambda some: Not(And(some))))
+
+
+def written(formula: Formula, names: tuple[str, ...] = NAMES) -> str:
+    return "\n".join(source(Tree(formula, names, one()), last_step(formula), len(names)))
+
+
+def check(formula: Formula, trace: list[tuple[float, ...]]) -> None:
+    """Both monitors say the same at every sample, or both refuse it."""
+    monitor, batch = Monitor(formula, NAMES), BatchMonitor(formula, NAMES, 1)
+    for sample in trace:
+        try:
+            known = batch.update([sample])
+        except UndefinedError as error:
+            with pytest.raises(UndefinedError, match=re.escape(str(error).partition(" of trace")[0])):
+                monitor.update(sample)
+            continue
+        now = monitor.update(sample)
+        assert now[:2] == (known.lower[0], known.upper[0])
+        assert now.verdict is (True if known.certainly[0] else None if known.possibly[0] else False)
+
+
+@quick
+@given(JOINED, TRACES)
+def test_equals_the_batch_monitor_to_the_bit(formula: Formula, trace: list[tuple[float, ...]]) -> None:
+    check(formula, trace)
+
+
+@pytest.fixture
+def joined_spans(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(monitor_source, "PIECES", 4)
+    monitor_source.program.cache_clear()
+
+
+@pytest.mark.usefixtures("joined_spans")
+def test_so_it_does_where_spans_are_joined() -> None:
+    @quick
+    @given(JOINED, TRACES)
+    def run(formula: Formula, trace: list[tuple[float, ...]]) -> None:
+        check(formula, trace)
+
+    run()
+    monitor_source.program.cache_clear()
+
+
+def many(count: int) -> Formula:
+    texts = (f"G[{i},{2 * i + 5}] x >= {i % 7} & F[{i},{i + 3}] G[0,{i}] y <= {i % 5}" for i in range(count))
+    return parse(" & ".join(texts))
+
+
+def test_the_source_grows_with_the_operators_and_not_with_their_square() -> None:
+    assert len(written(many(400))) < 3 * len(written(many(200)))
+
+
+def test_many_operators() -> None:
+    formula = many(60)
+    trace = 4 * np.random.default_rng(0).standard_normal((horizon(formula) + 2, 3))
+    check(formula, [tuple(row) for row in trace.tolist()])
+
+
+@quick
+@given(formulas(LIPSCHITZ, 3, 4, endless=True))
+def test_every_word_of_the_source_is_one_of_ours(formula: Formula) -> None:
+    words = "def begin step m now sample if elif else not and or is while try except return True False None"
+    state = "steps answer changed lower upper verdict queue first clear pop popleft append"
+    numbered = "x|t|v|w|whole_v|whole_w|l|u|lower|upper|least|best|open|queue|due|guard|samples|replay"
+    ours = {*FLOATS.namespace, *monitor_source._NAMES, *words.split(), *state.split(), "checked", "tuple"}
+    text = re.sub(r"\b\d+\.\d+(e[+-]?\d+)?\b|\b\d+e[+-]?\d+\b", "", written(formula))  # reprs of floats
+    for word in re.findall(r"[^\W\d]\w*", text):
+        assert word in ours or re.fullmatch(rf"({numbered})\d+", word), word
+
+
+@pytest.mark.parametrize("name", ["__import__", "sample", "x0", "m", "now", "checked", "lambda", "µ"])
+def test_hostile_names_are_signals_like_others(name: str) -> None:
+    signal = Signal("harmless")
+    object.__setattr__(signal, "name", name)  # the checks of names are gone around
+    formula = And((Always(0, 3, Predicate(">=", signal, Signal("b"))), Until(0, 2, parse("b >= 0"), parse("b >= 1"))))
+    plain = And((Always(0, 3, Predicate(">=", Signal("a"), Signal("b"))), formula.args[1]))
+    assert written(formula, (name, "b")) == written(plain, ("a", "b"))
+
+
+def test_what_is_not_read_may_be_anything_but_the_length_counts() -> None:
+    monitor = Monitor(parse("G[1,2] x >= 0"), ["x", "y"])
+    assert monitor.update((math.nan, "nothing is read at 0")).verdict is None  # type: ignore[arg-type]
+    assert monitor.update((2.0, None)).upper == 2.0  # type: ignore[arg-type]
+    for sample in ((1.0,), (1.0, 2.0, 3.0), 1.0):
+        with pytest.raises(ValueError, match=r"shape \(2,\) for x, y"):
+            monitor.update(sample)
+    assert monitor.steps == 2
+    assert monitor.update([1, 2]) == monitor.update("after the end") == (1.0, 1.0, True)  # type: ignore[arg-type]
+
+
+def test_integers_are_counted_as_floats() -> None:
+    huge = 2**53 + 1
+    assert Monitor(parse("x - y >= 0"), ["x", "y"]).update((huge, huge - 1)).lower == 0.0
