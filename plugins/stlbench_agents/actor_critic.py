@@ -1,4 +1,4 @@
-"""TD3's actor and two critics, and their updates, compiled; on the same parts as `dqn`'s engine.
+"""The arithmetic of TD3, compiled: targets, and the gradients of two critics and an actor; on the parts of `dqn`.
 
 The actor's vector has one network, the critics' two of the same shape, one behind the other. Outputs of the actor pass
 through tanh; actions lie in [-1, 1].
@@ -7,23 +7,17 @@ through tanh; actions lie in [-1, 1].
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.contract import ActionBox, Array, Integers
-from stlbench_agents.actor_policy import ActorPolicy
 from stlbench_agents.compiler import compiled
-from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, layout, outputs, size_of, views
-from stlbench_agents.optimizer import Weights, step
+from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, layout, outputs, size_of
 from stlbench_agents.products import inner_product
-from stlbench_agents.replay import Batch, Memory, Replay, gather
+from stlbench_agents.replay import Batch
 
-if TYPE_CHECKING:
-    from stlbench_agents.td3 import TD3
-
-__all__ = ["ActorCritic", "Networks", "Noise", "Work", "actor_gradient", "compile_all", "critic_gradient", "targets"]
+__all__ = ["Networks", "Noise", "Work", "actor_gradient", "critic_gradient", "targets"]
 
 Floats = NDArray[Any]
 Indices = NDArray[np.int64]
@@ -77,141 +71,6 @@ class Work(NamedTuple):
         sizes = (rows * inputs, rows * axes, rows, rows, rows * axes)
         spaces = Space.of(networks.actor, rows, dtype), Space.of(networks.critics[0], rows, dtype)
         return Work(*spaces, *(np.zeros(size, dtype) for size in sizes))
-
-
-class Schedule(NamedTuple):
-    """What the updates need of the recipe."""
-
-    rate: float
-    decay: float
-    """Of the learning rate, from one update to the next."""
-    tau: float
-    delay: int
-    averaging: float
-    penalty: float
-    spread: float
-    limit: float
-
-
-class ActorCritic:
-    """Actor and critics in training: their weights, their targets, and the actor's average."""
-
-    def __init__(self, recipe: TD3, inputs: int, box: ActionBox, generator: np.random.Generator, updates: int) -> None:
-        """Args: `inputs` D; `generator` of the initial weights; `updates` in all, for the learning rate."""
-        self.box, self.networks = box, Networks.of(inputs, recipe.net_arch, len(box.names))
-        self.actor = Weights.of(_initial(generator, self.networks.actor, last=0.1))
-        self.critics = Weights.of(
-            np.concatenate([_initial(generator, self.networks.critics[0], last=1.0) for _ in range(2)])
-        )
-        self.schedule = Schedule(
-            recipe.learning_rate,
-            (recipe.learning_rate_final / recipe.learning_rate) ** (1 / max(1, updates - 1)),
-            recipe.tau,
-            recipe.policy_delay,
-            recipe.averaging,
-            recipe.action_penalty,
-            recipe.target_policy_noise,
-            recipe.target_noise_clip,
-        )
-        self._scale, self._count = recipe.reward_scale, 0
-        bounded = recipe.gamma < 1  # otherwise values are sums of rewards, without bounds
-        self.bounds = (math.inf, -math.inf) if bounded else (-math.inf, math.inf)
-        self._batch = Batch.of(recipe.batch_size, inputs, len(box.names))
-        self._work = Work.of(self.networks, recipe.batch_size)
-
-    def policy(self, averaged: bool = False) -> ActorPolicy:
-        """The actor as it is now, or with the average of its weights."""
-        parts = views(self.actor.average if averaged else self.actor.online, self.networks.actor)
-        hidden = list(zip(parts[:-2:2], parts[1:-2:2], strict=True))
-        return ActorPolicy([*hidden, (parts[-2].T, parts[-1])], self.box, "relu", squashed=True)
-
-    def act(self, observation: Array, noise: Array) -> Array:
-        """The actor's actions at observations (N, D) with noise (N, axes) added, within [-1, 1]: (N, axes)."""
-        vectors: Array = _act(self.actor.online, self.networks.actor, observation, noise)
-        return vectors
-
-    def saw(self, reward: Array) -> None:
-        """Take note of rewards (N,): a value, a mean of rewards weighted by powers of gamma, lies among them."""
-        least, most = self._scale * float(reward.min()), self._scale * float(reward.max())
-        self.bounds = min(self.bounds[0], least), max(self.bounds[1], most)
-
-    def update(self, memory: Memory, first: Integers, copies: int, normal: Floats) -> None:
-        """One update for each row of `first` (updates, B), from the transitions that begin there.
-
-        Args:
-            memory: actions in [-1, 1].
-            first: places in it, as `Replay.draw` gives them.
-            copies: how far a transition is from that before it.
-            normal: standard normal in single precision, (updates, B, axes), for the target actions.
-        """
-        _update(
-            self.actor, self.critics, self.networks, memory, first, copies, normal, self.schedule,
-            self.bounds, self._count, self._batch, self._work,
-        )  # fmt: skip
-        self._count += len(first)
-
-
-def compile_all(recipe: TD3) -> None:
-    """Call all that is compiled, on nothing of interest."""
-    made = ActorCritic(recipe, 1, ActionBox(("a",), (-1.0,), (1.0,)), np.random.default_rng(0), 1)
-    made.act(np.zeros((1, 1)), np.zeros((1, 1)))
-    replay = Replay(2, 1, 1, 1, 0.0, axes=1)
-    rows = (1, recipe.batch_size)
-    made.update(replay.memory, np.zeros(rows, np.int64), 1, np.zeros((*rows, 1), np.float32))
-
-
-def _initial(generator: np.random.Generator, layers: Indices, last: float) -> Floats:
-    """Uniform in 1/sqrt(inputs), the last layer in `last` times that, biases 0."""
-    begin = int(layers[0, 0])
-    flat = np.zeros(size_of(layers) - begin, np.float32)
-    matrices = views(flat, layers - np.array([begin, 0, 0, begin]))[::2]
-    for matrix in matrices:
-        final = matrix is matrices[-1]
-        bound = (last if final else 1.0) / math.sqrt(matrix.shape[1 if final else 0])
-        matrix[:] = generator.uniform(-bound, bound, matrix.shape)
-    return flat
-
-
-@compiled()
-def _act(flat: Floats, layers: Indices, observation: Floats, noise: Floats) -> Floats:
-    rows, inputs, axes = len(observation), observation.shape[1], layers[-1, 1]
-    space_of = max(layers[:, 2].max(), layers[:, 1].max())
-    x = np.empty(rows * inputs, flat.dtype)
-    for i in range(rows):
-        for j in range(inputs):
-            x[i * inputs + j] = observation[i, j]
-    activations = np.empty((len(layers) - 1, rows * space_of), flat.dtype)
-    output, turned = np.empty(rows * axes, flat.dtype), np.empty(space_of * axes, flat.dtype)
-    outputs(flat, layers, hidden(flat, layers, x, rows, activations), rows, turned, output)
-    vectors = np.empty((rows, axes))
-    for i in range(rows):
-        for j in range(axes):
-            vectors[i, j] = min(1.0, max(-1.0, math.tanh(output[i * axes + j]) + noise[i, j]))
-    return vectors
-
-
-@compiled()
-def _update(
-    actor: Weights, critics: Weights, networks: Networks, memory: Memory, first: Integers, copies: int,
-    normal: Floats, schedule: Schedule, bounds: tuple[float, float], count: int, batch: Batch, work: Work,
-) -> None:  # fmt: skip
-    """For each row of `first` a step of Adam for the critics, and every `delay` one for the actor; followers move.
-
-    `count` updates have been before.
-    """
-    for row in range(len(first)):
-        rate = schedule.rate * schedule.decay**count
-        count += 1
-        acts = count % schedule.delay == 0
-        tau = schedule.tau if acts else 0.0
-        gather(memory, first[row], copies, batch)
-        noise = Noise(normal[row], schedule.spread, schedule.limit)
-        targets(actor.target, critics.target, networks, batch, noise, bounds, work)
-        critic_gradient(critics.online, networks, batch, work, critics.gradient)
-        step(critics, rate, count, np.inf, tau, 0.0)
-        if acts:
-            actor_gradient(actor.online, critics.online, networks, batch, schedule.penalty, work, actor.gradient)
-            step(actor, rate, count // schedule.delay, np.inf, tau, 1 - schedule.averaging)
 
 
 @compiled()

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stlbench.contract import Agent, Array, Policy, Training
+from stlbench.contract import ActionBox, Agent, Array, Policy, Training
 from stlbench_agents.actions import box_of
 from stlbench_agents.checkpoints import report_rounds
 from stlbench_agents.compiled_code import is_ready, note_ready
@@ -71,8 +71,8 @@ class TD3(Agent):
 
     def train(self, training: Training) -> Policy:
         """Spend the budget; return the policy at its end."""
-        from stlbench_agents.actor_critic import ActorCritic  # imports Numba
         from stlbench_agents.replay import Replay
+        from stlbench_agents.td3_learner import TD3Learner  # imports Numba
 
         environment = training.make(self.copies)
         box, size = box_of(environment), environment.observation_size
@@ -81,7 +81,7 @@ class TD3(Agent):
         rounds = max(1, training.steps // (self.copies * environment.hold))
         generator = np.random.default_rng(training.seed)
         updates = (rounds - self.random_steps) * self.gradient_steps
-        learner = ActorCritic(self, size, box, generator, updates)
+        learner = TD3Learner(self, size, box, generator, updates)
         rows = max(self.n_steps + 1, min(rounds, self.buffer_size // self.copies))
         replay = Replay(rows, self.copies, size, self.n_steps, self.gamma, self.reward_scale, axes=len(box.names))
         noise, shares = self._noise(rounds), np.linspace(0.25, 1.75, self.copies)[:, None]
@@ -110,9 +110,9 @@ class TD3(Agent):
         return None if is_ready("td3") else self._compile
 
     def _compile(self) -> None:
-        from stlbench_agents.actor_critic import compile_all
+        from stlbench_agents.td3_learner import TD3Learner
 
-        compile_all(self)
+        TD3Learner(self, 1, ActionBox(("a",), (-1.0,), (1.0,)), np.random.default_rng(0), 1).compile()
         note_ready("td3")
 
     def _noise(self, rounds: int) -> Array:

@@ -1,4 +1,4 @@
-"""TD3's compiled arithmetic: gradients against torch's autograd, targets and updates by hand."""
+"""TD3's compiled arithmetic: gradients and targets against torch's."""
 
 from __future__ import annotations
 
@@ -7,18 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import torch
+from helpers.plain_perceptron import perceptron
 from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from stlbench.contract import ActionBox
-from stlbench_agents.actor_critic import ActorCritic, Networks, Noise, Work, actor_gradient, critic_gradient, targets
-from stlbench_agents.layers import size_of, views
-from stlbench_agents.replay import Batch, Replay
-from stlbench_agents.td3 import TD3
+from stlbench_agents.actor_critic import Networks, Noise, Work, actor_gradient, critic_gradient, targets
+from stlbench_agents.layers import size_of
+from stlbench_agents.replay import Batch
 
 Floats = NDArray[Any]
-BOX = ActionBox(("v", "w"), (-1.0, 0.0), (1.0, 4.0))
 INPUTS, ROWS = 3, 40
 WIDE = (-100.0, 100.0)
 ARCHITECTURES = [(9,), (12, 7), (6, 14, 10), (40, 72)]
@@ -57,15 +55,6 @@ def case(net_arch: tuple[int, ...], axes: int, dtype: Any = np.float64, seed: in
         part[:] = np.nan
     flats = 0.4 * normal(size_of(networks.actor)), 0.4 * normal(size_of(networks.critics[1]))
     return Case(networks, *flats, batch, normal(ROWS, axes), work)
-
-
-def perceptron(flat: Tensor, layers: NDArray[np.int64], x: Tensor) -> Tensor:
-    """The network that lies in a flat vector, in torch's own operations."""
-    for number, (at, rows, columns, bias) in enumerate(layers.tolist()):
-        matrix, last = flat[at : at + rows * columns].reshape(rows, columns), number == len(layers) - 1
-        x = functional.linear(x, matrix if last else matrix.T, flat[bias : bias + (rows if last else columns)])
-        x = x if last else functional.relu(x)
-    return x
 
 
 def values(of: Case, critics: Tensor, which: int, observation: Tensor, action: Tensor) -> Tensor:
@@ -139,165 +128,3 @@ def test_a_workspace_of_another_batch_is_refused() -> None:
     work = Work.of(of.networks, ROWS + 1, np.float64)
     with pytest.raises(ValueError, match="made for a batch of another size"):
         targets(of.actor, of.critics, of.networks, of.batch, Noise(of.normal, 0.5, 0.6), WIDE, work)
-
-
-def learner(**parameters: Any) -> ActorCritic:
-    recipe = TD3(net_arch=(8, 8), batch_size=6, **parameters)
-    made = ActorCritic(recipe, INPUTS, BOX, np.random.default_rng(0), 100)
-    made.saw(np.array([-100.0, 100.0]))
-    return made
-
-
-def goals(made: ActorCritic, batch: Batch, normal: Floats) -> list[float]:
-    """The targets of a batch of transitions."""
-    work = Work.of(made.networks, len(batch.returns))
-    noise = Noise(normal.astype(np.float32), made.schedule.spread, made.schedule.limit)
-    targets(made.actor.target, made.critics.target, made.networks, batch, noise, made.bounds, work)
-    return [float(goal) for goal in work.goal]
-
-
-def nothing(returns: list[float], discount: list[float]) -> Batch:
-    rows = len(returns)
-    states, actions = np.zeros((rows, INPUTS), np.float32), np.zeros((rows, 2), np.float32)
-    return Batch(states, actions, np.array(returns, np.float32), states, np.array(discount, np.float32))
-
-
-@pytest.mark.parametrize("constants", [(1.0, 2.0), (2.0, 1.0)])
-def test_targets_by_hand(constants: tuple[float, float]) -> None:
-    """Critics that are c + sum of action, actor that is tanh(b): everything can be added up."""
-    made = learner(target_policy_noise=0.5, target_noise_clip=0.2)
-    made.actor.target[:], made.critics.target[:] = 0, 0
-    views(made.actor.target, made.networks.actor)[-1][:] = 0.5, 3.0
-    for which, constant in enumerate(constants):
-        parts = views(made.critics.target, made.networks.critics[which])
-        # through two ReLU layers: relu(1 + sum of action) comes out as it is
-        parts[0][INPUTS:, 0] = 1
-        parts[1][0] = 1
-        parts[2][0, 0] = 1
-        parts[4][0, 0] = 1
-        parts[5][0] = constant
-    noise = np.array([[1.0, 0.1], [0.0, 0.0]])  # 0.5 clipped to 0.2, and 0.05
-    first, second = np.tanh(0.5) + 0.2, min(np.tanh(3.0) + 0.05, 1.0)
-    goal = goals(made, nothing([0.5, -2], [0.5, 0]), noise)
-    assert goal == pytest.approx([0.5 + 0.5 * (1 + 1 + first + second), -2], rel=1e-6)
-
-
-def test_targets_lie_among_the_rewards_that_were_seen() -> None:
-    made = ActorCritic(TD3(net_arch=(8, 8), reward_scale=2.0), INPUTS, BOX, np.random.default_rng(0), 100)
-    made.saw(np.array([0.1, 0.2]))
-    made.saw(np.array([-0.3, 0.0]))
-    assert goals(made, nothing([-50, 50], [0, 0]), np.zeros((2, 2))) == pytest.approx([-0.6, 0.4])
-
-
-def test_with_gamma_1_targets_are_sums_of_rewards_and_know_no_bounds() -> None:
-    made = ActorCritic(TD3(net_arch=(8, 8), gamma=1), INPUTS, BOX, np.random.default_rng(0), 100)
-    made.saw(np.array([0.1, 0.2]))
-    assert goals(made, nothing([-50, 50], [0, 0]), np.zeros((2, 2))) == [-50, 50]
-
-
-def updated(made: ActorCritic, times: int) -> None:
-    """So many updates with the transitions of a replay."""
-    generator = np.random.default_rng(1)
-    replay = Replay(30, 2, INPUTS, 1, 0.9, axes=2)
-    memory = replay.memory
-    for part in (memory.observation, memory.arrived, memory.action, memory.reward):
-        part[:] = generator.uniform(-1, 1, part.shape)
-    first = generator.integers(50, size=(times, 6))
-    made.update(memory, first, 2, generator.normal(size=(times, 6, 2)).astype(np.float32))
-
-
-def test_the_actor_moves_every_second_update_and_targets_with_it() -> None:
-    made = learner(tau=0.25, averaging=0.5)
-    followers = (made.actor.online, made.actor.target, made.actor.average, made.critics.target)
-    before = [part.copy() for part in followers]
-    updated(made, 1)
-    assert all(map(np.array_equal, before, followers))
-    critics = made.critics.online.copy()
-    updated(made, 1)
-    assert not np.array_equal(critics, made.critics.online)
-    assert not np.array_equal(before[0], made.actor.online)
-    for old, now, online, share in (
-        (before[1], made.actor.target, made.actor.online, 0.25),
-        (before[2], made.actor.average, made.actor.online, 0.5),
-        (before[3], made.critics.target, made.critics.online, 0.25),
-    ):
-        assert now == pytest.approx((1 - share) * old + share * online, rel=1e-5, abs=1e-7)
-
-
-def test_updates_in_one_call_and_one_by_one_are_the_same() -> None:
-    together, apart = learner(), learner()
-    generator, replay = np.random.default_rng(2), Replay(30, 2, INPUTS, 1, 0.9, axes=2)
-    for part in replay.memory[:4]:
-        part[:] = generator.uniform(-1, 1, part.shape)
-    first, normal = generator.integers(50, size=(7, 6)), generator.normal(size=(7, 6, 2)).astype(np.float32)
-    together.update(replay.memory, first, 2, normal)
-    for row in range(7):
-        apart.update(replay.memory, first[row : row + 1], 2, normal[row : row + 1])
-    for ours, theirs in zip((*together.actor, *together.critics), (*apart.actor, *apart.critics), strict=True):
-        assert np.array_equal(ours, theirs)
-
-
-def test_weights_move_as_with_torchs_adam() -> None:
-    """Two updates: both of the critics, one of the actor with the critics as they are then; Adam from 1."""
-    made, generator = learner(learning_rate=0.01, learning_rate_final=0.001), np.random.default_rng(3)
-    replay = Replay(30, 2, INPUTS, 1, 0.9, axes=2)
-    for part in replay.memory[:4]:
-        part[:] = generator.uniform(-1, 1, part.shape)
-    first, normal = generator.integers(50, size=(2, 6)), generator.normal(size=(2, 6, 2)).astype(np.float32)
-    critics = torch.from_numpy(made.critics.online.copy()).requires_grad_()
-    actor = torch.from_numpy(made.actor.online.copy()).requires_grad_()
-    adams = torch.optim.Adam([critics], 0.01), torch.optim.Adam([actor], 0.01)
-    into, work = np.zeros_like(made.critics.online), Work.of(made.networks, 6)
-    for row in range(2):
-        batch = replay.batch(first[row])
-        noise = Noise(normal[row], made.schedule.spread, made.schedule.limit)
-        targets(made.actor.target, made.critics.target, made.networks, batch, noise, made.bounds, work)
-        critic_gradient(critics.detach().numpy(), made.networks, batch, work, into)
-        critics.grad = torch.from_numpy(into.copy())
-        rate = 0.01 * 0.1 ** (row / 99)
-        for adam in adams:
-            adam.param_groups[0]["lr"] = rate
-        adams[0].step()
-    into = np.zeros_like(made.actor.online)
-    numbers = (actor.detach().numpy(), critics.detach().numpy())
-    actor_gradient(*numbers, made.networks, batch, made.schedule.penalty, work, into)
-    actor.grad = torch.from_numpy(into)
-    adams[1].step()
-    made.update(replay.memory, first, 2, normal)
-    assert made.critics.online == pytest.approx(critics.detach().numpy(), rel=0, abs=1e-6)
-    assert made.actor.online == pytest.approx(actor.detach().numpy(), rel=0, abs=1e-6)
-
-
-def test_first_weights_are_bounded_by_their_layers_inputs_and_the_actors_last_are_small() -> None:
-    made = ActorCritic(TD3(net_arch=(64, 16)), INPUTS, BOX, np.random.default_rng(0), 100)
-    for flat, layers, inputs, last in (
-        (made.actor.online, made.networks.actor, INPUTS, 0.1),
-        (made.critics.online, made.networks.critics[0], INPUTS + 2, 1.0),
-        (made.critics.online, made.networks.critics[1], INPUTS + 2, 1.0),
-    ):
-        parts = views(flat, layers)
-        for matrix, bound in zip(parts[::2], (inputs**-0.5, 64**-0.5, last * 16**-0.5), strict=True):
-            assert 0.8 * bound < np.abs(matrix).max() <= bound
-        assert not any(bias.any() for bias in parts[1::2])
-    assert not np.array_equal(*np.split(made.critics.online, 2))
-
-
-def test_the_policy_spans_the_box_and_is_frozen() -> None:
-    made = learner()
-    made.actor.online[:] = np.random.default_rng(4).normal(size=made.actor.online.shape)
-    policy = made.policy()
-    observation = np.random.default_rng(0).normal(size=(50, INPUTS))
-    vectors = policy.act(observation)
-    flat, x = torch.from_numpy(made.actor.online.copy()), torch.from_numpy(observation).float()
-    squashed = torch.tanh(perceptron(flat, made.networks.actor, x)).numpy()
-    made.actor.online[:] += 1
-    np.testing.assert_allclose(vectors, np.array([0, 2]) + squashed * [1, 2], rtol=1e-4, atol=1e-5)
-    np.testing.assert_array_equal(policy.act(observation), vectors)
-
-
-def test_actions_in_training_are_the_policys_with_noise_within_the_box() -> None:
-    made = learner()
-    observation = np.random.default_rng(0).normal(size=(50, INPUTS))
-    squashed = (made.policy().act(observation) - np.array([0, 2])) / [1, 2]
-    noise = np.random.default_rng(1).normal(size=(50, 2))
-    assert made.act(observation, noise) == pytest.approx(np.clip(squashed + noise, -1, 1), abs=1e-5)

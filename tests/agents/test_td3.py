@@ -1,4 +1,4 @@
-"""TD3: its budget, its noise, the same bits, and a task that it learns. Its arithmetic is in test_actor_critic."""
+"""TD3: its budget, its noise, the same bits, and a task that it learns. Arithmetic: see the tests of its learner."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from stlbench.contract import Array, Policy, Training, Transition, Unsuitable
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 from stlbench.task import build_method
-from stlbench_agents.actor_critic import ActorCritic
 from stlbench_agents.actor_policy import ActorPolicy
 from stlbench_agents.replay import Memory
 from stlbench_agents.td3 import TD3
+from stlbench_agents.td3_learner import TD3Learner
 
 CONTINUOUS: dict[str, Any] = {"actions": {"v": {"low": -1, "high": 1}}}
 
@@ -92,10 +92,10 @@ def test_with_gamma_1_rewards_still_arrive_in_the_replay(monkeypatch: pytest.Mon
     """Weighted by 1 - gamma they would all be 0, and every policy as good as any other."""
     stored = list[Array]()
 
-    def update(self: ActorCritic, memory: Memory, *others: Any) -> None:
+    def update(self: TD3Learner, memory: Memory, *others: Any) -> None:
         stored.append(memory.reward)
 
-    monkeypatch.setattr(ActorCritic, "update", update)
+    monkeypatch.setattr(TD3Learner, "update", update)
     trained = Trained(80, copies=4, random_steps=4, gamma=1.0, reward_scale=3.0)
     assert np.abs(stored[-1]).max() > 0.1
     assert len(trained.reports) == 4
