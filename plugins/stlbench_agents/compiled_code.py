@@ -9,9 +9,11 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import gettempdir
 
 __all__ = ["folder", "is_ready", "note_ready"]
 
@@ -22,8 +24,17 @@ def folder() -> Path:
     state = hashlib.sha256(f"{sys.version} {version('numba')} {version('llvmlite')} {os.uname()}".encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         state.update(path.read_bytes())
-    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(os.environ.get("NUMBA_CACHE_DIR") or Path(caches) / "stlbench") / f"agents-{state.hexdigest()[:16]}"
+    return _caches() / f"agents-{state.hexdigest()[:16]}"
+
+
+def _caches() -> Path:
+    named = os.environ.get("NUMBA_CACHE_DIR")
+    if named:
+        return Path(named)
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stlbench"
+    except RuntimeError:  # a user without a home, as in some containers
+        return Path(gettempdir()) / "stlbench"
 
 
 def is_ready(part: str) -> bool:
@@ -32,6 +43,7 @@ def is_ready(part: str) -> bool:
 
 
 def note_ready(part: str) -> None:
-    """It has now."""
-    folder().mkdir(parents=True, exist_ok=True)
-    (folder() / part).touch()
+    """It has now. Where nothing can be written, each process compiles, and this says so each time."""
+    with suppress(OSError):
+        folder().mkdir(parents=True, exist_ok=True)
+        (folder() / part).touch()
