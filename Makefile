@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test quick lint types imports unit coverage lowest docs gate bench reference ablation clean
+.PHONY: run test quick lint types imports unit coverage lowest docs gate bench reference more-seeds ablation clean
 
 ## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
 run: $(VENV)/ready
@@ -60,11 +60,16 @@ bench: $(VENV)/ready-bench
 	$(BIN)/python tests/benchmarks/collect.py results/benchmarks.json --json results/bench.json \
 	  $(if $(filter-out tests/benchmarks,$(PARTS)),--merge) --page docs/performance.md
 
-## All tasks x all methods x 5 seeds, three hours of CPU time; goes on where it was interrupted. See docs/reproduction.md.
+## All tasks x all methods x 5 seeds, 1.2 hours of CPU time; goes on where it was interrupted. See docs/reproduction.md.
 reference: $(VENV)/ready-all
 	$(BIN)/stlbench run studies/reference.yaml
 	$(BIN)/stlbench export results/reference --format jsonl
 	$(BIN)/stlbench plot results/reference --rewarded
+
+## Five more seeds of funnel and raw, for the final policies; 50 minutes of CPU time. See docs/reproduction.md.
+more-seeds: $(VENV)/ready-all
+	$(BIN)/stlbench run studies/more-seeds.yaml
+	$(BIN)/stlbench export results/more-seeds --format jsonl
 
 ## What the parts of the recipes are worth, and other agents beside ours; an hour of CPU time. See docs/reproduction.md.
 ABLATION := $(BIN)/stlbench run --results results/ablation
