@@ -4,9 +4,6 @@ All weights of a network lie in one flat vector. A network is an array of one ro
 the matrix's rows and columns, the offset of its bias. Matrices of hidden layers are (inputs, outputs); the last is
 (outputs, inputs), so that what belongs to one output lies in one piece. B observations are a flat vector too, row by
 row. Everything works in whatever floating-point type the weights have.
-
-No function here lets the compiler reorder sums (`fastmath`): numba compiles a function anew wherever it is used, and
-whether a process compiled or loaded it decided which of the copies ran, and so the last bits of a training.
 """
 
 from __future__ import annotations
