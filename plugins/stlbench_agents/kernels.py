@@ -13,7 +13,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-__all__ = ["BYTES", "SUMS", "TALL", "block_of", "partial_sums"]
+__all__ = ["BYTES", "SUMS", "TALL", "block_of", "partial_sums", "turned_block"]
 
 _HOST = llvmlite.binding.get_host_cpu_features()
 BYTES = 64 if _HOST.get("avx512f") else 32 if _HOST.get("avx") else 16
@@ -190,3 +190,38 @@ def _sum_of(kernel: Kernel, vector: ir.Value) -> ir.Value:
         mask = ir.Constant(ir.VectorType(ir.IntType(32), kernel.lanes), order)
         vector = builder.fadd(vector, builder.shuffle_vector(vector, vector, mask))
     return builder.extract_element(vector, ir.IntType(32)(0))
+
+
+@intrinsic
+def turned_block(_: Any, a: Any, at: Any, row: Any, into: Any, there: Any, width: Any) -> Any:
+    """Transpose the square block at an offset, with as many rows as a vector has numbers, its rows `row` apart.
+
+    It is written to `into` from the offset `there` on, its rows `width` apart.
+    """
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
+        kernel = Kernel(context, builder, a.dtype, BYTES)
+        rows = [
+            kernel.load(kernel.place(args[0], a, builder.add(args[1], builder.mul(_INDEX(i), args[2]))), kernel.vector)
+            for i in range(kernel.lanes)
+        ]
+        distance = kernel.lanes
+        while distance > 1:  # exchange the off-diagonal quarters of ever smaller squares
+            distance //= 2
+            for i in range(kernel.lanes):
+                if not i & distance:
+                    rows[i], rows[i + distance] = _exchanged(kernel, rows[i], rows[i + distance], distance)
+        for i, line in enumerate(rows):
+            kernel.store(line, kernel.place(args[3], into, builder.add(args[4], builder.mul(_INDEX(i), args[5]))))
+        return context.get_dummy_value()
+
+    return types.void(a, types.intp, types.intp, into, types.intp, types.intp), generate
+
+
+def _exchanged(kernel: Kernel, upper: ir.Value, lower: ir.Value, distance: int) -> tuple[ir.Value, ir.Value]:
+    """Two rows of a square, the upper's right parts exchanged with the lower's left parts."""
+    lanes, kind = range(kernel.lanes), ir.VectorType(ir.IntType(32), kernel.lanes)
+    left = [kernel.lanes + lane - distance if lane & distance else lane for lane in lanes]
+    right = [kernel.lanes + lane if lane & distance else lane + distance for lane in lanes]
+    first, second = (kernel.builder.shuffle_vector(upper, lower, ir.Constant(kind, order)) for order in (left, right))
+    return first, second

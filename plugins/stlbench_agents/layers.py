@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench_agents.compiler import compiled, inlined
-from stlbench_agents.products import Matrix, inner_product, matrix, product, transposed
+from stlbench_agents.products import Matrix, inner_product, matrix, product, transposed, turn
 
 __all__ = ["Space", "back_hidden", "back_outputs", "hidden", "layout", "outputs", "size_of", "views", "widest"]
 
@@ -105,7 +105,7 @@ def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, turned: Floa
                 total = inner_product(last, i * width, flat, at + j * width, width)
                 into[i * count + j] = total + flat[bias + j]
         return
-    _turn(flat, at, count, width, turned)
+    turn(flat, at, count, width, turned)
     product(
         matrix(last, 0, rows, width), matrix(turned, 0, width, count), matrix(flat, bias, 1, count), -np.inf,
         matrix(into, 0, rows, count),
@@ -114,14 +114,6 @@ def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, turned: Floa
 
 _FEW = 8
 """Below so many outputs their inner products are faster one by one."""
-
-
-@inlined()
-def _turn(flat: Floats, at: int, rows: int, columns: int, into: Floats) -> None:
-    """Transpose the matrix at an offset."""
-    for i in range(rows):
-        for j in range(columns):
-            into[j * rows + i] = flat[at + i * columns + j]
 
 
 @inlined()
@@ -166,7 +158,7 @@ def back_hidden(
             _column_sums(back, rows, columns, space.one, into, bias)
         if layer:
             following = space.back[(len(layers) - 1 - layer) % 2]
-            _turn(flat, at, inner, columns, space.turned)
+            turn(flat, at, inner, columns, space.turned)
             product(given, matrix(space.turned, 0, columns, inner), nothing, -np.inf, matrix(following, 0, rows, inner))
             back = following
     return back

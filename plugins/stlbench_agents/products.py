@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from stlbench_agents.compiler import compiled, inlined
-from stlbench_agents.kernels import BYTES, SUMS, TALL, block_of, partial_sums
+from stlbench_agents.kernels import BYTES, SUMS, TALL, block_of, partial_sums, turned_block
 
-__all__ = ["Matrix", "inner_product", "matrix", "product", "transposed"]
+__all__ = ["Matrix", "inner_product", "matrix", "product", "transposed", "turn"]
 
 Floats = NDArray[Any]
 
@@ -99,3 +99,20 @@ def inner_product(a: Floats, a_at: int, b: Floats, b_at: int, count: int) -> Any
     for i in range(whole, count):
         total += a[a_at + i] * b[b_at + i]
     return total
+
+
+@compiled()
+def turn(a: Floats, at: int, rows: int, columns: int, into: Floats) -> None:
+    """Write the transpose of the matrix (rows, columns) that lies at an offset: `into` (columns, rows), row by row."""
+    width = BYTES // a.itemsize
+    if rows >= width and columns >= width:
+        for i in range(0, rows, width):
+            top = min(i, rows - width)  # the last block overlaps the one before, and writes the same again
+            for j in range(0, columns, width):
+                left = min(j, columns - width)
+                begin = at + top * columns + left
+                turned_block(a, begin, columns, into, left * rows + top, rows)  # type: ignore[call-arg]
+        return
+    for i in range(rows):
+        for j in range(columns):
+            into[j * rows + i] = a[at + i * columns + j]

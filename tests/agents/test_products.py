@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 from numpy.typing import NDArray
 
-from stlbench_agents.products import Matrix, inner_product, matrix, product, transposed
+from stlbench_agents.products import Matrix, inner_product, matrix, product, transposed, turn
 
 Floats = NDArray[Any]
 ROWS = (1, 3, 4, 5, 7, 8, 9, 16, 33)
@@ -86,3 +86,14 @@ def test_a_matrix_lies_row_by_row() -> None:
     flat = np.arange(12.0)
     assert matrix(flat, 2, 3, 3)[1:] == (2, 3, 3, 3, 1)
     assert transposed(Matrix(flat, 2, 2, 3, 4, 1))[1:] == (2, 3, 2, 1, 4)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("rows", [1, 8, 16, 35, 64])
+@pytest.mark.parametrize("columns", [1, 8, 16, 17, 33, 128])
+def test_a_matrix_is_transposed(rows: int, columns: int, dtype: Any) -> None:
+    values = np.arange(rows * columns, dtype=dtype)
+    flat, into = np.concatenate([np.full(PAD, np.nan, dtype), values]), np.full(rows * columns + 1, np.nan, dtype)
+    turn(flat, PAD, rows, columns, into)
+    assert np.array_equal(into[:-1], values.reshape(rows, columns).T.ravel())
+    assert np.isnan(into[-1])
