@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench_agents.compiler import compiled, inlined
-from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, outputs, widest
+from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, outputs, outputs_at
 from stlbench_agents.products import inner_product
 from stlbench_agents.replay import Batch
 
@@ -103,17 +103,10 @@ def actions(flat: Floats, network: Network, observation: Floats, epsilon: float,
 
     `chance` (2, B) is uniform in [0, 1): whether to explore, and which of the `count` actions.
     """
-    rows, inputs, layers = len(observation), observation.shape[1], network.layers
-    most = widest(layers)
-    x = np.empty(rows * inputs, flat.dtype)
+    rows, each = len(observation), network.layers[-1, 1]
+    values, chosen = outputs_at(flat, network.layers, observation), np.empty(rows, np.int64)
     for i in range(rows):
-        for j in range(inputs):
-            x[i * inputs + j] = observation[i, j]
-    activations = np.empty((len(layers) - 1, rows * most), flat.dtype)
-    values, turned = np.empty(rows * layers[-1, 1], flat.dtype), np.empty(layers[-1, 1] * most, flat.dtype)
-    chosen = np.empty(rows, np.int64)
-    _choose(flat, network, hidden(flat, layers, x, rows, activations), rows, turned, values, chosen)
-    for i in range(rows):
+        chosen[i] = _greedy(values, i * each, network)
         if epsilon > 0 and chance[0, i] < epsilon:
             chosen[i] = int(chance[1, i] * count)
     return chosen
@@ -126,15 +119,6 @@ def greedy_actions(flat: Floats, network: Network, observation: Floats) -> Indic
 
 
 _NO_CHANCE = np.empty((2, 0))
-
-
-@inlined()
-def _choose(
-    flat: Floats, network: Network, last: Floats, rows: int, turned: Floats, values: Floats, into: Indices
-) -> None:
-    outputs(flat, network.layers, last, rows, turned, values)
-    for i in range(rows):
-        into[i] = _greedy(values, i * network.layers[-1, 1], network)
 
 
 @inlined()
@@ -190,7 +174,9 @@ def _later(online: Floats, target: Floats, network: Network, batch: Batch, doubl
     there = batch.arrived.reshape(batch.arrived.size)
     if double:
         last = hidden(online, network.layers, there, rows, space.there)
-        _choose(online, network, last, rows, space.turned, work.outputs, work.chosen)
+        outputs(online, network.layers, last, rows, space.turned, work.outputs)
+        for i in range(rows):
+            work.chosen[i] = _greedy(work.outputs, i * network.layers[-1, 1], network)
     return hidden(target, network.layers, there, rows, space.there)
 
 

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from stlbench_agents.compiler import compiled, inlined
 from stlbench_agents.products import Matrix, inner_product, matrix, product, transposed, turn
 
-__all__ = ["Space", "back_hidden", "back_outputs", "hidden", "layout", "outputs", "size_of", "views", "widest"]
+__all__ = [
+    "Space", "back_hidden", "back_outputs", "hidden", "layout", "outputs", "outputs_at", "size_of", "views", "widest",
+]  # fmt: skip
 
 Floats = NDArray[Any]
 Indices = NDArray[np.int64]
@@ -110,6 +112,20 @@ def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, turned: Floa
         matrix(last, 0, rows, width), matrix(turned, 0, width, count), matrix(flat, bias, 1, count), -np.inf,
         matrix(into, 0, rows, count),
     )  # fmt: skip
+
+
+@inlined()
+def outputs_at(flat: Floats, layers: Indices, observation: Floats) -> Floats:
+    """All outputs (B * outputs,) at observations (B, D) of any floating-point type, in memory of their own."""
+    rows, inputs, count, most = len(observation), observation.shape[1], layers[-1, 1], widest(layers)
+    x = np.empty(rows * inputs, flat.dtype)
+    for i in range(rows):
+        for j in range(inputs):
+            x[i * inputs + j] = observation[i, j]
+    activations = np.empty((len(layers) - 1, rows * most), flat.dtype)
+    values, turned = np.empty(rows * count, flat.dtype), np.empty(count * most, flat.dtype)
+    outputs(flat, layers, hidden(flat, layers, x, rows, activations), rows, turned, values)
+    return values
 
 
 _FEW = 8

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from stlbench_agents.compiler import compiled, inlined
 from stlbench_agents.products import inner_product
 
-__all__ = ["Weights", "adam", "blend", "clipping", "step"]
+__all__ = ["Weights", "adam", "blend", "clipping", "decay", "step"]
 
 Floats = NDArray[Any]
 
@@ -41,6 +41,11 @@ class Weights(NamedTuple):
         return Weights(flat.copy(), flat.copy(), flat.copy(), *nothing)
 
 
+def decay(first: float, last: float, updates: int) -> float:
+    """The factor from one update's learning rate to the next, if it falls geometrically over so many updates."""
+    return float((last / first) ** (1 / max(1, updates - 1)))
+
+
 @inlined()
 def clipping(gradient: Floats, max_norm: float) -> float:
     """The factor, at most 1, that brings the gradient's norm to `max_norm`."""
@@ -48,7 +53,6 @@ def clipping(gradient: Floats, max_norm: float) -> float:
     return float(min(1.0, max_norm / (np.sqrt(total) + 1e-6)))
 
 
-# Without error_model="numpy" the test for a division by 0 keeps the loop scalar, four times slower.
 @inlined()
 def adam(
     weights: Floats, gradient: Floats, mean: Floats, square: Floats, rate: float, count: int, factor: float

@@ -11,7 +11,7 @@ from stlbench.contract import ActionGrid, Array, Integers, Transition
 from stlbench_agents.compiler import compiled, inlined
 from stlbench_agents.engine import Network, Workspace, actions, additive_gradient, joint_gradient
 from stlbench_agents.network import GreedyPolicy, QNetwork
-from stlbench_agents.optimizer import Weights, step
+from stlbench_agents.optimizer import Weights, decay, step
 from stlbench_agents.replay import Batch, Memory, Replay, gather
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class QLearner:
         )
         self.schedule = Schedule(
             recipe.learning_rate,
-            (recipe.learning_rate_final / recipe.learning_rate) ** (1 / max(1, updates - 1)),
+            decay(recipe.learning_rate, recipe.learning_rate_final, updates),
             recipe.max_grad_norm,
             recipe.tau,
             recipe.target_update_interval,

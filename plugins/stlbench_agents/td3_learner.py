@@ -12,8 +12,8 @@ from stlbench.contract import ActionBox, Array, Integers
 from stlbench_agents.actor_critic import Networks, Noise, Work, actor_gradient, critic_gradient, targets
 from stlbench_agents.actor_policy import ActorPolicy
 from stlbench_agents.compiler import compiled
-from stlbench_agents.layers import hidden, outputs, size_of, views, widest
-from stlbench_agents.optimizer import Weights, step
+from stlbench_agents.layers import outputs_at, size_of, views
+from stlbench_agents.optimizer import Weights, decay, step
 from stlbench_agents.replay import Batch, Memory, Replay, gather
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class TD3Learner:
         )
         self.schedule = Schedule(
             recipe.learning_rate,
-            (recipe.learning_rate_final / recipe.learning_rate) ** (1 / max(1, updates - 1)),
+            decay(recipe.learning_rate, recipe.learning_rate_final, updates),
             recipe.tau,
             recipe.policy_delay,
             recipe.averaging,
@@ -107,9 +107,8 @@ class TD3Learner:
 
 def _initial(generator: np.random.Generator, layers: Indices, last: float) -> Floats:
     """Uniform in 1/sqrt(inputs), the last layer in `last` times that, biases 0."""
-    begin = int(layers[0, 0])
-    flat = np.zeros(size_of(layers) - begin, np.float32)
-    matrices = views(flat, layers - np.array([begin, 0, 0, begin]))[::2]
+    flat = np.zeros(size_of(layers), np.float32)
+    matrices = views(flat, layers)[::2]
     for matrix in matrices:
         final = matrix is matrices[-1]
         bound = (last if final else 1.0) / math.sqrt(matrix.shape[1 if final else 0])
@@ -119,15 +118,8 @@ def _initial(generator: np.random.Generator, layers: Indices, last: float) -> Fl
 
 @compiled()
 def _act(flat: Floats, layers: Indices, observation: Floats, noise: Floats) -> Floats:
-    rows, inputs, axes, most = len(observation), observation.shape[1], layers[-1, 1], widest(layers)
-    x = np.empty(rows * inputs, flat.dtype)
-    for i in range(rows):
-        for j in range(inputs):
-            x[i * inputs + j] = observation[i, j]
-    activations = np.empty((len(layers) - 1, rows * most), flat.dtype)
-    output, turned = np.empty(rows * axes, flat.dtype), np.empty(most * axes, flat.dtype)
-    outputs(flat, layers, hidden(flat, layers, x, rows, activations), rows, turned, output)
-    vectors = np.empty((rows, axes))
+    rows, axes = noise.shape
+    output, vectors = outputs_at(flat, layers, observation), np.empty((rows, axes))
     for i in range(rows):
         for j in range(axes):
             vectors[i, j] = min(1.0, max(-1.0, math.tanh(output[i * axes + j]) + noise[i, j]))
