@@ -24,7 +24,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,10 +45,12 @@ __all__ = [
     "Executor",
     "Integers",
     "Intractable",
+    "Model",
     "Outcome",
     "Policy",
     "RewardMethod",
     "Specification",
+    "StatePolicy",
     "System",
     "Training",
     "Transition",
@@ -134,12 +136,16 @@ class Specification:
 class RewardMethod:
     """Turns a formula into the reward of each transition. Pure: the same arguments give the same reward.
 
-    Subclass it, take the parameters as keyword-only arguments, and write either `step`, one transition, or `along`,
-    those of one held action at once, which can be faster; the other follows. A method that must remember (flags, a
-    history of states) sets `memory_size` and carries its memory along; the policy is shown `inputs(memory)`. A
-    constructor raises `Intractable` where the task needs more inputs than `specification.input_limit`, and
-    `Unsuitable` where the formula or a parameter does not fit. For what tables and figures may show of a method, see
-    `stlbench.presentation`.
+    Subclass it, take the parameters as keyword-only arguments, and write one of three; the others follow from it:
+
+    - `arrival`, where the reward is a function of the sample that is arrived at, and of time, alone;
+    - `step`, the reward of one transition;
+    - `along`, those of one held action at once, which can be faster than `step`.
+
+    A method that must remember (flags, a history of states) sets `memory_size` and carries its memory along; the policy
+    is shown `inputs(memory)`. A constructor raises `Intractable` where the task needs more inputs than
+    `specification.input_limit`, and `Unsuitable` where the formula or a parameter does not fit. For what tables and
+    figures may show of a method, see `stlbench.presentation`.
 
     One transition t of N copies, signals s:
 
@@ -157,6 +163,8 @@ class RewardMethod:
 
     memory_size: int = 0
     """m: numbers that the method carries from step to step; 0 for a method without memory."""
+    paid_on_arrival: ClassVar[bool] = False
+    """Whether the class has written `arrival`; set by the contract itself."""
     scale: float = 1.0
     """About the largest magnitude of the reward. Training divides by it, for every method alike, so that one recipe
     of the agent serves methods whose rewards are metres and methods whose rewards are flags."""
@@ -165,7 +173,7 @@ class RewardMethod:
         self.specification = specification
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Raises `TypeError` for a subclass that writes both of `step` and `along`, or neither."""
+        """Raises `TypeError` for a subclass that writes none of `arrival`, `step` and `along`, or more than one."""
         super().__init_subclass__(**options)
         complete(cls, RewardMethod)
 
@@ -176,6 +184,20 @@ class RewardMethod:
         some episodes begin at a later time, with nothing known of what was before.
         """
         return np.zeros((len(signals), self.memory_size))
+
+    def arrival(self, signals: Array, t: Integers) -> Array:
+        """The reward of arriving at a sample, for a method without memory to which nothing else matters.
+
+        What pays for samples alone can be planned for much faster than what pays for transitions (`Model`).
+
+        Args:
+            signals: s_t, (..., k), in the signals' units.
+            t: step index of the sample, (...), each in 1..T; rows may be at different times.
+
+        Returns:
+            The rewards (...).
+        """
+        raise TypeError(f"{type(self).__name__} is not paid for samples alone: it has no arrival")
 
     def step(
         self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
@@ -192,6 +214,8 @@ class RewardMethod:
         Returns:
             The reward (N,) and the next memory (N, m).
         """
+        if self.paid_on_arrival:
+            return self.arrival(next_signals, t + 1), memory
         rewards, memory = self.along(np.stack([signals, next_signals]), action, t, memory)
         return rewards[0], memory
 
@@ -207,6 +231,8 @@ class RewardMethod:
         Returns:
             The rewards (h, N) and the memory at s_{t+h}, (N, m).
         """
+        if self.paid_on_arrival:
+            return self.arrival(samples[1:], t + np.arange(1, len(samples))[:, None]), memory
         return along_by_steps(self, samples, action, t, memory)
 
     def inputs(self, memory: Array) -> Array:
@@ -319,6 +345,44 @@ class Policy(ABC):
         """The greedy actions, without any randomness: (N, D) -> indices (N,), or vectors (N, axes)."""
 
 
+class StatePolicy(ABC):
+    """A policy that acts on the whole state, such as a planner's. Frozen, like every policy.
+
+    It sees more than a learned policy does, so tables say which agent it comes from.
+    """
+
+    @abstractmethod
+    def episode(self) -> Callable[[Array, Integers, Array], Integers | Array]:
+        """What acts in one batch of episodes, from their starts on.
+
+        It is called at every decision with the states (N, n), their steps t (N,) and the method's memory (N, m), and
+        returns actions: indices (N,) of a grid, or vectors (N, axes). It may remember what happened in its episodes.
+        """
+
+
+@dataclass(frozen=True)
+class Model:
+    """The task and the reward as pure functions: what an agent is given that plans (`Agent.plans`), and no learner."""
+
+    system: System
+    method: RewardMethod
+    """Its `specification` has the signals, their ranges, and the formula as it is rewarded."""
+    formula: stl.Formula
+    """What the referee scores, intervals in steps."""
+    actions: Actions
+    steps: int
+    """T: transitions in an episode."""
+    hold: int
+    """Steps for which one action is held."""
+    cuts: tuple[int, ...]
+    """Steps at which a return stops in training, with the value of going on as before."""
+    ended: Callable[[Array, Integers], tuple[Truth, Array]]
+    """Samples (N, h, k), the last of which are at steps t (N,), to whether a training episode ends among them (N,), and
+    what is then paid as if for ever after (N,), in units of the method's `scale`."""
+    starts: Array
+    """(several, n): states from which training episodes start."""
+
+
 @dataclass(frozen=True)
 class Training:
     """All that an agent is given for one cell."""
@@ -329,21 +393,29 @@ class Training:
     """Budget: environment steps of one sampling time, summed over the copies."""
     seed: int
     """For the agent's own randomness; the same for every method of a task."""
-    report: Callable[[Policy, int], None]
+    report: Callable[[Policy | StatePolicy, int], None]
     """Call it as report(policy, steps so far) at about `checkpoints` evenly spaced times and at the end. The referee
     scores the policy on starts kept for selection; the time it takes is not counted as training."""
     checkpoints: int = 20
+    model: Model | None = None
+    """For an agent that plans; None for one that learns."""
 
 
 class Agent(ABC):
     """A training algorithm. Its keyword-only parameters are the recipe, which the task file gives; else the defaults.
 
-    A task's recipe is the same for every method: an agent never learns which method it trains. The constructor raises
-    `Unsuitable` where it cannot train here at all, as without a library; `train`, where a task's actions do not fit.
+    A task's recipe is the same for every method: an agent that learns is never told which method it trains. The
+    constructor raises `Unsuitable` where it cannot train here at all, as without a library; `train`, where a task's
+    actions do not fit.
     """
 
+    plans: ClassVar[Literal["reward", "formula"] | None] = None
+    """What it makes the most of where it plans: the method's reward, or the formula's robustness, whatever the method.
+    It is then given dynamics and reward themselves, as `Training.model`, in place of environments to learn from. What
+    it finds shows what a reward asks for, or what is possible; it is no rival of learned policies."""
+
     @abstractmethod
-    def train(self, training: Training) -> Policy:
+    def train(self, training: Training) -> Policy | StatePolicy:
         """Spend the budget and return the final policy. The same `training.seed` gives the same policy, bit for bit."""
 
     def uncompiled(self) -> Callable[[], None] | None:

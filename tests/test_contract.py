@@ -81,10 +81,36 @@ def test_the_last_that_is_written_counts() -> None:
 
 
 def test_both_or_neither_is_refused_when_the_class_is_made() -> None:
-    with pytest.raises(TypeError, match=r"^Neither has neither of step and along; write one of them$"):
+    with pytest.raises(TypeError, match=r"^Neither must have one of arrival, step and along, and has none of them$"):
         type("Neither", (RewardMethod,), {})
-    with pytest.raises(TypeError, match=r"^Both has both of step and along; write one of them$"):
+    with pytest.raises(TypeError, match=r"^Both must have one of arrival, step and along, and has step and along$"):
         type("Both", (Steps,), {"step": Steps.step, "along": RewardMethod.along})
+
+
+def test_arrival_alone_gives_step_and_along() -> None:
+    """x at s_t plus 10 t, paid for s_1, s_2, ...: never for the sample that a transition begins with."""
+
+    class Arrival(RewardMethod):
+        def arrival(self, signals: Array, t: Integers) -> Array:
+            return signals[..., 0] + 10 * t
+
+    method, nothing = Arrival(SPECIFICATION), np.zeros((2, 0))
+    expected = SAMPLES[1:, :, 0] + 10 * (AT + [[1], [2]])
+    assert method.paid_on_arrival
+    assert method.along(SAMPLES, ACTION, AT, nothing)[0].tolist() == expected.tolist()
+    assert method.step(SAMPLES[0], ACTION, SAMPLES[1], AT, nothing)[0].tolist() == expected[0].tolist()
+
+    class Stepped(Arrival):
+        def step(
+            self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
+        ) -> tuple[Array, Array]:
+            return signals[:, 0], memory
+
+    later = Stepped(SPECIFICATION)
+    assert not later.paid_on_arrival
+    assert later.along(SAMPLES, ACTION, AT, nothing)[0].tolist() == SAMPLES[:-1, :, 0].tolist()
+    with pytest.raises(TypeError, match="^Stepped is not paid for samples alone: it has no arrival$"):
+        later.arrival(SAMPLES[0], AT)
 
 
 def test_a_range_is_proven_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -89,10 +89,10 @@ class Funnel(RewardMethod):
         widest = max(curve.gamma_0 for curve in self.curves)
         self.scale = math.log1p(widest / ginf) if shape == "normalised" else widest
 
-    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """r'(s_{t+1}, t + 1) to r'(s_{t+h}, t + h): (h, N) in the unit of the predicates. No memory."""
-        rewards = self._least(samples[1:], t + np.arange(1, len(samples))[:, None])
-        return np.minimum(rewards, 0.0) if self._clip else rewards, memory
+    def arrival(self, signals: Array, t: Integers) -> Array:
+        """r'(s_t, t) in the unit of the predicates: (..., k), (...) -> (...)."""
+        rewards = self._least(signals, t)
+        return np.minimum(rewards, 0.0) if self._clip else rewards
 
     def describe(self) -> Mapping[str, Any]:
         """Each term's funnel."""

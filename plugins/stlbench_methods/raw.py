@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from stlbench.contract import Array, Integers, RewardMethod, Specification
 from stlbench_methods.schedule import Activity, active_table, least_active, timeless
 
@@ -27,7 +25,6 @@ class Raw(RewardMethod):
         margins = [timeless(specification.margin(term.psi)) for term in terms]
         self._reward = least_active(margins, active_table(terms, specification.steps, activity))
 
-    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """rho of the active terms at s_{t+1} to s_{t+h}: (h, N) in the unit of the predicates. No memory."""
-        times = t + np.arange(1, len(samples))[:, None]
-        return self._reward(samples[1:], times), memory
+    def arrival(self, signals: Array, t: Integers) -> Array:
+        """rho of the active terms, in the unit of the predicates: (..., k), (...) -> (...)."""
+        return self._reward(signals, t)

@@ -1,8 +1,8 @@
-"""How `step` and `along` of a reward method follow from each other; `stlbench.contract` says what they are."""
+"""How `arrival`, `step` and `along` of a reward method follow from each other; see `stlbench.contract`."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,14 @@ __all__ = ["along_by_steps", "complete"]
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-_EITHER = ("step", "along")
+_ONE_OF = ("arrival", "step", "along")
 
 
 class Stepping(Protocol):
     """A reward method, as far as it matters here."""
 
     memory_size: int
+    paid_on_arrival: ClassVar[bool]
 
     def step(
         self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
@@ -25,17 +26,19 @@ class Stepping(Protocol):
         """See `stlbench.contract.RewardMethod.step`."""
 
 
-def complete(kind: type, base: type) -> None:
-    """Let the one of `step` and `along` that a subclass of `base` does not write be that of `base`.
+def complete(kind: type[Stepping], base: type[Stepping]) -> None:
+    """Let those of `arrival`, `step` and `along` that a subclass of `base` does not write be those of `base`.
 
-    What a class between the two has written is another reward. Raises `TypeError` for a class with both or neither.
+    What a class between the two has written is another reward. Raises `TypeError` for a class with none, or several.
     """
-    written = [name for name in _EITHER if name in vars(kind)]
+    written = [name for name in _ONE_OF if name in vars(kind)]
     if len(written) == 1:
-        (other,) = set(_EITHER) - set(written)
-        setattr(kind, other, getattr(base, other))
-    elif written or all(getattr(kind, name) is getattr(base, name) for name in _EITHER):
-        raise TypeError(f"{kind.__name__} has {'both' if written else 'neither'} of step and along; write one of them")
+        for other in set(_ONE_OF) - set(written):
+            setattr(kind, other, getattr(base, other))
+        kind.paid_on_arrival = written == ["arrival"]
+    elif written or all(getattr(kind, name) is getattr(base, name) for name in _ONE_OF):
+        found = " and ".join(written) or "none of them"
+        raise TypeError(f"{kind.__name__} must have one of arrival, step and along, and has {found}")
 
 
 def along_by_steps(method: Stepping, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:

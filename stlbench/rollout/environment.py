@@ -6,13 +6,12 @@ ended; agents train on it. `stlbench.gym` shows the same through Gymnasium's int
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from stlbench import stl
-from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Transition, Truth
+from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Transition
+from stlbench.rollout.endings import Endings
 from stlbench.task import starts
 from stlbench.task.task import Task
 
@@ -87,39 +86,6 @@ class Simulator:
         return mean
 
 
-class _Endings:
-    """Where training episodes end early, as the task's `training.ends` say."""
-
-    def __init__(self, task: Task) -> None:
-        specification, t = task.specification, np.arange(task.file.steps + 1)
-        self._ends: list[tuple[Callable[[Array], Truth], bool, Truth, float]] = []
-        """A predicate, the verdict that ends the episode, the steps at which it does, and what is paid."""
-        for ending in task.file.training.ends:
-            if isinstance(ending.where, stl.Formula):
-                anywhere = np.ones_like(t, dtype=np.bool_)
-                self._ends.append((specification.holds(ending.where), True, anywhere, ending.reward))
-                continue
-            for term in specification.terms:
-                if term.kind == "G":
-                    active = (term.start <= t) & (t <= term.end)
-                    self._ends.append((specification.holds(term.psi), False, active, ending.reward))
-
-    def __bool__(self) -> bool:
-        return bool(self._ends)
-
-    def __call__(self, samples: Array, t: Integers) -> tuple[Truth, Array]:
-        """Samples (N, h, k) whose last are at steps t (N,) -> whether it is over (N,), and what is paid then (N,)."""
-        at = t[:, None] + np.arange(1 - samples.shape[1], 1)
-        over, paid = np.zeros(len(samples), dtype=np.bool_), np.zeros(len(samples))
-        for holds, verdict, active, reward in self._ends:
-            now = active[at]
-            if now.any():
-                here = (now & (holds(samples) == verdict)).any(axis=1) & ~over
-                over |= here
-                paid[here] = reward
-        return over, paid
-
-
 class BatchEnvironment:
     """N copies that restart by themselves (`contract.Environment`). All randomness is that of the initial states.
 
@@ -133,7 +99,7 @@ class BatchEnvironment:
         self._training, horizon = task.file.training, task.file.steps
         self._cut = np.zeros(horizon + 1, dtype=np.bool_)
         self._cut[[*self._training.cuts, horizon]] = True
-        self._endings = _Endings(task)
+        self._endings = Endings(task)
         self._generator = np.random.default_rng(seed)
         self._going_on = np.ones(count)
         self._going_on.flags.writeable = False  # agents are given it

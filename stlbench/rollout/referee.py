@@ -6,7 +6,7 @@ enters a score: a method is there only to give the policy the inputs that it was
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Policy, RewardMethod, Truth
+from stlbench.contract import Array, Integers, Policy, RewardMethod, StatePolicy, Truth
 from stlbench.result import MAIN, Score
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.selection import Race, race
@@ -36,13 +36,16 @@ def start_states(task: Task) -> tuple[Array, Array]:
 
 
 def record(
-    task: Task, method: RewardMethod, policy: Policy, states: Array, visited: list[Array] | None = None
+    task: Task, method: RewardMethod, policy: Policy | StatePolicy, states: Array, visited: list[Array] | None = None
 ) -> Array:
     """The traces (N, T + 1, k) of the signals when `policy` acts from `states` (N, n) to the end of the episode.
 
     The states at each decision and at the end, (N, n) each, are appended to `visited`, where it is given.
     """
-    return follow(task, method, lambda simulator: policy.act(simulator.observe()), states, visited)
+    if isinstance(policy, StatePolicy):
+        act = policy.episode()
+        return follow(task, method, lambda at: act(at.state, at.t, at.memory), states, visited)
+    return follow(task, method, lambda at: policy.act(at.observe()), states, visited)
 
 
 def follow(
@@ -136,6 +139,17 @@ class _Crowd(Policy):
         return together
 
 
+def _crowds(policies: Sequence[Policy | StatePolicy], most: int) -> Iterator[tuple[Policy | StatePolicy, int]]:
+    """Each as many as are simulated side by side, and how many they are; those that act on states, one by one."""
+    learned = [policy for policy in policies if isinstance(policy, Policy)]
+    if len(learned) < len(policies):
+        yield from ((policy, 1) for policy in policies)
+        return
+    for first in range(0, len(learned), most):
+        crowd = _Crowd(learned[first : first + most])
+        yield crowd, len(crowd.policies)
+
+
 class Referee:
     """Scores the policies of one cell: checkpoints for selection, then the report.
 
@@ -156,7 +170,7 @@ class Referee:
                 formula, task.system.initial_states(starts.grid(region, protocol.starts))
             )
 
-    def select(self, policy: Policy) -> tuple[float, float]:
+    def select(self, policy: Policy | StatePolicy) -> tuple[float, float]:
         """Satisfaction and mean robustness of the task's formula from all of the starts kept for selection.
 
         These share no state with the report's.
@@ -164,7 +178,7 @@ class Referee:
         satisfied, robustness = self._verdicts([policy], self._selection)
         return float(satisfied.mean()), float(robustness.mean())
 
-    def choose(self, policies: Sequence[Policy]) -> Race:
+    def choose(self, policies: Sequence[Policy | StatePolicy]) -> Race:
         """The best of the checkpoints (K,), by a race on the starts kept for selection.
 
         Those in the race are simulated side by side.
@@ -175,19 +189,18 @@ class Referee:
 
         return race(play, len(policies), len(self._selection))
 
-    def _verdicts(self, policies: Sequence[Policy], states: Array) -> tuple[Truth, Array]:
+    def _verdicts(self, policies: Sequence[Policy | StatePolicy], states: Array) -> tuple[Truth, Array]:
         """Satisfaction and robustness when each of the policies (k,) acts from each of the states (n, ...): (k, n)."""
         formula, names, together = self.task.formula, self.task.signals, max(1, _COPIES // len(states))
         satisfied, robustness = [], []
-        for first in range(0, len(policies), together):
-            crowd = _Crowd(policies[first : first + together])
-            traces = record(self.task, self.method, crowd, np.tile(states, (len(crowd.policies), 1)))
+        for crowd, count in _crowds(policies, together):
+            traces = record(self.task, self.method, crowd, np.tile(states, (count, 1)))
             satisfied.append(stl.satisfied(formula, traces, names))
             robustness.append(stl.robustness(formula, traces, names))
         shape = len(policies), len(states)
         return np.concatenate(satisfied).reshape(shape), np.concatenate(robustness).reshape(shape)
 
-    def assess(self, policy: Policy) -> Assessment:
+    def assess(self, policy: Policy | StatePolicy) -> Assessment:
         """Every protocol's score, from the report's starts."""
         scores, traces, visited = {}, {}, list[Array]()
         for name, evaluation in self._protocols.items():

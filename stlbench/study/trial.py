@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from stlbench.contract import Agent, Intractable, Policy, RewardMethod, Training, Unsuitable
+from stlbench.contract import Agent, Intractable, Policy, RewardMethod, StatePolicy, Training, Unsuitable
 from stlbench.result import CurvePoint, Measurement, Result
 from stlbench.rollout.environment import BatchEnvironment, Simulator
+from stlbench.rollout.model import model_of
 from stlbench.rollout.referee import Assessment, Referee
 from stlbench.rollout.rehearsal import rehearse
 from stlbench.rollout.saved_traces import save, trace_file
@@ -70,7 +71,7 @@ class _Clock:
 class _Reported(NamedTuple):
     """A checkpoint, frozen."""
 
-    policy: Policy
+    policy: Policy | StatePolicy
     steps: int
     cpu_seconds: float
     """Of training so far."""
@@ -79,7 +80,7 @@ class _Reported(NamedTuple):
 class _Trained(NamedTuple):
     """What came of a training."""
 
-    final: Policy
+    final: Policy | StatePolicy
     checkpoints: list[_Reported]
     """At least one: where an agent reported none, its final policy."""
     env_steps: int
@@ -113,19 +114,25 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
 
 
 def _train(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> _Trained:
-    """Rehearse, then train by the clock. Raises `RuntimeError` where the agent takes more steps than its budget."""
+    """Rehearse, unless the agent plans, and train by the clock.
+
+    Raises `RuntimeError` where the agent takes more steps than its budget.
+    """
     used: list[BatchEnvironment] = []
     reported: list[_Reported] = []
     budget, clock = task.budget(cell.id.budget), _Clock()
 
-    def report(policy: Policy, steps: int) -> None:
+    def report(policy: Policy | StatePolicy, steps: int) -> None:
         clock.pause()
         reported.append(_Reported(policy, steps, clock.cpu))
         clock.resume()
 
     training = _training(task, method, cell, budget, report, used.append)
-    rehearse(agent, training, task.file.hold)
-    used.clear()
+    if agent.plans is not None:
+        training = replace(training, model=model_of(task, method))
+    else:
+        rehearse(agent, training, task.file.hold)
+        used.clear()
     clock.resume()
     final = agent.train(training)
     clock.pause()
@@ -148,7 +155,7 @@ def _training(
     method: RewardMethod,
     cell: Cell,
     budget: Budget,
-    report: Callable[[Policy, int], None],
+    report: Callable[[Policy | StatePolicy, int], None],
     made: Callable[[BatchEnvironment], None],
 ) -> Training:
     plugin, agent, seed = task.choice.name, cell.id.agent.name, cell.id.seed

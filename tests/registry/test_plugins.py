@@ -63,11 +63,11 @@ BROKEN = {
     "other": ("class One: pass", "it must be a subclass of stlbench.contract.RewardMethod"),
     "neither": (
         "from stlbench.contract import RewardMethod\nclass One(RewardMethod): pass",
-        "has neither of step and along",
+        "must have one of arrival, step and along, and has none of them",
     ),
     "both": (
         "from stlbench.contract import RewardMethod\nclass One(RewardMethod):\n    step = along = None",
-        "One has both of step and along; write one of them",
+        "One must have one of arrival, step and along, and has step and along",
     ),
 }
 

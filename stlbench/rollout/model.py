@@ -1,0 +1,30 @@
+"""What an agent that plans is given of a task and a method."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stlbench.contract import Model, RewardMethod
+from stlbench.rollout.endings import Endings
+from stlbench.task import starts
+from stlbench.task.task import Task
+
+__all__ = ["model_of"]
+
+_STARTS = 256
+
+
+def model_of(task: Task, method: RewardMethod) -> Model:
+    """The dynamics and the reward as pure functions, under the rules by which training episodes go on."""
+    file, generator = task.file, np.random.default_rng(0)
+    return Model(
+        system=task.system,
+        method=method,
+        formula=task.formula,
+        actions=task.actions,
+        steps=file.steps,
+        hold=file.hold,
+        cuts=file.training.cuts,
+        ended=Endings(task),
+        starts=task.system.initial_states(starts.sample(file.training_starts, generator, _STARTS)),
+    )
