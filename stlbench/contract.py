@@ -359,6 +359,13 @@ class StatePolicy(ABC):
         returns actions: indices (N,) of a grid, or vectors (N, axes). It may remember what happened in its episodes.
         """
 
+    def value(self, state: Array) -> Array:
+        """What it expects of episodes from the states (N, n) at step 0: (N,), in the unit of what it maximises.
+
+        Of a robustness, the referee's score is what was reached: the two bracket what is possible. NaN by default.
+        """
+        return np.full(len(state), np.nan)
+
 
 @dataclass(frozen=True)
 class Model:

@@ -95,7 +95,7 @@ def test_arrival_alone_gives_step_and_along() -> None:
             return signals[..., 0] + 10 * t
 
     method, nothing = Arrival(SPECIFICATION), np.zeros((2, 0))
-    expected = SAMPLES[1:, :, 0] + 10 * (AT + [[1], [2]])
+    expected = SAMPLES[1:, :, 0] + 10 * (AT + np.array([[1], [2]]))
     assert method.paid_on_arrival
     assert method.along(SAMPLES, ACTION, AT, nothing)[0].tolist() == expected.tolist()
     assert method.step(SAMPLES[0], ACTION, SAMPLES[1], AT, nothing)[0].tolist() == expected[0].tolist()
@@ -109,7 +109,7 @@ def test_arrival_alone_gives_step_and_along() -> None:
     later = Stepped(SPECIFICATION)
     assert not later.paid_on_arrival
     assert later.along(SAMPLES, ACTION, AT, nothing)[0].tolist() == SAMPLES[:-1, :, 0].tolist()
-    with pytest.raises(TypeError, match="^Stepped is not paid for samples alone: it has no arrival$"):
+    with pytest.raises(TypeError, match=r"^Stepped is not paid for samples alone: it has no arrival$"):
         later.arrival(SAMPLES[0], AT)
 
 
