@@ -41,6 +41,7 @@ __all__ = [
     "Actions",
     "Agent",
     "Array",
+    "End",
     "Environment",
     "Executor",
     "Integers",
@@ -367,6 +368,17 @@ class StatePolicy(ABC):
         return np.full(len(state), np.nan)
 
 
+class End(NamedTuple):
+    """Where training episodes end early, as if `reward` were paid for ever after."""
+
+    over: Callable[[Array], Truth]
+    """Signals (..., k) to whether the episode ends there (...)."""
+    active: Truth
+    """(T + 1,): the samples at which it does."""
+    reward: float
+    """In units of the method's `scale`, in place of the method's own of that decision."""
+
+
 @dataclass(frozen=True)
 class Model:
     """The task and the reward as pure functions: what an agent is given that plans (`Agent.plans`), and no learner."""
@@ -383,9 +395,8 @@ class Model:
     """Steps for which one action is held."""
     cuts: tuple[int, ...]
     """Steps at which a return stops in training, with the value of going on as before."""
-    ended: Callable[[Array, Integers], tuple[Truth, Array]]
-    """Samples (N, h, k), the last of which are at steps t (N,), to whether a training episode ends among them (N,), and
-    what is then paid as if for ever after (N,), in units of the method's `scale`."""
+    ends: tuple[End, ...]
+    """Where a training episode ends early. Of two at the same decision, the first counts."""
     starts: Array
     """(several, n): states from which training episodes start."""
 

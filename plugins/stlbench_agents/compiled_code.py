@@ -22,7 +22,7 @@ __all__ = ["folder", "is_ready", "note_ready"]
 def folder() -> Path:
     """For this state of the sources, Python, Numba and machine; under NUMBA_CACHE_DIR where that is set."""
     state = hashlib.sha256(f"{sys.version} {version('numba')} {version('llvmlite')} {os.uname()}".encode())
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
         state.update(path.read_bytes())
     return _caches() / f"agents-{state.hexdigest()[:16]}"
 

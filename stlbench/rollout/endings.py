@@ -2,45 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Truth
+from stlbench.contract import Array, End, Integers, Truth
 from stlbench.task.task import Task
 
-__all__ = ["Endings"]
+__all__ = ["ends_of", "first_end"]
 
 
-class Endings:
-    """The ends of one task. False where it has none."""
+def ends_of(task: Task) -> tuple[End, ...]:
+    """The ends of a task in the order in which they count; one for each term where the task names violations."""
+    return tuple(_ends(task))
 
-    def __init__(self, task: Task) -> None:
-        specification, t = task.specification, np.arange(task.file.steps + 1)
-        self._ends: list[tuple[Callable[[Array], Truth], bool, Truth, float]] = []
-        """A predicate, the verdict that ends the episode, the steps at which it does, and what is paid."""
-        for ending in task.file.training.ends:
-            if isinstance(ending.where, stl.Formula):
-                anywhere = np.ones_like(t, dtype=np.bool_)
-                self._ends.append((specification.holds(ending.where), True, anywhere, ending.reward))
-                continue
-            for term in specification.terms:
-                if term.kind == "G":
-                    active = (term.start <= t) & (t <= term.end)
-                    self._ends.append((specification.holds(term.psi), False, active, ending.reward))
 
-    def __bool__(self) -> bool:
-        return bool(self._ends)
+def _ends(task: Task) -> Iterator[End]:
+    specification, t = task.specification, np.arange(task.file.steps + 1)
+    for ending in task.file.training.ends:
+        if isinstance(ending.where, stl.Formula):
+            yield End(specification.holds(ending.where), np.ones_like(t, dtype=np.bool_), ending.reward)
+            continue
+        for term in specification.terms:
+            if term.kind == "G":
+                active = (term.start <= t) & (t <= term.end)
+                yield End(specification.holds(stl.Not(term.psi)), active, ending.reward)
 
-    def __call__(self, samples: Array, t: Integers) -> tuple[Truth, Array]:
-        """Samples (N, h, k) whose last are at steps t (N,) -> whether it is over (N,), and what is paid then (N,)."""
-        at = t[:, None] + np.arange(1 - samples.shape[1], 1)
-        over, paid = np.zeros(len(samples), dtype=np.bool_), np.zeros(len(samples))
-        for holds, verdict, active, reward in self._ends:
-            now = active[at]
-            if now.any():
-                here = (now & (holds(samples) == verdict)).any(axis=1) & ~over
-                over |= here
-                paid[here] = reward
-        return over, paid
+
+def first_end(ends: Sequence[End], samples: Array, t: Integers) -> tuple[Truth, Array]:
+    """Samples (N, h, k) whose last are at steps t (N,) -> whether it is over (N,), and what is paid then (N,)."""
+    at = t[:, None] + np.arange(1 - samples.shape[1], 1)
+    over, paid = np.zeros(len(samples), dtype=np.bool_), np.zeros(len(samples))
+    for end in ends:
+        now = end.active[at]
+        if now.any():
+            here = (now & end.over(samples)).any(axis=1) & ~over
+            over |= here
+            paid[here] = end.reward
+    return over, paid

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Transition
-from stlbench.rollout.endings import Endings
+from stlbench.rollout.endings import ends_of, first_end
 from stlbench.task import starts
 from stlbench.task.task import Task
 
@@ -99,7 +99,7 @@ class BatchEnvironment:
         self._training, horizon = task.file.training, task.file.steps
         self._cut = np.zeros(horizon + 1, dtype=np.bool_)
         self._cut[[*self._training.cuts, horizon]] = True
-        self._endings = Endings(task)
+        self._ends = ends_of(task)
         self._generator = np.random.default_rng(seed)
         self._going_on = np.ones(count)
         self._going_on.flags.writeable = False  # agents are given it
@@ -123,8 +123,8 @@ class BatchEnvironment:
         reward = held.reward / simulator.method.scale
         t = simulator.t
         ended, discount = t >= self._broken_off, self._going_on
-        if self._endings:
-            over, paid = self._endings(held.samples, t)
+        if self._ends:
+            over, paid = first_end(self._ends, held.samples, t)
             reward[over] = paid[over]
             ended, discount = ended | over, np.where(over, 0.0, 1.0)
         cut = self._cut[t] | ended

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stlbench.contract import Model, RewardMethod
-from stlbench.rollout.endings import Endings
+from stlbench.rollout.endings import ends_of
 from stlbench.task import starts
 from stlbench.task.task import Task
 
@@ -25,6 +25,6 @@ def model_of(task: Task, method: RewardMethod) -> Model:
         steps=file.steps,
         hold=file.hold,
         cuts=file.training.cuts,
-        ended=Endings(task),
+        ends=ends_of(task),
         starts=task.system.initial_states(starts.sample(file.training_starts, generator, _STARTS)),
     )

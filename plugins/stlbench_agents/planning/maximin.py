@@ -1,0 +1,160 @@
+"""Backward induction on the formula's robustness itself: the best that is possible from every state of a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from stlbench import stl
+from stlbench.contract import Array, Integers, Model, StatePolicy, Unsuitable
+from stlbench_agents.planning.grid import Floats, Grid
+from stlbench_agents.planning.kernels import extremes, reach_best
+from stlbench_agents.planning.moves import ActionSet, held, moves, next_places
+from stlbench_agents.planning.stages import Part, Stages
+
+__all__ = ["MaximinPolicy", "plan"]
+
+_TIES = 1e-6
+"""Of two actions whose robustness differs by less, in units of the widest margin, the smaller one is taken."""
+_KEPT = 8
+"""Tables of extremes that are kept at a time."""
+
+
+@dataclass(frozen=True)
+class MaximinPolicy(StatePolicy):
+    """One look ahead on the true system; it remembers the stage of each of its episodes."""
+
+    model: Model
+    grid: Grid
+    actions: ActionSet
+    stages: Stages
+    later: Floats
+    """(decisions + 1, stages, S): the best robustness from each decision on; at the end what is over has `most`."""
+    most: float
+    """More than any margin; less of it is what a state is worth from which the formula cannot be satisfied."""
+
+    def episode(self) -> Callable[[Array, Integers, Array], Integers | Array]:
+        """See `StatePolicy`. All copies of a batch are at the same step."""
+        stage = np.zeros(0, dtype=np.int64)
+
+        def act(state: Array, t: Integers, memory: Array) -> Integers | Array:
+            nonlocal stage
+            if t[0] == 0:
+                stage = self._first(state)[0]
+            chosen, stage = self._choose(state, int(t[0]) // self.model.hold, stage)
+            return self.actions.choices[chosen]
+
+        return act
+
+    def value(self, state: Array) -> Array:
+        """The robustness that the grid promises."""
+        return self._first(state)[1]
+
+    def _first(self, state: Array) -> tuple[Integers, Array]:
+        """The stages to begin in, given the sample at t = 0 which no action changes, and what they are worth."""
+        signals = self.model.system.signals(state)
+        margins = [_margin(self.model, term)(signals) for term in self.stages.terms]
+        best = np.full(len(state), -np.inf)
+        stages = np.zeros(len(state), dtype=np.int64)
+        for begun in self._beginnings():
+            each = np.unravel_index(begun, self.stages.sizes)
+            worth = self.grid.read(self.later[0, begun], state, -self.most)
+            for margin, term, now in zip(margins, self.stages.terms, each, strict=True):
+                if term.start == 0 and (term.kind == "G" or now):
+                    worth = np.minimum(worth, margin)
+            stages[worth > best], best = begun, np.maximum(best, worth)
+        return stages, best
+
+    def _beginnings(self) -> list[int]:
+        """F terms whose interval includes t = 0 may be over then."""
+        free = [2 if term.kind == "F" and term.start == 0 else 1 for term in self.stages.terms]
+        return [int(np.ravel_multi_index(each, self.stages.sizes)) for each in np.ndindex(*free)]
+
+    def _choose(self, state: Array, decision: int, stage: Integers) -> tuple[Integers, Integers]:
+        """The actions (N,), and the stages after them."""
+        count, rows = len(self.actions), len(state)
+        path, samples = held(self.model, np.tile(state, (count, 1)), np.repeat(self.actions.vectors, rows, axis=0))
+        margins = [_margin(self.model, term)(samples[1:]).T for term in self.stages.terms]
+        worth = np.full((count, rows), -np.inf)
+        then = np.zeros((count, rows), dtype=np.int64)
+        for now in np.unique(stage):
+            mine = np.tile(stage == now, count)
+            for move in self.stages.moves(int(now), decision):
+                value = self.grid.read(self.later[decision + 1, move.then], path[-1, mine], -self.most)
+                for part in move.parts:
+                    value = np.minimum(value, _extreme(margins[part.term][mine], part))
+                flat = worth.reshape(-1)
+                better = np.flatnonzero(mine)[value > flat[mine] + self._tie]
+                flat[better] = value[value > flat[mine] + self._tie]
+                then.reshape(-1)[better] = move.then
+        chosen = (worth >= worth.max(axis=0) - self._tie).argmax(axis=0)
+        return chosen, then[chosen, np.arange(rows)]
+
+    @property
+    def _tie(self) -> float:
+        return _TIES * self.most
+
+
+def plan(model: Model, grid: Grid, actions: ActionSet) -> MaximinPolicy:
+    """Solve for the robustness of the formula that the referee scores.
+
+    Raises:
+        Unsuitable: the formula is outside the fragment of eq. 2 (see `stlbench.stl.fragment`).
+    """
+    stages = Stages(_terms(model), model.hold)
+    tables, next_ = _Margins(model, grid, actions, stages), next_places(model, grid, actions)
+    decisions, most = model.steps // model.hold, tables.most
+    later = np.full((decisions + 1, stages.count, grid.size), -most, np.float32)
+    later[decisions, stages.over] = most
+    free = np.full(tables.shape, most, np.float32)
+    for d in reversed(range(decisions)):
+        for stage in range(stages.count):
+            for move in stages.moves(stage, d):
+                paid = free
+                for part in move.parts:
+                    paid = np.minimum(paid, tables.at(part))
+                reach_best(later[d + 1, move.then], *next_, grid.strides, paid, -most, later[d, stage])
+    return MaximinPolicy(model, grid, actions, stages, later, most)
+
+
+def _terms(model: Model) -> tuple[stl.Term, ...]:
+    try:
+        return stl.fragment(model.formula)
+    except stl.FragmentError as error:
+        raise Unsuitable(str(error)) from error
+
+
+def _margin(model: Model, term: stl.Term) -> Callable[[Array], Array]:
+    return stl.margin(term.psi, model.method.specification.signals)
+
+
+def _extreme(margins: Array, part: Part) -> Array:
+    """Of samples (N, H): (N,)."""
+    chosen = margins[:, np.frombuffer(part.active, np.bool_)]
+    extreme: Array = chosen.min(axis=1) if part.least else chosen.max(axis=1)
+    return extreme
+
+
+class _Margins:
+    """The margins of each term at all samples of each action from each state, and their extremes."""
+
+    def __init__(self, model: Model, grid: Grid, actions: ActionSet, stages: Stages) -> None:
+        terms = stages.terms
+        self.shape = len(actions), grid.size
+        self._margins = np.empty((len(terms), *self.shape, model.hold), np.float32)
+        for a, (_, samples) in enumerate(moves(model, grid, actions)):
+            for i, term in enumerate(terms):
+                self._margins[i, a] = _margin(model, term)(samples[1:]).T
+        self.most = 1.5 * float(np.abs(self._margins).max())
+        self._kept = dict[Part, Floats]()
+
+    def at(self, part: Part) -> Floats:
+        """What a term contributes, (A, S)."""
+        if part not in self._kept:
+            if len(self._kept) >= _KEPT:
+                self._kept.pop(next(iter(self._kept)))
+            self._kept[part] = np.empty(self.shape, np.float32)
+            extremes(self._margins[part.term], np.frombuffer(part.active, np.bool_), part.least, self._kept[part])
+        return self._kept[part]

@@ -1,0 +1,78 @@
+"""What each action leads to from each state of a grid: computed once, since the dynamics do not change in time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from stlbench.contract import ActionGrid, Actions, Array, Integers, Model
+from stlbench_agents.planning.grid import Grid, Places
+
+__all__ = ["ActionSet", "held", "moves"]
+
+
+@dataclass(frozen=True)
+class ActionSet:
+    """The actions that are planned with, the smallest first, so that of equally good ones it is taken."""
+
+    vectors: Array
+    """(A, axes)."""
+    choices: Integers | Array
+    """What a policy returns for each: indices (A,) of the task's grid of actions, or the vectors."""
+
+    def __len__(self) -> int:
+        return len(self.vectors)
+
+    @classmethod
+    def of(cls, actions: Actions, most: int) -> ActionSet:
+        """About `most` of the actions: of each axis as many values, evenly chosen, its ends and the least among them.
+
+        All of them where there are no more.
+        """
+        each = max(2, int(most ** (1 / len(actions.names)) + 1e-9))
+        if isinstance(actions, ActionGrid):
+            chosen = [_evenly(np.array(axis), each) for axis in actions.axes]
+            places = np.meshgrid(*chosen, indexing="ij")
+            indices = np.ravel_multi_index([place.ravel() for place in places], actions.shape)
+            vectors = actions.vectors[indices]
+            order = _by_size(vectors, actions)
+            return cls(vectors[order], indices[order])
+        axes = [np.linspace(low, high, each | 1) for low, high in zip(actions.low, actions.high, strict=True)]
+        vectors = np.stack([column.ravel() for column in np.meshgrid(*axes, indexing="ij")], axis=1)
+        vectors = vectors[_by_size(vectors, actions)]
+        return cls(vectors, vectors)
+
+
+def _evenly(values: Array, count: int) -> Integers:
+    """The numbers of so many of an axis' values, and of the one that is nearest to 0."""
+    chosen = np.linspace(0, len(values) - 1, min(count, len(values))).round().astype(np.int64)
+    return np.unique([*chosen, np.abs(values).argmin()])
+
+
+def _by_size(vectors: Array, actions: Actions) -> Integers:
+    largest = np.maximum(np.abs(actions.low), np.abs(actions.high))
+    order: Integers = np.argsort(np.linalg.norm(vectors / largest, axis=1), kind="stable")
+    return order
+
+
+def held(model: Model, states: Array, vectors: Array) -> tuple[Array, Array]:
+    """States (N, n) under actions (N, axes), held: all states (H + 1, N, n) and their signals (H + 1, N, k)."""
+    path = np.empty((model.hold + 1, *states.shape))
+    path[0] = states
+    for h in range(model.hold):
+        path[h + 1] = model.system.step(path[h], vectors)
+    return path, model.system.signals(path)
+
+
+def moves(model: Model, grid: Grid, actions: ActionSet) -> Iterator[tuple[Array, Array]]:
+    """For each action, from all states of the grid: `held`, one action at a time."""
+    for vector in actions.vectors:
+        yield held(model, grid.points, np.tile(vector, (grid.size, 1)))
+
+
+def next_places(model: Model, grid: Grid, actions: ActionSet) -> Places:
+    """Where each action leads on the grid: (A, S)."""
+    found = [grid.places(path[-1]) for path, _ in moves(model, grid, actions)]
+    return Places(np.stack([places.at for places in found]), np.stack([places.weights for places in found]))

@@ -1,0 +1,82 @@
+"""The agents that plan: `planner` for the method's reward, `best-possible` for the formula's robustness."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from stlbench.contract import Agent, Model, StatePolicy, Training
+from stlbench_agents.compiled_code import is_ready, note_ready
+from stlbench_agents.parameter_types import Count, Positive, Share
+from stlbench_agents.planning.axes import AxisRecipe
+
+__all__ = ["BestPossible", "Planner"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _OnGrid(Agent):
+    """Backward induction over time on a grid of the state."""
+
+    grid: Mapping[str, AxisRecipe] = field(default_factory=dict)
+    """the axis of each column of the state; of one that is a signal too, its range where left out"""
+    resolution: Positive = 1.0
+    """factor on the points of every axis"""
+    actions: Count = 25
+    """about how many actions are planned with, evenly chosen among the task's"""
+
+    def train(self, training: Training) -> StatePolicy:
+        """Solve; no environment is stepped. Raises `Unsuitable` where the task or the method does not fit a grid."""
+        if training.model is None:
+            raise TypeError("a planner is given a model")
+        policy = self._solve(training.model)
+        training.report(policy, 0)
+        return policy
+
+    def uncompiled(self) -> Callable[[], None] | None:
+        """The loops, where this machine has not compiled them."""
+        return None if is_ready("planning") else self._compile
+
+    def _compile(self) -> None:
+        from stlbench_agents.planning.kernels import compile_all
+
+        compile_all()
+        note_ready("planning")
+
+    def _solve(self, model: Model) -> StatePolicy:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planner(_OnGrid):
+    """Exact planning: the policy that the method's reward asks for.
+
+    The greatest discounted sum of rewards by backward induction on a grid, under the rules of the task's training
+    episodes: cuts, ends, held actions. It is given what no learner has: dynamics and reward as functions.
+    """
+
+    plans = "reward"
+
+    gamma: Share = 0.95
+    """discount of a decision, that is, of `hold` steps"""
+
+    def _solve(self, model: Model) -> StatePolicy:
+        from stlbench_agents.planning import sums
+        from stlbench_agents.planning.setup import prepare
+
+        return sums.plan(model, *prepare(model, self.grid, self.resolution, self.actions), self.gamma)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BestPossible(_OnGrid):
+    """The best that is possible: the policy of the greatest robustness, whatever the method.
+
+    Maximin by backward induction on a grid, with a stage for each F term and a countdown for each F G term.
+    """
+
+    plans = "formula"
+
+    def _solve(self, model: Model) -> StatePolicy:
+        from stlbench_agents.planning import maximin
+        from stlbench_agents.planning.setup import prepare
+
+        return maximin.plan(model, *prepare(model, self.grid, self.resolution, self.actions))

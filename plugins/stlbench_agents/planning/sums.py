@@ -1,0 +1,146 @@
+"""Backward induction: the greatest discounted sum of rewards, from every state of a grid at every decision."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from stlbench.contract import Array, Integers, Model, StatePolicy
+from stlbench_agents.planning.arrivals import Arrivals
+from stlbench_agents.planning.ends import Ends, forever
+from stlbench_agents.planning.grid import Floats, Grid, Places
+from stlbench_agents.planning.kernels import pay_best
+from stlbench_agents.planning.memories import Memories
+from stlbench_agents.planning.moves import ActionSet, held, next_places
+from stlbench_agents.planning.transitions import Transitions
+
+__all__ = ["LOST", "SumPolicy", "plan"]
+
+LOST = -1e4
+"""What a state is worth that left the grid, in units of the method's scale."""
+
+_TIES = 1e-6
+"""Of two actions whose returns differ by less, relative to their size, the smaller one is taken."""
+_SETTLED, _ROUNDS = 1e-5, 2000
+"""When the value of going on for ever as before a cut is known: its change in a round, and the most rounds."""
+
+
+@dataclass(frozen=True)
+class SumPolicy(StatePolicy):
+    """One look ahead on the true system, with the values of the grid for what comes then."""
+
+    model: Model
+    grid: Grid
+    actions: ActionSet
+    memories: Memories
+    later: Floats
+    """(decisions, M, S): what states are worth after each decision, over the method's scale, less `shift`."""
+    shift: Array
+    """(decisions,)."""
+    gamma: float
+
+    def episode(self) -> Callable[[Array, Integers, Array], Integers | Array]:
+        """See `StatePolicy`. It remembers nothing."""
+        return self._act
+
+    def value(self, state: Array) -> Array:
+        """The expected discounted sum of rewards, in the method's unit."""
+        signals, t = self.model.system.signals(state), np.zeros(len(state), dtype=np.int64)
+        returns = self._returns(state, 0, self.model.method.initial_memory(signals, t)).max(axis=0)
+        expected: Array = (returns + self.gamma * self.shift[0]) * self.model.method.scale
+        return expected
+
+    def _act(self, state: Array, t: Integers, memory: Array) -> Integers | Array:
+        chosen = np.empty(len(state), dtype=np.int64)
+        for step in np.unique(t):
+            rows = t == step
+            returns = self._returns(state[rows], int(step) // self.model.hold, memory[rows])
+            best = returns.max(axis=0)
+            chosen[rows] = (returns >= best - _TIES * (1 + np.abs(best))).argmax(axis=0)
+        choices: Integers | Array = self.actions.choices[chosen]
+        return choices
+
+    def _returns(self, state: Array, decision: int, memory: Array) -> Array:
+        """The return of each action, (A, N)."""
+        model, count, rows = self.model, len(self.actions), len(state)
+        vectors = np.repeat(self.actions.vectors, rows, axis=0)
+        path, samples = held(model, np.tile(state, (count, 1)), vectors)
+        t = np.full(count * rows, decision * model.hold)
+        rewards, after = model.method.along(samples, vectors, t, np.tile(memory, (count, 1)))
+        numbers, later = self.memories.numbers(after), np.empty(count * rows)
+        for m in np.unique(numbers):
+            here = numbers == m
+            later[here] = self.grid.read(self.later[decision, m], path[-1, here], LOST)
+        returns = rewards.mean(axis=0) / model.method.scale + self.gamma * later
+        returns[later == LOST] = LOST
+        for end in reversed(model.ends):
+            active = end.active[decision * model.hold + 1 : (decision + 1) * model.hold + 1]
+            over = (end.over(samples[1:]) & active[:, None]).any(axis=0)
+            worth = forever(end.reward, self.gamma, model.steps // model.hold - decision)
+            returns[over] = worth - self.gamma * self.shift[decision]
+        by_action: Array = returns.reshape(count, rows)
+        return by_action
+
+
+def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float) -> SumPolicy:
+    """Solve for the method's rewards by the rules of the task's training episodes.
+
+    At a cut the return goes on as if the decision before it came again and again; without a discount it stops there.
+
+    Raises:
+        Unsuitable: the method's memory takes too many values.
+    """
+    rewards = (Arrivals if model.method.paid_on_arrival else Transitions)(model, grid, actions)
+    ends, next_ = Ends(model, grid, actions, gamma), next_places(model, grid, actions)
+    decisions = model.steps // model.hold
+    later = np.zeros((decisions, len(rewards.memories), grid.size), np.float32)
+    shift, moved = np.zeros(decisions), 0.0
+    value = np.zeros(later.shape[1:], np.float32)
+    for d in reversed(range(decisions)):
+        paid, memory = rewards.at(d)
+        step = _Step(grid, next_, paid, memory, ends.at(d), gamma)
+        if (d + 1) * model.hold in model.cuts and d + 1 < decisions:
+            value, moved = _settled(step, value) if gamma < 1 else np.zeros_like(value), 0.0
+        later[d], shift[d] = value, moved
+        step.back(later[d], shift[d], value)
+        moved = _recentre(value, gamma * shift[d])
+    return SumPolicy(model, grid, actions, rewards.memories, later, shift, gamma)
+
+
+@dataclass(frozen=True)
+class _Step:
+    """One decision."""
+
+    grid: Grid
+    next: Places
+    paid: Floats
+    memory: Floats
+    ended: Floats
+    gamma: float
+
+    def back(self, later: Floats, shift: float, into: Floats) -> None:
+        """From values later (M, S), less `shift`, to those before the decision, less gamma times `shift`."""
+        ended = self.ended - np.float32(self.gamma * shift) if self.ended.size else self.ended
+        pay_best(later, *self.next, self.grid.strides, self.paid, self.memory, ended, self.gamma, LOST, into)
+
+
+def _settled(step: _Step, value: Floats) -> Floats:
+    """What the decision is worth that comes again and again."""
+    later = np.zeros_like(value)
+    for _ in range(_ROUNDS):
+        step.back(later, 0.0, value)
+        change = float(np.abs(value - later).max())
+        later[:] = value
+        if change < _SETTLED:
+            break
+    return later
+
+
+def _recentre(value: Floats, shift: float) -> float:
+    """Move values so that the greatest is 0, which keeps their differences exact in 32 bits; the whole shift so far."""
+    top = float(value.max())
+    alive = value > LOST
+    value[alive] -= np.float32(top)
+    return shift + top
