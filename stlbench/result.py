@@ -23,6 +23,7 @@ __all__ = [
     "CellId",
     "CurvePoint",
     "Measurement",
+    "Planned",
     "Result",
     "Score",
     "Setting",
@@ -184,6 +185,19 @@ class CurvePoint:
 
 
 @dataclass(frozen=True)
+class Planned:
+    """What a policy that was planned, not learned, makes the most of (`Agent.plans`)."""
+
+    __pydantic_config__ = ConfigDict(ser_json_inf_nan="constants")
+
+    maximised: Literal["reward", "formula"]
+    """The method's reward, or the formula's robustness."""
+    value: float
+    """What the plan expects, mean over the report's starts, in the unit of what is maximised; NaN where it does not
+    say."""
+
+
+@dataclass(frozen=True)
 class Measurement:
     """All that one finished cell measured."""
 
@@ -206,6 +220,8 @@ class Measurement:
     """CPU time of the method's reward per step and copy, in nanoseconds, measured apart on a batch of 1024."""
     inputs_added: int
     """Inputs that the method added to the policy's observation."""
+    planned: Planned | None = None
+    """None for policies that were learned, and so in all records of before there were others."""
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
-from stlbench.result import CellId, Setting, find_cell, from_json, to_json
+from stlbench.result import CellId, Planned, Setting, find_cell, from_json, to_json
 
 CELL = CellId(
     Choice("overlap", (("without", "cuts"),)), Choice("funnel", (("ginf", "0.02"),)), Choice("dqn"), 3, "smoke"
@@ -88,6 +89,19 @@ def test_a_record_whose_curve_does_not_say_its_starts_is_read():
     read = from_json(json.dumps(content)).measurement
     assert read is not None
     assert [point.starts for point in read.curve] == [None, None]
+
+
+@pytest.mark.parametrize("value", [0.25, -math.inf, math.nan])
+def test_what_a_plan_expects_comes_back_also_where_it_is_no_number(value):
+    read = from_json(to_json(result(planned=Planned("formula", value)))).measurement.planned
+    assert read.maximised == "formula"
+    assert repr(read.value) == repr(value)
+
+
+def test_a_record_of_before_there_were_plans_is_of_a_learned_policy():
+    content = json.loads(to_json(result()))
+    assert content["measurement"].pop("planned") is None
+    assert from_json(json.dumps(content)) == result()
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", "null", to_json(result()).replace('"seed": 0', '"seed": "x"')])

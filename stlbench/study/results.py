@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Results"]
 
-_NUMBERS = tuple(part.name for part in fields(Measurement) if part.name not in ("selected", "final", "curve"))
+_NUMBERS = tuple(
+    part.name for part in fields(Measurement) if part.name not in ("selected", "final", "curve", "planned")
+)
+_PLANNED = ("maximised", "grid_value")
 _COUNTS = ("selected_steps", "env_steps", "inputs_added")
 _SCORE = ("robustness_mean", "robustness_min", "satisfaction")
 _CURVE = ("steps", "cpu_seconds", "satisfaction", "robustness_mean", "starts")
@@ -86,13 +89,15 @@ class Results:
         """One row per cell: status, reason, seconds, steps, the reward's cost, and its provenance.
 
         The numbers of a cell that is not `done` are missing. A cell without a result has the status `not run`.
+        `maximised`, reward or formula, and `grid_value`, what the plan expects, are of policies that were planned, and
+        missing for those that were learned.
         """
         provenance = tuple(dict.fromkeys(name for result in self.results for name in result.provenance))
         rows: dict[CellId, Mapping[str, Any]] = {cell: {"status": NOT_RUN, "reason": ""} for cell in self.missing}
         for result in self.results:
             said = {"status": result.status, "reason": result.reason}
             rows[result.id] = {**said, **_numbers(result.measurement), **result.provenance}
-        table = _table(sorted(rows.items()), ("status", "reason", *_NUMBERS, *provenance))
+        table = _table(sorted(rows.items()), ("status", "reason", *_NUMBERS, *_PLANNED, *provenance))
         return table.astype(dict.fromkeys(_COUNTS, "Int64"))
 
     def robustness(self) -> pd.DataFrame:
@@ -162,7 +167,11 @@ def _identity(cell: CellId) -> dict[str, str | int]:
 
 
 def _numbers(measurement: Measurement | None) -> dict[str, Any]:
-    return {name: None if measurement is None else getattr(measurement, name) for name in _NUMBERS}
+    if measurement is None:
+        return {}
+    numbers = {name: getattr(measurement, name) for name in _NUMBERS}
+    planned = measurement.planned
+    return numbers if planned is None else {**numbers, "maximised": planned.maximised, "grid_value": planned.value}
 
 
 def _scored(score: Score) -> dict[str, float]:

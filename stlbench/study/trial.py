@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stlbench.contract import Agent, Intractable, Policy, RewardMethod, StatePolicy, Training, Unsuitable
-from stlbench.result import CurvePoint, Measurement, Result
+from stlbench.result import CurvePoint, Measurement, Planned, Result
 from stlbench.rollout.environment import BatchEnvironment, Simulator
 from stlbench.rollout.model import model_of
 from stlbench.rollout.referee import Assessment, Referee
@@ -109,8 +109,17 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
         env_steps=trained.env_steps,
         reward_nanoseconds=reward_nanoseconds,
         inputs_added=method.memory_size,
+        planned=_planned(agent, selected.policy, assessment),
     )
     return measurement, assessment
+
+
+def _planned(agent: Agent, policy: Policy | StatePolicy, assessment: Assessment) -> Planned | None:
+    """What the policy of an agent that plans expects from the report's starts; None for one that learns."""
+    if agent.plans is None:
+        return None
+    values = policy.value(assessment.states[:, 0]) if isinstance(policy, StatePolicy) else np.nan
+    return Planned(agent.plans, float(np.mean(values)))
 
 
 def _train(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> _Trained:

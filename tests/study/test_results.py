@@ -15,7 +15,7 @@ from helpers.synthetic_results import result
 
 import stlbench
 from stlbench.errors import UsageError
-from stlbench.result import CellId
+from stlbench.result import CellId, Planned
 from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import stored
 from stlbench.study.ledger import FILE, Ledger
@@ -51,6 +51,13 @@ def test_one_row_per_cell(results):
     )
     assert done["jobs"] == "2"
     assert table["env_steps"].isna().tolist() == [True, False, True]
+
+
+def test_planned_policies_say_what_they_maximise_and_what_the_plan_expects(recorded, tmp_path):
+    plan = result(agent="planner", planned=Planned("reward", -1.5))
+    table = Results.of([*recorded, plan], tmp_path).cells().set_index("agent")
+    assert table.loc["planner", ["maximised", "grid_value"]].tolist() == ["reward", -1.5]
+    assert table.loc["dqn", ["maximised", "grid_value"]].isna().all(axis=None)
 
 
 def test_one_row_per_cell_protocol_and_policy_with_every_digit(results):

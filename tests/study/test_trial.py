@@ -17,7 +17,7 @@ from stlbench import stl
 from stlbench.contract import Array, Integers, Intractable, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.registry.choices import parse_choices
-from stlbench.result import MAIN, CellId, Measurement, Result
+from stlbench.result import MAIN, CellId, Measurement, Planned, Result
 from stlbench.rollout.saved_traces import trace_file
 from stlbench.study import trial
 from stlbench.study.plan import Cell, plan_cells
@@ -227,6 +227,57 @@ class TestScript:
         assert raw == tau
         assert raw[1] != other[1]
         assert raw[2] != other[2]
+
+
+PLANNERS = """
+import numpy as np
+from stlbench.contract import Agent, StatePolicy
+class Fall(StatePolicy):
+    def episode(self): return lambda state, t, memory: np.zeros(len(state), dtype=np.int64)
+class Told(Fall):
+    def value(self, state): return 2 * state[:, 0]
+class Reward(Agent):
+    plans = "reward"
+    def train(self, training):
+        assert training.model.steps == 8
+        return Told()
+class Formula(Agent):
+    plans = "formula"
+    def train(self, training): return Fall()
+"""
+PLANNER_ENTRIES = "[stlbench.agents]\nzz-reward = zz_plan:Reward\nzz-formula = zz_plan:Formula\n"
+
+
+class TestPlanned:
+    @pytest.fixture
+    def planned(self, site: Callable[..., Path]) -> Callable[[str], Measurement | None]:
+        task = line_task.text(formula="F[8,8] (x >= 0)")
+        files = {"__init__.py": "", "system.py": SYSTEM, "task.yaml": task}
+        site("zz-trial", ENTRIES, {f"zz_trial/{name}": text for name, text in files.items()})
+        site("zz-plan", PLANNER_ENTRIES, {"zz_plan.py": PLANNERS})
+        return lambda agent: (
+            trial.run_cell(Cell(CellId.parse(f"zz-line/raw/{agent}/0", "smoke"), 32 * "0", 60)).measurement
+        )
+
+    def test_what_the_plan_expects_is_asked_at_the_starts_of_the_report(
+        self, planned: Callable[[str], Measurement | None]
+    ) -> None:
+        found = planned("zz-reward")
+        assert found is not None
+        begin = starts.grid(load_task("zz-line").file.initial, 4)[:, 0]
+        assert found.selected[MAIN].robustness == pytest.approx(begin - 4)
+        assert found.planned == Planned("reward", pytest.approx(2 * begin.mean()))
+        assert (found.env_steps, found.selected) == (0, found.final)
+
+    def test_a_plan_that_does_not_say_what_it_expects(self, planned: Callable[[str], Measurement | None]) -> None:
+        found = planned("zz-formula")
+        assert found is not None
+        assert found.planned is not None
+        assert found.planned.maximised == "formula"
+        assert np.isnan(found.planned.value)
+
+    def test_what_was_learned_is_not_planned(self, measured: Measurement) -> None:
+        assert measured.planned is None
 
 
 def test_the_time_of_a_reward_is_measured_without_simulating_as_many_copies() -> None:
