@@ -13,7 +13,7 @@ from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
     from stlbench.report import Group
-    from stlbench.result import Score
+    from stlbench.rollout.standards import Standard
 
 
 def report(
@@ -23,7 +23,7 @@ def report(
     """Rebuild the tables and figures from a ledger.
 
     Covers all cells that are recorded in DIR, prints the tables and rewrites the files. --json prints an object with
-    the lists robustness, controllers, time and cells.
+    the lists robustness, controllers, alignment, time and cells.
 
     \b
     Examples:
@@ -37,39 +37,43 @@ def report(
     if not groups:
         raise UsageError(f"{stored.locate(folder)} holds no result yet")
     if as_json:
-        scores = _controllers(groups)
-        write(groups, scores, folder)
-        print_json(_content(groups, scores))
+        known = _standards(groups)
+        write(groups, known, folder)
+        print_json(_content(groups, known))
     else:
         show_report(groups, groups, folder)
 
 
 def show_report(shown: Sequence[Group], groups: Sequence[Group], folder: Path) -> None:
     """Write all files, of all groups; then print the tables of those that are to be shown, and where the files lie."""
-    from stlbench.report import summary, to_screen, write
+    from stlbench.report import split, summary, to_screen, write
 
-    out, scores = console(), _controllers(groups)
-    write(groups, scores, folder)
+    out, known = console(), _standards(groups)
+    write(groups, known, folder)
     tasks = {group.setting.task.name for group in shown}
-    for table in summary(shown, {task: score for task, score in scores.items() if task in tasks}):
+    for table in summary(shown, {task: each for task, each in known.items() if task in tasks}, groups):
         to_screen(table, out)
-    files = "report.md, robustness, controllers and time (.csv, .tex), cells.csv, figures/"
+    planned = ", alignment" if split(groups)[1] else ""
+    files = f"report.md, robustness, controllers{planned} and time (.csv, .tex), cells.csv, figures/"
     typer.echo(f"Written to {folder}/: {files}")
 
 
-def _controllers(groups: Sequence[Group]) -> dict[str, Score]:
-    """Task -> the score of its controller by hand. Some seconds for a task on a MuJoCo model."""
-    from stlbench.rollout import controller
+def _standards(groups: Sequence[Group]) -> dict[str, Standard]:
+    """What the policies of each task are compared with. Some seconds for a task on a MuJoCo model."""
+    from stlbench.rollout.standards import standards
 
-    return controller.scores(group.setting.task for group in groups)
+    return standards(group.setting.task for group in groups)
 
 
-def _content(groups: Sequence[Group], scores: Mapping[str, Score]) -> dict[str, Any]:
-    from stlbench.report import cells_table, controllers_table, robustness_table, time_table, to_records
+def _content(groups: Sequence[Group], known: Mapping[str, Standard]) -> dict[str, Any]:
+    from stlbench import report
 
-    return {
-        "robustness": to_records(robustness_table(groups)),
-        "controllers": to_records(controllers_table(scores)),
-        "time": to_records(time_table(groups)),
-        "cells": to_records(cells_table(row for group in groups for row in group.rows)),
+    learned, _ = report.split(groups)
+    tables = {
+        "robustness": report.robustness_table(learned, report.best_possible(groups, known)),
+        "controllers": report.controllers_table(known),
+        "alignment": report.alignment_table(report.align(groups, known)),
+        "time": report.time_table(learned),
+        "cells": report.cells_table(row for group in groups for row in group.rows),
     }
+    return {name: report.to_records(table) for name, table in tables.items()}

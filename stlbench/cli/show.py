@@ -1,4 +1,4 @@
-"""`stlbench show task`: what a task asks, what its controller gets, and what each method makes of it."""
+"""`stlbench show task`: what a task asks, what its controller gets, what is possible, what methods make of it."""
 
 from __future__ import annotations
 
@@ -86,6 +86,7 @@ def facts(task: Task) -> dict[str, Any]:
         "hold": file.hold,
         "starts": file.starts,
         "controller": _scored(controller.score(task)),
+        "best_possible": None if file.best_possible is None else file.best_possible.model_dump(),
         "signals": {name: signal.model_dump() for name, signal in file.signals.items()},
         "terms": _terms(task),
         "actions": {name: axis.model_dump(exclude_none=True) for name, axis in file.actions.items()},
@@ -174,6 +175,8 @@ def _print(content: dict[str, Any]) -> None:
     if content["controller"] is not None:
         mean, least, share = content["controller"].values()
         lines.append(f"by hand:  robustness {mean:.3f}, worst start {least:.3f}, satisfied {100 * share:.1f} %")
+    if content["best_possible"] is not None:
+        lines.append(f"possible: {_possible(content['best_possible'])}")
     if content["notes"]:
         lines.append(f"notes:    {content['notes']}")
     if isinstance(content["terms"], str):
@@ -184,6 +187,15 @@ def _print(content: dict[str, Any]) -> None:
     out = console()
     for table in _tables(content):
         to_screen(table, out)
+
+
+def _possible(best: dict[str, Any]) -> str:
+    parts = [f"robustness {best['reached']:.3f}, reached by a plan"]
+    if best["value"] is not None:
+        parts.append(f"which expects {best['value']:.3f}")
+    if best["coarser"] is not None:
+        parts.append(f"on a coarser grid {best['coarser']:.3f}")
+    return ", ".join(parts) + (f"; {best['how']}" if best["how"] else "")
 
 
 def _tables(content: dict[str, Any]) -> list[Table]:

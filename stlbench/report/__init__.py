@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stlbench.errors import UsageError
+from stlbench.report.tables.alignment import Aligned, align, alignment_table
 from stlbench.report.tables.circumstances import circumstances
 from stlbench.report.tables.formats import to_csv, to_latex, to_markdown, to_records, to_screen
+from stlbench.report.tables.planned import best_possible, split
 from stlbench.report.tables.rows import Group, Row, group, missing_row, row
 from stlbench.report.tables.table import Column, Table, Value, show
 from stlbench.report.tables.tables import (
@@ -19,14 +22,21 @@ from stlbench.report.tables.tables import (
     time_table,
     unfinished_table,
 )
-from stlbench.result import CellId, Result, Score
+from stlbench.result import CellId, Result
+
+if TYPE_CHECKING:
+    from stlbench.rollout.standards import Standard
 
 __all__ = [
+    "Aligned",
     "Column",
     "Group",
     "Row",
     "Table",
     "Value",
+    "align",
+    "alignment_table",
+    "best_possible",
     "cells_table",
     "condense",
     "controllers_table",
@@ -35,6 +45,7 @@ __all__ = [
     "robustness_table",
     "row",
     "show",
+    "split",
     "summary",
     "time_table",
     "to_csv",
@@ -60,37 +71,39 @@ def only(groups: Iterable[Group], cells: Container[CellId]) -> tuple[Group, ...]
     return group(row for group in groups for row in group.rows if row.id in cells)
 
 
-def write(groups: Sequence[Group], scores: Mapping[str, Score], folder: Path) -> list[Path]:
+def write(groups: Sequence[Group], standards: Mapping[str, Standard], folder: Path) -> list[Path]:
     """Write every table into `folder`, and every figure that an earlier report did not draw alike; all files' paths.
 
     report.md has all tables, and how they came about; robustness, controllers and time (.csv, .tex) and cells.csv one
-    each; figures/ a few of each task. `scores` are those of the controllers, by task; where there are none, their files
-    have no row.
+    each, alignment too where anything was planned; figures/ a few of each task. `standards` are of the tasks; where no
+    controller is known, the files of controllers have no row.
     Raises `UsageError` where the folder cannot be written.
     """
     from stlbench.report.figures import report_figures  # imports all of tasks, and the tables do without
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        texts = {folder / name: text for name, text in _texts(groups, scores).items()}
+        learned, rows = split(groups)[0], align(groups, standards)
+        texts = {folder / name: text for name, text in _texts(groups, standards, rows).items()}
         for path, text in texts.items():
             path.write_text(text, encoding="utf-8")
-        return [*texts, *report_figures.draw(groups, folder / "figures")]
+        figures = folder / "figures"
+        return [*texts, *report_figures.draw(learned, figures), *report_figures.draw_alignment(rows, figures)]
     except OSError as error:
         raise UsageError(f"cannot write the report: {error}") from error
 
 
-def _texts(groups: Sequence[Group], scores: Mapping[str, Score]) -> dict[str, str]:
+def _texts(groups: Sequence[Group], standards: Mapping[str, Standard], rows: Sequence[Aligned]) -> dict[str, str]:
     """File name -> content."""
-    robust, hand, time = robustness_table(groups), controllers_table(scores), time_table(groups)
-    tables = (*summary(groups, scores), circumstances(groups))
-    return {
-        "report.md": "# stlbench report\n\n" + "\n".join(map(to_markdown, tables)),
-        "robustness.csv": to_csv(robust),
-        "robustness.tex": to_latex(robust),
-        "controllers.csv": to_csv(hand),
-        "controllers.tex": to_latex(hand),
-        "time.csv": to_csv(time),
-        "time.tex": to_latex(time),
-        "cells.csv": to_csv(cells_table(row for group in groups for row in group.rows)),
+    learned, _ = split(groups)
+    tables = {
+        "robustness": robustness_table(learned, best_possible(groups, standards)),
+        "controllers": controllers_table(standards),
+        **({"alignment": alignment_table(rows)} if rows else {}),
+        "time": time_table(learned),
     }
+    text = "\n".join(map(to_markdown, (*summary(groups, standards), circumstances(groups))))
+    files = {"report.md": f"# stlbench report\n\n{text}"}
+    for name, table in tables.items():
+        files |= {f"{name}.csv": to_csv(table), f"{name}.tex": to_latex(table)}
+    return {**files, "cells.csv": to_csv(cells_table(row for group in groups for row in group.rows))}

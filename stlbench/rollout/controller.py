@@ -6,20 +6,17 @@ The referee runs and scores it as it does a policy: from the same starts, its ac
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
 
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers, RewardMethod
-from stlbench.errors import UsageError
-from stlbench.registry.choices import Choice
 from stlbench.registry.plugins import PluginWarning
 from stlbench.result import Score
 from stlbench.rollout import referee
 from stlbench.rollout.environment import Simulator
-from stlbench.task import Task, load_task
+from stlbench.task import Task
 
-__all__ = ["record", "score", "scores"]
+__all__ = ["record", "score", "warn"]
 
 
 def record(task: Task, states: Array) -> Array | None:
@@ -46,33 +43,13 @@ def score(task: Task) -> Score | None:
     try:
         traces = record(task, referee.start_states(task)[0])
     except Exception as error:
-        _warn(task.name, error)
+        warn(task.name, error)
         return None
     return None if traces is None else referee.score(task.formula, traces, task.signals)
 
 
-def scores(tasks: Iterable[Choice]) -> dict[str, Score]:
-    """Name of a task -> `score`, each once, in the order given; an ablation counts as the task that it is one of.
-
-    Left out are tasks without one, and those that are not installed or cannot be loaded: results may come from another
-    machine.
-    """
-    by_task = dict[str, Score]()
-    for name in dict.fromkeys(task.name for task in tasks):
-        try:
-            task = load_task(Choice(name))
-        except (UsageError, ImportError):
-            continue
-        except Exception as error:
-            _warn(name, error)
-            continue
-        scored = score(task)
-        if scored is not None:
-            by_task[name] = scored
-    return by_task
-
-
-def _warn(task: str, error: Exception) -> None:
+def warn(task: str, error: Exception) -> None:
+    """Say, as a `PluginWarning`, why the controller of a task cannot be scored."""
     reason = " ".join(f"{type(error).__name__}: {error}".split())
     warnings.warn(f"task {task}: its controller cannot be scored: {reason}", PluginWarning, stacklevel=3)
 

@@ -21,6 +21,10 @@ from stlbench.task.task import Task
 __all__ = ["Cell", "check_cells", "derive_seed", "plan_cells", "uncompiled"]
 
 
+_NO_PART = {"title", "source", "notes", "plane", "best_possible", "agents", "budgets"}
+"""What a task file says that changes no result, or is in the key of a cell by itself."""
+
+
 @dataclass(frozen=True)
 class Cell:
     """One training run and its evaluation."""
@@ -145,7 +149,7 @@ def derive_seed(*parts: str | int) -> int:
 
 def _task_part(task: Task, budget: str) -> str:
     """Words and pictures for people change no result, nor do other budgets, deadlines, recipes of other agents."""
-    content = task.file.model_dump(mode="json", exclude={"title", "source", "notes", "plane", "agents", "budgets"})
+    content = task.file.model_dump(mode="json", exclude=_NO_PART)
     numbers = task.budget(budget).model_dump(mode="json", include={"steps", "checkpoints"})
     return _digest([task.choice.name, content, numbers, _plugin_part("tasks", task.choice.name)])
 

@@ -11,7 +11,7 @@ from stlbench.task.entry import Count, Entry, Finite, Formula, Positive
 from stlbench.task.region import Region
 from stlbench.task.training import TrainingEpisodes
 
-__all__ = ["OPTIONAL", "Axis", "Budget", "Protocol", "Range", "TaskFile"]
+__all__ = ["OPTIONAL", "Axis", "BestPossible", "Budget", "Protocol", "Range", "TaskFile"]
 
 
 class Range(Entry):
@@ -57,6 +57,19 @@ class Budget(Entry):
     checkpoints: Count = 20
 
 
+class BestPossible(Entry):
+    """The largest robustness of the task's formula that is known to be possible, found by planning."""
+
+    reached: Finite
+    """Mean robustness over the report's starts that the policy of a plan reached."""
+    value: Finite | None = None
+    """What the plan itself expected. The two bracket what is possible, as far as the plan's grid is fine enough."""
+    coarser: Finite | None = None
+    """As `reached`, by a plan of a coarser resolution: how far the two agree says how sure the figures are."""
+    how: str = ""
+    """How it was found: agent, parameters, date."""
+
+
 OPTIONAL = ("rewarded", "hold", "cuts", "ends", "exploring")
 """What a task can be trained without, to learn what it is worth."""
 
@@ -94,6 +107,8 @@ class TaskFile(Entry):
     initial: Region
     """Where the referee's starts lie."""
     training: TrainingEpisodes = TrainingEpisodes()
+    best_possible: BestPossible | None = None
+    """What the policies' robustness is compared with, beside the controller by hand."""
     starts: Count = 64
     """Initial states on the report grid; as many others are kept for the selection of checkpoints."""
     protocols: dict[str, Protocol] = Field(default_factory=dict)

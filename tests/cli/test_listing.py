@@ -89,6 +89,19 @@ def test_what_its_controller_gets(say, down):
     assert line in say("show", "task", "toy-line").stdout.splitlines()
 
 
+def test_what_is_possible(say, toy):
+    path = toy / "toy_plugins/line/task.yaml"
+    best = "best_possible: {reached: 1.05, value: 1.25, coarser: 0.9, how: 'best-possible, resolution 2'}\n"
+    assert "possible:" not in say("show", "task", "toy-line").stdout
+    path.write_text(path.read_text() + best)
+    line = (
+        "robustness 1.050, reached by a plan, which expects 1.250, on a coarser grid 0.900; best-possible, resolution 2"
+    )
+    assert f"possible: {line}" in say("show", "task", "toy-line").stdout.splitlines()
+    found = json.loads(say("show", "task", "toy-line", "--json").stdout)["best_possible"]
+    assert found == {"reached": 1.05, "value": 1.25, "coarser": 0.9, "how": "best-possible, resolution 2"}
+
+
 def test_a_controller_that_fails_is_a_warning(say, steer):
     steer(lambda state, t: 1 / 0)
     done = say("show", "task", "toy-line")

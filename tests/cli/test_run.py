@@ -165,8 +165,8 @@ def json_report():
 def test_report_as_json(run):
     run("toy-raw,toy-large")
     found = json_report()
-    assert set(found) == {"robustness", "controllers", "time", "cells"}
-    assert found["controllers"] == []
+    assert set(found) == {"robustness", "controllers", "alignment", "time", "cells"}
+    assert found["controllers"] == found["alignment"] == []
     large, raw = found["robustness"]
     assert (large["mean robustness"], large["remarks"]) == (None, "intractable: needs 6003 inputs, limit 512")
     assert (raw["satisfied [%]"], raw["seeds done"]) == (100.0, 2)

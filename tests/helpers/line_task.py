@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,18 @@ def text(**changes: Any) -> str:
 def line(**changes: Any) -> Task:
     """The task, with some entries of its file replaced."""
     return Task(Choice("line"), read_task_file(text(**changes), "line"), Line(FILE["sampling_time"]))
+
+
+def steered(control: Callable[[Array, Integers], Any], **changes: Any) -> Task:
+    """The task with a controller."""
+
+    class Steered(Line):
+        def controller(self, state: Array, t: Integers) -> Array:
+            found: Array = control(state, t)
+            return found
+
+    task = line(**changes)
+    return replace(task, system=Steered(task.system.dt))
 
 
 class Probe(RewardMethod):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
-from stlbench.result import MAIN, CellId, CurvePoint, Measurement, Result, Score, Status
+from stlbench.result import MAIN, CellId, CurvePoint, Measurement, Planned, Result, Score, Status
+from stlbench.rollout.standards import Standard
 
 
 def score(robustness: Sequence[float], first_failed: Mapping[str, int] | None = None) -> Score:
@@ -62,3 +63,20 @@ def result(
         measurement=measurement(**measured) if status == "done" else None,
         provenance={} if jobs is None else {"jobs": str(jobs)},
     )
+
+
+def by_hand(**robustness: Sequence[float]) -> dict[str, Standard]:
+    """Tasks, with _ for -, of which nothing is known but what their controllers get from the starts."""
+    return {task.replace("_", "-"): Standard(score(values)) for task, values in robustness.items()}
+
+
+def plan(
+    method: str = "funnel",
+    agent: str = "planner",
+    value: float = 1.0,
+    maximised: Literal["reward", "formula"] = "reward",
+    **words: Any,
+) -> Result:
+    """What an agent that plans left behind; further words are those of `result`."""
+    planned = {} if words.get("status", "done") != "done" else {"planned": Planned(maximised, value)}
+    return result(method, agent=agent, **planned, **words)

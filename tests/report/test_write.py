@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 
-from helpers.synthetic_results import result, score
+from helpers.synthetic_results import by_hand, plan, result
 
 from stlbench.report import condense, write
 
@@ -12,7 +12,7 @@ RESULTS = [
     *(result(method, seed) for method in ("funnel", "flag") for seed in range(2)),
     result("mine", status="raised", reason="ValueError: no"),
 ]
-SCORES = {"hold-disc": score((0.4, 0.2))}
+SCORES = by_hand(hold_disc=(0.4, 0.2))
 
 
 def test_writes_all_files_and_names_them(tmp_path):
@@ -39,7 +39,7 @@ def test_the_report_has_all_tables(tmp_path):
 
 
 def test_one_row_for_each_controller(tmp_path):
-    write(condense(RESULTS), SCORES | {"other": score((-0.5,))}, tmp_path)
+    write(condense(RESULTS), SCORES | by_hand(other=(-0.5,)), tmp_path)
     rows = [
         "task,mean robustness,worst start,satisfied [%]",
         f"hold-disc,{(0.4 + 0.2) / 2!r},0.2,100.0",
@@ -72,6 +72,33 @@ def test_cells_csv_has_one_row_per_cell(tmp_path):
         *("robustness_min", "final_satisfaction", "final_robustness_mean", "selected_steps", "training_cpu_seconds"),
         *("training_wall_seconds", "cpu_seconds", "wall_seconds", "env_steps", "reward_nanoseconds", "inputs_added"),
     ]
+
+
+def test_what_was_planned_has_a_table_and_a_figure_of_its_own(tmp_path):
+    results = [*RESULTS, plan("flag", value=2.0), plan("flag", "best", 0.5, "formula", robustness=(0.6,))]
+    paths = write(condense(results), SCORES, tmp_path)
+    assert {"alignment.csv", "alignment.tex", "alignment.png", "alignment.svg"} <= {path.name for path in paths}
+    with (tmp_path / "alignment.csv").open(newline="") as file:
+        formula, flag = csv.DictReader(file)
+    assert list(flag) == [
+        *("task", "method", "setting", "best_possible", "reward_optimal", "satisfied", "grid_value", "selected"),
+        *("final", "seeds", "reward_loses", "learner_loses", "disagreement", "remarks"),
+    ]
+    assert (formula["method"], formula["best_possible"], formula["reward_optimal"]) == ("(formula)", "0.6", "")
+    assert (flag["reward_optimal"], flag["selected"], flag["seeds"], flag["grid_value"]) == ("0.35", "0.35", "2", "2.0")
+    assert (float(flag["reward_loses"]), float(flag["learner_loses"])) == (0.25, 0)
+    assert "## Alignment" in (tmp_path / "report.md").read_text()
+    with (tmp_path / "robustness.csv").open(newline="") as file:
+        assert [(row["method"], row["agent"]) for row in csv.DictReader(file)] == [
+            *(("flag", "dqn"), ("funnel", "dqn"), ("mine", "dqn")),
+        ]
+
+
+def test_a_folder_of_plans_alone_has_a_report(tmp_path):
+    paths = write(condense([plan(), plan("raw", status="unsuitable", reason="22 numbers")]), {}, tmp_path)
+    assert {path.name for path in paths if path.parent.name == "figures"} == {"alignment.png", "alignment.svg"}
+    headings = [line for line in (tmp_path / "report.md").read_text().splitlines() if line.startswith("#")]
+    assert headings == ["# stlbench report", "## Alignment", "## Circumstances"]
 
 
 def test_the_same_results_give_the_same_files(tmp_path):

@@ -2,36 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import pytest
-from helpers.line_task import Line, Probe, Rule, line
+from helpers.line_task import Line, Probe, Rule, line, steered
 
 from stlbench.contract import Array, Integers
-from stlbench.registry import plugins
-from stlbench.registry.choices import Choice, parse_choices
 from stlbench.result import MAIN
 from stlbench.rollout import controller, referee
 from stlbench.rollout.referee import Referee
 from stlbench.task.task import Task
-
-Control = Callable[[Array, Integers], Any]
-
-
-def steered(control: Control, **changes: Any) -> Task:
-    """The task on a line with a controller."""
-
-    class Steered(Line):
-        def controller(self, state: Array, t: Integers) -> Array:
-            found: Array = control(state, t)
-            return found
-
-    task = line(**changes)
-    return replace(task, system=Steered(task.system.dt))
 
 
 def trace(task: Task, *states: float) -> list[list[float]]:
@@ -97,52 +77,3 @@ def test_the_score_is_the_one_of_a_policy_that_does_the_same() -> None:
 def test_a_task_without_a_controller() -> None:
     assert controller.record(line(), np.zeros((2, 1))) is None
     assert controller.score(line()) is None
-
-
-class TestScores:
-    @pytest.fixture(autouse=True)
-    def tasks(self, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-        """Instead of installed tasks; the names that were asked for."""
-        asked = list[str]()
-
-        def broken(state: Array, t: Integers) -> Array:
-            raise ValueError("no\nsuch luck")
-
-        tasks = {
-            "up": steered(lambda state, t: np.ones_like(state)),
-            "down": steered(lambda state, t: -np.ones_like(state)),
-            "broken": steered(broken),
-            "none": line(),
-        }
-
-        def load(choice: Choice) -> Task:
-            name = str(choice)
-            asked.append(name)
-            if name == "torn":
-                raise ImportError("it needs the extra mujoco")
-            if name == "unmade":
-                raise OSError("its table is not there")
-            if name not in tasks:
-                plugins.find("tasks", name)
-            return tasks[name]
-
-        monkeypatch.setattr(controller, "load_task", load)
-        return asked
-
-    def test_a_task_is_scored_once(self, tasks: list[str]) -> None:
-        found = controller.scores(parse_choices("up,down,up[without=cuts]"))
-        assert list(found) == tasks == ["up", "down"]
-        assert (found["up"].satisfaction, found["down"].satisfaction) == (0, 1)
-
-    def test_what_cannot_be_scored_is_left_out_silently(self) -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            assert list(controller.scores(map(Choice, ("gone", "none", "torn", "../x", "", "down")))) == ["down"]
-
-    def test_a_controller_that_fails_is_a_warning(self) -> None:
-        with pytest.warns(plugins.PluginWarning) as told:
-            assert list(controller.scores(parse_choices("broken,unmade,up"))) == ["up"]
-        assert [str(entry.message) for entry in told] == [
-            "task line: its controller cannot be scored: ValueError: no such luck",
-            "task unmade: its controller cannot be scored: OSError: its table is not there",
-        ]

@@ -12,6 +12,7 @@ from stlbench.registry.choices import parse_choices
 from stlbench.study import plan as planning
 from stlbench.study.plan import check_cells, derive_seed, plan_cells
 from stlbench.task import load_task
+from stlbench.task.file import BestPossible
 
 ENTRIES = """
 [stlbench.methods]
@@ -245,7 +246,8 @@ def test_seeds_are_derived_from_named_parts():
     assert derive_seed("ab", "c") != derive_seed("a", "bc")
 
 
-def test_which_signals_figures_show_is_not_part_of_the_key(monkeypatch):
+@pytest.mark.parametrize("words", [{"plane": None}, {"best_possible": BestPossible(reached=0.5)}])
+def test_what_only_people_read_is_not_part_of_the_key(monkeypatch, words):
     task = load_task("hold-disc")
 
     def key():
@@ -253,7 +255,7 @@ def test_which_signals_figures_show_is_not_part_of_the_key(monkeypatch):
         return cell.key
 
     before = key()
-    other = replace(task, file=task.file.model_copy(update={"plane": None}))
+    other = replace(task, file=task.file.model_copy(update=words))
     monkeypatch.setattr(planning, "load_task", lambda name: other)
-    assert task.file.plane == ("x", "y")
+    assert other.file != task.file
     assert key() == before

@@ -65,6 +65,10 @@ class TestMessages:
         ("changes", "expected"),
         [
             ({"title": None}, "title: Field required"),
+            ({"best_possible": {}}, "best_possible.reached: Field required"),
+            ({"best_possible": {"reached": float("inf")}}, "best_possible.reached: Input should be a finite number"),
+            ({"best_possible": {"reached": "x"}}, "best_possible.reached: Input should be a valid number"),
+            ({"best_possible": {"reached": 1, "best": 2}}, "best_possible.best: Extra inputs are not permitted"),
             ({"titel": "x"}, "titel: Extra inputs are not permitted"),
             ({"sampling_time": 0}, "sampling_time: Input should be greater than 0"),
             ({"sampling_time": float("inf")}, "sampling_time: Input should be a finite number"),

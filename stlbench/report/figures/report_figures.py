@@ -1,11 +1,11 @@
-"""Figures of a report, from the numbers of cells alone: robustness by method, and learning curves.
+"""Figures of a report, from the numbers of cells alone: robustness by method, learning curves, alignment.
 
 A figure whose files are there, drawn from the same, is not drawn again: matplotlib alone takes a second to import.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Literal
 from stlbench.report.figures.files import drawn, file_name, save, source_of
 from stlbench.report.figures.palette import pages
 from stlbench.report.figures.units import unit_of_task
+from stlbench.report.tables.alignment import Aligned
 from stlbench.report.tables.rows import Group
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw", "draw_learning"]
+__all__ = ["draw", "draw_alignment", "draw_learning"]
 
 Kind = Literal["robustness", "learning"]
 
@@ -47,6 +48,22 @@ def draw_learning(groups: Sequence[Group], folder: Path) -> list[Path]:
         if any(numbers.curve for group in page for numbers in group.done)
         for path in _draw("learning", page, folder, end)
     ]
+
+
+def draw_alignment(rows: Sequence[Aligned], folder: Path) -> list[Path]:
+    """Draw what has changed of the one figure of all that was planned; the files' paths, none where nothing was."""
+    finished = [row for row in rows if row.reward_optimal is not None]
+    if not finished:
+        return []
+    units = {row.task: unit_of_task(row.task) for row in finished}
+    source = source_of("alignment", units, finished)
+    return drawn(folder, "alignment", source) or save(_alignment(finished, units), folder, "alignment", source)
+
+
+def _alignment(rows: Sequence[Aligned], units: Mapping[str, str]) -> Figure:
+    from stlbench.report.figures.alignment import alignment
+
+    return alignment(rows, units)
 
 
 def _draw(kind: Kind, page: Sequence[Group], folder: Path, end: str) -> list[Path]:

@@ -19,6 +19,7 @@ from stlbench.report.figures.overview import METHODS_PER_OVERVIEW, overview
 from stlbench.report.figures.palette import pages
 from stlbench.report.figures.report_figures import draw_learning
 from stlbench.report.figures.trajectories import TRACES_PER_PANEL, trajectories
+from stlbench.report.tables.planned import split
 from stlbench.report.tables.rows import Group, group, row
 from stlbench.result import Result, Setting
 from stlbench.rollout.saved_traces import FOLDER
@@ -50,8 +51,8 @@ class Job:
 def draw(results: Iterable[Result], job: Job) -> list[Path]:
     """Draw all figures of these results, one per cell of a run (`Ledger.results`).
 
-    A task has learning-<task> and, where it names a plane, overview-<task>; each method, agent and budget has
-    time-<...> and trajectories-<...>, over all seeds.
+    A task has learning-<task> and, where it names a plane, overview-<task>, both of what was learned; each method,
+    agent and budget has time-<...> and trajectories-<...>, over all seeds.
 
     Returns:
         The files' paths.
@@ -65,21 +66,24 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
     if finished and not (job.run / FOLDER).is_dir():
         job.warn(f"there are no traces in {job.run}; learning curves are all that is drawn")
         finished = []
+    learners = {member.setting for member in split(groups)[0]}
     paths, count = list[Path](), 0
     try:
         for choice, members in groupby(groups, key=lambda member: member.setting.task):
-            of_task, shown = list(members), list[Array | None]()
-            paths += draw_learning(of_task, job.out)
+            of_task, learned, shown = list(members), list[Group](), list[Array | None]()
+            paths += draw_learning([member for member in of_task if member.setting in learners], job.out)
             task = _task(choice, job) if any(result.id.task == choice for result in finished) else None
             for member in of_task:
                 count += 1
                 recording = _traces(task, [result for result in finished if result.id.setting == member.setting], job)
                 files = [] if task is None or recording is None else _draw_group(task, member.setting, recording, job)
-                shown.append(None if recording is None else recording.evenly(TRACES_PER_PANEL))
+                if member.setting in learners:
+                    learned.append(member)
+                    shown.append(None if recording is None else recording.evenly(TRACES_PER_PANEL))
                 setting = member.setting
                 job.tell(f"[{count}/{len(groups)}] {setting.name} {setting.budget}: {len(files)} files")
                 paths += files
-            paths += _draw_overview(task, of_task, shown, job)
+            paths += _draw_overview(task, learned, shown, job)
     except OSError as error:
         raise UsageError(f"cannot write the figures: {error}") from error
     return paths

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Column, Learned, Table, Value
-from stlbench.result import Score
+
+if TYPE_CHECKING:
+    from stlbench.rollout.standards import Standard
 
 __all__ = ["LEARNED", "overview"]
 
@@ -16,13 +19,14 @@ LEARNED = 0.95
 """Share of the starts from which a policy that has learned the task satisfies the formula."""
 
 
-def overview(groups: Sequence[Group], scores: Mapping[str, Score]) -> Table:
+def overview(groups: Sequence[Group], standards: Mapping[str, Standard]) -> Table:
     """Mean robustness of every method on every task, and on how many seeds it was learned.
 
     Args:
         groups: of one or more tasks, agents and budgets, which are the rows.
-        scores: of the tasks' controllers by hand.
+        standards: what is known of the tasks, such as what their controllers get.
     """
+    by_hand = any(standard.by_hand for standard in standards.values())
     methods = sorted({group.setting.method for group in groups})
     rows: dict[tuple[Value, ...], dict[object, Group]] = {}
     for group in groups:
@@ -33,14 +37,14 @@ def overview(groups: Sequence[Group], scores: Mapping[str, Score]) -> Table:
         Column("task", right=False, shared=True),
         Column("agent", right=False, shared=True),
         Column("budget", right=False, shared=True),
-        *([Column("by hand", digits=3)] if scores else []),
+        *([Column("by hand", digits=3)] if by_hand else []),
         *(Column(str(method), digits=3, kind=Learned) for method in methods),
         Column("cell CPU", unit="s", digits=0, drop=1),
     )
     body = tuple(
         (
             *row,
-            *([_by_hand(by_method.values(), scores)] if scores else []),
+            *([_by_hand(by_method.values(), standards)] if by_hand else []),
             *(_learned(by_method.get(method)) for method in methods),
             _cpu_seconds(by_method.values()),
         )
@@ -54,10 +58,10 @@ def overview(groups: Sequence[Group], scores: Mapping[str, Score]) -> Table:
     return Table("Overview", columns, body, (note,))
 
 
-def _by_hand(groups: Iterable[Group], scores: Mapping[str, Score]) -> float | None:
+def _by_hand(groups: Iterable[Group], standards: Mapping[str, Standard]) -> float | None:
     """What the controller of the task, or of the task that it is an ablation of, gets."""
-    score = scores.get(next(iter(groups)).setting.task.name)
-    return None if score is None else score.mean
+    standard = standards.get(next(iter(groups)).setting.task.name)
+    return standard.by_hand.mean if standard and standard.by_hand else None
 
 
 def _learned(group: Group | None) -> Value:

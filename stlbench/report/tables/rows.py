@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 from typing import Literal
 
 from stlbench.report.tables.table import FirstFailed, Seeds
-from stlbench.result import MAIN, NOT_RUN, CellId, Measurement, Result, Setting, Status
+from stlbench.result import MAIN, NOT_RUN, CellId, Measurement, Planned, Result, Setting, Status
 
 __all__ = ["CurveRow", "Group", "Numbers", "Row", "group", "missing_row", "row"]
 
@@ -34,6 +34,7 @@ class Numbers:
     env_steps: int
     reward_nanoseconds: float
     inputs_added: int
+    planned: Planned | None = None
     further: Mapping[str, float] = field(default_factory=dict)
     """Further protocol -> mean robustness of the selected policy."""
     first_failed: Mapping[str, int] = field(default_factory=dict)
@@ -145,6 +146,7 @@ def _numbers(measurement: Measurement) -> Numbers:
         env_steps=measurement.env_steps,
         reward_nanoseconds=measurement.reward_nanoseconds,
         inputs_added=measurement.inputs_added,
+        planned=measurement.planned,
         further={name: score.mean for name, score in measurement.selected.items() if name != MAIN},
         first_failed=dict(selected.first_failed),
         curve=tuple((point.steps, point.satisfaction, point.robustness_mean) for point in measurement.curve),

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stlbench.registry.choices import Choice
 from stlbench.report.statistics import Interval, interval, iqm
+from stlbench.report.tables.alignment import align, alignment_table
 from stlbench.report.tables.overview import overview
+from stlbench.report.tables.planned import best_possible, split
 from stlbench.report.tables.rows import Group, Numbers, Row
 from stlbench.report.tables.table import Column, FirstFailed, Seeds, Table, Value
-from stlbench.result import ACCIDENTS, IDENTITY, Score
+from stlbench.result import ACCIDENTS, IDENTITY
+
+if TYPE_CHECKING:
+    from stlbench.rollout.standards import Standard
 
 __all__ = ["cells_table", "controllers_table", "robustness_table", "summary", "time_table", "unfinished_table"]
 
@@ -24,8 +31,11 @@ _SETTING = (
 )
 
 
-def robustness_table(groups: Sequence[Group]) -> Table:
-    """How well the trained policies satisfy the formula: one row per group, one column per further protocol."""
+def robustness_table(groups: Sequence[Group], best: Mapping[Choice, float] | None = None) -> Table:
+    """How well the trained policies satisfy the formula: one row per group, one column per further protocol.
+
+    `best` is the best possible of their tasks (`best_possible`); where any is known, robustness is also a share of it.
+    """
     further = sorted({name for group in groups for numbers in group.done for name in numbers.further})
     columns = (
         *_SETTING,
@@ -34,16 +44,21 @@ def robustness_table(groups: Sequence[Group]) -> Table:
         Column("IQM 95 % interval", digits=3, kind=Interval, drop=1),
         Column("worst start", digits=3, drop=4),
         Column("satisfied", unit="%", digits=1),
+        *([Column(_NORMALISED, "normalised", digits=2, drop=2)] if best else []),
         *(Column(name, digits=3, drop=3) for name in further),
         Column("final robustness", "final mean", digits=3, drop=5),
         Column("final satisfied", "final sat.", unit="%", digits=1, drop=5),
         Column("failed first", kind=FirstFailed, right=False, below=True),
         Column("remarks", right=False, below=True),
     )
-    return Table("Robustness", columns, tuple(_robustness_row(group, further) for group in groups), _notes(further))
+    rows = tuple(_robustness_row(group, further, best or {}) for group in groups)
+    return Table("Robustness", columns, rows, _notes(further))
 
 
-def _robustness_row(group: Group, further: Sequence[str]) -> tuple[Value, ...]:
+_NORMALISED = "normalised (mean / best possible, both above 0)"
+
+
+def _robustness_row(group: Group, further: Sequence[str], best: Mapping[Choice, float]) -> tuple[Value, ...]:
     values = group.values(lambda numbers: numbers.robustness_mean)
     return (
         *_setting(group),
@@ -52,12 +67,18 @@ def _robustness_row(group: Group, further: Sequence[str]) -> tuple[Value, ...]:
         interval(values, iqm),
         min(group.values(lambda numbers: numbers.robustness_min), default=None),
         _percent(group.values(lambda numbers: numbers.satisfaction)),
+        *([_share(_mean(values), best.get(group.setting.task))] if best else []),
         *(_mean([numbers.further[name] for numbers in group.done if name in numbers.further]) for name in further),
         _mean(group.values(lambda numbers: numbers.final_robustness_mean)),
         _percent(group.values(lambda numbers: numbers.final_satisfaction)),
         group.first_failed,
         group.remarks or None,
     )
+
+
+def _share(mean: float | None, best: float | None) -> float | None:
+    """Robustness as a share of the best possible; None where it says nothing, as of what violates."""
+    return mean / best if mean is not None and best is not None and mean > 0 < best else None
 
 
 def _notes(further: Sequence[str]) -> tuple[str, ...]:
@@ -73,17 +94,35 @@ def _notes(further: Sequence[str]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def controllers_table(scores: Mapping[str, Score]) -> Table:
-    """How well the tasks' controllers by hand satisfy the formula: one row per task, from its score."""
+def controllers_table(standards: Mapping[str, Standard]) -> Table:
+    """How well the tasks' controllers by hand satisfy the formula, and what is possible: one row per task."""
+    known = {task: each for task, each in standards.items() if each.by_hand or each.best_possible}
+    best = any(standard.best_possible for standard in known.values())
     columns = (
         Column("task", right=False, shared=True),
         Column("mean robustness", "mean", digits=3),
         Column("worst start", digits=3),
         Column("satisfied", unit="%", digits=1),
+        *(Column(title, short, digits=3) for title, short in (_BEST if best else {}).items()),
     )
-    rows = tuple((task, score.mean, score.minimum, 100 * score.satisfaction) for task, score in scores.items())
-    note = "What a controller written by hand gets from the same starts, for comparison; it is no upper bound."
-    return Table("Hand controllers", columns, rows, (note,))
+    rows = tuple((task, *_by_hand(standard), *(_best(standard) if best else ())) for task, standard in known.items())
+    notes = ["What a controller written by hand gets from the same starts, for comparison; it is no upper bound."]
+    if best:
+        notes.append("Best possible: reached by a plan for the formula; expected by it; reached on a coarser grid.")
+    return Table("Hand controllers", columns, rows, tuple(notes))
+
+
+_BEST = {"best_possible": "best possible", "grid_value": "grid value", "coarser": "coarser grid"}
+
+
+def _by_hand(standard: Standard) -> tuple[Value, ...]:
+    score = standard.by_hand
+    return (None, None, None) if score is None else (score.mean, score.minimum, 100 * score.satisfaction)
+
+
+def _best(standard: Standard) -> tuple[Value, ...]:
+    best = standard.best_possible
+    return (None, None, None) if best is None else (best.reached, best.value, best.coarser)
 
 
 def time_table(groups: Sequence[Group]) -> Table:
@@ -134,24 +173,42 @@ def unfinished_table(groups: Iterable[Group]) -> Table:
     return Table("Cells without a result", columns, cells, ("`stlbench run --retry` runs them again.",))
 
 
-def summary(groups: Sequence[Group], scores: Mapping[str, Score]) -> tuple[Table, ...]:
-    """What a reader is shown: robustness and time; an overview of several tasks; controllers and accidents, if any.
+def summary(
+    groups: Sequence[Group], standards: Mapping[str, Standard], recorded: Sequence[Group] | None = None
+) -> tuple[Table, ...]:
+    """What a reader is shown: robustness and time; an overview of several tasks; controllers, plans, accidents, if any.
 
-    `scores` are those of the controllers, by task.
+    Args:
+        groups: what is shown. What was planned is in the table of alignment alone.
+        standards: of their tasks.
+        recorded: these and others, to which plans are compared; `groups` where left out.
     """
-    first = (overview(groups, scores),) if len({group.setting.task for group in groups}) > 1 else ()
-    tables = (*first, robustness_table(groups), controllers_table(scores), time_table(groups), unfinished_table(groups))
+    among = groups if recorded is None else recorded
+    learned, _ = split(groups)
+    first = (overview(learned, standards),) if len({group.setting.task for group in learned}) > 1 else ()
+    tables = (
+        *first,
+        robustness_table(learned, best_possible(among, standards)),
+        controllers_table(standards),
+        alignment_table(align(among, standards, groups)),
+        time_table(learned),
+        unfinished_table(groups),
+    )
     return tuple(table for table in tables if table.rows)
 
 
-_NUMBERS = tuple(field.name for field in fields(Numbers) if field.name not in ("further", "first_failed", "curve"))
+_PARTS = ("planned", "further", "first_failed", "curve")
+_NUMBERS = tuple(field.name for field in fields(Numbers) if field.name not in _PARTS)
+_PLANNED = ("maximised", "grid_value")
 
 
 def cells_table(rows: Iterable[Row]) -> Table:
-    """One row per cell with its numbers, for other programs."""
+    """One row per cell with its numbers, for other programs; where any was planned, also what its plan says."""
+    listed = list(rows)
+    planned = any(row.numbers and row.numbers.planned for row in listed)
     columns = [Column(title, right=title == "seed") for title in (*IDENTITY, "status", "reason")]
-    columns += [Column(title) for title in _NUMBERS]
-    return Table("Cells", tuple(columns), tuple(_cell(row) for row in rows))
+    columns += [Column(title) for title in (*_NUMBERS, *(_PLANNED if planned else ()))]
+    return Table("Cells", tuple(columns), tuple((*_cell(row), *(_plan(row) if planned else ())) for row in listed))
 
 
 def _cell(row: Row) -> tuple[Value, ...]:
@@ -161,6 +218,11 @@ def _cell(row: Row) -> tuple[Value, ...]:
         *(str(cell.task), str(cell.method), str(cell.agent), cell.seed, cell.budget),
         *(row.status, row.reason or None, *numbers),
     )
+
+
+def _plan(row: Row) -> tuple[Value, ...]:
+    planned = row.numbers.planned if row.numbers else None
+    return (None, None) if planned is None else (planned.maximised, planned.value)
 
 
 def _setting(group: Group) -> tuple[Value, ...]:

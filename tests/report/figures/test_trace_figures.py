@@ -68,6 +68,17 @@ def test_two_figures_per_method_and_two_per_task(run):
     ]
 
 
+def test_what_was_planned_is_drawn_by_itself_and_not_among_what_was_learned(run):
+    plan = run.save(synthetic_results.plan("raw"))
+    kinds = files(*(f"{kind}-hold-disc-raw-planner-quick" for kind in ("time", "trajectories")))
+    assert run.draw(plan) == kinds
+    learned = run.save(synthetic_results.result("funnel"))
+    run.draw(learned)
+    before = (run.folder / "out" / "overview-hold-disc.svg").read_bytes()
+    assert kinds < run.draw(learned, plan)
+    assert (run.folder / "out" / "overview-hold-disc.svg").read_bytes() == before
+
+
 def test_a_seed_without_traces_is_said_and_the_others_are_drawn(run):
     names = run.draw(run.save(synthetic_results.result(seed=0)), synthetic_results.result(seed=1))
     assert "time-hold-disc-funnel-dqn-quick.png" in names

@@ -7,7 +7,7 @@ import io
 import re
 
 import pytest
-from helpers.synthetic_results import result, score
+from helpers.synthetic_results import by_hand, result
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
@@ -144,7 +144,7 @@ RESULTS = [
 
 @pytest.mark.parametrize("width", [80, 100, 120, 200])
 def test_tables_fit_the_screen(width):
-    for table in summary(condense(RESULTS), {"hold-disc": score((0.4,)), "a-task-with-a-long-name": score((0.1,))}):
+    for table in summary(condense(RESULTS), by_hand(hold_disc=(0.4,), a_task_with_a_long_name=(0.1,))):
         text = screen(table, width)
         assert max(map(len, text.splitlines())) <= width
         assert "…" not in text

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from helpers.synthetic_results import result, score
+from helpers.synthetic_results import by_hand, result
 
 from stlbench.report import condense
 from stlbench.report.tables.overview import overview
@@ -19,7 +19,7 @@ def test_one_row_per_task_and_one_column_per_method():
         result("tau-mdp", seed=0, status="intractable", reason="needs 6000 inputs, limit 512"),
         result("raw", seed=0, task="other", robustness=(-0.0001,)),
     ]
-    table = overview(condense(results), {"hold-disc": score((0.4,))})
+    table = overview(condense(results), by_hand(hold_disc=(0.4,)))
     assert [column.heading for column in table.columns[3:]] == ["by hand", "funnel", "raw", "tau-mdp", "cell CPU [s]"]
     assert [row[0] for row in table.rows] == ["hold-disc", "other"]
     assert table.rows[0][3] == 0.4
@@ -42,7 +42,7 @@ def test_a_task_by_two_agents_has_two_rows_and_an_ablation_the_controller_of_its
         result(agent="sb3-dqn", task="overlap"),
         result(agent="dqn", task="overlap[without=cuts]"),
     ]
-    table = overview(condense(results), {"overlap": score((0.2,))})
+    table = overview(condense(results), by_hand(overlap=(0.2,)))
     assert [(row[0], row[1], row[3]) for row in table.rows] == [
         ("overlap", "dqn", 0.2),
         ("overlap", "sb3-dqn", 0.2),

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pickle
 
 import pytest
-from helpers.synthetic_results import result, score
+from helpers.synthetic_results import by_hand, plan, result
 
+from stlbench.registry.choices import Choice
 from stlbench.report import (
     cells_table,
     condense,
@@ -19,6 +20,8 @@ from stlbench.report import (
     unfinished_table,
 )
 from stlbench.report.tables.table import FirstFailed, Seeds
+from stlbench.rollout.standards import Standard
+from stlbench.task.file import BestPossible
 
 
 def cell(table, column, row=0):
@@ -162,12 +165,68 @@ def test_time():
 
 
 def test_controllers_have_one_row_per_task_and_stand_after_the_robustness():
-    scores = {"hold-disc": score((0.1, 0.7)), "other": score((0.3, -0.2, -0.1, 0.2))}
+    scores = by_hand(hold_disc=(0.1, 0.7), other=(0.3, -0.2, -0.1, 0.2))
     table = controllers_table(scores)
     assert table.rows == (("hold-disc", (0.1 + 0.7) / 2, 0.1, 100), ("other", pytest.approx(0.05), -0.2, 50))
     groups = condense([result()])
     assert summary(groups, scores) == (robustness_table(groups), table, time_table(groups))
     assert summary(groups, {}) == (robustness_table(groups), time_table(groups))
+
+
+def test_the_best_possible_stands_beside_the_controller_where_any_is_known():
+    known = {
+        **by_hand(hold_disc=(0.25, 0.75)),
+        "other": Standard(best_possible=BestPossible(reached=0.5, value=0.6)),
+        "third": Standard(own_agent="dqn"),
+    }
+    table = controllers_table(known)
+    assert [column.heading for column in table.columns[4:]] == ["best_possible", "grid_value", "coarser"]
+    assert table.rows == (
+        ("hold-disc", 0.5, 0.25, 100.0, None, None, None),
+        ("other", None, None, None, 0.5, 0.6, None),
+    )
+    assert controllers_table({"third": known["third"]}).rows == ()
+
+
+NORMALISED = "normalised (mean / best possible, both above 0)"
+
+
+def test_robustness_is_a_share_of_the_best_possible_where_both_are_above_zero():
+    tasks = {"one": (0.1, 0.3), "two": (-0.1,), "three": (0.2,), "four": (0.2,)}
+    groups = condense(result(task=task, robustness=robustness) for task, robustness in tasks.items())
+    table = robustness_table(groups, {Choice("one"): 0.4, Choice("two"): 0.4, Choice("three"): -0.1})
+    shares = {row: cell(table, NORMALISED, i) for i, row in enumerate(["four", "one", "three", "two"])}
+    assert shares == {"four": None, "one": pytest.approx(0.5), "three": None, "two": None}
+    assert NORMALISED not in [column.heading for column in robustness_table(groups).columns]
+
+
+def test_what_was_planned_is_in_the_table_of_alignment_alone():
+    learned, other = [result(seed=seed) for seed in range(2)], result(task="other")
+    planned = [plan(), plan(task="third"), plan(maximised="formula", agent="best")]
+    titles = {table.title: table for table in summary(condense([*learned, other, *planned]), {})}
+    assert list(titles) == ["Overview", "Robustness", "Alignment", "Time"]
+    plain = summary(condense([*learned, other]), {})
+    assert titles["Overview"] == plain[0]
+    assert titles["Time"] == plain[2]
+    assert [row[:-1] for row in titles["Alignment"].rows] == [
+        ("hold-disc", "(formula)", "recipe", 0.35, None, 1.0, 1.0, *(None,) * 6),
+        ("hold-disc", "funnel", "recipe", 0.35, 0.35, 1.0, 1.0, 0.35, 0.35, 2, 0.0, 0.0, None),
+        ("third", "funnel", "recipe", None, 0.35, 1.0, 1.0, *(None,) * 6),
+    ]
+
+
+def test_where_everything_was_planned_there_is_no_empty_table():
+    failed = plan("raw", status="raised", reason="ValueError: no")
+    tables = summary(condense([plan(), failed]), {})
+    assert [table.title for table in tables] == ["Alignment", "Cells without a result"]
+
+
+def test_cells_say_what_was_planned_only_where_something_was():
+    groups = condense([result(), plan("raw", value=-2.5), plan("slow", status="timeout", reason="late")])
+    table = cells_table(row for group in groups for row in group.rows)
+    assert [column.title for column in table.columns[-2:]] == ["maximised", "grid_value"]
+    assert [row[-2:] for row in table.rows] == [(None, None), ("reward", -2.5), (None, None)]
+    assert "maximised" not in to_csv(cells_table(condense([result()])[0].rows))
 
 
 def test_infinite_robustness_has_a_row():

@@ -1,0 +1,83 @@
+"""Which cells are an agent's that plans: what these found stands beside what was learned, never among it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from stlbench.errors import UsageError
+from stlbench.registry import plugins
+from stlbench.registry.choices import Choice
+from stlbench.report.tables.rows import Group
+
+if TYPE_CHECKING:
+    from stlbench.rollout.standards import Standard
+
+__all__ = ["RESOLUTION", "best_possible", "maximised", "reached", "split"]
+
+RESOLUTION = "resolution"
+"""The parameter of an agent that plans which says how fine its grid is: the larger the finer, 1 where left out."""
+
+Maximised = Literal["reward", "formula"]
+
+
+def maximised(groups: Iterable[Group]) -> dict[str, Maximised]:
+    """Agent that plans -> what it makes the most of: as its cells say, or, where none is done, the installed agent."""
+    known = dict[str, Maximised | None]()
+    for group in groups:
+        said = next((numbers.planned.maximised for numbers in group.done if numbers.planned), None)
+        if group.done:
+            known[group.setting.agent.name] = said
+    for name in {group.setting.agent.name for group in groups} - known.keys():
+        known[name] = _installed(name)
+    return {name: plans for name, plans in known.items() if plans is not None}
+
+
+def _installed(agent: str) -> Maximised | None:
+    """What the agent of that name makes the most of; None where it learns, or is not installed here."""
+    try:
+        kind = plugins.find("agents", agent).load()
+    except UsageError:
+        return None
+    plans: Maximised | None = getattr(kind, "plans", None)
+    return plans
+
+
+def split(groups: Sequence[Group]) -> tuple[tuple[Group, ...], tuple[Group, ...]]:
+    """The groups of agents that learn, and those of agents that plan."""
+    planners = maximised(groups)
+    learned = tuple(group for group in groups if group.setting.agent.name not in planners)
+    return learned, tuple(group for group in groups if group.setting.agent.name in planners)
+
+
+def reached(group: Group) -> float | None:
+    """Mean robustness of the selected policies; None where no cell is done."""
+    values = group.values(lambda numbers: numbers.robustness_mean)
+    return float(np.mean(values)) if values else None
+
+
+def best_possible(groups: Sequence[Group], standards: Mapping[str, Standard]) -> dict[Choice, float]:
+    """Task, or ablation of one -> the largest robustness of its formula that is known to be possible.
+
+    That is the most that any plan for the formula reached, as each shows what is possible; without such a cell what the
+    task file says. How often an agent decides changes what is possible, and other parts of a recipe do not: ablations
+    share a best, but those without `hold` have their own.
+    """
+    planners, found = maximised(groups), dict[tuple[str, bool], float]()
+    for group in groups:
+        value = reached(group)
+        if value is not None and planners.get(group.setting.agent.name) == "formula":
+            of = _formula(group.setting.task)
+            found[of] = max(value, found.get(of, value))
+    for name, standard in standards.items():
+        if standard.best_possible is not None:
+            found.setdefault((name, False), standard.best_possible.reached)
+    tasks = {group.setting.task for group in groups}
+    return {task: found[_formula(task)] for task in tasks if _formula(task) in found}
+
+
+def _formula(task: Choice) -> tuple[str, bool]:
+    """What decides the best that is possible: the task, and whether it is without `hold`."""
+    return task.name, "hold" in dict(task.parameters).get("without", "").split("+")

@@ -1,0 +1,80 @@
+"""The figure of alignment, read back from matplotlib's own objects."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stlbench.report.figures.alignment import alignment
+from stlbench.report.figures.report_figures import draw_alignment
+from stlbench.report.tables.alignment import Aligned
+
+ROWS = (
+    Aligned("overlap", "funnel", "recipe", 0.235, 0.119, selected=0.12, final=0.1),
+    Aligned("overlap", "raw", "recipe", 0.235, -0.127, selected=0.059, final=0.04),
+    Aligned("overlap", "raw", "gamma=1", 0.235, -30.0),
+    Aligned("pendulum", "raw", "gamma=1", None, -2.37),
+)
+UNITS = {"overlap": "m", "pendulum": "rad"}
+
+
+def marks(axes, marker):
+    """(robustness, place) of all marks of a kind."""
+    return [
+        (float(line.get_xdata()[0]), int(line.get_ydata()[0])) for line in axes.lines if line.get_marker() == marker
+    ]
+
+
+def test_a_panel_for_each_task_and_a_row_for_each_method_and_setting():
+    first, second = alignment(ROWS, UNITS).axes
+    assert (first.get_title(), second.get_title()) == ("overlap", "pendulum")
+    labels = [[label.get_text() for label in axes.get_yticklabels()] for axes in (first, second)]
+    assert labels == [["funnel, recipe", "raw, recipe", "raw, gamma=1"], ["raw, gamma=1"]]
+    assert marks(first, "D") == [(0.119, 0), (-0.127, 1), (-30.0, 2)]
+    assert marks(first, "o") == [(0.12, 0), (0.059, 1)]
+    assert marks(first, "x") == [(0.1, 0), (0.04, 1)]
+    assert (marks(second, "D"), marks(second, "o")) == ([(-2.37, 0)], [])
+    assert first.get_xlabel().startswith("mean robustness over the report starts [m]")
+
+
+def test_the_best_possible_is_a_line_across_the_row_where_it_is_known():
+    first, second = alignment(ROWS, UNITS).axes
+    best = [[line for line in axes.lines if line.get_linewidth() == 2.5] for axes in (first, second)]
+    assert [tuple(line.get_ydata()) for line in best[0]] == [(-0.5, 0.5), (0.5, 1.5), (1.5, 2.5)]
+    assert {tuple(line.get_xdata()) for line in best[0]} == {(0.235, 0.235)}
+    assert best[1] == []
+
+
+def test_what_is_far_below_does_not_press_the_rest_together():
+    (axes, _) = alignment(ROWS, UNITS).axes
+    pixels = axes.transData.transform([(value, 0) for value in (-30.0, -0.127, 0.119, 0.235)])[:, 0]
+    shares = np.diff(pixels) / (axes.bbox.x1 - axes.bbox.x0)
+    assert (shares[1:] > 0.05).all()
+    assert "logarithmic beyond" in axes.get_xlabel()
+
+
+def test_thirty_rows_have_room(tmp_path: Path):
+    rows = [Aligned("overlap", f"method-{i // 6}", f"gamma={i % 6}", 0.2, i / 100) for i in range(30)]
+    figure = alignment(rows, UNITS)
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
+    assert len(boxes) == 30
+    assert all(above.y0 >= below.y1 for above, below in pairwise(boxes))
+
+
+def test_it_is_drawn_again_only_where_something_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    paths = draw_alignment(ROWS, tmp_path)
+    assert {path.name for path in paths} == {"alignment.png", "alignment.svg"}
+    before = paths[0].stat().st_mtime_ns
+    assert draw_alignment(ROWS, tmp_path) == paths
+    assert paths[0].stat().st_mtime_ns == before
+    assert draw_alignment(ROWS[:3], tmp_path)
+    assert paths[0].stat().st_mtime_ns != before
+
+
+def test_without_a_planned_policy_there_is_no_figure(tmp_path: Path):
+    assert draw_alignment([Aligned("overlap", "(formula)", "recipe", 0.2)], tmp_path) == []
