@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from stlbench_agents.compiler import compiled
 from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, layout, outputs, size_of
-from stlbench_agents.products import inner_product
+from stlbench_agents.products import inner_products
 from stlbench_agents.replay import Batch
 
 __all__ = ["Networks", "Noise", "Work", "actor_gradient", "critic_gradient", "targets"]
@@ -158,12 +158,12 @@ def actor_gradient(
     back_outputs(critics, layers, last, work.value, rows, work.critic, False, into)
     back = back_hidden(critics, layers, work.joined, rows, work.critic, False, into)
     width, share = layers[0, 2], kind(2 * penalty / (rows * axes))
-    for i in range(rows):
-        for j in range(axes):
+    for j in range(axes):
+        inner_products(back, 0, rows, width, critics, layers[0, 0] + (inputs + j) * width, width, work.value)
+        for i in range(rows):
             at = i * axes + j
-            slope = inner_product(back, i * width, critics, layers[0, 0] + (inputs + j) * width, width)
             action = work.by_output[at]
-            work.by_output[at] = slope * (kind(1) - action * action) + share * work.output[at]
+            work.by_output[at] = work.value[i] * (kind(1) - action * action) + share * work.output[at]
     x = batch.observation.reshape(batch.observation.size)
     final = work.actor.here[len(networks.actor) - 2]
     back_outputs(actor, networks.actor, final, work.by_output, rows, work.actor, True, into)

@@ -13,7 +13,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-__all__ = ["BYTES", "SUMS", "TALL", "block_of", "partial_sums", "turned_block"]
+__all__ = ["BYTES", "SUMS", "TALL", "block_of", "partial_sums", "row_sums", "turned_block"]
 
 _HOST = llvmlite.binding.get_host_cpu_features()
 BYTES = 64 if _HOST.get("avx512f") else 32 if _HOST.get("avx") else 16
@@ -179,6 +179,38 @@ def partial_sums(_: Any, a: Any, a_at: Any, b: Any, b_at: Any, count: Any) -> An
         return _sum_of(kernel, builder.load(total))
 
     return a.dtype(a, types.intp, b, types.intp, types.intp), generate
+
+
+@intrinsic
+def row_sums(_: Any, a: Any, a_at: Any, row: Any, b: Any, b_at: Any, count: Any, into: Any, there: Any) -> Any:
+    """The inner products of as many rows of a, `row` apart, as there are partial sums, each with the same `count` of b.
+
+    They are written to `into` from `there` on, and have the bits of `partial_sums`: half is added to half here too, but
+    for several rows at once.
+    """
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
+        kernel = Kernel(context, builder, a.dtype, SUMS)
+        lanes = range(kernel.lanes)
+        starts = [kernel.place(args[0], a, builder.add(args[1], builder.mul(_INDEX(i), args[2]))) for i in lanes]
+        other = kernel.place(args[3], b, args[4])
+        totals = [cgutils.alloca_once_value(builder, kernel.zero) for _ in lanes]
+        with cgutils.for_range_slice(builder, _INDEX(0), args[5], _INDEX(kernel.lanes), intp=_INDEX) as (entry, _):
+            offset = kernel.in_bytes(entry)
+            factor = kernel.load(kernel.moved(other, offset), kernel.vector)
+            for start, total in zip(starts, totals, strict=True):
+                values = kernel.load(kernel.moved(start, offset), kernel.vector)
+                builder.store(kernel.fused(values, factor, builder.load(total)), total)
+        rows = [builder.load(total) for total in totals]
+        while len(rows) > 1:
+            half = len(rows) // 2
+            pairs = (_exchanged(kernel, rows[i], rows[i + half], half) for i in range(half))
+            rows = [builder.fadd(first, second) for first, second in pairs]
+        kernel.store(rows[0], kernel.place(args[6], into, args[7]))
+        return context.get_dummy_value()
+
+    integers = types.intp, types.intp
+    return types.void(a, *integers, b, *integers, into, types.intp), generate
 
 
 def _sum_of(kernel: Kernel, vector: ir.Value) -> ir.Value:

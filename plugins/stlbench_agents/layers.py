@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench_agents.compiler import compiled, inlined
-from stlbench_agents.products import Matrix, inner_product, matrix, product, transposed, turn
+from stlbench_agents.products import Matrix, inner_product, inner_products, matrix, product, transposed, turn
 
 __all__ = [
     "Space", "back_hidden", "back_outputs", "hidden", "layout", "outputs", "outputs_at", "size_of", "views", "widest",
@@ -43,7 +43,7 @@ class Space(NamedTuple):
     @staticmethod
     def of(layers: Indices, rows: int, dtype: Any = np.float32) -> Space:
         """For B = `rows` and networks of this shape."""
-        most = int(widest(layers))
+        most = int(max(layers[-1, 1], *layers[:-1, 2]))
         size, square = (len(layers) - 1, rows * most), most * most
         hidden = (np.zeros(size, dtype), np.zeros(size, dtype), np.zeros((2, size[1]), dtype))
         return Space(*hidden, np.zeros(square, dtype), np.ones(1, dtype))
@@ -101,6 +101,11 @@ def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) ->
 def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, turned: Floats, into: Floats) -> None:
     """All outputs (B, outputs) of the last hidden layer (B, width), both flat; no activation after them."""
     at, count, width, bias = layers[-1]
+    if count == 1:
+        inner_products(last, 0, rows, width, flat, at, width, into)
+        for i in range(rows):
+            into[i] += flat[bias]
+        return
     if count < _FEW:
         for i in range(rows):
             for j in range(count):

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from stlbench_agents.compiler import compiled, inlined
-from stlbench_agents.kernels import BYTES, SUMS, TALL, block_of, partial_sums, turned_block
+from stlbench_agents.kernels import BYTES, SUMS, TALL, block_of, partial_sums, row_sums, turned_block
 
-__all__ = ["Matrix", "inner_product", "matrix", "product", "transposed", "turn"]
+__all__ = ["Matrix", "inner_product", "inner_products", "matrix", "product", "transposed", "turn"]
 
 Floats = NDArray[Any]
 
@@ -99,6 +99,18 @@ def inner_product(a: Floats, a_at: int, b: Floats, b_at: int, count: int) -> Any
     for i in range(whole, count):
         total += a[a_at + i] * b[b_at + i]
     return total
+
+
+@compiled()
+def inner_products(a: Floats, a_at: int, rows: int, row: int, b: Floats, b_at: int, count: int, into: Floats) -> None:
+    """Those of `rows` rows of a, the first at `a_at` and each `row` behind the one before, with b: `into` (rows,)."""
+    lanes, i = SUMS // a.itemsize, 0
+    if count % lanes == 0:
+        while i + lanes <= rows:
+            row_sums(a, a_at + i * row, row, b, b_at, count, into, i)  # type: ignore[call-arg]  # as above
+            i += lanes
+    for rest in range(i, rows):
+        into[rest] = inner_product(a, a_at + rest * row, b, b_at, count)
 
 
 @compiled()

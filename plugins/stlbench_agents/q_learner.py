@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers, Transition
-from stlbench_agents.compiler import compiled, inlined
+from stlbench_agents.compiler import OneKind, compiled, inlined
 from stlbench_agents.engine import Network, Workspace, actions, additive_gradient, joint_gradient
 from stlbench_agents.network import GreedyPolicy, QNetwork
 from stlbench_agents.optimizer import Weights, decay, step
@@ -70,7 +70,7 @@ class QLearner:
         self._actions, self._copies, self._count = grid.size, copies, 0
         self._batch = Batch.of(recipe.batch_size, size)
         self._work = Workspace.of(self.network.engine, recipe.batch_size)
-        self._update = _update_joint if recipe.head == "joint" else _update_additive
+        self._update = OneKind(_update_joint if recipe.head == "joint" else _update_additive)
 
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
         """Actions (N,) at observations (N, D): each with probability `epsilon` any, else the current best."""

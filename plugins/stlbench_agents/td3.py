@@ -76,7 +76,8 @@ class TD3(Agent):
 
         environment = training.make(self.copies)
         box, size = box_of(environment), environment.observation_size
-        low, high = np.array(box.low), np.array(box.high)
+        low = np.array(box.low)
+        span = np.array(box.high) - low
         shape = (self.copies, len(box.names))
         rounds = max(1, training.steps // (self.copies * environment.hold))
         generator = np.random.default_rng(training.seed)
@@ -92,7 +93,7 @@ class TD3(Agent):
                 action = generator.uniform(-1, 1, shape)
             else:
                 action = learner.act(observation, noise[done - 1] * shares * generator.standard_normal(shape))
-            transition = environment.step(low + (action + 1) / 2 * (high - low))
+            transition = environment.step(low + (action + 1) / 2 * span)
             replay.add(observation, action, transition)
             observation = transition.observation
             learner.saw(transition.reward)

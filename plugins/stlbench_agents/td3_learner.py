@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stlbench.contract import ActionBox, Array, Integers
 from stlbench_agents.actor_critic import Networks, Noise, Work, actor_gradient, critic_gradient, targets
 from stlbench_agents.actor_policy import ActorPolicy
-from stlbench_agents.compiler import compiled
+from stlbench_agents.compiler import OneKind, compiled
 from stlbench_agents.layers import outputs_at, size_of, views
 from stlbench_agents.optimizer import Weights, decay, step
 from stlbench_agents.replay import Batch, Memory, Replay, gather
@@ -64,6 +64,7 @@ class TD3Learner:
         self.bounds = (math.inf, -math.inf) if bounded else (-math.inf, math.inf)
         self._batch = Batch.of(recipe.batch_size, inputs, len(box.names))
         self._work = Work.of(self.networks, recipe.batch_size)
+        self._update = OneKind(_update)
 
     def compile(self) -> None:
         """Call all that is compiled, on nothing of interest."""
@@ -86,7 +87,8 @@ class TD3Learner:
 
     def saw(self, reward: Array) -> None:
         """Take note of rewards (N,): a value, a mean of rewards weighted by powers of gamma, lies among them."""
-        least, most = self._scale * float(reward.min()), self._scale * float(reward.max())
+        seen = reward.tolist()  # of few copies: faster than NumPy's minimum and maximum
+        least, most = self._scale * min(seen), self._scale * max(seen)
         self.bounds = min(self.bounds[0], least), max(self.bounds[1], most)
 
     def update(self, memory: Memory, first: Integers, copies: int, normal: Floats) -> None:
@@ -98,7 +100,7 @@ class TD3Learner:
             copies: how far a transition is from that before it.
             normal: standard normal in single precision, (updates, B, axes), for the target actions.
         """
-        _update(
+        self._update(
             self.actor, self.critics, self.networks, memory, first, copies, normal, self.schedule,
             self.bounds, self._count, self._batch, self._work,
         )  # fmt: skip

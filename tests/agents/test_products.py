@@ -10,7 +10,7 @@ import pytest
 from numba import njit
 from numpy.typing import NDArray
 
-from stlbench_agents.products import Matrix, inner_product, matrix, product, transposed, turn
+from stlbench_agents.products import Matrix, inner_product, inner_products, matrix, product, transposed, turn
 
 Floats = NDArray[Any]
 ROWS = (1, 3, 4, 5, 7, 8, 9, 16, 33)
@@ -80,6 +80,17 @@ def test_inner_products(count: int, dtype: Any) -> None:
     exact = float(a[3 : 3 + count].astype(np.float64) @ b[5 : 5 + count].astype(np.float64))
     found = inner_product(a, 3, b, 5, count)
     assert found == pytest.approx(exact, rel=0, abs=1e-5 if dtype is np.float32 else 1e-13)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("count", [1, 7, 16, 64, 100])
+def test_inner_products_of_many_rows_have_the_bits_of_single_ones(count: int, dtype: Any) -> None:
+    generator, rows, row = np.random.default_rng(count), 37, count + 3
+    a, b = generator.normal(size=2 + rows * row).astype(dtype), generator.normal(size=count + 5).astype(dtype)
+    into = np.full(rows + 1, np.nan, dtype)
+    inner_products(a, 2, rows, row, b, 5, count, into)
+    assert np.isnan(into[-1])
+    assert into[:-1].tolist() == [inner_product(a, 2 + i * row, b, 5, count) for i in range(rows)]
 
 
 def test_a_matrix_lies_row_by_row() -> None:
