@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test quick lint types imports unit coverage lowest docs gate bench reference more-seeds ablation clean
+.PHONY: run test quick lint types imports unit coverage lowest docs gate bench reference more-seeds alignment ablation clean
 
 ## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
 run: $(VENV)/ready
@@ -70,6 +70,25 @@ reference: $(VENV)/ready-all
 more-seeds: $(VENV)/ready-all
 	$(BIN)/stlbench run studies/more-seeds.yaml
 	$(BIN)/stlbench export results/more-seeds --format jsonl
+
+## What each reward asks for, by exact planning; beside what was learned, in results/reference. 1.3 hours of CPU time.
+ALIGN := PYTHONPATH=build/example $(BIN)/stlbench run --results results/reference --seeds 0-0
+GRIDS := integrator-or,hold-disc,hold-disc-coarse,annulus,robot-nav,reach-stay,pendulum,overlap
+LESS := pendulum[without=rewarded],pendulum[without=cuts],overlap[without=rewarded],overlap[without=cuts],\
+	overlap[without=ends]
+PLAIN := pendulum[without=rewarded+cuts],overlap[without=rewarded+cuts+ends]
+alignment: $(VENV)/ready-all
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --upgrade --target build/example plugins/example
+	$(ALIGN) --tasks "$(GRIDS)" --methods raw --agents "best-possible,best-possible[resolution=0.7]"
+	$(ALIGN) --tasks "$(GRIDS)" --methods raw,funnel --agents "planner,planner[gamma=1],planner[resolution=0.7]"
+	$(ALIGN) --tasks "$(LESS)" --methods raw,funnel --agents planner
+	$(ALIGN) --tasks "$(PLAIN)" --methods raw,funnel --agents "planner,planner[gamma=1]"
+	$(ALIGN) --tasks "$(GRIDS)" --methods "funnel[shape=clipped],funnel[shape=normalised],flag,verdict" \
+	--agents "planner,planner[gamma=1]"
+	$(ALIGN) --tasks integrator-or,hold-disc,hold-disc-coarse --methods "funnel[variant=code]" \
+	--agents "planner,planner[gamma=1]"
+	$(BIN)/stlbench report results/reference
+	$(BIN)/stlbench export results/reference --format jsonl
 
 ## What the parts of the recipes are worth, and other agents beside ours; an hour of CPU time. See docs/reproduction.md.
 ABLATION := $(BIN)/stlbench run --results results/ablation

@@ -17,9 +17,11 @@ from stlbench.report.figures.files import file_name, save
 from stlbench.report.figures.margins import robustness_in_time
 from stlbench.report.figures.overview import METHODS_PER_OVERVIEW, overview
 from stlbench.report.figures.palette import pages
+from stlbench.report.figures.planned import PLANS_PER_FIGURE, Plan, planned
 from stlbench.report.figures.report_figures import draw_learning
 from stlbench.report.figures.trajectories import TRACES_PER_PANEL, trajectories
-from stlbench.report.tables.planned import split
+from stlbench.report.tables.alignment import setting_text
+from stlbench.report.tables.planned import RESOLUTION, Maximised, maximised, split
 from stlbench.report.tables.rows import Group, group, row
 from stlbench.result import Result, Setting
 from stlbench.rollout.saved_traces import FOLDER
@@ -51,8 +53,9 @@ class Job:
 def draw(results: Iterable[Result], job: Job) -> list[Path]:
     """Draw all figures of these results, one per cell of a run (`Ledger.results`).
 
-    A task has learning-<task> and, where it names a plane, overview-<task>, both of what was learned; each method,
-    agent and budget has time-<...> and trajectories-<...>, over all seeds.
+    A task has learning-<task> and, where it names a plane, overview-<task>, both of what was learned, and
+    planned-<task> of what was planned; each method, agent and budget has time-<...> and trajectories-<...>, over all
+    seeds.
 
     Returns:
         The files' paths.
@@ -66,11 +69,11 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
     if finished and not (job.run / FOLDER).is_dir():
         job.warn(f"there are no traces in {job.run}; learning curves are all that is drawn")
         finished = []
-    learners = {member.setting for member in split(groups)[0]}
+    learners, planners = {member.setting for member in split(groups)[0]}, maximised(groups)
     paths, count = list[Path](), 0
     try:
         for choice, members in groupby(groups, key=lambda member: member.setting.task):
-            of_task, learned, shown = list(members), list[Group](), list[Array | None]()
+            of_task, learned, shown, plans = list(members), list[Group](), list[Array | None](), list[Plan]()
             paths += draw_learning([member for member in of_task if member.setting in learners], job.out)
             task = _task(choice, job) if any(result.id.task == choice for result in finished) else None
             for member in of_task:
@@ -80,10 +83,13 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
                 if member.setting in learners:
                     learned.append(member)
                     shown.append(None if recording is None else recording.evenly(TRACES_PER_PANEL))
+                elif recording is not None:
+                    plans += _plan(member, recording, planners[member.setting.agent.name])
                 setting = member.setting
                 job.tell(f"[{count}/{len(groups)}] {setting.name} {setting.budget}: {len(files)} files")
                 paths += files
             paths += _draw_overview(task, learned, shown, job)
+            paths += _draw_plans(task, plans, job)
     except OSError as error:
         raise UsageError(f"cannot write the figures: {error}") from error
     return paths
@@ -139,6 +145,31 @@ def _draw_overview(task: Task | None, groups: Sequence[Group], traces: Sequence[
         start += len(page)
         if any(shown is not None for shown in of_page):
             paths += save(overview(task, page, of_page), job.out, file_name("overview", task.name) + end)
+    return paths
+
+
+def _plan(member: Group, recording: Recording, maximised: Maximised) -> list[Plan]:
+    """One plan to draw; none of one at another resolution than the recipe's."""
+    setting = member.setting
+    if RESOLUTION in dict(setting.agent.parameters):
+        return []
+    text = setting_text(Choice(setting.task.name), setting.agent)
+    name = "the formula itself" if maximised == "formula" else f"{setting.method}, {text}"
+    (satisfaction,) = member.values(lambda numbers: numbers.satisfaction)[:1]
+    (robustness,) = member.values(lambda numbers: numbers.robustness_mean)[:1]
+    return [Plan(name, robustness, satisfaction, recording.evenly(TRACES_PER_PANEL))]
+
+
+def _draw_plans(task: Task | None, plans: Sequence[Plan], job: Job) -> list[Path]:
+    """What the formula asks for first, then what rewards do."""
+    if task is None:
+        return []
+    ordered = sorted(plans, key=lambda plan: plan.name != "the formula itself")
+    paths = list[Path]()
+    for start in range(0, len(ordered), PLANS_PER_FIGURE):
+        end = f"_{start // PLANS_PER_FIGURE + 1}" if start else ""
+        figure = planned(task, ordered[start : start + PLANS_PER_FIGURE])
+        paths += save(figure, job.out, file_name("planned", task.name) + end)
     return paths
 
 

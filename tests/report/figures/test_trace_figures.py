@@ -70,7 +70,7 @@ def test_two_figures_per_method_and_two_per_task(run):
 
 def test_what_was_planned_is_drawn_by_itself_and_not_among_what_was_learned(run):
     plan = run.save(synthetic_results.plan("raw"))
-    kinds = files(*(f"{kind}-hold-disc-raw-planner-quick" for kind in ("time", "trajectories")))
+    kinds = files("planned-hold-disc", *(f"{kind}-hold-disc-raw-planner-quick" for kind in ("time", "trajectories")))
     assert run.draw(plan) == kinds
     learned = run.save(synthetic_results.result("funnel"))
     run.draw(learned)
