@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from contextlib import suppress
 from typing import cast
 
-from stlbench.contract import Agent, Intractable, RewardMethod
+from stlbench.contract import Agent, Intractable, RewardMethod, Unsuitable
+from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, choice_of
 from stlbench.task.task import Task
 
-__all__ = ["build_agent", "build_method"]
+__all__ = ["build_agent", "build_method", "fitting_methods"]
 
 
 def build_method(task: Task, choice: Choice | str) -> RewardMethod:
@@ -19,6 +22,15 @@ def build_method(task: Task, choice: Choice | str) -> RewardMethod:
     if method.memory_size > limit:
         raise Intractable(f"needs {method.memory_size} inputs, limit {limit}")
     return method
+
+
+def fitting_methods(task: Task, choices: Iterable[Choice | str] | None = None) -> dict[str, RewardMethod]:
+    """Those of the chosen methods, else of all installed, that can be built for a task, by the text of the choice."""
+    found = dict[str, RewardMethod]()
+    for choice in plugins.available("methods") if choices is None else choices:
+        with suppress(Intractable, Unsuitable, UsageError):
+            found[str(choice)] = build_method(task, choice)
+    return found
 
 
 def build_agent(task: Task, choice: Choice | str) -> Agent:

@@ -72,6 +72,30 @@ def test_what_each_method_makes_of_the_task(say, toy):
     assert "toy-broken" in done.stderr
 
 
+ARRIVALS = """
+from stlbench.contract import RewardMethod
+class One(RewardMethod):
+    more = 0
+    def arrival(self, signals, t): return signals[..., 0] + self.more * t
+class Two(One):
+    more = 0.5
+"""
+
+
+def test_methods_that_pay_for_the_same(say, toy, site):
+    entries = "[stlbench.methods]\ntoy-one = toy_arrivals:One\ntoy-two = toy_arrivals:Two\n"
+    site("toy-arrivals", entries, {"toy_arrivals.py": ARRIVALS})
+    found = json.loads(say("show", "task", "toy-line", "--json").stdout)["equal_rewards"]
+    assert {"one": "toy-one", "other": "toy-two", "constant": None} in found
+    assert all({pair["one"], pair["other"]} == {"toy-one", "toy-two"} for pair in found if "toy" in pair["one"])
+    shown = say("show", "task", "toy-line").stdout
+    assert "Equal rewards: toy-one is toy-two plus a function of time alone." in shown
+    assert "ends early" not in shown
+    path = toy / "toy_plugins/line/task.yaml"
+    path.write_text(path.read_text() + "training: {ends: [{where: x > 2, reward: -1}]}\n")
+    assert "Where a training episode ends early" in say("show", "task", "toy-line").stdout
+
+
 def test_a_task_on_screen(say, toy):
     done = say("show", "task", "toy-line")
     assert done.exit_code == 0

@@ -1,0 +1,135 @@
+"""`stlbench show task`: what a task asks, what its controller gets, what is possible, what methods make of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from stlbench.cli.common import Json, print_json, warn
+from stlbench.cli.completion import names
+from stlbench.cli.show_task_text import print_task
+from stlbench.errors import UsageError
+
+if TYPE_CHECKING:
+    from stlbench.result import Score
+    from stlbench.task.task import Task
+
+
+def task(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="As `stlbench list tasks` says.", autocompletion=names("tasks"))
+    ],
+    as_json: Json = False,
+) -> None:
+    """Show a task: formula, signals, actions, training, budgets, what its controller gets, what methods make of it.
+
+    \b
+    Examples:
+      stlbench show task hold-disc
+      stlbench show task robot-nav --json
+    """
+    from stlbench.registry import plugins
+    from stlbench.task import load_task
+
+    loaded = load_task(name)
+    plugin = plugins.find("tasks", loaded.choice.name)
+    content = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | facts(loaded)
+    if as_json:
+        print_json(content)
+    else:
+        print_task(content)
+
+
+def facts(task: Task) -> dict[str, Any]:
+    """All that is shown, as plain values. Intervals of formulas are in steps."""
+    from stlbench import stl
+    from stlbench.rollout import controller
+    from stlbench.task import fitting_methods
+    from stlbench.task.equal_rewards import equal_rewards
+
+    file = task.file
+    return {
+        "title": file.title,
+        "source": file.source,
+        "notes": " ".join(file.notes.split()),
+        "formula": str(task.formula),
+        "horizon": stl.horizon(task.formula),
+        "steps": file.steps,
+        "sampling_time": file.sampling_time,
+        "hold": file.hold,
+        "starts": file.starts,
+        "controller": _scored(controller.score(task)),
+        "best_possible": None if file.best_possible is None else file.best_possible.model_dump(),
+        "signals": {name: signal.model_dump() for name, signal in file.signals.items()},
+        "terms": _terms(task),
+        "actions": {name: axis.model_dump(exclude_none=True) for name, axis in file.actions.items()},
+        "robots": file.robots,
+        "training": file.training.model_dump(exclude_none=True),
+        "budgets": {name: budget.model_dump() for name, budget in file.budgets.items()},
+        "protocols": {
+            key: {
+                "title": protocol.title,
+                "formula": str(protocol.formula or file.formula),
+                "starts": protocol.starts,
+            }
+            for key, protocol in file.protocols.items()
+        },
+        "own_agent": task.own_agent,
+        "agents": file.agents,
+        "methods": _methods(task),
+        "equal_rewards": [dict(vars(difference)) for difference in equal_rewards(fitting_methods(task))],
+    }
+
+
+def _scored(score: Score | None) -> dict[str, float] | None:
+    """What the hand controller gets from the report's starts, None without one; satisfaction in [0, 1]."""
+    if score is None:
+        return None
+    return {"robustness_mean": score.mean, "robustness_min": score.minimum, "satisfaction": score.satisfaction}
+
+
+def _terms(task: Task) -> list[dict[str, Any]] | str:
+    """The terms of eq. 2 with the range of each rho over the signals' box; why not, where there are none."""
+    from stlbench.contract import Unsuitable
+
+    try:
+        terms = task.specification.terms
+    except Unsuitable as reason:
+        return str(reason)
+    ranges = [task.specification.range(term.psi) for term in terms]
+    return [
+        {"formula": str(term.formula), "rho_min": low, "rho_max": high}
+        for term, (low, high) in zip(terms, ranges, strict=True)
+    ]
+
+
+def _methods(task: Task) -> dict[str, Any]:
+    from stlbench.registry import plugins
+
+    methods = {}
+    for name in plugins.available("methods"):
+        try:
+            methods[name] = _method(task, name)
+        except plugins.PluginError as error:
+            warn(str(error))
+    return methods
+
+
+def _method(task: Task, name: str) -> dict[str, Any]:
+    """What a method with its default parameters makes of the task; status and reason where it does not fit."""
+    from stlbench.contract import Intractable, Unsuitable
+    from stlbench.presentation import Described
+    from stlbench.registry import plugins
+    from stlbench.task import build_method
+
+    try:
+        method = build_method(task, name)
+    except plugins.PluginError:
+        raise
+    except Intractable as reason:
+        return {"status": "intractable", "reason": str(reason)}
+    except (Unsuitable, UsageError) as reason:
+        return {"status": "unsuitable", "reason": str(reason)}
+    described = dict(method.describe()) if isinstance(method, Described) else {}
+    return {"status": "suitable", "inputs_added": method.memory_size, "scale": method.scale} | described

@@ -1,0 +1,82 @@
+"""Whether methods pay for the same: whether their rewards differ, if at all, by a function of time alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from stlbench.contract import Array, RewardMethod
+
+__all__ = ["Difference", "equal_rewards", "same_up_to_time"]
+
+_SAMPLES = 256
+_EXACT = 1e-9
+"""In units of the larger scale of two methods: differences within it count as equal."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The rewards of two methods, of which one is the other plus a function of time."""
+
+    one: str
+    other: str
+    constant: float | None
+    """What the one pays more than the other, where that is the same at all times; None where it changes."""
+
+    def __str__(self) -> str:
+        """ "funnel is raw minus 0.99 at all times"."""
+        if self.constant is None:
+            return f"{self.one} is {self.other} plus a function of time alone"
+        if self.constant == 0:
+            return f"{self.one} is {self.other}"
+        sign = "plus" if self.constant > 0 else "minus"
+        return f"{self.one} is {self.other} {sign} {abs(self.constant):.6g} at all times"
+
+
+def equal_rewards(methods: Mapping[str, RewardMethod]) -> tuple[Difference, ...]:
+    """Those pairs of methods of one task, by name, whose rewards are the same but for a function of time."""
+    found = (same_up_to_time(methods[one], methods[other], (one, other)) for one, other in combinations(methods, 2))
+    return tuple(difference for difference in found if difference is not None)
+
+
+def same_up_to_time(
+    one: RewardMethod, other: RewardMethod, names: tuple[str, str] = ("one", "other")
+) -> Difference | None:
+    """Compare the rewards of two methods, in the unit of the predicates, on random samples at all times.
+
+    Where every episode lasts as long, such methods ask for the same policies, as the sum of a function of time is the
+    same for all. Where training episodes end early, it also pays for ending sooner, or later.
+
+    Args:
+        one: a method for a task.
+        other: a method for the same task.
+        names: of the two.
+
+    Returns:
+        How they differ; None where they differ by more than time, or where one is not a function of samples and time
+        alone (`RewardMethod.arrival`). Samples are drawn evenly from the box of the signals, so what happens in a very
+        small part of it can be missed.
+    """
+    if not (one.paid_on_arrival and other.paid_on_arrival):
+        return None
+    exact = _EXACT * max(one.scale, other.scale)
+    with np.errstate(invalid="ignore"):  # of infinite rewards, which count as different
+        difference = _rewards(one) - _rewards(other)
+    if not (np.ptp(difference, axis=1) <= exact).all():
+        return None
+    if np.ptp(difference) > exact:
+        return Difference(*names, None)
+    constant = float(difference.mean())
+    return Difference(*names, 0.0 if abs(constant) <= exact else constant)
+
+
+def _rewards(method: RewardMethod) -> Array:
+    """At random samples, the same for all methods of a task, and at all times: (T, samples)."""
+    specification, generator = method.specification, np.random.default_rng(0)
+    points = generator.uniform(specification.low, specification.high, (_SAMPLES, len(specification.signals)))
+    t = np.arange(1, specification.steps + 1)
+    shape = len(t), _SAMPLES
+    return method.arrival(np.broadcast_to(points, (*shape, points.shape[1])), np.broadcast_to(t[:, None], shape))
