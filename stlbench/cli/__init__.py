@@ -14,6 +14,7 @@ from stlbench.cli.export import export
 from stlbench.cli.gate import gate
 from stlbench.cli.listing import list_plugins
 from stlbench.cli.monitor import monitor
+from stlbench.cli.plan import plan
 from stlbench.cli.plot import plot
 from stlbench.cli.render import render
 from stlbench.cli.report import report
@@ -32,6 +33,7 @@ app = typer.Typer(
     invoke_without_command=True,
 )
 app.command("run", short_help="Train and score methods on tasks, and compare them.")(run)
+app.command("plan", short_help="What the rewards of a task ask for, by planning, without training.")(plan)
 app.command("list")(list_plugins)
 app.add_typer(show, name="show")
 app.command("export", short_help="Write results for other programs.")(export)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Container, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,8 +14,8 @@ from stlbench.cli.options import Jobs
 from stlbench.cli.report import show_report
 
 if TYPE_CHECKING:
-    from stlbench.study.results import Results
-    from stlbench.study.study import Study
+    from stlbench.result import CellId
+    from stlbench.study.plan import Cell
 
 
 DEFAULTS = {"tasks": "hold-disc", "methods": "funnel,flag"}
@@ -103,31 +105,35 @@ def run(
     }
     said = {name: value for name, value in options.items() if value is not None}
     described = Study.of(said, study) if study else Study.of(DEFAULTS | said)
+    with interruptible(described.cells, described.results), Progress() as progress:
+        ended = run_study(described, progress=progress)
+    report_cells({result.id for result in ended}, ended.folder)
+
+
+@contextmanager
+def interruptible(cells: Callable[[], Sequence[Cell]], folder: Path) -> Iterator[None]:
+    """Where someone interrupts what runs these cells, say how many of them are recorded, and exit with code 130."""
     try:
-        with Progress() as progress:
-            ended = run_study(described, progress=progress)
+        yield
     except KeyboardInterrupt:
-        typer.echo(f"interrupted: {_recorded(described)}; say the same command again to go on", err=True)
+        from stlbench.study.ledger import FILE, Ledger
+
+        planned = cells()
+        with Ledger(folder / FILE) as ledger:
+            count = len(ledger.finished(cell.key for cell in planned))
+        said = f"{count} of {len(planned)} cells are recorded in {folder}/"
+        typer.echo(f"interrupted: {said}; say the same command again to go on", err=True)
         raise typer.Exit(130) from None
-    _report(ended)
 
 
-def _recorded(study: Study) -> str:
-    from stlbench.study.ledger import FILE, Ledger
-
-    cells = study.cells()
-    with Ledger(study.results / FILE) as ledger:
-        count = len(ledger.finished(cell.key for cell in cells))
-    return f"{count} of {len(cells)} cells are recorded in {study.results}/"
-
-
-def _report(ended: Results) -> None:
-    """Write the tables of all cells in the folder, show those that have ended now, and exit."""
+def report_cells(cells: Container[CellId], folder: Path) -> None:
+    """Write the tables of all cells in the folder and show those of some; exit with code 1 if one had an accident."""
     from stlbench.report import condense, only
     from stlbench.result import ACCIDENTS
     from stlbench.study import stored
 
-    recorded = condense(stored.read(ended.folder), stored.missing(ended.folder))
-    show_report(only(recorded, {result.id for result in ended}), recorded, ended.folder)
-    if any(result.status in ACCIDENTS for result in ended):
+    recorded = condense(stored.read(folder), stored.missing(folder))
+    shown = only(recorded, cells)
+    show_report(shown, recorded, folder)
+    if any(row.status in ACCIDENTS for group in shown for row in group.rows):
         raise typer.Exit(1)

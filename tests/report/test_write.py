@@ -82,7 +82,7 @@ def test_what_was_planned_has_a_table_and_a_figure_of_its_own(tmp_path):
         formula, flag = csv.DictReader(file)
     assert list(flag) == [
         *("task", "method", "setting", "best_possible", "reward_optimal", "satisfied", "grid_value", "selected"),
-        *("final", "seeds", "reward_loses", "learner_loses", "disagreement", "remarks"),
+        *("final", "seeds", "reward_loses", "learner_loses", "resolution", "disagreement", "remarks"),
     ]
     assert (formula["method"], formula["best_possible"], formula["reward_optimal"]) == ("(formula)", "0.6", "")
     assert (flag["reward_optimal"], flag["selected"], flag["seeds"], flag["grid_value"]) == ("0.35", "0.35", "2", "2.0")

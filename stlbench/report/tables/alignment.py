@@ -47,6 +47,8 @@ class Aligned:
     final: float | None = None
     seeds: int | None = None
     """How many of them there are."""
+    resolution: float = 1.0
+    """How fine the grid of the plan is."""
     disagreement: float | None = None
     """The largest difference between what plans of several resolutions reached."""
     remarks: str | None = None
@@ -104,11 +106,15 @@ def _own(agent: Choice) -> tuple[tuple[str, str], ...]:
 
 def _fineness(group: Group) -> tuple[bool, float]:
     """First the plan at the default resolution, then the finest."""
-    text = dict(group.setting.agent.parameters).get(RESOLUTION)
+    return RESOLUTION in dict(group.setting.agent.parameters), -_resolution(group)
+
+
+def _resolution(group: Group) -> float:
+    """1 where nothing is said; NaN where it is no number, so that no plan was made."""
     try:
-        return text is not None, -float(text or 1)
+        return float(dict(group.setting.agent.parameters).get(RESOLUTION, 1))
     except ValueError:
-        return True, math.inf
+        return math.nan
 
 
 def _own_agent(standard: Standard | None) -> str | None:
@@ -137,6 +143,7 @@ def _row(
         selected=None if taught is None else reached(taught),
         final=None if taught is None else _mean(taught.values(lambda numbers: numbers.final_robustness_mean)),
         seeds=None if taught is None else len(taught.done),
+        resolution=_resolution(plan),
         disagreement=disagreement,
         remarks=_remarks(several, _coarse(disagreement, possible)),
     )
@@ -190,6 +197,7 @@ def alignment_table(rows: Iterable[Aligned]) -> Table:
         Column("seeds", drop=3),
         Column("reward_loses", "reward loses", digits=3),
         Column("learner_loses", "learner loses", digits=3),
+        Column("resolution", drop=5),
         Column("disagreement", "disagree", digits=3, drop=1),
         Column("remarks", right=False, below=True),
     )

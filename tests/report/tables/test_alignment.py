@@ -117,11 +117,11 @@ class TestResolutions:
             overlap("raw", "planner[resolution=0.5]", 0.20),
             overlap("raw", "planner[resolution=2]", 0.37),
         )
-        assert (row.reward_optimal, row.disagreement) == (0.30, pytest.approx(0.17))
+        assert (row.reward_optimal, row.disagreement, row.resolution) == (0.30, pytest.approx(0.17), 1)
 
     def test_without_a_default_the_finest_is_the_row(self) -> None:
         cells = [overlap("raw", f"planner[resolution={at}]", reached) for at, reached in ((0.5, 1), (10, 3), (2, 2))]
-        assert one(*cells).reward_optimal == 3
+        assert (one(*cells).reward_optimal, one(*cells).resolution) == (3, 10)
 
     def test_a_failed_default_gives_its_place_to_another_and_is_told_of(self) -> None:
         row = one(overlap(status="timeout", reason="late"), overlap("raw", "planner[resolution=0.5]", 0.2))

@@ -209,9 +209,9 @@ def test_what_was_planned_is_in_the_table_of_alignment_alone():
     assert titles["Overview"] == plain[0]
     assert titles["Time"] == plain[2]
     assert [row[:-1] for row in titles["Alignment"].rows] == [
-        ("hold-disc", "(formula)", "recipe", 0.35, None, 1.0, 1.0, *(None,) * 6),
-        ("hold-disc", "funnel", "recipe", 0.35, 0.35, 1.0, 1.0, 0.35, 0.35, 2, 0.0, 0.0, None),
-        ("third", "funnel", "recipe", None, 0.35, 1.0, 1.0, *(None,) * 6),
+        ("hold-disc", "(formula)", "recipe", 0.35, None, 1.0, 1.0, *(None,) * 5, 1.0, None),
+        ("hold-disc", "funnel", "recipe", 0.35, 0.35, 1.0, 1.0, 0.35, 0.35, 2, 0.0, 0.0, 1.0, None),
+        ("third", "funnel", "recipe", None, 0.35, 1.0, 1.0, *(None,) * 5, 1.0, None),
     ]
 
 

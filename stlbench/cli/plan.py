@@ -1,0 +1,91 @@
+"""`stlbench plan`: what the rewards of a task ask for, by planning, before anything is trained."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stlbench.cli.completion import names
+from stlbench.cli.options import Executor, Jobs
+from stlbench.cli.options import names as choices
+from stlbench.cli.run import interruptible, report_cells
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from stlbench.registry.choices import Choice
+    from stlbench.result import CellId
+
+
+def plan(
+    task: Annotated[
+        str, typer.Argument(metavar="TASK", help="As `stlbench list tasks` says.", autocompletion=names("tasks"))
+    ],
+    methods: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LIST",
+            help="Reward methods, a comma list; parameters in brackets.",
+            show_default="all that fit",
+            autocompletion=names("methods"),
+        ),
+    ] = None,
+    settings: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LIST",
+            help="Settings, a comma list: 'recipe', 'gamma=1', 'without=cuts+ends gamma=1'.",
+            show_default="recipe, gamma=1, without each of cuts, ends, rewarded",
+        ),
+    ] = None,
+    resolution: Annotated[
+        float | None,
+        typer.Option(metavar="X", help="Factor on the points of the grid, per axis.", show_default="1"),
+    ] = None,
+    jobs: Jobs = None,
+    results: Annotated[Path, typer.Option(metavar="DIR", help="Folder of ledger, traces, tables.")] = Path(
+        "results/plan"
+    ),
+    executor: Executor = "local",
+    retry: Annotated[
+        bool, typer.Option("--retry", help="Run cells again that raised, timed out or were killed.")
+    ] = False,
+) -> None:
+    """Say what the rewards of a task ask for: plan for them, and for the formula itself, without training.
+
+    For each method and setting, the policy that is best by the reward is computed on a grid of the state and scored as
+    any policy is. The table Alignment compares it with the best possible. A coarse grid (--resolution 0.6) takes about
+    a minute for a method without memory. The same command again runs only what is missing.
+
+    \b
+    Examples:
+      stlbench plan overlap --methods raw,funnel --resolution 0.6
+      stlbench plan hold-disc --settings "recipe,gamma=1,without=cuts gamma=1"
+    """
+    from stlbench.cli.progress import Progress
+    from stlbench.registry.choices import choice_of
+    from stlbench.study.alignment import parse_settings, plan_alignment
+    from stlbench.study.run import build_executor, run_cells
+
+    chosen, said = choices(methods), None if settings is None else parse_settings(settings)
+    cells = plan_alignment(choice_of(task), chosen, said, resolution)
+    with interruptible(lambda: cells, results), Progress() as progress:
+        run_cells(cells, results, build_executor(executor, jobs), retry=retry, progress=progress)
+    _say_equal([cell.id for cell in cells], chosen)
+    report_cells({cell.id for cell in cells}, results)
+
+
+def _say_equal(cells: Sequence[CellId], methods: Sequence[Choice] | None) -> None:
+    """Which of the methods pay for the same on the task, and on those of its ablations that reward another form."""
+    from stlbench.task import fitting_methods, load_task
+    from stlbench.task.equal_rewards import equal_rewards
+
+    seen = set[object]()
+    for task in dict.fromkeys(cell.task for cell in cells):
+        loaded = load_task(task)
+        if loaded.specification.formula not in seen:
+            seen.add(loaded.specification.formula)
+            for difference in equal_rewards(fitting_methods(loaded, methods)):
+                typer.echo(f"{task}: {difference}")

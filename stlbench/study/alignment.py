@@ -1,0 +1,131 @@
+"""The cells that say what a reward asks for: plans for it in several settings, and for the formula itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+from stlbench.errors import UsageError
+from stlbench.registry import plugins
+from stlbench.registry.choices import Choice, parse_choice
+from stlbench.study.plan import Cell, plan_cells
+from stlbench.task import fitting_methods, load_task
+from stlbench.task.task import Task
+
+__all__ = ["PlanSetting", "default_settings", "parse_settings", "plan_alignment"]
+
+_RECIPE = "recipe"
+_LEFT_OUT = ("cuts", "ends", "rewarded")
+"""Parts of a task that change what a plan is for, each left out once where nothing else is said."""
+_BUDGET = "quick"
+"""A plan takes no environment steps; a cell has to have a budget."""
+
+
+@dataclass(frozen=True)
+class PlanSetting:
+    """What is planned for beside task and method."""
+
+    without: str = ""
+    """Parts of the task that are left out, joined by +."""
+    parameters: tuple[tuple[str, str], ...] = ()
+    """Of the agent, in place of those of the task's recipe."""
+
+    @property
+    def apart(self) -> bool:
+        """Whether actions are not held, so that what is possible is another."""
+        return "hold" in self.without.split("+")
+
+
+def parse_settings(text: str) -> tuple[PlanSetting, ...]:
+    """A comma list, "recipe,gamma=1,without=cuts+ends gamma=1"; a space joins what makes one setting.
+
+    Raises:
+        UsageError: with the item that is no setting.
+    """
+    return tuple(dict.fromkeys(_setting(item) for item in text.split(",")))
+
+
+def _setting(item: str) -> PlanSetting:
+    words = item.split()
+    if words == [_RECIPE]:
+        return PlanSetting()
+    try:
+        parameters = dict(parse_choice(f"{_RECIPE}[{','.join(words)}]").parameters)
+    except UsageError:
+        parameters = {}
+    if not parameters:
+        rule = "recipe, without=PART+PART or PARAMETER=VALUE of an agent that plans, or several joined by spaces"
+        raise UsageError(f"settings: '{item.strip()}' is none; one is {rule}")
+    return PlanSetting(parameters.pop("without", ""), tuple(parameters.items()))
+
+
+def default_settings(task: Choice) -> tuple[PlanSetting, ...]:
+    """The recipe; a discount of 1; and the task without its cuts, its ends, its rewarded form, each where it has them.
+
+    Raises `UsageError` where there is no such task.
+    """
+    file, found = load_task(task).file, [PlanSetting()]
+    if all("gamma" in plugins.parameters(plugins.find("agents", name)) for name in _planners("reward")):
+        found.append(PlanSetting(parameters=(("gamma", "1"),)))
+    for part in _LEFT_OUT:
+        with suppress(ValueError):
+            file.without(part)
+            found.append(PlanSetting(part))
+    return tuple(found)
+
+
+def plan_alignment(
+    task: Choice,
+    methods: Sequence[Choice] | None = None,
+    settings: Sequence[PlanSetting] | None = None,
+    resolution: float | None = None,
+) -> tuple[Cell, ...]:
+    """The cells of a task: every method in every setting, after the formula itself.
+
+    Args:
+        task: as such; what it is to do without is in the settings.
+        methods: all that are installed and fit, where left out.
+        settings: `default_settings` where left out.
+        resolution: how fine the grids are; as the agents' parameter `resolution`.
+
+    Raises:
+        UsageError: no such task, method or part, or no agent is installed that plans for a reward.
+    """
+    if task.parameters:
+        raise UsageError(f"{task}: name the task alone, and what it is to do without as a setting")
+    loaded = load_task(task)
+    fit = tuple(map(Choice, fitting_methods(loaded)))
+    chosen = fit if methods is None else tuple(methods)
+    if not chosen:
+        raise UsageError(f"no installed method fits task {task}")
+    fineness = {} if resolution is None else {"resolution": f"{resolution:g}"}
+    settings = default_settings(task) if settings is None else tuple(settings)
+    planners, formula = _planners("reward"), _planners("formula")
+    if not planners:
+        raise UsageError("no agent is installed that plans for a reward")
+    budget = _budget(loaded)
+    cells = list[Cell]()
+    for without in dict.fromkeys("hold" if setting.apart else "" for setting in settings):
+        agents = [Choice(name, tuple(fineness.items())) for name in formula]
+        if agents:
+            cells += plan_cells([_without(task, without)], (fit or chosen)[:1], agents, [0], budget)
+    for setting in settings:
+        parameters = tuple((fineness | dict(setting.parameters)).items())
+        agents = [Choice(name, parameters) for name in planners]
+        cells += plan_cells([_without(task, setting.without)], chosen, agents, [0], budget)
+    return tuple({cell.key: cell for cell in cells}.values())
+
+
+def _planners(maximise: str) -> list[str]:
+    """The installed agents that plan for it."""
+    kinds, _ = plugins.loadable("agents")
+    return [name for name, kind in kinds.items() if getattr(kind, "plans", None) == maximise]
+
+
+def _without(task: Choice, parts: str) -> Choice:
+    return Choice(task.name, (("without", parts),) if parts else ())
+
+
+def _budget(task: Task) -> str:
+    return _BUDGET if _BUDGET in task.file.budgets else next(iter(task.file.budgets))
