@@ -28,8 +28,10 @@ _INDEX = ir.IntType(64)
 class Kernel:
     """What the functions below have in common: LLVM's types for one kind of number, and loads and stores of vectors."""
 
-    def __init__(self, context: Any, builder: ir.IRBuilder, number: types.Float, size: int) -> None:
-        """Args: `size` of a vector in bytes."""
+    def __init__(
+        self, context: Any, builder: ir.IRBuilder, number: types.Float, size: int, columns: ir.Value | None = None
+    ) -> None:
+        """Args: `size` of a vector in bytes; `columns`, where given, the numbers of it that are there in memory."""
         self.builder, self.context = builder, context
         self.bytes = number.bitwidth // 8
         self.lanes = size // self.bytes
@@ -38,6 +40,7 @@ class Kernel:
         name = f"llvm.fmuladd.v{self.lanes}f{number.bitwidth}"
         kind = ir.FunctionType(self.vector, [self.vector] * 3)
         self._fused = cgutils.get_or_insert_function(builder.module, kind, name)
+        self._there = None if columns is None else self._first(columns)
 
     def place(self, array: Any, kind: types.Array, entry: ir.Value) -> ir.Value:
         """Where an entry of an array is, in bytes."""
@@ -50,13 +53,37 @@ class Kernel:
     def moved(self, place: ir.Value, distance: ir.Value) -> ir.Value:
         return self.builder.gep(place, [distance])
 
+    def _first(self, columns: ir.Value) -> ir.Value:
+        """Which numbers of a vector are the first so many."""
+        kind = ir.VectorType(_INDEX, self.lanes)
+        undefined, everywhere = (
+            ir.Constant(kind, ir.Undefined),
+            ir.Constant(ir.VectorType(ir.IntType(32), self.lanes), [0] * self.lanes),
+        )
+        count = self.builder.insert_element(undefined, columns, ir.IntType(32)(0))
+        count = self.builder.shuffle_vector(count, undefined, everywhere)
+        return self.builder.icmp_signed("<", ir.Constant(kind, list(range(self.lanes))), count)
+
     def load(self, place: ir.Value, kind: ir.Type) -> ir.Value:
+        if self._there is not None and kind is self.vector:
+            return self._masked("load", self.vector, [place, self._there, self.zero])
         loaded = self.builder.load(self.builder.bitcast(place, kind.as_pointer()))
         loaded.align = self.bytes
         return loaded
 
     def store(self, vector: ir.Value, place: ir.Value) -> None:
+        if self._there is not None:
+            self._masked("store", ir.VoidType(), [vector, place, self._there])
+            return
         self.builder.store(vector, self.builder.bitcast(place, self.vector.as_pointer())).align = self.bytes
+
+    def _masked(self, what: str, result: ir.Type, args: list[ir.Value]) -> ir.Value:
+        """Load or store the numbers that are there."""
+        place = 1 + (what == "store")
+        args = [*args[:place], ir.IntType(32)(self.bytes), *args[place:]]
+        kind = ir.FunctionType(result, [arg.type for arg in args])
+        name = f"llvm.masked.{what}.v{self.lanes}f{8 * self.bytes}.p0"
+        return self.builder.call(cgutils.get_or_insert_function(self.builder.module, kind, name), args)
 
     def spread(self, number: ir.Value) -> ir.Value:
         """A vector of nothing but this number."""
@@ -65,7 +92,9 @@ class Kernel:
         return self.builder.shuffle_vector(self.builder.insert_element(undefined, number, first), undefined, everywhere)
 
     def fused(self, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
-        """a b + c."""
+        """a b + c; rounded twice where not all numbers are there."""
+        if self._there is not None:
+            return self.builder.fadd(c, self.builder.fmul(a, b))
         return self.builder.call(self._fused, [a, b, c])
 
     @property
@@ -73,8 +102,11 @@ class Kernel:
         return ir.Constant(self.vector, [0.0] * self.lanes)
 
 
-def block_of(tall: int, vectors: int) -> Any:
-    """A function that computes the block of results of so many rows, and vectors of columns, at (i, j)."""
+def block_of(tall: int, vectors: int, narrow: bool = False) -> Any:
+    """A function that computes the block of results of so many rows, and vectors of columns, at (i, j).
+
+    With `narrow` there are fewer columns than a vector has numbers.
+    """
 
     @intrinsic
     def block(_: Any, a: Any, b: Any, bias: Any, least: Any, out: Any, i: Any, j: Any) -> Any:
@@ -83,8 +115,8 @@ def block_of(tall: int, vectors: int) -> Any:
         def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
             builder.function.attributes.add("noinline")  # of `product`: copies would only take time to compile
             kinds = [kind.types[0] for kind in (a, b, bias, out)]
-            kernel = Kernel(context, builder, kinds[0].dtype, BYTES)
             parts = [cgutils.unpack_tuple(builder, args[place]) for place in (0, 1, 2, 4)]
+            kernel = Kernel(context, builder, kinds[0].dtype, BYTES, parts[3][3] if narrow else None)
             (a_values, a_at, _, inner, a_row, a_step), (b_values, b_at, *_, b_row, _) = parts[:2]
             (bias_values, bias_at, bias_rows, *_), (out_values, out_at, *_, out_row, _) = parts[2:]
             i, j = args[5:]

@@ -20,6 +20,7 @@ Floats = NDArray[Any]
 
 _block, _row = block_of(TALL, 2), block_of(1, 2)
 _column, _cell = block_of(TALL, 1), block_of(1, 1)
+_narrow, _short = block_of(TALL, 1, narrow=True), block_of(1, 1, narrow=True)
 
 
 class Matrix(NamedTuple):
@@ -58,7 +59,12 @@ def product(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> No
     """
     width = BYTES // a.values.itemsize
     if b.columns < width:
-        _by_entries(a, b, bias, least, out)
+        if out.rows < TALL:
+            for i in range(out.rows):
+                _short(a, b, bias, least, out, i, 0)
+        else:
+            for i in range(0, out.rows, TALL):
+                _narrow(a, b, bias, least, out, min(i, out.rows - TALL), 0)
     elif b.columns < 2 * width:
         for j in range(0, b.columns, width):
             left = min(j, b.columns - width)  # the last block overlaps the one before, and writes the same again
@@ -77,17 +83,6 @@ def product(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> No
             else:
                 for i in range(0, out.rows, TALL):
                     _block(a, b, bias, least, out, min(i, out.rows - TALL), left)
-
-
-@inlined()
-def _by_entries(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> None:
-    """For fewer columns than a vector has."""
-    for i in range(out.rows):
-        for j in range(out.columns):
-            total = bias.values[bias.at + j] if bias.rows else a.values.dtype.type(0)
-            for k in range(a.columns):
-                total += a.values[a.at + i * a.row + k * a.step] * b.values[b.at + k * b.row + j]
-            out.values[out.at + i * out.row + j] = max(a.values.dtype.type(least), total)
 
 
 @compiled()
