@@ -201,10 +201,13 @@ class Referee:
         return np.concatenate(satisfied).reshape(shape), np.concatenate(robustness).reshape(shape)
 
     def assess(self, policy: Policy | StatePolicy) -> Assessment:
-        """Every protocol's score, from the report's starts."""
-        scores, traces, visited = {}, {}, list[Array]()
-        for name, evaluation in self._protocols.items():
-            states = visited if name == MAIN else None
-            traces[name] = record(self.task, self.method, policy, evaluation.states, states)
-            scores[name] = score(evaluation.formula, traces[name], self.task.signals)
-        return Assessment(scores, traces[MAIN], np.stack(visited, axis=1))
+        """Every protocol's score, from the report's starts; all of them are simulated side by side."""
+        visited, evaluations = list[Array](), self._protocols.values()
+        counts = np.cumsum([len(evaluation.states) for evaluation in evaluations])
+        states = np.concatenate([evaluation.states for evaluation in evaluations])
+        traces = np.split(record(self.task, self.method, policy, states, visited), counts[:-1])
+        scores = {
+            name: score(evaluation.formula, part, self.task.signals)
+            for (name, evaluation), part in zip(self._protocols.items(), traces, strict=True)
+        }
+        return Assessment(scores, traces[0], np.stack(visited, axis=1)[: counts[0]])
