@@ -9,11 +9,11 @@ from stlbench_agents.planning.axes import Axis
 from stlbench_agents.planning.grid import Floats, Grid, Places
 from stlbench_agents.planning.kernels import mean_rewards
 from stlbench_agents.planning.memories import Memories
-from stlbench_agents.planning.moves import ActionSet, moves
+from stlbench_agents.planning.moves import ActionSet
 
 __all__ = ["Arrivals"]
 
-_CELLS = 300_000
+_CELLS = 150_000
 """About the most points of the grid of signals."""
 
 
@@ -25,13 +25,15 @@ class Arrivals:
         self._model, self._actions = model, actions
         samples = np.empty((len(actions), grid.size, model.hold), np.int32)
         self._signals = _signal_grid(model, grid)
-        weights = np.empty((*samples.shape, len(self._signals.axes)), np.float32)
-        for a, (_, signals) in enumerate(moves(model, grid, actions)):
-            samples[a], weights[a] = self._signals.places(signals[1:].transpose(1, 0, 2), clip=True)
-        self._samples = Places(samples, weights)
+        self._samples = Places(samples, np.empty((*samples.shape, len(self._signals.axes)), np.float32))
         self._tables: Floats = np.empty(0)
         self._rewards = np.empty((len(actions), 1, grid.size), np.float32)
         self._memory = np.empty((0, 0, 0), np.int32)
+
+    def see(self, action: int, samples: Array) -> None:
+        """Note the places of samples (H + 1, S, k)."""
+        places = self._signals.places(samples[1:].transpose(1, 0, 2), clip=True)
+        self._samples.at[action], self._samples.weights[action] = places
 
     def at(self, decision: int) -> tuple[Floats, Floats]:
         """Rewards (A, 1, S) over the method's scale; no next memories."""

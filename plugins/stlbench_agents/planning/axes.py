@@ -91,12 +91,17 @@ class Axis:
 
 
 def _gathered(recipe: AxisRecipe, points: int) -> Array:
-    """Points whose density is `density` at the values in `near` and falls to 1 over `width` around them."""
+    """Points whose density is `density` at the values in `near`, which are among them, and falls to 1 over `width`."""
     fine = np.linspace(recipe.low, recipe.high, 20_001)
     away = np.abs(fine[:, None] - recipe.near).min(axis=1) / recipe.width
     density = 1 + (recipe.density - 1) / (1 + away**4)
     share = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2)])
-    return np.interp(np.linspace(0, share[-1], points), share, fine)
+    found = np.interp(np.linspace(0, share[-1], points), share, fine)
+    for value in recipe.near:
+        inner = found[1:-1]
+        if found[1] <= value <= found[-2]:
+            inner[np.abs(inner - value).argmin()] = value
+    return found
 
 
 def axes_of(model: Model, grid: Mapping[str, AxisRecipe], resolution: float) -> tuple[Axis, ...]:

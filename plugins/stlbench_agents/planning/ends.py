@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stlbench.contract import Model
+from stlbench.contract import Array, Model
 from stlbench_agents.planning.grid import Floats, Grid
-from stlbench_agents.planning.moves import ActionSet, moves
+from stlbench_agents.planning.moves import ActionSet
 
 __all__ = ["Ends", "forever"]
 
@@ -23,10 +23,12 @@ class Ends:
         self._model, self._gamma = model, gamma
         shape = len(model.ends), len(actions), grid.size, model.hold
         self._over = np.empty(shape, np.bool_)
-        for a, (_, samples) in enumerate(moves(model, grid, actions) if model.ends else ()):
-            for i, end in enumerate(model.ends):
-                self._over[i, a] = end.over(samples[1:]).T
         self._pattern, self._values = b"", np.empty((0, 0), np.float32)
+
+    def see(self, action: int, samples: Array) -> None:
+        """Note at which of the samples (H + 1, S, k) an episode may end."""
+        for i, end in enumerate(self._model.ends):
+            self._over[i, action] = end.over(samples[1:]).T
 
     def at(self, decision: int) -> Floats:
         """The whole return (A, S) of decisions that end the episode, NaN for others; empty where none does."""

@@ -11,7 +11,7 @@ from stlbench import stl
 from stlbench.contract import Array, Integers, Model, StatePolicy, Unsuitable
 from stlbench_agents.planning.grid import Floats, Grid
 from stlbench_agents.planning.kernels import extremes, reach_best
-from stlbench_agents.planning.moves import ActionSet, held, moves, next_places
+from stlbench_agents.planning.moves import ActionSet, held, sweep
 from stlbench_agents.planning.stages import Part, Stages
 
 __all__ = ["MaximinPolicy", "plan"]
@@ -104,7 +104,8 @@ def plan(model: Model, grid: Grid, actions: ActionSet) -> MaximinPolicy:
         Unsuitable: the formula is outside the fragment of eq. 2 (see `stlbench.stl.fragment`).
     """
     stages = Stages(_terms(model), model.hold)
-    tables, next_ = _Margins(model, grid, actions, stages), next_places(model, grid, actions)
+    tables = _Margins(model, grid, actions, stages)
+    next_ = sweep(model, grid, actions, (tables.see,))
     decisions, most = model.steps // model.hold, tables.most
     later = np.full((decisions + 1, stages.count, grid.size), -most, np.float32)
     later[decisions, stages.over] = most
@@ -144,11 +145,18 @@ class _Margins:
         terms = stages.terms
         self.shape = len(actions), grid.size
         self._margins = np.empty((len(terms), *self.shape, model.hold), np.float32)
-        for a, (_, samples) in enumerate(moves(model, grid, actions)):
-            for i, term in enumerate(terms):
-                self._margins[i, a] = _margin(model, term)(samples[1:]).T
-        self.most = 1.5 * float(np.abs(self._margins).max())
+        self._values = [_margin(model, term) for term in terms]
         self._kept = dict[Part, Floats]()
+
+    def see(self, action: int, samples: Array) -> None:
+        """Note the margins of samples (H + 1, S, k)."""
+        for i, margin in enumerate(self._values):
+            self._margins[i, action] = margin(samples[1:]).T
+
+    @property
+    def most(self) -> float:
+        """More than any margin."""
+        return 1.5 * float(max(self._margins.max(), -self._margins.min()))
 
     def at(self, part: Part) -> Floats:
         """What a term contributes, (A, S)."""

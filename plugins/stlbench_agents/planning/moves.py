@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,9 @@ import numpy as np
 from stlbench.contract import ActionGrid, Actions, Array, Integers, Model
 from stlbench_agents.planning.grid import Grid, Places
 
-__all__ = ["ActionSet", "held", "moves"]
+__all__ = ["ActionSet", "held", "sweep"]
+
+See = Callable[[int, Array], None]
 
 
 @dataclass(frozen=True)
@@ -66,13 +68,17 @@ def held(model: Model, states: Array, vectors: Array) -> tuple[Array, Array]:
     return path, model.system.signals(path)
 
 
-def moves(model: Model, grid: Grid, actions: ActionSet) -> Iterator[tuple[Array, Array]]:
-    """For each action, from all states of the grid: `held`, one action at a time."""
-    for vector in actions.vectors:
-        yield held(model, grid.points, np.tile(vector, (grid.size, 1)))
+def sweep(model: Model, grid: Grid, actions: ActionSet, see: Iterable[See] = ()) -> Places:
+    """Hold each action from all states of the grid, once; where each leads on the grid: (A, S).
 
-
-def next_places(model: Model, grid: Grid, actions: ActionSet) -> Places:
-    """Where each action leads on the grid: (A, S)."""
-    found = [grid.places(path[-1]) for path, _ in moves(model, grid, actions)]
-    return Places(np.stack([places.at for places in found]), np.stack([places.weights for places in found]))
+    Each of `see` is called with the action's number and the signals (H + 1, S, k).
+    """
+    lookers = tuple(see)
+    at = np.empty((len(actions), grid.size), np.int32)
+    weights = np.empty((*at.shape, len(grid.axes)), np.float32)
+    for a, vector in enumerate(actions.vectors):
+        path, samples = held(model, grid.points, np.tile(vector, (grid.size, 1)))
+        at[a], weights[a] = grid.places(path[-1])
+        for look in lookers:
+            look(a, samples)
+    return Places(at, weights)

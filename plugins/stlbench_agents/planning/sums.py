@@ -13,7 +13,7 @@ from stlbench_agents.planning.ends import Ends, forever
 from stlbench_agents.planning.grid import Floats, Grid, Places
 from stlbench_agents.planning.kernels import pay_best
 from stlbench_agents.planning.memories import Memories
-from stlbench_agents.planning.moves import ActionSet, held, next_places
+from stlbench_agents.planning.moves import ActionSet, held, sweep
 from stlbench_agents.planning.transitions import Transitions
 
 __all__ = ["LOST", "SumPolicy", "plan"]
@@ -93,7 +93,8 @@ def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float) -> SumPolic
         Unsuitable: the method's memory takes too many values.
     """
     rewards = (Arrivals if model.method.paid_on_arrival else Transitions)(model, grid, actions)
-    ends, next_ = Ends(model, grid, actions, gamma), next_places(model, grid, actions)
+    ends = Ends(model, grid, actions, gamma)
+    next_ = sweep(model, grid, actions, (rewards.see, ends.see))
     decisions = model.steps // model.hold
     later = np.zeros((decisions, len(rewards.memories), grid.size), np.float32)
     shift, moved = np.zeros(decisions), 0.0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stlbench.contract import Array, Model
 from stlbench_agents.planning.grid import Floats, Grid
 from stlbench_agents.planning.memories import Memories
-from stlbench_agents.planning.moves import ActionSet, held, moves
+from stlbench_agents.planning.moves import ActionSet, held
 
 __all__ = ["Transitions"]
 
@@ -34,6 +34,9 @@ class Transitions:
         self.memories = Memories.of(model, states, actions)
         self._kinds = dict[bytes, tuple[Floats, NDArray[np.int32]]]()
 
+    def see(self, action: int, samples: Array) -> None:
+        """Nothing: rewards are asked for when they are known to differ."""
+
     def at(self, decision: int) -> tuple[Floats, NDArray[np.int32]]:
         """Rewards (A, M, S) over the method's scale, and the numbers of the next memories (A, M, S)."""
         paid, then = self._pay(self._probes, self._chosen, decision)
@@ -47,8 +50,9 @@ class Transitions:
     def _all(self, decision: int) -> tuple[Floats, NDArray[np.int32]]:
         shape = len(self._actions), len(self.memories), self._grid.size
         paid, then = np.empty(shape, np.float32), np.empty(shape, np.int32)
-        for a, (_, samples) in enumerate(moves(self._model, self._grid, self._actions)):
-            vectors = np.tile(self._actions.vectors[a], (self._grid.size, 1))
+        for a, vector in enumerate(self._actions.vectors):
+            vectors = np.tile(vector, (self._grid.size, 1))
+            _, samples = held(self._model, self._grid.points, vectors)
             paid[a], then[a] = self._pay(samples, vectors, decision)
         return paid, then
 
