@@ -18,7 +18,8 @@ __all__ = ["Matrix", "inner_product", "inner_products", "matrix", "product", "tr
 
 Floats = NDArray[Any]
 
-_block, _row = block_of(TALL, 2), block_of(1, 2)
+_LOW = TALL // 2
+_block, _low, _row = block_of(TALL, 2), block_of(_LOW, 2), block_of(1, 2)
 _column, _cell = block_of(TALL, 1), block_of(1, 1)
 _narrow, _short = block_of(TALL, 1, narrow=True), block_of(1, 1, narrow=True)
 
@@ -77,9 +78,12 @@ def product(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> No
     else:
         for j in range(0, b.columns, 2 * width):
             left = min(j, b.columns - 2 * width)
-            if out.rows < TALL:
+            if out.rows < _LOW:
                 for i in range(out.rows):
                     _row(a, b, bias, least, out, i, left)
+            elif out.rows < TALL:
+                for i in range(0, out.rows, _LOW):
+                    _low(a, b, bias, least, out, min(i, out.rows - _LOW), left)
             else:
                 for i in range(0, out.rows, TALL):
                     _block(a, b, bias, least, out, min(i, out.rows - TALL), left)
