@@ -11,7 +11,10 @@ from stlbench_agents.planning.kernels import mean_rewards
 from stlbench_agents.planning.memories import Memories
 from stlbench_agents.planning.moves import ActionSet
 
-__all__ = ["Arrivals"]
+__all__ = ["MOST_SIGNALS", "Arrivals", "refuse_nan"]
+
+MOST_SIGNALS = 4
+"""The most dimensions of a grid, and so of one of signals."""
 
 _CELLS = 150_000
 """About the most points of the grid of signals."""
@@ -42,9 +45,16 @@ class Arrivals:
         paid = [method.arrival(points, np.full(len(points), step)) / method.scale for step in t]
         tables = np.stack(paid).astype(np.float32)
         if not np.array_equal(tables, self._tables):
+            refuse_nan(tables)
             mean_rewards(tables, *self._samples, self._signals.strides, self._rewards)
             self._tables = tables
         return self._rewards, self._memory
+
+
+def refuse_nan(rewards: Floats) -> None:
+    """Raises `ValueError`, since a maximum would pass over such a reward without a word."""
+    if np.isnan(rewards).any():
+        raise ValueError("on the planner's grid, the method's reward is sometimes not a number")
 
 
 def _signal_grid(model: Model, grid: Grid) -> Grid:
@@ -67,4 +77,5 @@ def _open(axis: Axis) -> Axis:
 
 
 def _even(values: Array, points: int) -> Axis:
-    return Axis(np.linspace(values.min(), values.max(), points))
+    low, high = values.min(), values.max()
+    return Axis(np.linspace(low, high if high > low else low + 1, points))

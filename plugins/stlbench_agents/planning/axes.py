@@ -19,6 +19,8 @@ Floats = NDArray[np.float32]
 
 _POINTS = {1: 2001, 2: 301, 3: 61, 4: 25}
 """Points of an axis without a number of its own, by the dimensions of the state."""
+_MOST = 10_000_000
+"""The most points of an axis."""
 
 
 class AxisRecipe(BaseModel):
@@ -110,7 +112,8 @@ def axes_of(model: Model, grid: Mapping[str, AxisRecipe], resolution: float) -> 
     A column without a recipe that is also a signal has the signal's range.
 
     Raises:
-        Unsuitable: the state has more than four columns, one has no range, or a recipe names none of them.
+        Unsuitable: the state has more than four columns, one has no range, a recipe names none of them, or an
+            axis has millions of points.
     """
     names = model.system.state
     if len(names) > max(_POINTS):
@@ -120,8 +123,10 @@ def axes_of(model: Model, grid: Mapping[str, AxisRecipe], resolution: float) -> 
     axes = []
     for name in names:
         recipe = grid.get(name) or _range(model, name)
-        points = recipe.points or _POINTS[len(names)]
-        axes.append(Axis.of(recipe, max(2, round((points - 1) * resolution) + 1)))
+        points = max(2, round(((recipe.points or _POINTS[len(names)]) - 1) * resolution) + 1)
+        if points > _MOST:
+            raise Unsuitable(f"an axis {name} of {points} points; it may have {_MOST}")
+        axes.append(Axis.of(recipe, points))
     return tuple(axes)
 
 

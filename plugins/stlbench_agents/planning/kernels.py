@@ -84,17 +84,17 @@ def pay_best(
 
     Places of the next states are (A, S), their weights (A, S, axes). `memory` (A, M, S) numbers the next memories, or
     is empty where there is one. `ended` (A, S) has the whole return of decisions that end an episode and NaN for
-    others, or is empty where none does. A state outside the grid is worth `lost`.
+    others, or is empty where none does. A state outside the grid is worth `lost`, unless the episode ended.
     """
     into[:] = -np.inf
     for a in range(at.shape[0]):
         for s in range(at.shape[1]):
             over = ended.size > 0 and not np.isnan(ended[a, s])
             for m in range(into.shape[0]):
-                if at[a, s] < 0:
-                    value = lost
-                elif over:
+                if over:
                     value = ended[a, s]
+                elif at[a, s] < 0:
+                    value = lost
                 else:
                     then = memory[a, m, s] if memory.size else 0
                     value = rewards[a, m, s] + gamma * _between(later[then], at[a, s], strides, weights[a, s])

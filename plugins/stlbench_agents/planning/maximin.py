@@ -12,6 +12,7 @@ from stlbench.contract import Array, Integers, Model, StatePolicy, Unsuitable
 from stlbench_agents.planning.grid import Floats, Grid
 from stlbench_agents.planning.kernels import extremes, reach_best
 from stlbench_agents.planning.moves import ActionSet, held, sweep
+from stlbench_agents.planning.setup import refuse_beyond
 from stlbench_agents.planning.stages import Part, Stages
 
 __all__ = ["MaximinPolicy", "plan"]
@@ -100,13 +101,24 @@ class MaximinPolicy(StatePolicy):
 def plan(model: Model, grid: Grid, actions: ActionSet) -> MaximinPolicy:
     """Solve for the robustness of the formula that the referee scores.
 
+    The windows of an F G term begin with a decision's first sample, so never at t = 0. Where others could be better,
+    the value is a lower bound of what is possible.
+
     Raises:
-        Unsuitable: the formula is outside the fragment of eq. 2 (see `stlbench.stl.fragment`).
+        Unsuitable: the formula is outside the fragment of eq. 2 (see `stlbench.stl.fragment`), an F G term has no such
+            window, or what is kept does not fit the memory of a machine.
     """
     stages = Stages(_terms(model), model.hold)
+    if idle := stages.without_window():
+        raise Unsuitable(
+            f"{idle.formula}: none of its windows begins with a decision, every {model.hold} samples from 1"
+        )
+    each = len(stages.terms) * model.hold + _KEPT + 2 + len(grid.axes)
+    numbers = stages.count * (model.steps // model.hold + 1) + len(actions) * each
+    refuse_beyond(4e-9 * grid.size * numbers, f"a grid of {grid} points with {stages.count} stages of the formula")
     tables = _Margins(model, grid, actions, stages)
     next_ = sweep(model, grid, actions, (tables.see,))
-    decisions, most = model.steps // model.hold, tables.most
+    decisions, most = model.steps // model.hold, tables.bound()
     later = np.full((decisions + 1, stages.count, grid.size), -most, np.float32)
     later[decisions, stages.over] = most
     free = np.full(tables.shape, most, np.float32)
@@ -122,9 +134,16 @@ def plan(model: Model, grid: Grid, actions: ActionSet) -> MaximinPolicy:
 
 def _terms(model: Model) -> tuple[stl.Term, ...]:
     try:
-        return stl.fragment(model.formula)
+        return tuple(map(_simpler, stl.fragment(model.formula)))
     except stl.FragmentError as error:
         raise Unsuitable(str(error)) from error
+
+
+def _simpler(term: stl.Term) -> stl.Term:
+    """An F G term with one window as a G term, one with windows of one sample as an F term: they may begin anywhere."""
+    if term.kind == "FG" and (term.a == term.c1 or term.b == term.c2):
+        return stl.Term("G" if term.a == term.c1 else "F", term.start, term.end, 0, 0, term.psi)
+    return term
 
 
 def _margin(model: Model, term: stl.Term) -> Callable[[Array], Array]:
@@ -153,10 +172,14 @@ class _Margins:
         for i, margin in enumerate(self._values):
             self._margins[i, action] = margin(samples[1:]).T
 
-    @property
-    def most(self) -> float:
-        """More than any margin."""
-        return 1.5 * float(max(self._margins.max(), -self._margins.min()))
+    def bound(self) -> float:
+        """More than any margin, once all are seen; what is infinite, as of `true`, is cut to it."""
+        most = 1.5 * float(max(self._margins.max(), -self._margins.min()))
+        if np.isinf(most):
+            finite = self._margins[np.isfinite(self._margins)]
+            most = 1.5 * float(np.abs(finite).max(initial=0)) or 1.0
+            np.clip(self._margins, -most, most, out=self._margins)
+        return most
 
     def at(self, part: Part) -> Floats:
         """What a term contributes, (A, S)."""

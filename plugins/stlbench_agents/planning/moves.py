@@ -55,6 +55,7 @@ def _evenly(values: Array, count: int) -> Integers:
 
 def _by_size(vectors: Array, actions: Actions) -> Integers:
     largest = np.maximum(np.abs(actions.low), np.abs(actions.high))
+    largest[largest == 0] = 1
     order: Integers = np.argsort(np.linalg.norm(vectors / largest, axis=1), kind="stable")
     return order
 

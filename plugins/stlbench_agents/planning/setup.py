@@ -9,7 +9,7 @@ from stlbench_agents.planning.axes import AxisRecipe, axes_of
 from stlbench_agents.planning.grid import Grid
 from stlbench_agents.planning.moves import ActionSet
 
-__all__ = ["prepare"]
+__all__ = ["prepare", "refuse_beyond"]
 
 _GIGABYTES = 4.0
 
@@ -21,9 +21,13 @@ def prepare(model: Model, recipes: Mapping[str, AxisRecipe], resolution: float, 
     dimensions = 4 * (1 + len(grid.axes)), 4 * (1 + len(model.method.specification.signals))
     decisions = model.steps // model.hold
     needed = (each * (dimensions[0] + model.hold * dimensions[1] + 4) + 4 * grid.size * decisions) / 1e9
-    if needed > _GIGABYTES:
-        raise Unsuitable(
-            f"a grid of {grid} points with {len(actions)} actions of {model.hold} samples needs {needed:.1f} GB, "
-            f"and may have {_GIGABYTES:g}; choose a lower resolution, or fewer actions"
-        )
+    refuse_beyond(needed, f"a grid of {grid} points with {len(actions)} actions of {model.hold} samples")
     return grid, actions
+
+
+def refuse_beyond(gigabytes: float, what: str) -> None:
+    """Raises `Unsuitable` where `what` needs more than a plan may have."""
+    if gigabytes > _GIGABYTES:
+        raise Unsuitable(
+            f"{what} needs {gigabytes:.1f} GB, and may have {_GIGABYTES:g}; choose a lower resolution, or fewer actions"
+        )

@@ -66,6 +66,14 @@ class Stages:
         """The stage in which no term has anything still to come, but the G terms."""
         return self.count - 1
 
+    def without_window(self) -> Term | None:
+        """An F G term that can never begin, since no decision's first sample is among those at which it may."""
+        for term in self.terms:
+            first = max(0, -(-(term.start - 1) // self.hold)) * self.hold + 1
+            if term.kind == "FG" and first > term.c1 + term.c2:
+                return term
+        return None
+
     def moves(self, stage: int, decision: int) -> Iterator[Move]:
         """All ways to go on from a stage over a decision, those that come nearest to the end first."""
         each = np.unravel_index(stage, self.sizes)

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from stlbench.contract import Array, Integers, Model, StatePolicy
-from stlbench_agents.planning.arrivals import Arrivals
+from stlbench_agents.planning.arrivals import MOST_SIGNALS, Arrivals
 from stlbench_agents.planning.ends import Ends, forever
 from stlbench_agents.planning.grid import Floats, Grid, Places
 from stlbench_agents.planning.kernels import pay_best
 from stlbench_agents.planning.memories import Memories
 from stlbench_agents.planning.moves import ActionSet, held, sweep
-from stlbench_agents.planning.transitions import Transitions
+from stlbench_agents.planning.setup import refuse_beyond
+from stlbench_agents.planning.transitions import KEPT, Transitions
 
 __all__ = ["LOST", "SumPolicy", "plan"]
 
@@ -90,9 +91,14 @@ def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float) -> SumPolic
     At a cut the return goes on as if the decision before it came again and again; without a discount it stops there.
 
     Raises:
-        Unsuitable: the method's memory takes too many values.
+        Unsuitable: the method's memory takes too many values, or more than fit the memory of a machine.
     """
-    rewards = (Arrivals if model.method.paid_on_arrival else Transitions)(model, grid, actions)
+    tabled = model.method.paid_on_arrival and len(model.method.specification.signals) <= MOST_SIGNALS
+    rewards = (Arrivals if tabled else Transitions)(model, grid, actions)
+    if (values := len(rewards.memories)) > 1:
+        numbers = values * (model.steps // model.hold + KEPT * 2 * len(actions))
+        what = f"a grid of {grid} points with {values} values of the method's memory"
+        refuse_beyond(4e-9 * grid.size * numbers, what)
     ends = Ends(model, grid, actions, gamma)
     next_ = sweep(model, grid, actions, (rewards.see, ends.see))
     decisions = model.steps // model.hold
@@ -136,6 +142,9 @@ def _settled(step: _Step, value: Floats) -> Floats:
         later[:] = value
         if change < _SETTLED:
             break
+    if step.gamma**_ROUNDS > _SETTLED:  # so near 1, what all further rounds add is known from the next one
+        step.back(later, 0.0, value)
+        later += (value - later) / np.float32(1 - step.gamma)
     return later
 
 

@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import Array, Model
+from stlbench_agents.planning.arrivals import refuse_nan
 from stlbench_agents.planning.grid import Floats, Grid
 from stlbench_agents.planning.memories import Memories
 from stlbench_agents.planning.moves import ActionSet, held
 
-__all__ = ["Transitions"]
+__all__ = ["KEPT", "Transitions"]
 
 _PROBES = 4096
 """States, each with a random action, by which decisions are told apart."""
-_KEPT = 2
+KEPT = 2
 """Tables of rewards that are kept at a time."""
 
 
@@ -42,7 +43,7 @@ class Transitions:
         paid, then = self._pay(self._probes, self._chosen, decision)
         kind = paid.tobytes() + then.tobytes()
         if kind not in self._kinds:
-            if len(self._kinds) == _KEPT:
+            if len(self._kinds) == KEPT:
                 self._kinds.pop(next(iter(self._kinds)))
             self._kinds[kind] = self._all(decision)
         return self._kinds[kind]
@@ -54,6 +55,7 @@ class Transitions:
             vectors = np.tile(vector, (self._grid.size, 1))
             _, samples = held(self._model, self._grid.points, vectors)
             paid[a], then[a] = self._pay(samples, vectors, decision)
+        refuse_nan(paid)
         return paid, then
 
     def _pay(self, samples: Array, vectors: Array, decision: int) -> tuple[Floats, NDArray[np.int32]]:

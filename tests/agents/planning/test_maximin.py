@@ -60,8 +60,14 @@ def best(model: Model, start: Array) -> float:
 
 
 def windows(term: stl.Term, hold: int) -> list[int]:
-    """The first samples of an F G term's windows that the planner looks at: those that a decision begins with."""
-    return [t for t in range(term.start, term.c1 + term.c2 + 1) if t >= 1 and (t - 1) % hold == 0]
+    """The first samples of an F G term's windows that the planner looks at: those that a decision begins with.
+
+    All of them where the term is a G or an F term, too.
+    """
+    begins = range(term.start, term.c1 + term.c2 + 1)
+    if term.a == term.c1 or term.b == term.c2:
+        return list(begins)
+    return [t for t in begins if t >= 1 and (t - 1) % hold == 0]
 
 
 def narrowed(model: Model, samples: Array) -> Array:
