@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stlbench.registry.choices import Choice
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Column, Learned, Table, Value
 
@@ -19,12 +20,15 @@ LEARNED = 0.95
 """Share of the starts from which a policy that has learned the task satisfies the formula."""
 
 
-def overview(groups: Sequence[Group], standards: Mapping[str, Standard]) -> Table:
+def overview(
+    groups: Sequence[Group], standards: Mapping[str, Standard], best: Mapping[Choice, float] | None = None
+) -> Table:
     """Mean robustness of every method on every task, and on how many seeds it was learned.
 
     Args:
         groups: of one or more tasks, agents and budgets, which are the rows.
         standards: what is known of the tasks, such as what their controllers get.
+        best: the best possible robustness of the tasks, where it is known.
     """
     by_hand = any(standard.by_hand for standard in standards.values())
     methods = sorted({group.setting.method for group in groups})
@@ -38,6 +42,7 @@ def overview(groups: Sequence[Group], standards: Mapping[str, Standard]) -> Tabl
         Column("agent", right=False, shared=True),
         Column("budget", right=False, shared=True),
         *([Column("by hand", digits=3)] if by_hand else []),
+        *([Column("possible", digits=3)] if best else []),
         *(Column(str(method), digits=3, kind=Learned) for method in methods),
         Column("cell CPU", unit="s", digits=0, drop=1),
     )
@@ -45,6 +50,7 @@ def overview(groups: Sequence[Group], standards: Mapping[str, Standard]) -> Tabl
         (
             *row,
             *([_by_hand(by_method.values(), standards)] if by_hand else []),
+            *([best.get(_task(by_method.values()))] if best else []),
             *(_learned(by_method.get(method)) for method in methods),
             _cpu_seconds(by_method.values()),
         )
@@ -60,8 +66,12 @@ def overview(groups: Sequence[Group], standards: Mapping[str, Standard]) -> Tabl
 
 def _by_hand(groups: Iterable[Group], standards: Mapping[str, Standard]) -> float | None:
     """What the controller of the task, or of the task that it is an ablation of, gets."""
-    standard = standards.get(next(iter(groups)).setting.task.name)
+    standard = standards.get(_task(groups).name)
     return standard.by_hand.mean if standard and standard.by_hand else None
+
+
+def _task(groups: Iterable[Group]) -> Choice:
+    return next(iter(groups)).setting.task
 
 
 def _learned(group: Group | None) -> Value:

@@ -184,11 +184,13 @@ def summary(
         recorded: these and others, to which plans are compared; `groups` where left out.
     """
     among = groups if recorded is None else recorded
-    learned, _ = split(groups)
-    first = (overview(learned, standards),) if len({group.setting.task for group in learned}) > 1 else ()
+    learned = split(groups)[0]
+    tasks = {group.setting.task for group in learned}
+    best = {task: value for task, value in best_possible(among, standards).items() if task in tasks}
+    first = (overview(learned, standards, best),) if len(tasks) > 1 else ()
     tables = (
         *first,
-        robustness_table(learned, best_possible(among, standards)),
+        robustness_table(learned, best),
         controllers_table(standards),
         alignment_table(align(among, standards, groups)),
         time_table(learned),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from helpers.synthetic_results import by_hand, result
 
+from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.tables.overview import overview
 
@@ -26,6 +27,13 @@ def test_one_row_per_task_and_one_column_per_method():
     assert table.rows[0][4] == (pytest.approx(-0.1), 2, 3, 3)
     assert table.rows[0][5:] == ((0.5, 1, 1, 1), "intractable", pytest.approx((3 * 14 + 7) / 4))
     assert table.rows[1][3:] == (None, None, (-0.0001, 0, 0, 1), None, 14.0)
+
+
+def test_the_best_possible_stands_beside_the_controller_where_it_is_known():
+    groups = condense([result(task="overlap"), result(task="overlap[without=cuts]"), result(task="other")])
+    table = overview(groups, by_hand(overlap=(0.2,)), {Choice("overlap"): 0.25})
+    assert [column.heading for column in table.columns[3:6]] == ["by hand", "possible", "funnel"]
+    assert [row[3:5] for row in table.rows] == [(None, None), (0.2, 0.25), (0.2, None)]
 
 
 def test_learned_is_95_percent_of_the_starts():
