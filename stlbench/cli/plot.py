@@ -11,6 +11,8 @@ from stlbench.cli.common import warn
 from stlbench.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from stlbench.registry.choices import Choice
 
 
@@ -28,6 +30,12 @@ def plot(
     rewarded: Annotated[
         bool, typer.Option("--rewarded", help="Draw the robustness of the tasks' rewarded form against time, too.")
     ] = False,
+    only: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LIST", help="Kinds: learning, overview, planned, time, trajectories.", show_default="all"
+        ),
+    ] = None,
 ) -> None:
     """Draw a run: learning curves, robustness against time in its funnel, trajectories, and an overview of each task.
 
@@ -47,7 +55,7 @@ def plot(
     chosen = [result for result in results if result.id.task in some_tasks and result.id.method in some_methods]
     if not chosen:
         raise UsageError(f"{run} holds no result of these tasks and methods")
-    job = trace_figures.Job(run, out or run / "figures", _tell, warn, rewarded)
+    job = trace_figures.Job(run, out or run / "figures", _tell, warn, rewarded, _kinds(only, trace_figures.KINDS))
     for path in trace_figures.draw(chosen, job):
         typer.echo(path)
 
@@ -61,6 +69,17 @@ def _known(text: str | None, known: set[Choice], kind: str, run: Path) -> set[Ch
     chosen = set(parse_choices(text))
     for choice in sorted(chosen - known):
         raise UsageError(f"{run} has no {kind} '{choice}'{did_you_mean(str(choice), map(str, known))}")
+    return chosen
+
+
+def _kinds(text: str | None, known: Sequence[str]) -> Sequence[str]:
+    """The kinds of figures that a comma list names; all where there is no list."""
+    if text is None:
+        return known
+    chosen = [item.strip() for item in text.split(",")]
+    for kind in chosen:
+        if kind not in known:
+            raise UsageError(f"no kind of figure '{kind}'{did_you_mean(kind, known)}")
     return chosen
 
 

@@ -208,7 +208,9 @@ def _text(hint: Any) -> str:
         return " | ".join(str(allowed) for allowed in get_args(hint))
     if get_origin(hint) is tuple:
         return f"tuple[{', '.join('...' if part is Ellipsis else _text(part) for part in get_args(hint))}]"
-    return hint.__name__ if type(hint) is type else str(hint).replace("typing.", "")
+    if get_origin(hint) is Mapping:
+        return f"mapping[{', '.join(map(_text, get_args(hint)))}]"
+    return hint.__name__ if isinstance(hint, type) else str(hint).replace("typing.", "")
 
 
 _SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}

@@ -56,6 +56,14 @@ def test_plot_draws_the_rewarded_form_where_it_is_asked_for(run, say, toy):
     assert {f"pictures/rewarded-toy-line-toy-raw-toy-agent-quick.{end}" for end in ("png", "svg")} <= set(written)
 
 
+def test_plot_draws_only_the_kinds_that_are_named(run, say):
+    run("toy-raw")
+    written = say("plot", "results", "--out", "pictures", "--only", "time, learning").stdout.splitlines()
+    assert {Path(name).stem.partition("-")[0] for name in written} == {"learning", "time"}
+    wrong = refused(say("plot", "results", "--only", "tine"))
+    assert wrong == "error: no kind of figure 'tine'; did you mean 'time'?"
+
+
 def test_plot_draws_what_is_asked_for_beside_the_report(run, say):
     run("toy-raw,toy-raw[weight=2]")
     done = say("plot", "results", "--methods", "toy-raw[weight=2]", "--tasks", "toy-line")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
@@ -20,7 +20,7 @@ from stlbench.report.figures.palette import pages
 from stlbench.report.figures.planned import PLANS_PER_FIGURE, Plan, planned
 from stlbench.report.figures.report_figures import draw_learning
 from stlbench.report.figures.trajectories import TRACES_PER_PANEL, trajectories
-from stlbench.report.tables.alignment import setting_text
+from stlbench.report.tables.alignment import RECIPE, setting_text
 from stlbench.report.tables.planned import RESOLUTION, Maximised, maximised, split
 from stlbench.report.tables.rows import Group, group, row
 from stlbench.result import Result, Setting
@@ -29,9 +29,13 @@ from stlbench.rollout.traces import Recording, gather, load
 from stlbench.task import build_method, load_task
 from stlbench.task.task import Task
 
-__all__ = ["Job", "draw"]
+__all__ = ["KINDS", "Job", "draw"]
 
 Tell = Callable[[str], None]
+
+KINDS = ("learning", "overview", "planned", "time", "trajectories")
+"""The kinds of figures, with which their files' names begin."""
+_FORMULA = "the formula itself"
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,8 @@ class Job:
     """Is told what could not be drawn, and why."""
     rewarded: bool = False
     """Also draw robustness against time in the form that methods see, for tasks that have one."""
+    only: Collection[str] = KINDS
+    """Which of KINDS are drawn."""
 
 
 def draw(results: Iterable[Result], job: Job) -> list[Path]:
@@ -74,7 +80,8 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
     try:
         for choice, members in groupby(groups, key=lambda member: member.setting.task):
             of_task, learned, shown, plans = list(members), list[Group](), list[Array | None](), list[Plan]()
-            paths += draw_learning([member for member in of_task if member.setting in learners], job.out)
+            if "learning" in job.only:
+                paths += draw_learning([member for member in of_task if member.setting in learners], job.out)
             task = _task(choice, job) if any(result.id.task == choice for result in finished) else None
             for member in of_task:
                 count += 1
@@ -118,6 +125,8 @@ def _traces(task: Task | None, results: Sequence[Result], job: Job) -> Recording
 
 def _draw_group(task: Task, setting: Setting, recording: Recording, job: Job) -> list[Path]:
     """The figures of one method on one task."""
+    if not {"time", "trajectories"} & {*job.only}:
+        return []
     title = f"{setting.task}, {setting.method} ({setting.agent}, {setting.budget})"
     bands = _bands(task, setting.method)
     figures: dict[str, Figure | None] = {
@@ -130,14 +139,14 @@ def _draw_group(task: Task, setting: Setting, recording: Recording, job: Job) ->
     return [
         path
         for kind, figure in figures.items()
-        if figure is not None
+        if figure is not None and ("time" if kind == "rewarded" else kind) in job.only
         for path in save(figure, job.out, file_name(kind, *parts))
     ]
 
 
 def _draw_overview(task: Task | None, groups: Sequence[Group], traces: Sequence[Array | None], job: Job) -> list[Path]:
     """Robustness beside trajectories, of a task with a plane and traces."""
-    if task is None or task.file.plane is None:
+    if task is None or task.file.plane is None or "overview" not in job.only:
         return []
     paths, start = list[Path](), 0
     for end, page in pages(groups, METHODS_PER_OVERVIEW):
@@ -154,7 +163,7 @@ def _plan(member: Group, recording: Recording, maximised: Maximised) -> list[Pla
     if RESOLUTION in dict(setting.agent.parameters):
         return []
     text = setting_text(Choice(setting.task.name), setting.agent)
-    name = "the formula itself" if maximised == "formula" else f"{setting.method}, {text}"
+    name = _FORMULA if maximised == "formula" else f"{setting.method}, {text}"
     (satisfaction,) = member.values(lambda numbers: numbers.satisfaction)[:1]
     (robustness,) = member.values(lambda numbers: numbers.robustness_mean)[:1]
     return [Plan(name, robustness, satisfaction, recording.evenly(TRACES_PER_PANEL))]
@@ -162,9 +171,9 @@ def _plan(member: Group, recording: Recording, maximised: Maximised) -> list[Pla
 
 def _draw_plans(task: Task | None, plans: Sequence[Plan], job: Job) -> list[Path]:
     """What the formula asks for first, then what rewards do."""
-    if task is None:
+    if task is None or "planned" not in job.only:
         return []
-    ordered = sorted(plans, key=lambda plan: plan.name != "the formula itself")
+    ordered = sorted(plans, key=lambda plan: (plan.name != _FORMULA, not plan.name.endswith(RECIPE)))
     paths = list[Path]()
     for start in range(0, len(ordered), PLANS_PER_FIGURE):
         end = f"_{start // PLANS_PER_FIGURE + 1}" if start else ""
