@@ -62,8 +62,9 @@ def best_possible(groups: Sequence[Group], standards: Mapping[str, Standard]) ->
     """Task, or ablation of one -> the largest robustness of its formula that is known to be possible.
 
     That is the most that any plan for the formula reached, as each shows what is possible; without such a cell what the
-    task file says. How often an agent decides changes what is possible, and other parts of a recipe do not: ablations
-    share a best, but those without `hold` have their own.
+    task file says. Where the controller by hand reaches more than that, it is the controller's. How often an agent
+    decides changes what is possible, and other parts of a recipe do not: ablations share a best, but those without
+    `hold` have their own.
     """
     planners, found = maximised(groups), dict[tuple[str, bool], float]()
     for group in groups:
@@ -74,6 +75,8 @@ def best_possible(groups: Sequence[Group], standards: Mapping[str, Standard]) ->
     for name, standard in standards.items():
         if standard.best_possible is not None:
             found.setdefault((name, False), standard.best_possible.reached)
+        if standard.by_hand is not None and (name, False) in found:
+            found[name, False] = max(found[name, False], standard.by_hand.mean)
     tasks = {group.setting.task for group in groups}
     return {task: found[_formula(task)] for task in tasks if _formula(task) in found}
 

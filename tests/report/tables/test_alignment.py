@@ -10,7 +10,7 @@ from helpers.synthetic_results import plan, result
 from stlbench.registry.choices import Choice
 from stlbench.report import align, alignment_table, best_possible, condense, split
 from stlbench.report.tables.alignment import Aligned
-from stlbench.result import CellId, Result
+from stlbench.result import CellId, Result, Score
 from stlbench.rollout.standards import Standard
 from stlbench.task.file import BestPossible
 
@@ -96,6 +96,12 @@ class TestBestPossible:
         assert one(overlap(), standards=known).best_possible == 0.9
         assert one(overlap(), best(0.2), standards=known).best_possible == 0.2
         assert one(overlap()).best_possible is None
+
+    def test_the_controller_by_hand_is_possible_too(self) -> None:
+        better = {"overlap": Standard(by_hand=Score((0.3, 0.5), (True, True), {}))}
+        assert one(overlap(), best(0.2), standards=better).best_possible == pytest.approx(0.4)
+        assert one(overlap(), best(0.7), standards=better).best_possible == 0.7
+        assert one(overlap(), standards=better).best_possible is None
 
     def test_ablations_share_it_but_for_those_that_decide_at_other_times(self) -> None:
         tasks = [f"overlap{part}" for part in ("", "[without=cuts]", "[without=hold]", "[without=cuts+hold]")]
