@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
@@ -21,6 +22,7 @@ RESOLUTION = "resolution"
 """The parameter of an agent that plans which says how fine its grid is: the larger the finer, 1 where left out."""
 
 Maximised = Literal["reward", "formula"]
+_Of = tuple[str, bool]
 
 
 def maximised(groups: Iterable[Group]) -> dict[str, Maximised]:
@@ -61,26 +63,26 @@ def reached(group: Group) -> float | None:
 def best_possible(groups: Sequence[Group], standards: Mapping[str, Standard]) -> dict[Choice, float]:
     """Task, or ablation of one -> the largest robustness of its formula that is known to be possible.
 
-    That is the most that any plan for the formula reached, as each shows what is possible; without such a cell what the
-    task file says. Where the controller by hand reaches more than that, it is the controller's. How often an agent
-    decides changes what is possible, and other parts of a recipe do not: ablations share a best, but those without
-    `hold` have their own.
+    That is the most that a plan for the formula reached; without such a cell what the task file says. Where a plan for
+    a reward or the controller by hand reached more, that is possible too. How often an agent decides changes what is
+    possible, and other parts of a recipe do not: ablations share a best, but those without `hold` have their own.
     """
-    planners, found = maximised(groups), dict[tuple[str, bool], float]()
+    planners, found, reached_too = maximised(groups), dict[_Of, float](), dict[_Of, float]()
     for group in groups:
-        value = reached(group)
-        if value is not None and planners.get(group.setting.agent.name) == "formula":
-            of = _formula(group.setting.task)
-            found[of] = max(value, found.get(of, value))
+        value, plans = reached(group), planners.get(group.setting.agent.name)
+        if value is not None and plans is not None:
+            known, of = found if plans == "formula" else reached_too, _formula(group.setting.task)
+            known[of] = max(value, known.get(of, value))
     for name, standard in standards.items():
         if standard.best_possible is not None:
             found.setdefault((name, False), standard.best_possible.reached)
-        if standard.by_hand is not None and (name, False) in found:
-            found[name, False] = max(found[name, False], standard.by_hand.mean)
+        if standard.by_hand is not None:
+            reached_too[name, False] = max(standard.by_hand.mean, reached_too.get((name, False), -math.inf))
+    found = {of: max(value, reached_too.get(of, value)) for of, value in found.items()}
     tasks = {group.setting.task for group in groups}
     return {task: found[_formula(task)] for task in tasks if _formula(task) in found}
 
 
-def _formula(task: Choice) -> tuple[str, bool]:
+def _formula(task: Choice) -> _Of:
     """What decides the best that is possible: the task, and whether it is without `hold`."""
     return task.name, "hold" in dict(task.parameters).get("without", "").split("+")

@@ -103,6 +103,10 @@ class TestBestPossible:
         assert one(overlap(), best(0.7), standards=better).best_possible == 0.7
         assert one(overlap(), standards=better).best_possible is None
 
+    def test_what_a_plan_for_a_reward_reaches_is_possible_too(self) -> None:
+        assert one(overlap("raw", "planner", 0.3), best(0.2)).best_possible == 0.3
+        assert one(overlap("raw", "planner", 0.3)).best_possible is None
+
     def test_ablations_share_it_but_for_those_that_decide_at_other_times(self) -> None:
         tasks = [f"overlap{part}" for part in ("", "[without=cuts]", "[without=hold]", "[without=cuts+hold]")]
         groups = condense([*(overlap(task=task) for task in tasks), best(0.2), best(0.7, task="overlap[without=hold]")])
