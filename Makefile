@@ -94,6 +94,7 @@ alignment: $(VENV)/ready-all
 	cp -r results/reference/figures build/aligned/
 	$(BIN)/stlbench report build/aligned
 	$(BIN)/stlbench plot build/aligned --methods raw,funnel --tasks robot-nav,pendulum,overlap --only planned
+	PYTHONPATH=build/example $(BIN)/python studies/returns.py build/aligned build/aligned/returns.csv
 	$(BIN)/stlbench export build/aligned --format jsonl
 	cp -r build/aligned/. results/reference
 
