@@ -85,10 +85,12 @@ alignment: $(VENV)/ready-all
 	$(ALIGN) --tasks "$(LESS)" --methods raw,funnel --agents planner
 	$(ALIGN) --tasks "$(PLAIN)" --methods raw,funnel --agents "planner,planner[gamma=1]"
 	$(ALIGN) --tasks overlap --methods "funnel[t_star=0.7]" --agents planner
-	$(ALIGN) --tasks "$(GRIDS)" --methods "funnel[shape=clipped],funnel[shape=normalised],flag,verdict" \
+	$(ALIGN) --tasks "$(GRIDS)" --methods "funnel[shape=clipped],funnel[shape=normalised]" \
 	--agents "planner,planner[gamma=1]"
-	$(ALIGN) --tasks integrator-or,hold-disc,hold-disc-coarse --methods "funnel[variant=code]" \
+	$(ALIGN) --tasks integrator-or,hold-disc,hold-disc-coarse --methods "funnel[variant=code],flag,verdict" \
 	--agents "planner,planner[gamma=1]"
+	$(ALIGN) --tasks annulus,reach-stay --methods flag,verdict --agents planner
+	$(ALIGN) --tasks robot-nav,pendulum,overlap --methods flag,verdict --agents "planner[resolution=0.7]"
 	rm -rf build/aligned
 	$(BIN)/stlbench results merge build/aligned results/reference results/alignment
 	cp -r results/reference/figures build/aligned/
