@@ -79,7 +79,7 @@ LESS := pendulum[without=rewarded],pendulum[without=cuts],overlap[without=reward
 	overlap[without=ends]
 PLAIN := pendulum[without=rewarded+cuts],overlap[without=rewarded+cuts+ends]
 alignment: $(VENV)/ready-all
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --upgrade --target build/example plugins/example
+	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target build/example plugins/example
 	$(ALIGN) --tasks "$(GRIDS)" --methods raw --agents "best-possible,best-possible[resolution=0.7]"
 	$(ALIGN) --tasks "$(GRIDS)" --methods raw,funnel --agents "planner,planner[gamma=1],planner[resolution=0.7]"
 	$(ALIGN) --tasks "$(LESS)" --methods raw,funnel --agents planner
