@@ -24,6 +24,7 @@ from stlbench.rollout.saved_traces import read_cell
 from stlbench.study import stored
 from stlbench.task import build_method, load_task
 from stlbench.task.task import Task
+from stlbench_agents.planning.ends import forever
 
 COLUMNS = ("task", "method", "gamma", "policy", "return", "robustness", "own")
 
@@ -75,8 +76,8 @@ def discounted(task: Task, method: RewardMethod, samples: Array, gamma: float) -
     for t in range(0, task.file.steps, hold):
         rewards, _ = method.along(samples[:, t : t + hold + 1].transpose(1, 0, 2), nothing, np.full(rows, t), memory)
         over, paid = first_end(ends, samples[:, t + 1 : t + hold + 1], np.full(rows, t + hold))
-        left = 1 / (1 - gamma) if gamma < 1 else (task.file.steps - t) // hold
-        returns += alive * weight * np.where(over, paid * method.scale * left, rewards.mean(axis=0))
+        ended = paid * (method.scale * forever(1.0, gamma, (task.file.steps - t) // hold))
+        returns += alive * weight * np.where(over, ended, rewards.mean(axis=0))
         alive &= ~over
         weight *= gamma
         if t + hold in task.file.training.cuts:

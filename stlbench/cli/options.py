@@ -1,4 +1,4 @@
-"""The options that `run` and `gate` share: lists of names, jobs, executors."""
+"""The options that `run`, `plan` and `gate` share: lists of names, jobs, executors, what to run again."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ import typer
 if TYPE_CHECKING:
     from stlbench.registry.choices import Choice
 
-__all__ = ["Executor", "Jobs", "names"]
+__all__ = ["Executor", "Jobs", "Retry", "names"]
 
 Jobs = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Cells at a time.", show_default="2, or 1 on a single core")
 ]
 Executor = Annotated[str, typer.Option(metavar="NAME", help="Where cells run.")]
+Retry = Annotated[bool, typer.Option("--retry", help="Run cells again that raised, timed out or were killed.")]
 
 
 def names(text: str | None) -> tuple[Choice, ...] | None:

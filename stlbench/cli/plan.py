@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stlbench.cli.completion import names
-from stlbench.cli.options import Executor, Jobs
+from stlbench.cli.options import Executor, Jobs, Retry
 from stlbench.cli.options import names as choices
 from stlbench.cli.run import interruptible, report_cells
 
@@ -49,9 +49,7 @@ def plan(
         "results/plan"
     ),
     executor: Executor = "local",
-    retry: Annotated[
-        bool, typer.Option("--retry", help="Run cells again that raised, timed out or were killed.")
-    ] = False,
+    retry: Retry = False,
 ) -> None:
     """Say what the rewards of a task ask for: plan for them, and for the formula itself, without training.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stlbench.cli.completion import names
-from stlbench.cli.options import Jobs
+from stlbench.cli.options import Jobs, Retry
 from stlbench.cli.report import show_report
 
 if TYPE_CHECKING:
@@ -72,9 +72,7 @@ def run(
         Path | None, typer.Option(metavar="DIR", help="Folder of ledger, traces, tables.", show_default="results")
     ] = None,
     executor: Annotated[str | None, typer.Option(metavar="NAME", help="Where cells run.", show_default="local")] = None,
-    retry: Annotated[
-        bool, typer.Option("--retry", help="Run cells again that raised, timed out or were killed.")
-    ] = False,
+    retry: Retry = False,
 ) -> None:
     """Compare reward methods: train and score every task, method, agent and seed.
 

@@ -25,7 +25,7 @@ class Arrivals:
 
     def __init__(self, model: Model, grid: Grid, actions: ActionSet) -> None:
         self.memories = Memories.none()
-        self._model, self._actions = model, actions
+        self._model = model
         samples = np.empty((len(actions), grid.size, model.hold), np.int32)
         self._signals = _signal_grid(model, grid)
         self._samples = Places(samples, np.empty((*samples.shape, len(self._signals.axes)), np.float32))

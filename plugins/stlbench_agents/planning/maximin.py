@@ -78,20 +78,19 @@ class MaximinPolicy(StatePolicy):
         count, rows = len(self.actions), len(state)
         path, samples = held(self.model, np.tile(state, (count, 1)), np.repeat(self.actions.vectors, rows, axis=0))
         margins = [_margin(self.model, term)(samples[1:]).T for term in self.stages.terms]
-        worth = np.full((count, rows), -np.inf)
-        then = np.zeros((count, rows), dtype=np.int64)
+        worth, then = np.full(count * rows, -np.inf), np.zeros(count * rows, dtype=np.int64)
         for now in np.unique(stage):
             mine = np.tile(stage == now, count)
             for move in self.stages.moves(int(now), decision):
                 value = self.grid.read(self.later[decision + 1, move.then], path[-1, mine], -self.most)
                 for part in move.parts:
                     value = np.minimum(value, _extreme(margins[part.term][mine], part))
-                flat = worth.reshape(-1)
-                better = np.flatnonzero(mine)[value > flat[mine] + self._tie]
-                flat[better] = value[value > flat[mine] + self._tie]
-                then.reshape(-1)[better] = move.then
-        chosen = (worth >= worth.max(axis=0) - self._tie).argmax(axis=0)
-        return chosen, then[chosen, np.arange(rows)]
+                better = value > worth[mine] + self._tie
+                places = np.flatnonzero(mine)[better]
+                worth[places], then[places] = value[better], move.then
+        by_action = worth.reshape(count, rows)
+        chosen = (by_action >= by_action.max(axis=0) - self._tie).argmax(axis=0)
+        return chosen, then[chosen * rows + np.arange(rows)]
 
     @property
     def _tie(self) -> float:

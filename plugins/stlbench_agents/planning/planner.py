@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from stlbench.contract import Agent, Model, StatePolicy, Training
 from stlbench_agents.compiled_code import is_ready, note_ready
 from stlbench_agents.parameter_types import Count, Positive, Share
 from stlbench_agents.planning.axes import AxisRecipe
+
+if TYPE_CHECKING:
+    from stlbench_agents.planning.grid import Grid
+    from stlbench_agents.planning.moves import ActionSet
 
 __all__ = ["BestPossible", "Planner"]
 
@@ -28,7 +34,10 @@ class _OnGrid(Agent):
         """Solve; no environment is stepped. Raises `Unsuitable` where the task or the method does not fit a grid."""
         if training.model is None:
             raise TypeError("a planner is given a model")
-        policy = self._solve(training.model)
+        from stlbench_agents.planning.setup import prepare  # imports Numba
+
+        prepared = prepare(training.model, self.grid, self.resolution, self.actions)
+        policy = self._solve(training.model, *prepared)
         training.report(policy, 0)
         return policy
 
@@ -42,8 +51,9 @@ class _OnGrid(Agent):
         compile_all()
         note_ready("planning")
 
-    def _solve(self, model: Model) -> StatePolicy:
-        raise NotImplementedError
+    @abstractmethod
+    def _solve(self, model: Model, grid: Grid, actions: ActionSet) -> StatePolicy:
+        """The policy that this agent is for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,11 +69,10 @@ class Planner(_OnGrid):
     gamma: Share = 0.95
     """discount of a decision, that is, of `hold` steps"""
 
-    def _solve(self, model: Model) -> StatePolicy:
+    def _solve(self, model: Model, grid: Grid, actions: ActionSet) -> StatePolicy:
         from stlbench_agents.planning import sums
-        from stlbench_agents.planning.setup import prepare
 
-        return sums.plan(model, *prepare(model, self.grid, self.resolution, self.actions), self.gamma)
+        return sums.plan(model, grid, actions, self.gamma)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,8 +84,7 @@ class BestPossible(_OnGrid):
 
     plans = "formula"
 
-    def _solve(self, model: Model) -> StatePolicy:
+    def _solve(self, model: Model, grid: Grid, actions: ActionSet) -> StatePolicy:
         from stlbench_agents.planning import maximin
-        from stlbench_agents.planning.setup import prepare
 
-        return maximin.plan(model, *prepare(model, self.grid, self.resolution, self.actions))
+        return maximin.plan(model, grid, actions)

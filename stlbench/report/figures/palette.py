@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 from stlbench.report.tables.rows import Group
 
@@ -16,6 +16,7 @@ TRACE = COLOURS[0]
 """Of recorded traces, in figures of one method."""
 TIME = "cividis"
 """Colours of the time along a trace: from blue to yellow, so that no term's colour is among them."""
+Shown = TypeVar("Shown")
 Line = Literal["-", "--", ":"]
 LINES: tuple[Line, ...] = ("-", "--", ":")
 GROUPS_PER_FIGURE = len(COLOURS) * len(LINES)
@@ -62,10 +63,10 @@ def _standing(group: Group) -> str:
     return ", ".join(parts)
 
 
-def pages(groups: Sequence[Group], size: int = GROUPS_PER_FIGURE) -> Iterator[tuple[str, Sequence[Group]]]:
-    """At most `size` groups at a time, and how names of their files end: "", then "_2", "_3", ..."""
-    for start in range(0, len(groups), size):
-        yield f"_{start // size + 1}" if start else "", groups[start : start + size]
+def pages(shown: Sequence[Shown], size: int = GROUPS_PER_FIGURE) -> Iterator[tuple[str, Sequence[Shown]]]:
+    """At most `size` groups, or others, at a time, and how names of their files end: "", then "_2", "_3", ..."""
+    for start in range(0, len(shown), size):
+        yield f"_{start // size + 1}" if start else "", shown[start : start + size]
 
 
 def term_style(i: int) -> TermStyle:

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -16,9 +15,9 @@ from numpy.typing import NDArray
 from stlbench.contract import Array
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.palette import TRACE
-from stlbench.report.figures.signals import READ, signals_in_time
-from stlbench.report.figures.trajectories import term_keys
-from stlbench.report.figures.units import signal_label, time_label
+from stlbench.report.figures.signals import READ
+from stlbench.report.figures.trajectories import term_keys, traces_in_time
+from stlbench.report.figures.units import time_label
 from stlbench.task.task import Task
 
 __all__ = ["PLANS_PER_FIGURE", "Plan", "planned"]
@@ -75,7 +74,9 @@ def _in_time(task: Task, plans: Sequence[Plan], columns: int) -> Figure:
     drawn = list[int]()
     for i, plan in enumerate(plans):
         band, column = divmod(i, columns)
-        drawn = _column(list(grid[band * signals : (band + 1) * signals, column]), task, plan)
+        rows = list(grid[band * signals : (band + 1) * signals, column])
+        drawn = traces_in_time(rows, task, plan.traces)
+        rows[0].set_title(plan.title, fontsize=10)
     _same_limits(grid[: bands * signals].reshape(bands, signals, columns))
     for axes in grid.ravel()[[not axes.has_data() for axes in grid.ravel()]]:
         axes.set_visible(False)
@@ -83,16 +84,6 @@ def _in_time(task: Task, plans: Sequence[Plan], columns: int) -> Figure:
     keys: list[Artist] = [*term_keys(task, drawn), layout.patch(READ, label="steps that a term reads"), one_trace]
     figure.legend(handles=keys, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
     return figure
-
-
-def _column(rows: list[Axes], task: Task, plan: Plan) -> list[int]:
-    """One plan's signals; the terms that have a region in one of them."""
-    drawn = signals_in_time(rows, task)
-    for i, axes in enumerate(rows):
-        axes.plot(plan.traces[..., i].T, color=TRACE, linewidth=0.8, alpha=0.7, zorder=4)
-        axes.set_ylabel(signal_label(task, task.signals[i]))
-    rows[0].set_title(plan.title, fontsize=10)
-    return drawn
 
 
 def _same_limits(grid: NDArray[Any]) -> None:

@@ -175,10 +175,8 @@ def _draw_plans(task: Task | None, plans: Sequence[Plan], job: Job) -> list[Path
         return []
     ordered = sorted(plans, key=lambda plan: (plan.name != _FORMULA, not plan.name.endswith(RECIPE)))
     paths = list[Path]()
-    for start in range(0, len(ordered), PLANS_PER_FIGURE):
-        end = f"_{start // PLANS_PER_FIGURE + 1}" if start else ""
-        figure = planned(task, ordered[start : start + PLANS_PER_FIGURE])
-        paths += save(figure, job.out, file_name("planned", task.name) + end)
+    for end, page in pages(ordered, PLANS_PER_FIGURE):
+        paths += save(planned(task, page), job.out, file_name("planned", task.name) + end)
     return paths
 
 

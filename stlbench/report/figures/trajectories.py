@@ -19,7 +19,7 @@ from stlbench.report.figures.units import signal_label, time_label
 from stlbench.rollout.traces import Recording
 from stlbench.task.task import Task
 
-__all__ = ["TRACES_PER_PANEL", "term_keys", "trajectories"]
+__all__ = ["TRACES_PER_PANEL", "term_keys", "traces_in_time", "trajectories"]
 
 TRACES_PER_PANEL = 16
 
@@ -45,13 +45,19 @@ def _in_plane(task: Task, traces: Array) -> tuple[Figure, list[Artist]]:
 def _in_time(task: Task, traces: Array) -> tuple[Figure, list[Artist]]:
     figure = Figure(figsize=(9.0, 1.4 + 2.2 * len(task.signals)), layout="constrained")
     rows = list(figure.subplots(len(task.signals), 1, sharex=True, squeeze=False)[:, 0])
+    drawn = traces_in_time(rows, task, traces)
+    one_trace = Line2D([], [], color=TRACE, linewidth=0.8, label="one trace")
+    shading = [layout.patch(READ, label="steps that the row's terms read")] if drawn else []
+    return figure, [*term_keys(task, drawn), *shading, one_trace]
+
+
+def traces_in_time(rows: Sequence[Axes], task: Task, traces: Array) -> list[int]:
+    """Draw traces (N, T + 1, k) against time, one row per signal; the terms that have a region in one of the rows."""
     drawn = signals_in_time(rows, task)
     for i, axes in enumerate(rows):
         axes.plot(traces[..., i].T, color=TRACE, linewidth=0.8, alpha=0.7, zorder=4)
         axes.set_ylabel(signal_label(task, task.signals[i]))
-    one_trace = Line2D([], [], color=TRACE, linewidth=0.8, label="one trace")
-    shading = [layout.patch(READ, label="steps that the row's terms read")] if drawn else []
-    return figure, [*term_keys(task, drawn), *shading, one_trace]
+    return drawn
 
 
 def term_keys(task: Task, drawn: Sequence[int]) -> list[Artist]:
