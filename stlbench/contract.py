@@ -169,6 +169,17 @@ class RewardMethod:
     scale: float = 1.0
     """About the largest magnitude of the reward. Training divides by it, for every method alike, so that one recipe
     of the agent serves methods whose rewards are metres and methods whose rewards are flags."""
+    extension: str = ""
+    """Why the task is outside the form that the method's source was published for, in a few words; empty inside it."""
+
+    @property
+    def floor(self) -> float:
+        """The least that the method pays for a step, in its own unit: -`scale` unless it says otherwise.
+
+        A training episode that ends early (`training.ends`) counts as if this were paid for ever after, so that no
+        method is paid less for an end than for the worst that it knows, and none more.
+        """
+        return -self.scale
 
     def __init__(self, specification: Specification) -> None:
         self.specification = specification
@@ -256,6 +267,8 @@ class System(ABC):
     """Names of the n columns of the state."""
     coordinates: ClassVar[tuple[str, ...] | None] = None
     """Names of the quantities in boxes of initial states, if these are not the state; see `initial_states`."""
+    beyond_state: ClassVar[tuple[str, ...]] = ()
+    """What `features` has beyond the state, in words for people: "bearing of the goal", "which goal counts"."""
 
     def __init__(self, dt: float) -> None:
         self.dt = dt
@@ -277,8 +290,16 @@ class System(ABC):
         """What the policy sees of the state, scaled to about [-1, 1]: (N, n), t (N,) in 0..T -> (N, d).
 
         The harness appends the time t/T and the method's inputs. The features are the task's, so every method's
-        policy sees the same.
+        policy sees the same. What they have beyond the state itself is said by `beyond_state`.
         """
+
+    def scaled_state(self, state: Array) -> Array:
+        """The state alone: (N, n) -> (N, d), each column about in [-1, 1], an angle as its cosine and sine.
+
+        What the policy sees in place of `features` on the track `plain`, and without=features. The state as it is by
+        default.
+        """
+        return state
 
     def controller(self, state: Array, t: Integers) -> Array | None:
         """A controller written by hand: (N, n), t (N,) -> actions (N, axes), or None where a task has none.
