@@ -69,11 +69,12 @@ def check_method(method: type[RewardMethod] | str, task: str | None = None) -> N
 def check_task(name: str) -> None:
     """Check an installed task: its system under random actions and under its controller, its formula, its recipes.
 
-    The rules: `initial_states`, `step`, `signals`, `features` and `controller` give finite values of the contract's
-    shapes, are pure and leave their arguments alone, and a batch is its rows one by one; the initial states lie in the
-    signals' ranges, and features of states in there within [-5, 5]; the nested form has the formula's robustness, and
-    the rewarded one is satisfied when the formula is; the controller, where there is one, satisfies the formula from
-    some of the report's starts; recipes are for agents that are installed, and fit them.
+    The rules: `initial_states`, `step`, `signals`, `features`, `scaled_state` and `controller` give finite values of
+    the contract's shapes, are pure and leave their arguments alone, and a batch is its rows one by one; the initial
+    states lie in the signals' ranges, and features and scaled states of what is in there within [-5, 5]; the nested
+    form has the formula's robustness, and the rewarded one is satisfied when the formula is; the controller, where
+    there is one, satisfies the formula from some of the report's starts; recipes are for agents that are installed,
+    and fit them.
 
     Raises:
         AssertionError: the rule that is broken.
@@ -115,6 +116,8 @@ def _random_traces(task: Task) -> Array:
             features = _check_function("features", system.features, (state, np.full(n, t)), (n, None))
             inside = np.all((low <= trace[-1]) & (trace[-1] <= high), axis=1)
             _rule(bool(np.all(np.abs(features[inside]) <= 5)), "features are about in [-1, 1]", features)
+            scaled = _check_function("scaled_state", system.scaled_state, (state,), (n, None))
+            _rule(bool(np.all(np.abs(scaled[inside]) <= 5)), "the scaled state is about in [-1, 1]", scaled)
         state = system.step(state, action)
         trace.append(system.signals(state))
     return np.stack(trace, axis=1)

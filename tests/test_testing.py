@@ -133,6 +133,7 @@ class Line(System):
     def step(self, state, action): return {step}
     def signals(self, state): return {signals}
     def features(self, state, t): return {features}
+    def scaled_state(self, state): return {scaled_state}
     def changed(self, state): state += 1; return state
     def initial_states(self, points): return {initial_states}
     def controller(self, state, t): return {controller}
@@ -141,6 +142,7 @@ SOUND = {
     "step": "state + self.dt * action",
     "signals": "state",
     "features": "state",
+    "scaled_state": "state / 10",
     "initial_states": "points",
     "controller": "-state",
 }
@@ -156,6 +158,9 @@ SOUND = {
         ({"step": "state - state.mean()"}, {}, "step of a batch is that of its rows"),
         ({"features": "100 * state"}, {}, r"features are about in \[-1, 1\]"),
         ({"features": "state[:, 0]"}, {}, r"features has shape"),
+        ({"scaled_state": "100 * state"}, {}, r"the scaled state is about in \[-1, 1\]"),
+        ({"scaled_state": "state[:, 0]"}, {}, r"scaled_state has shape"),
+        ({"scaled_state": "state - state.mean()"}, {}, "scaled_state of a batch is that of its rows"),
         ({}, {"initial": {"box": {"x": [10.5, 11]}}}, "initial states lie in the signals' ranges"),
         ({"initial_states": "points[:, 0]"}, {}, r"initial_states has shape \(8, 1\); got \(8,\)"),
         ({"initial_states": "points + np.nan"}, {}, "initial_states is finite"),

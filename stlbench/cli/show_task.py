@@ -59,6 +59,8 @@ def facts(task: Task) -> dict[str, Any]:
         "sampling_time": file.sampling_time,
         "hold": file.hold,
         "starts": file.starts,
+        "features": file.features,
+        "beyond_state": task.system.beyond_state if file.features == "engineered" else (),
         "controller": _scored(controller.score(task)),
         "best_possible": None if file.best_possible is None else file.best_possible.model_dump(),
         "signals": {name: signal.model_dump() for name, signal in file.signals.items()},

@@ -39,6 +39,7 @@ def print_task(content: dict[str, Any]) -> None:
         f"horizon:  {content['horizon']} steps of {content['sampling_time']:g} s",
         f"episode:  {content['steps']} steps ({seconds:g} s), each action held for {content['hold']}",
         f"starts:   {content['starts']} for the report, as many others for the selection of checkpoints",
+        f"seen:     {_seen(content)}",
     ]
     if content["controller"] is not None:
         mean, least, share = content["controller"].values()
@@ -55,6 +56,14 @@ def print_task(content: dict[str, Any]) -> None:
     out = console()
     for table in _tables(content):
         to_screen(table, out)
+
+
+def _seen(content: dict[str, Any]) -> str:
+    """What policies see of the system's state."""
+    if content["features"] == "state":
+        return "the state alone, scaled"
+    beyond = "; ".join(content["beyond_state"])
+    return f"features; beyond the state: {beyond}" if beyond else "features; what is beyond the state is not declared"
 
 
 def _possible(best: dict[str, Any]) -> str:

@@ -63,7 +63,7 @@ class Simulator:
         `t` (N,) stands in place of the copies' own time where it is given.
         """
         t = self.t if t is None else t
-        parts = [self.system.features(self.state, t), self._times[t]]
+        parts = [self.task.features(self.state, t), self._times[t]]
         if self.method.memory_size:
             parts.append(self.method.inputs(self.memory))
         return np.concatenate(parts, axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -70,7 +71,7 @@ class BestPossible(Entry):
     """How it was found: agent, parameters, date."""
 
 
-OPTIONAL = ("rewarded", "hold", "cuts", "ends", "exploring")
+OPTIONAL = ("features", "rewarded", "hold", "cuts", "ends", "exploring")
 """What a task can be trained without, to learn what it is worth."""
 
 
@@ -106,6 +107,8 @@ class TaskFile(Entry):
     """Robot -> its actions, where there is more than one robot; together all actions, in their order."""
     initial: Region
     """Where the referee's starts lie."""
+    features: Literal["engineered", "state"] = "engineered"
+    """What policies see of the system's state: `System.features`, or `System.scaled_state`, the state alone."""
     training: TrainingEpisodes = TrainingEpisodes()
     best_possible: BestPossible | None = None
     """What the policies' robustness is compared with, beside the controller by hand."""
@@ -126,9 +129,18 @@ class TaskFile(Entry):
         """This file without one of OPTIONAL, for an ablation. Raises `ValueError` where it is without it already."""
         if part not in OPTIONAL:
             raise ValueError(f"a task is never without '{part}', but perhaps without {', '.join(OPTIONAL)}")
-        owner: BaseModel = self.training if part in TrainingEpisodes.model_fields else self
-        plain = type(owner).model_fields[part].default
-        if getattr(owner, part) == plain:
+        less = self._less(part)
+        if less == self:
             raise ValueError(f"the task is without {part} as it is")
-        changed = owner.model_copy(update={part: plain})
+        return less
+
+    def plain(self) -> TaskFile:
+        """This file without all of OPTIONAL that it has, for the track `plain`; where training starts is no part."""
+        return reduce(TaskFile._less, OPTIONAL, self)
+
+    def _less(self, part: str) -> TaskFile:
+        """This file without the part, which it may be without already."""
+        owner: BaseModel = self.training if part in TrainingEpisodes.model_fields else self
+        value = "state" if part == "features" else type(owner).model_fields[part].default
+        changed = owner.model_copy(update={part: value})
         return changed if isinstance(changed, TaskFile) else self.model_copy(update={"training": changed})

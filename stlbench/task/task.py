@@ -9,7 +9,7 @@ from importlib import resources
 from typing import Any, cast
 
 from stlbench import stl
-from stlbench.contract import ActionBox, ActionGrid, Actions, Specification, System
+from stlbench.contract import ActionBox, ActionGrid, Actions, Array, Integers, Specification, System
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, choice_of
@@ -68,6 +68,13 @@ class Task:
             nested=self.file.nested,
             input_limit=self.file.input_limit,
         )
+
+    def features(self, state: Array, t: Integers) -> Array:
+        """What every policy sees of states (N, n) at steps t (N,): the system's features, or its state alone, (N, d).
+
+        Which of the two the task file says. About in [-1, 1].
+        """
+        return self.system.scaled_state(state) if self.file.features == "state" else self.system.features(state, t)
 
     @property
     def own_agent(self) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from stlbench.contract import Array, System
@@ -16,6 +18,8 @@ class DifferentialDrive(System):
     """
 
     state = ("x", "y", "heading")
+    room: ClassVar[tuple[float, float]]
+    """From where to where x lies, and y, as the task file has it, in metres: what `scaled_state` has from -1 to 1."""
 
     def step(self, state: Array, action: Array) -> Array:
         """One sampling time later: (N, 3), (N, 2) -> (N, 3)."""
@@ -31,3 +35,10 @@ class DifferentialDrive(System):
     def signals(self, state: Array) -> Array:
         """x, y: (..., 3) -> (..., 2)."""
         return state[..., :2]
+
+    def scaled_state(self, state: Array) -> Array:
+        """x and y from -1 to 1 over the `room`, the heading's cosine and sine: (N, 3) -> (N, 4)."""
+        low, high = self.room
+        x, y, heading = state.T
+        middle, half = (low + high) / 2, (high - low) / 2
+        return np.stack([(x - middle) / half, (y - middle) / half, np.cos(heading), np.sin(heading)], axis=1)

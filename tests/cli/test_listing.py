@@ -56,6 +56,7 @@ def test_a_task_in_full(say, toy):
     assert (term["formula"], term["rho_min"], term["rho_max"]) == ("G[0,4] x <= 1", pytest.approx(-2), pytest.approx(3))
     assert found["actions"]["v"] == {"low": -1.0, "high": 1.0, "unit": "", "count": 3}
     assert (found["controller"], found["robots"], found["training"]) == (None, {}, {"cuts": [], "ends": []})
+    assert (found["features"], found["beyond_state"]) == ("engineered", [])
     assert found["own_agent"] == "toy-agent"
     assert found["budgets"]["quick"] == {"steps": 8, "seeds": 2, "deadline": 60.0, "checkpoints": 2}
     assert found["protocols"]["end"]["formula"] == "F[4,4] x <= 1"
@@ -102,6 +103,16 @@ def test_a_task_on_screen(say, toy):
     assert "formula:  G[0,4] x <= 1" in done.stdout
     assert "horizon:  4 steps of 0.5 s" in done.stdout
     assert "intractable: needs 6003 inputs, limit 512" in done.stdout
+
+
+def test_what_policies_see(say, toy):
+    assert "seen:     features; what is beyond the state is not declared\n" in say("show", "task", "toy-line").stdout
+    alone = say("show", "task", "toy-line[without=features]")
+    assert "seen:     the state alone, scaled\n" in alone.stdout
+    found = json.loads(say("show", "task", "robot-nav", "--json").stdout)
+    assert found["beyond_state"][0] == "which goal counts"
+    lines = say("show", "task", "robot-nav").stdout.splitlines()
+    assert any(line.startswith("seen:     features; beyond the state: which goal counts; distance") for line in lines)
 
 
 def test_what_its_controller_gets(say, down):

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from helpers.line_task import line, text
 
@@ -29,12 +30,14 @@ class TestWithout:
         },
     )
 
+    PLAIN = text(features="state")
+
     @pytest.mark.parametrize("part", OPTIONAL)
     def test_everything_optional_can_be_left_out_once(self, part: str) -> None:
         full = read_task_file(self.FULL, "line")
-        plain, less = read_task_file(text(), "line"), full.without(part)
+        plain, less = read_task_file(self.PLAIN, "line"), full.without(part)
         for other in OPTIONAL:
-            owner = (lambda file: file) if other in ("rewarded", "hold") else (lambda file: file.training)
+            owner = (lambda file: file) if other in ("features", "rewarded", "hold") else (lambda file: file.training)
             expected = plain if other == part else full
             assert getattr(owner(less), other) == getattr(owner(expected), other)
         with pytest.raises(ValueError, match=f"the task is without {part} as it is"):
@@ -44,14 +47,32 @@ class TestWithout:
         file = read_task_file(self.FULL, "line")
         for part in OPTIONAL:
             file = file.without(part)
-        assert file == read_task_file(text(), "line")
+        assert file == read_task_file(self.PLAIN, "line")
+
+    def test_a_plain_file_is_without_what_it_has_of_these(self) -> None:
+        plain = read_task_file(self.PLAIN, "line")
+        for full in (self.FULL, text(hold=2), self.PLAIN):
+            assert read_task_file(full, "line").plain() == plain
+
+    def test_a_plain_file_starts_training_where_the_task_does(self) -> None:
+        starts = {"starts": {"box": {"x": [-2, 2]}}}
+        plain = read_task_file(text(training={**starts, "cuts": [4]}), "line").plain()
+        assert plain == read_task_file(text(training=starts, features="state"), "line")
 
     def test_other_parts_stay(self) -> None:
-        with pytest.raises(ValueError, match="a task is never without 'formula', but perhaps without rewarded, hold"):
+        with pytest.raises(
+            ValueError, match="a task is never without 'formula', but perhaps without features, rewarded"
+        ):
             read_task_file(self.FULL, "line").without("formula")
 
 
 class TestTask:
+    def test_policies_see_the_features_or_the_state_alone(self) -> None:
+        state, t = np.array([[0.5], [-1.0]]), np.array([3, 4])
+        assert line().features(state, t).tolist() == [[0.5, 3], [-1, 4]]
+        assert line(features="state").features(state, t).tolist() == [[0.5], [-1]]
+        assert load_task("hold-disc[without=features]").file.features == "state"
+
     def test_methods_are_told_the_rewarded_form(self) -> None:
         task = line(rewarded="G[0,4] (0.5 * x <= 0.5)")
         assert task.specification.formula == stl.parse("G[0,4] (0.5 * x <= 0.5)")

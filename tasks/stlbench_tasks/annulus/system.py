@@ -18,6 +18,9 @@ _steer = Steering(speed=5.0, speed_step=0.5, turn=3.0, turn_step=0.5, held=0.1)
 class Annulus(DifferentialDrive):
     """Mobile robot with a convex predicate: between 2 m and 5 m from a point, G[300,2000]."""
 
+    room = (0.0, 15.0)
+    beyond_state = ("distance from the middle of the ring", "bearing of its centre", "a close-up of the last metre")
+
     def features(self, state: Array, t: Integers) -> Array:
         """How far out of the middle of the ring, and where its centre lies: (N, 4).
 

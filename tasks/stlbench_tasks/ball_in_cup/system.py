@@ -36,6 +36,7 @@ class BallInCup(MujocoSystem):
     model_file = ("dm_control", "suite/ball_in_cup.xml")
     state = columns(("cup_x", "cup_z", "ball_x", "ball_z"), "x", "z")
     coordinates = ("ball_x", "ball_z")
+    beyond_state = ("whether the ball is to be caught", "where the ball is from the cup")
 
     def __init__(self, dt: float) -> None:
         super().__init__(dt)
@@ -64,6 +65,13 @@ class BallInCup(MujocoSystem):
         """
         caught = 1.0 - 2.0 * (np.searchsorted(_SWITCHES, t, side="right") == 1)
         return np.concatenate([state[:, :2] * 3, state[:, -2:] * 4, state[:, 4:8] / 2, caught[:, None]], axis=1)
+
+    def scaled_state(self, state: Array) -> Array:
+        """Places of cup and ball, each from its own zero, over 0.33 m, and their speeds over 2 m/s: (N, 8).
+
+        Where MuJoCo's solver starts its search, the rest of the state, is not shown.
+        """
+        return np.concatenate([state[:, :4] * 3, state[:, 4:8] / 2], axis=1)
 
     def controller(self, state: Array, t: Integers) -> Array:
         """Let the cup follow the ball until it hangs or lies still, and swing at three fixed times: (N, 2).

@@ -17,6 +17,8 @@ _SWITCH = 100
 """The last step of the first point's interval: the gripper goes to the second point after it."""
 _POINTS = np.array([[1.5, 0.43, 0.47], [1.5, 1.05, 0.47]])
 _MIDDLE = np.array([1.35, 0.75, 0.5])
+_RANGES = np.array([[0.9, 0.3, 0.2], [1.6, 1.2, 0.9]])
+"""Least and greatest x, y and z of the gripper, as the task file has them."""
 _REACH = 0.05
 """Metres that a component of the action can move the gripper's target ahead of it, as in the environment."""
 _MOST_MOVES, _IDLE = 5, 4
@@ -35,6 +37,7 @@ class FetchReach(MujocoSystem):
     model_file = ("gymnasium_robotics", "envs/assets/fetch/reach.xml")
     state = columns(_JOINTS, "x", "y", "z", "v_x", "v_y", "v_z")
     coordinates = ("move_x", "move_y", "move_z", "moves")
+    beyond_state = ("which point counts", "a close-up of the way to it")
 
     def __init__(self, dt: float) -> None:
         super().__init__(dt)
@@ -93,6 +96,14 @@ class FetchReach(MujocoSystem):
         second = (t >= _SWITCH).astype(np.int64)
         way = np.tanh((_POINTS[second] - place) / 0.1)
         return np.concatenate([(place - _MIDDLE) * 3, velocity * 0.8, way, second[:, None] * 2.0 - 1], axis=1)
+
+    def scaled_state(self, state: Array) -> Array:
+        """The gripper's place, from -1 to 1 over the signals' ranges, and its velocity over 1.25 m/s: (N, 6).
+
+        That is what the environment shows. The arm's joints follow the gripper and are not shown.
+        """
+        low, high = _RANGES
+        return np.concatenate([(state[:, 45:48] * 2 - low - high) / (high - low), state[:, 48:] * 0.8], axis=1)
 
     def controller(self, state: Array, t: Integers) -> Array:
         """Proportional control, slow enough for actions held 5 steps: (N, 3)."""

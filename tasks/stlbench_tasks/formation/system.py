@@ -30,6 +30,13 @@ class Formation(System):
     """Three robots in the plane go to goals of their own in turn and keep their distances. p' = p + dt v."""
 
     state = ("ax", "ay", "bx", "by", "cx", "cy")
+    beyond_state = (
+        "whose goal counts",
+        "where each robot's goal is from it",
+        "where the robots are from each other",
+        "what their distances leave",
+        "close-ups of the goals",
+    )
 
     def step(self, state: Array, action: Array) -> Array:
         """One sampling time later: (N, 6), (N, 6) -> (N, 6)."""
@@ -52,6 +59,10 @@ class Formation(System):
         pairs = [np.tanh(apart / 2).reshape(-1, 6), np.tanh((distance - _NEAR) * 2), np.tanh((_FAR - distance) * 2)]
         counts = np.where(_phase(t)[:, None] == np.arange(3), 1.0, -1.0)
         return np.concatenate([goal / 5, np.tanh(goal * 2), *pairs, counts], axis=1)
+
+    def scaled_state(self, state: Array) -> Array:
+        """The robots' places from -1 to 1 over [-1, 6] m: (N, 6) -> (N, 6)."""
+        return (state - 2.5) / 3.5
 
     def controller(self, state: Array, t: Integers) -> Array:
         """Every robot straight to its present stop, the others in reach of the one whose goal counts: (N, 6)."""

@@ -16,6 +16,9 @@ __all__ = ["HoldDisc"]
 class HoldDisc(DifferentialDrive):
     """Comparative study: a differential-drive robot stays in a disc, G[0,200], sampled at 0.01 s."""
 
+    room = (0.0, 4.0)
+    beyond_state = ("where the centre is, ahead and to the left", "a close-up of the last decimetres")
+
     turn_step: ClassVar[float] = 0.5
     """From one turning rate of the grid of actions to the next, in rad/s."""
 

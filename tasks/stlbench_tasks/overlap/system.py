@@ -24,6 +24,14 @@ _steer = Steering(speed=0.3, speed_step=0.03, turn=1.0, turn_step=1 / 6, held=0.
 class Overlap(DifferentialDrive):
     """Mobile robot with overlapping intervals: off the obstacles for 100 s, at (3,1) by 50 s, at (1,3) by 90 s."""
 
+    room = (0.0, 4.0)
+    beyond_state = (
+        "which goal counts",
+        "distance and bearing of that goal",
+        "clearance here and at four points around",
+        "close-ups of goal and clearance",
+    )
+
     def features(self, state: Array, t: Integers) -> Array:
         """Pose, goal and obstacles: (N, 15).
 

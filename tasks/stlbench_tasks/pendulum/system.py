@@ -28,6 +28,12 @@ class Pendulum(System):
     """
 
     state = ("theta", "omega")
+    beyond_state = (
+        "which target counts",
+        "error from that target",
+        "close-ups of error and speed",
+        "logarithm of a width that falls to the tolerance in time, as a funnel's",
+    )
 
     def step(self, state: Array, action: Array) -> Array:
         """One sampling time later: (N, 2), (N, 1) -> (N, 2)."""
@@ -51,6 +57,14 @@ class Pendulum(System):
         width = (_WIDEST - _NARROWEST) * np.exp(-rate * (t - _BEGINS[phase])) + _NARROWEST
         scales = [column for e in (error, omega) for column in (e / 2, np.tanh(e / 0.3), np.tanh(e / 0.05))]
         return np.stack([*scales, phase - 1.0, np.log(width) / 2 + 1], axis=1)
+
+    def scaled_state(self, state: Array) -> Array:
+        """theta over pi and omega over 6 rad/s: (N, 2) -> (N, 2).
+
+        No cosine and sine, since the formula tells a whole turn from none. theta counts as at most 9 in size, as its
+        error in `features`: so much is too far to come back.
+        """
+        return np.stack([np.clip(state[:, 0], -9, 9) / np.pi, state[:, 1] / 6], axis=1)
 
     def controller(self, state: Array, t: Integers) -> Array:
         """The torque whose next omega is nearest to -3 times the error, at most 6 rad/s: (N, 1)."""

@@ -18,6 +18,9 @@ _steer = Steering(speed=5.0, speed_step=0.5, turn=3.0, turn_step=0.5, held=0.1)
 class ReachStay(DifferentialDrive):
     """Mobile robot that reaches a disc within 6 s and stays for 2 s, F[0,600] G[0,200]."""
 
+    room = (-5.0, 15.0)
+    beyond_state = ("distance and bearing of the goal", "a close-up of the last metre")
+
     def features(self, state: Array, t: Integers) -> Array:
         """Distance and bearing of the disc's centre: (N, 5).
 

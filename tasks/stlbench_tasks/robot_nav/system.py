@@ -18,6 +18,9 @@ _steer = Steering(speed=5.0, speed_step=0.5, turn=3.0, turn_step=0.5, held=0.1)
 class RobotNav(DifferentialDrive):
     """Mobile robot navigation: in one region for G[900,1300], in another for G[1600,2000]."""
 
+    room = (-5.0, 40.0)
+    beyond_state = ("which goal counts", "distance and bearing of that goal", "a close-up of the last metres")
+
     def features(self, state: Array, t: Integers) -> Array:
         """Distance and bearing of the goal that counts at t, and which one it is: (N, 6).
 
