@@ -181,6 +181,11 @@ class RewardMethod:
         """
         return -self.scale
 
+    @property
+    def input_size(self) -> int:
+        """How many `inputs` the policy is shown: `memory_size` unless the method says otherwise."""
+        return self.memory_size
+
     def __init__(self, specification: Specification) -> None:
         self.specification = specification
 
@@ -248,7 +253,7 @@ class RewardMethod:
         return along_by_steps(self, samples, action, t, memory)
 
     def inputs(self, memory: Array) -> Array:
-        """What the policy sees of the memory, about in [-1, 1]: (N, m) -> (N, m). The memory as it is by default."""
+        """What the policy sees of the memory, about in [-1, 1]: (N, m) -> (N, `input_size`). All of it by default."""
         return memory
 
 

@@ -42,7 +42,7 @@ def check_method(method: type[RewardMethod] | str, task: str | None = None) -> N
 
     The rules: `initial_memory`, `step` and `inputs` give finite values of the contract's shapes, are pure and leave
     their arguments alone; a batch is its rows one by one, also where rows are at different times; inputs are about in
-    [-1, 1] and rewards at most about `scale` in size; `describe` gives what JSON can hold.
+    [-1, 1], rewards at most about `scale` in size and none below `floor`; `describe` gives what JSON can hold.
 
     Args:
         method: a class, made with its default parameters, or the name of an installed method with parameters.
@@ -183,12 +183,15 @@ def _check_episode(method: RewardMethod) -> None:
         _rule(np.shape(reward) == (_ROWS,), "the reward has shape (N,)", np.shape(reward))
         if t % max(1, steps // 12) == 0 or t == steps - 1:
             _check_function("step", lambda *values: np.column_stack(method.step(*values)), arguments, (_ROWS, 1 + m))
-            inputs = _check_function("inputs", method.inputs, (memory,), (_ROWS, m))
+            inputs = _check_function("inputs", method.inputs, (memory,), (_ROWS, method.input_size))
             _rule(bool(np.all(np.abs(inputs) <= 2)), "inputs are about in [-1, 1]", inputs)
         memories.append(memory)
         rewards.append(reward)
     largest = float(np.abs(rewards).max())
     _rule(largest <= 1.5 * method.scale, f"rewards are at most about scale = {method.scale:g} in size", largest)
+    least, floor = float(np.min(rewards)), method.floor
+    name = type(method).__name__
+    _rule(least >= floor - 1e-9, f"{name}: no reward in the box of the signals is below its floor = {floor:g}", least)
     row, at = np.arange(_ROWS), np.linspace(0, steps - 1, _ROWS).astype(np.int64)
     mixed, _ = method.step(traces[row, at], action, traces[row, at + 1], at, np.stack(memories)[at, row])
     _rule(np.allclose(mixed, np.stack(rewards)[at, row]), "rows may be at different times", mixed)

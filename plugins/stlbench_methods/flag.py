@@ -19,7 +19,8 @@ class Flag(RewardMethod):
 
     Where the task (or its nested form) reads (F|G)[0,Te] phi, with phi an and/or of F[0,w] psi and G[0,w] psi: integer
     counters over windows of w + 1 samples, sat = and/or of their verdicts, and the reward exp(beta (sat - 1)) for an
-    outer F, -exp(-beta sat) for an outer G. Both are in [-1, 1]: exp(beta sat) is scaled by exp(-beta).
+    outer F, -exp(-beta sat) for an outer G. Both are in [-1, 1]: exp(beta sat) is scaled by exp(-beta). Windows may all
+    begin at the same later step, as in G[0,Te] G[300,310] psi: an extension, as the source has them from 0.
 
     Any other formula of the fragment of eq. 2 has no outer operator and absolute intervals, which that method does
     not treat. The extension: F[a,b] psi has a flag latched once psi held in [a,b]; the flag of G[a,b] psi is 1 until
@@ -41,6 +42,12 @@ class Flag(RewardMethod):
             WindowFlags(nested, specification, beta) if windowed else AbsoluteFlags(specification, beta)
         )
         self.memory_size, self.scale = len(self._flags.full), self._flags.scale
+        self.extension = self._flags.extension
+
+    @property
+    def floor(self) -> float:
+        """The least that the flags can be paid at a sample."""
+        return self._flags.floor
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         """The flags after the first sample, (N, m); they were 0 before it (1 for the absolute G), whenever it is."""

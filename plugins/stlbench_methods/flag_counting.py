@@ -14,10 +14,10 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, Specification, Truth
+from stlbench_methods.windows import EXTENSION, Window, from_first_read, leaves
 
 __all__ = ["FG", "AbsoluteFlags", "F", "Flags", "G", "Terms", "WindowFlags", "is_windowed"]
 
-Window = stl.Always | stl.Eventually
 F, G, FG = 0, 1, 2
 """Kinds of terms, for compiled code."""
 _KINDS = {"F": F, "G": G, "FG": FG}
@@ -42,7 +42,10 @@ class Flags(ABC):
     form: str
     initial: Array
     full: Array
+    floor: float
+    """The least that can be paid at a sample."""
     scale: float = 1.0
+    extension: str = ""
 
     @abstractmethod
     def along(self, samples: Array, t: Integers, flags: Array) -> tuple[Array, Array]:
@@ -53,17 +56,26 @@ class Flags(ABC):
 
 
 class WindowFlags(Flags):
-    """(F|G)[0,Te] phi, phi an and/or of F[0,w] psi and G[0,w] psi, as in the source."""
+    """(F|G)[0,Te] phi, phi an and/or of F[0,w] psi and G[0,w] psi, as in the source.
+
+    Where all windows of phi begin at a later step, nothing is counted and 0 is paid before it: that sample is then to
+    them what the first is to the source's.
+    """
 
     form = "outer operator over windows"
 
     def __init__(self, formula: stl.Formula, specification: Specification, beta: float) -> None:
         assert isinstance(formula, Window)
-        windows = list(_leaves(formula.arg))
+        self._first, phi = from_first_read(formula.arg)
+        windows = list(_windows(phi))
         self._holds = [specification.holds(window.arg) for window in windows]
         self._eventually = np.array([isinstance(window, stl.Eventually) for window in windows])
-        self._combined = _combined(formula.arg, itertools.count())
+        self._combined = _combined(phi, itertools.count())
         self._paid = _paid(isinstance(formula, stl.Eventually), beta)
+        self.floor = float(self._paid[0])
+        if self._first:
+            self.extension = f"windows begin {self._first} steps late; its source has them from 0"
+            self.floor = min(0.0, self.floor)
         self.full = np.array([window.b + 1.0 for window in windows])
         self.initial = np.zeros_like(self.full)
 
@@ -73,14 +85,19 @@ class WindowFlags(Flags):
 
         after = flags.copy()
         verdicts = _truths(self._holds, samples)
+        if self._first:
+            begun = t + np.arange(len(samples))[:, None] >= self._first
+            verdicts &= begun
         count(verdicts, self._eventually, self.full, after)
-        return self._paid[self._combined(verdicts).view(np.int8)], after
+        paid = self._paid[self._combined(verdicts).view(np.int8)]
+        return np.where(begun, paid, 0.0) if self._first else paid, after
 
 
 class AbsoluteFlags(Flags):
     """A conjunction of terms with absolute intervals: the extension to eq. 2."""
 
     form = "absolute intervals (extension)"
+    extension = EXTENSION
 
     def __init__(self, specification: Specification, beta: float) -> None:
         terms = specification.terms
@@ -98,6 +115,7 @@ class AbsoluteFlags(Flags):
             active,
             np.array([_paid(term.kind != "G", beta) for term in terms]),
         )
+        self.floor = float((active[:, 1:] * self._terms.paid[:, :1]).sum(axis=0).min())
         self.initial, self.full = np.array(initial), np.array(full)
         self.scale = float(active.sum(axis=0).max())
 
@@ -110,21 +128,18 @@ class AbsoluteFlags(Flags):
 
 
 def is_windowed(formula: stl.Formula) -> bool:
-    """Whether a formula reads (F|G)[0,Te] phi with phi an and/or of F[0,w] psi and G[0,w] psi."""
+    """Whether a formula reads (F|G)[0,Te] phi with phi an and/or of F[a,a+w] psi and G[a,a+w] psi, all of one a."""
     if not (isinstance(formula, Window) and formula.a == 0):
         return False
-    return all(
-        isinstance(leaf, Window) and leaf.a == 0 and not stl.is_temporal(leaf.arg) for leaf in _leaves(formula.arg)
+    _, phi = from_first_read(formula.arg)
+    windows = list(_windows(phi))
+    return len(windows) == len(list(leaves(phi))) and all(
+        window.a == 0 and not stl.is_temporal(window.arg) for window in windows
     )
 
 
-def _leaves(phi: stl.Formula) -> Iterator[Window]:
-    """What is left of a formula without its and, or, in order of appearance; windows where `is_windowed`."""
-    if isinstance(phi, stl.And | stl.Or):
-        for arg in phi.args:
-            yield from _leaves(arg)
-    else:
-        yield phi  # type: ignore[misc]  # checked by is_windowed
+def _windows(phi: stl.Formula) -> Iterator[Window]:
+    return (leaf for leaf in leaves(phi) if isinstance(leaf, Window))
 
 
 def _combined(phi: stl.Formula, leaf: Iterator[int]) -> Callable[[Truth], Truth]:

@@ -13,7 +13,7 @@ from pydantic import Field
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
 from stlbench.presentation import Band
 from stlbench.stl import Term
-from stlbench_methods.schedule import Activity, Value, active_from, active_table, least_active
+from stlbench_methods.schedule import Activity, Value, active_from, active_table, least_active, least_paid
 
 __all__ = ["Curve", "Funnel"]
 
@@ -86,8 +86,15 @@ class Funnel(RewardMethod):
         rewards = [self._term_reward(term, curve, shape) for term, curve in zip(terms, self.curves, strict=True)]
         self._least = least_active(rewards, self.active)
         self._clip = shape == "clipped"
+        least = least_paid(np.array([self._worst(curve, shape) for curve in self.curves]), self.active)
+        self._floor = min(0.0, least) if self._clip else least
         widest = max(curve.gamma_0 for curve in self.curves)
         self.scale = math.log1p(widest / ginf) if shape == "normalised" else widest
+
+    @property
+    def floor(self) -> float:
+        """The least r' over the box of the signals and over time."""
+        return self._floor
 
     def arrival(self, signals: Array, t: Integers) -> Array:
         """r'(s_t, t) in the unit of the predicates: (..., k), (...) -> (...)."""
@@ -125,12 +132,20 @@ class Funnel(RewardMethod):
 
     def _term_reward(self, term: Term, curve: Curve, shape: Shape) -> Value:
         margin = self.specification.margin(term.psi)
-        samples = np.maximum(np.arange(self.specification.steps + 1), curve.t0)
-        gamma = curve(samples)
+        gamma = self._width(curve)
         if shape == "normalised":
             return lambda s, t: -np.log1p((curve.rho_max - margin(s)) / gamma[t])
         offset = gamma - curve.rho_max
         return lambda s, t: margin(s) + offset[t]
+
+    def _worst(self, curve: Curve, shape: Shape) -> Array:
+        """The term's reward where psi is least in the box of the signals, at each sample: (T + 1,)."""
+        gamma = self._width(curve)
+        return -np.log1p(curve.gamma_0 / gamma) if shape == "normalised" else gamma - curve.gamma_0
+
+    def _width(self, curve: Curve) -> Array:
+        """gamma at each sample, (T + 1,): its value at t0 before t0."""
+        return curve(np.maximum(np.arange(self.specification.steps + 1), curve.t0))
 
 
 def _t_star(term: Term, t0: int, variant: Variant, share: float) -> float:

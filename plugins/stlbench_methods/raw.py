@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from stlbench.contract import Array, Integers, RewardMethod, Specification
-from stlbench_methods.schedule import Activity, active_table, least_active, timeless
+from stlbench_methods.schedule import Activity, active_table, least_active, least_paid, timeless
 
 __all__ = ["Raw"]
 
@@ -21,9 +23,17 @@ class Raw(RewardMethod):
     def __init__(self, specification: Specification, *, activity: Activity = "last-deadline") -> None:
         super().__init__(specification)
         terms = specification.terms
-        self.scale = max(high - low for low, high in map(specification.range, (term.psi for term in terms)))
+        low, high = np.array([specification.range(term.psi) for term in terms]).T
+        self.scale = float((high - low).max())
+        active = active_table(terms, specification.steps, activity)
+        self._floor = least_paid(low[:, None], active)
         margins = [timeless(specification.margin(term.psi)) for term in terms]
-        self._reward = least_active(margins, active_table(terms, specification.steps, activity))
+        self._reward = least_active(margins, active)
+
+    @property
+    def floor(self) -> float:
+        """The least robustness of a term over the box of the signals; 0 where that is more and no term is active."""
+        return self._floor
 
     def arrival(self, signals: Array, t: Integers) -> Array:
         """rho of the active terms, in the unit of the predicates: (..., k), (...) -> (...)."""

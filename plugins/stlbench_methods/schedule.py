@@ -10,7 +10,7 @@ import numpy as np
 from stlbench.contract import Array, Integers, Truth
 from stlbench.stl import Term
 
-__all__ = ["Activity", "Value", "active_from", "active_table", "least_active", "timeless"]
+__all__ = ["Activity", "Value", "active_from", "active_table", "least_active", "least_paid", "timeless"]
 
 Value = Callable[[Array, Integers], Array]
 """A function of signals (..., k) and sample indices (...), giving (...)."""
@@ -41,6 +41,17 @@ def active_table(terms: Sequence[Term], steps: int, activity: Activity) -> Truth
 def timeless(value: Callable[[Array], Array]) -> Value:
     """A function of signals alone, as a function of signals and time."""
     return lambda signals, t: value(signals)
+
+
+def least_paid(least: Array, active: Truth) -> float:
+    """The least that `least_active` can pay, given the least of each term at each sample.
+
+    Args:
+        least: of each term, (number of terms, steps + 1), or (number of terms, 1) where it is the same at all times.
+        active: (number of terms, steps + 1), see `active_table`. Sample 0 is never paid for.
+    """
+    paid = np.where(active, least, np.inf).min(axis=0)[1:]
+    return float(np.where(np.isinf(paid), 0.0, paid).min())
 
 
 def least_active(values: Sequence[Value], active: Truth) -> Value:

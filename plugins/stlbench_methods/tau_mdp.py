@@ -9,7 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Intractable, RewardMethod, Specification, Unsuitable
+from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
+from stlbench_methods.windows import EXTENSION, from_first_read
 
 __all__ = ["TauMdp"]
 
@@ -19,7 +20,8 @@ class TauMdp(RewardMethod):
 
     The formula is read as Phi = F[0,Te] phi or G[0,Te] phi, from the task's nested form where it has one. A formula
     of another form, such as a conjunction of absolute intervals, is all phi, and tau is its whole horizon: that is
-    the intractability that Saxena et al. describe.
+    the intractability that Saxena et al. describe. Where phi reads nothing before a later sample, as G[300,310] psi,
+    the history is of what it reads, 11 samples here, and earns 0 until it lies in steps 300 and later.
 
     With rho in units of rho_max, the reward of a history z is -exp(-beta rho(z, phi)) for G and exp(beta rho(z, phi))
     for F, the sum of which approximates beta times the minimum or maximum over time (log-sum-exp); in the
@@ -28,10 +30,11 @@ class TauMdp(RewardMethod):
     Args:
         form: `robustness` or `probability`.
         beta: sharpness of the approximation; rho_max / beta is the robustness that matters.
+        every: the policy sees every so many-th sample of the history, counted back from the newest; the reward is for
+            all of them. A variant for tasks that hold actions: with `hold` as its value, one sample for each decision.
 
     Raises:
         Unsuitable: no sample satisfies phi with positive robustness, so rho_max is no unit.
-        Intractable: tau times the number of signals exceeds the limit of inputs.
     """
 
     def __init__(
@@ -40,13 +43,17 @@ class TauMdp(RewardMethod):
         *,
         form: Literal["robustness", "probability"] = "robustness",
         beta: Annotated[float, Field(gt=0)] = 1.0,
+        every: Annotated[int, Field(gt=0)] = 1,
     ) -> None:
         super().__init__(specification)
-        self.outer, self.phi = _outer(specification.nested or specification.formula)
+        formula = specification.nested or specification.formula
+        self.outer, phi = _outer(formula)
+        if phi is formula:
+            self.extension = EXTENSION
+        first, self.phi = from_first_read(phi) if phi is not formula else (0, phi)
         self.tau = stl.horizon(self.phi) + 1
         self.memory_size = self.tau * len(specification.signals)
-        if self.memory_size > specification.input_limit:
-            raise Intractable(f"needs {self.memory_size} inputs, limit {specification.input_limit}")
+        self._paid_from = first + self.tau - 1 if first else 0
         self._sign = 1.0 if self.outer == "F" else -1.0
         low, high = _range(self.phi, specification)
         if form == "robustness" and high <= 0:
@@ -56,8 +63,21 @@ class TauMdp(RewardMethod):
         self._beta = self._sign * (beta if form == "probability" else beta / high)
         extremes = (0.0, 1.0) if form == "probability" else (low, high)
         self.scale = float(max(np.exp(self._beta * value) for value in extremes))
-        self._middle = np.tile((np.array(specification.high) + specification.low) / 2, self.tau)
-        self._half = np.tile((np.array(specification.high) - specification.low) / 2, self.tau)
+        least = self._sign * float(np.exp(self._beta * extremes[0]))
+        self._floor = min(0.0, least) if first else least
+        self._shown = np.arange(self.tau)[::-every][::-1]
+        self._middle = (np.array(specification.high) + specification.low) / 2
+        self._half = (np.array(specification.high) - specification.low) / 2
+
+    @property
+    def input_size(self) -> int:
+        """A number for each signal of each sample that is shown."""
+        return len(self._shown) * len(self._middle)
+
+    @property
+    def floor(self) -> float:
+        """That of a history whose robustness is the least over the box of the signals."""
+        return self._floor
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         """z_0: tau copies of s_0."""
@@ -71,12 +91,16 @@ class TauMdp(RewardMethod):
         rows = len(memory)
         history = memory.reshape(rows, self.tau, -1)
         path = np.concatenate([history[:, 1:], samples[1:].transpose(1, 0, 2)], axis=1)  # (N, tau - 1 + h, k)
-        rewards = self._sign * np.exp(self._beta * self._value(path))
-        return rewards.T, path[:, -self.tau :].reshape(rows, -1)
+        rewards = self._sign * np.exp(self._beta * self._value(path)).T
+        if self._paid_from:
+            rewards[t + np.arange(1, len(samples))[:, None] < self._paid_from] = 0.0
+        return rewards, path[:, -self.tau :].reshape(rows, -1)
 
     def inputs(self, memory: Array) -> Array:
-        """The history, each signal's range scaled to [-1, 1]."""
-        return (memory - self._middle) / self._half
+        """The samples that are shown, oldest first, each signal's range scaled to [-1, 1]: (N, m) -> (N, d)."""
+        history = memory.reshape(len(memory), self.tau, -1)
+        shown = history if len(self._shown) == self.tau else history[:, self._shown]
+        return ((shown - self._middle) / self._half).reshape(len(memory), -1)
 
     def describe(self) -> Mapping[str, Any]:
         """How the formula was read."""

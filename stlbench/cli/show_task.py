@@ -134,4 +134,4 @@ def _method(task: Task, name: str) -> dict[str, Any]:
     except (Unsuitable, UsageError) as reason:
         return {"status": "unsuitable", "reason": str(reason)}
     described = dict(method.describe()) if isinstance(method, Described) else {}
-    return {"status": "suitable", "inputs_added": method.memory_size, "scale": method.scale} | described
+    return {"status": "suitable", "inputs_added": method.input_size, "scale": method.scale} | described

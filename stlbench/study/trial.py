@@ -108,7 +108,7 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
         wall_seconds=whole.wall,
         env_steps=trained.env_steps,
         reward_nanoseconds=reward_nanoseconds,
-        inputs_added=method.memory_size,
+        inputs_added=method.input_size,
         planned=_planned(agent, selected.policy, assessment),
     )
     return measurement, assessment

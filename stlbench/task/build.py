@@ -19,8 +19,8 @@ def build_method(task: Task, choice: Choice | str) -> RewardMethod:
     """The chosen method, with its parameters, for a task. Raises `Intractable`, `Unsuitable`, `UsageError`."""
     method = cast(RewardMethod, plugins.build("methods", choice_of(choice), task.specification))
     limit = task.specification.input_limit
-    if method.memory_size > limit:
-        raise Intractable(f"needs {method.memory_size} inputs, limit {limit}")
+    if method.input_size > limit:
+        raise Intractable(f"needs {method.input_size} inputs, limit {limit}")
     return method
 
 

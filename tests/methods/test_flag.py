@@ -104,6 +104,20 @@ class TestWindows:
         assert rewards[0, 1:].tolist() == [-1, almost_0, almost_0, -1, -1, -1]
         assert (method.memory_size, method.scale) == (1, 1)
 
+    @pytest.mark.parametrize("outer", ["F", "G"])
+    def test_windows_that_begin_late_count_and_pay_from_there_on(self, outer: str) -> None:
+        """G[3,5] and F[4,8] at s are G[0,2] and F[1,5] at s + 3; with F[3,8], F[0,5]. Sample 3 is their first."""
+        phi = "(G[{},{}] x >= 0 & F[{},{}] y >= 0)"
+        late = Flag(specification(f"{outer}[0,4] {phi.format(3, 5, 3, 8)}", BOX))
+        usual = Flag(specification(f"{outer}[0,4] {phi.format(0, 2, 0, 5)}", BOX))
+        traces = truths(200, 13, 0.6, seed=5)
+        rewards, flags = run(late, traces)
+        expected, counted = run(usual, traces[:, 3:])
+        assert np.all(rewards[:, 1:3] == 0)
+        assert np.array_equal(rewards[:, 4:], expected[:, 1:])
+        assert np.array_equal(flags[:, 3:], counted)
+        assert (late.extension, usual.extension) == ("windows begin 3 steps late; its source has them from 0", "")
+
 
 def brute_force(traces: Array) -> tuple[Truth, Truth, Truth]:
     """For F[2,4] p, G[1,3] q and F[1,3] G[1,2] p: what is known of each after sample t, (N, T + 1) each.
@@ -179,7 +193,9 @@ class TestAbsoluteIntervals:
         ]
 
 
-@pytest.mark.parametrize("formula", [f"{P} U[0,3] {Q}", f"F[0,3] {P} | G[0,3] {Q}", f"G[0,3] F[1,2] {P}"])
+@pytest.mark.parametrize(
+    "formula", [f"{P} U[0,3] {Q}", f"F[0,3] {P} | G[0,3] {Q}", f"G[0,3] (F[0,2] {P} & F[1,2] {P})"]
+)
 def test_a_formula_of_neither_form_is_unsuitable(formula: str) -> None:
     with pytest.raises(Unsuitable, match="is not in the funnel fragment"):
         Flag(specification(formula, BOX))
@@ -194,3 +210,9 @@ def test_describe_says_which_form_was_taken() -> None:
         "form": "absolute intervals (extension)",
         "flags": [1, 2],
     }
+
+
+def test_a_task_outside_the_sources_form_is_marked() -> None:
+    assert Flag(specification(f"G[0,4] G[0,2] {P}", BOX)).extension == ""
+    outside = Flag(specification(f"F[1,3] G[1,2] {P}", BOX))
+    assert outside.extension == "absolute intervals; its source has windows in F or G[0,T]"

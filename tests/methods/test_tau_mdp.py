@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from stlbench import stl
-from stlbench.contract import Array, Intractable, Unsuitable
+from stlbench.contract import Array, Unsuitable
 from stlbench.task import load_task
 from stlbench_methods.tau_mdp import TauMdp
 
@@ -56,6 +56,16 @@ class TestHistory:
         memory = np.array([[-2.0, -1.0, 4.0, 1.0, 1.0, 0.5]])
         assert method.inputs(memory).tolist() == [[-1, -1, 1, 1, 0, 0.5]]
 
+    def test_every_so_many_th_sample_is_shown_and_all_are_rewarded(self) -> None:
+        spec = specification("G[0,6] G[0,4] x <= 1", {"x": (-1, 1)}, steps=8)  # tau = 5
+        whole, thinned = TauMdp(spec), TauMdp(spec, every=2)
+        memory = np.array([[0.1, 0.2, 0.3, 0.4, 0.5]])
+        assert (thinned.memory_size, thinned.input_size) == (5, 3)
+        assert thinned.inputs(memory) == pytest.approx(np.array([[0.1, 0.3, 0.5]]))
+        assert TauMdp(spec, every=3).inputs(memory) == pytest.approx(np.array([[0.2, 0.5]]))
+        trace = np.random.default_rng(0).uniform(-1, 1, (20, 9, 1))
+        assert np.array_equal(run(whole, trace)[0], run(thinned, trace)[0], equal_nan=True)
+
 
 class TestReward:
     @pytest.mark.parametrize(
@@ -87,6 +97,19 @@ class TestReward:
         spec = specification(f"{outer}[0,6] G[0,2] x <= 1", {"x": (-2, 4)})
         rewards, _ = run(TauMdp(spec, form="probability", beta=2), [0, 0, 1, 3, 1, 0, 0])
         assert rewards[0, 1:] == pytest.approx([true, true, false, false, false, true])
+
+    def test_what_phi_does_not_read_is_neither_remembered_nor_paid_for(self) -> None:
+        # G[0,4] G[2,4] is G[0,4] G[0,2] two steps later: from sample 4 on, when three samples of 2 and later are there
+        box = {"x": (-2.0, 4.0)}
+        late = TauMdp(specification("G[0,4] G[2,4] x <= 1", box), beta=3)
+        usual = TauMdp(specification("G[0,4] G[0,2] x <= 1", box), beta=3)
+        assert (late.tau, late.memory_size, late.extension) == (3, 3, "")
+        trace = np.random.default_rng(0).uniform(-2, 4, (50, 9, 1))
+        rewards, memory = run(late, trace)
+        expected, histories = run(usual, trace[:, 2:])
+        assert np.all(rewards[:, 1:4] == 0)
+        assert np.array_equal(rewards[:, 4:], expected[:, 2:])
+        assert np.array_equal(memory[:, 4:], histories[:, 2:])
 
     @given(trace=arrays(float, (2, 9, 2), elements=st.floats(-1, 1)))
     def test_the_sum_orders_traces_as_the_least_robustness_does(self, trace: Array) -> None:
@@ -136,12 +159,6 @@ class TestSize:
         assert (method.tau, method.memory_size) == (11, 22)  # G[0,10], signals x and y
 
     def test_absolute_intervals_need_the_whole_horizon(self) -> None:
-        # 2001 samples of x and y
-        with pytest.raises(Intractable, match=r"^needs 4002 inputs, limit 512$"):
-            TauMdp(load_task("robot-nav").specification)
-
-    def test_the_limit_itself_fits(self) -> None:
-        text = "G[1,3] x >= 0 & F[5,9] x <= 0"  # no outer operator: all of it is phi, 10 samples
-        assert TauMdp(specification(text, {"x": (-1, 1)}, input_limit=10)).memory_size == 10
-        with pytest.raises(Intractable, match="needs 10 inputs, limit 9"):
-            TauMdp(specification(text, {"x": (-1, 1)}, input_limit=9))
+        method = TauMdp(load_task("robot-nav").specification)
+        assert (method.tau, method.input_size) == (2001, 4002)  # samples of x and y
+        assert method.extension == "absolute intervals; its source has windows in F or G[0,T]"

@@ -40,6 +40,20 @@ def test_robustness_by_hand(radius: float, robustness: float) -> None:
     assert stl.robustness(TASK.formula, circle, TASK.signals) == pytest.approx(robustness)
 
 
+def test_the_nested_form_is_the_formula() -> None:
+    """G[0,1690] G[300,310] reads samples 300..2000, as G[300,2000] does: the same robustness and verdict."""
+    assert TASK.specification.nested == stl.parse(
+        "G[0,1690] G[300,310] (norm(x - 5, y - 5) >= 2 & norm(x - 5, y - 5) <= 5)"
+    )
+    steps = np.random.default_rng(0).normal(size=(200, 2001, 2), scale=0.04)
+    traces = np.array([8.5, 5.0]) + np.cumsum(steps, axis=1)
+    traces[:, :300] = 15
+    for measured in (stl.robustness, stl.satisfied):
+        formula, nested = (measured(f, traces, TASK.signals) for f in (TASK.formula, TASK.specification.nested))
+        assert np.array_equal(formula, nested)
+    assert 0.1 < formula.mean() < 0.9
+
+
 def test_features_by_hand() -> None:
     """From (8, 9) the centre is 5 m off in direction (-3, -4); from (5, 5) it is here."""
     away = math.atan2(4, 3)

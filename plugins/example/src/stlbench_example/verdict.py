@@ -30,6 +30,11 @@ class Verdict(RewardMethod):
         self._begin, self._end = np.array([(term.start, term.end) for term in terms]).T
         self._due = self._end if pay == "deadline" else np.full(len(terms), specification.steps)
 
+    @property
+    def floor(self) -> float:
+        """No flag is worth less than nothing."""
+        return 0.0
+
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         """The flags after the first sample, (N, n)."""
         fresh = np.tile(self._always.astype(float), (len(signals), 1))

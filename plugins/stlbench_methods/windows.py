@@ -1,0 +1,44 @@
+"""Formulas (F|G)[0,Te] phi of windows, for the methods that are made for them (`flag`, `tau-mdp`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from stlbench import stl
+
+__all__ = ["EXTENSION", "Window", "from_first_read", "leaves"]
+
+Window = stl.Always | stl.Eventually
+
+EXTENSION = "absolute intervals; its source has windows in F or G[0,T]"
+"""Why a formula without an outer operator is outside the form of both sources."""
+
+
+def leaves(phi: stl.Formula) -> Iterator[stl.Formula]:
+    """What is left of a formula without its and, or, in order of appearance."""
+    if isinstance(phi, stl.And | stl.Or):
+        for arg in phi.args:
+            yield from leaves(arg)
+    else:
+        yield phi
+
+
+def from_first_read(phi: stl.Formula) -> tuple[int, stl.Formula]:
+    """The steps before the first sample that `phi` reads, and `phi` without them.
+
+    G[300,310] psi & F[305,320] psi is G[0,10] psi & F[5,20] psi, 300 steps later. Steps are taken away only from an
+    and/or of operators F, G: any other formula is given back as it is, with 0.
+    """
+    windows = [leaf for leaf in leaves(phi) if isinstance(leaf, Window)]
+    if len(windows) < len(list(leaves(phi))):
+        return 0, phi
+    first = min(window.a for window in windows)
+    return first, _earlier(phi, first) if first else phi
+
+
+def _earlier(phi: stl.Formula, steps: int) -> stl.Formula:
+    if isinstance(phi, stl.And | stl.Or):
+        return type(phi)(tuple(_earlier(arg, steps) for arg in phi.args))
+    assert isinstance(phi, Window)
+    return replace(phi, a=phi.a - steps, b=phi.b - steps)
