@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test quick lint types imports unit coverage lowest docs gate bench reference more-seeds alignment ablation clean
+.PHONY: run test quick lint types imports unit coverage lowest docs gate bench reference more-seeds alignment ablation agents clean
 
 ## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
 run: $(VENV)/ready
@@ -100,21 +100,22 @@ alignment: $(VENV)/ready-all
 	$(BIN)/stlbench export build/aligned --format jsonl
 	cp -r build/aligned/. results/reference
 
-## What the parts of the recipes are worth, and other agents beside ours; an hour of CPU time. See docs/reproduction.md.
-ABLATION := $(BIN)/stlbench run --results results/ablation
+## What each part of each task's recipe is worth, 5 seeds of three methods; 8 hours of CPU time, goes on where it was
+## interrupted. See docs/reproduction.md.
 ablation: $(VENV)/ready-all
-	$(ABLATION) --methods raw --seeds 2 --tasks fetch-reach --agents "td3[averaging=0],sb3-td3,sb3-sac,sb3-ppo"
-	$(ABLATION) --methods funnel --seeds 2 --tasks "\
-	overlap[without=rewarded],overlap[without=cuts],overlap[without=ends]"
-	$(ABLATION) --methods raw --seeds 5 --tasks reach-stay --agents "\
-	dqn[head=joint],dqn[averaging=0],dqn[n_steps=1],dqn[double=false]"
-	$(ABLATION) --methods raw --seeds 2 --tasks pendulum --agents "dqn[head=joint],dqn[averaging=0]"
-	$(ABLATION) --methods raw --seeds 2 --tasks "reach-stay[without=hold],\
-	pendulum[without=rewarded],pendulum[without=exploring],\
-	formation[without=rewarded],formation[without=cuts],\
-	ball-in-cup[without=exploring]"
-	$(BIN)/stlbench report results/ablation
+	$(BIN)/stlbench run studies/ablation.yaml
 	$(BIN)/stlbench export results/ablation --format jsonl
+
+## What the parts of the agents are worth, and other agents beside ours; half an hour of CPU time. See
+## docs/reproduction.md.
+AGENTS := $(BIN)/stlbench run --results results/agents --methods raw
+agents: $(VENV)/ready-all
+	$(AGENTS) --seeds 2 --tasks fetch-reach --agents "td3[averaging=0],sb3-td3,sb3-sac,sb3-ppo"
+	$(AGENTS) --seeds 5 --tasks reach-stay --agents "\
+	dqn[head=joint],dqn[averaging=0],dqn[n_steps=1],dqn[double=false]"
+	$(AGENTS) --seeds 2 --tasks pendulum --agents "dqn[head=joint],dqn[averaging=0]"
+	$(BIN)/stlbench report results/agents
+	$(BIN)/stlbench export results/agents --format jsonl
 
 clean:
 	rm -rf $(VENV) $(VENV)-lowest site dist build

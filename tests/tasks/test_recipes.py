@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from stlbench.contract import ActionGrid
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
+from stlbench.study.study import Study
 from stlbench.task import load_task
+from stlbench.task.file import OPTIONAL, TaskFile
 
 TASKS = sorted(name for name, plugin in plugins.available("tasks").items() if plugin.distribution == plugins.OWN)
 
@@ -21,3 +25,17 @@ def test_recipes(name: str) -> None:
     assert set(task.file.agents) - planned == (on_grids if isinstance(task.actions, ActionGrid) else continuous)
     for agent in task.file.agents:
         plugins.check("agents", Choice(agent), task.recipe(agent))
+
+
+def test_the_ablation_leaves_out_each_part_of_each_recipe_once() -> None:
+    study = Study.of({}, Path(__file__).parents[2] / "studies/ablation.yaml")
+    parts = {f"{name}[without={part}]" for name in TASKS for part in OPTIONAL if has(load_task(name).file, part)}
+    assert sorted(map(str, study.tasks)) == sorted(parts)
+    assert len(study.cells()) == len(parts) * 3 * 5
+
+
+def has(file: TaskFile, part: str) -> bool:
+    try:
+        return file.without(part) != file
+    except ValueError:
+        return False
