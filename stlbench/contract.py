@@ -402,7 +402,7 @@ class End(NamedTuple):
     active: Truth
     """(T + 1,): the samples at which it does."""
     reward: float
-    """In units of the method's `scale`, in place of the method's own of that decision."""
+    """In units of the method's `scale`, in place of the method's own of that decision: its `floor`."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, cast, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, PlainSerializer, TypeAdapter
@@ -20,6 +20,7 @@ __all__ = [
     "IDENTITY",
     "MAIN",
     "NOT_RUN",
+    "RANDOM",
     "CellId",
     "CurvePoint",
     "Measurement",
@@ -29,16 +30,26 @@ __all__ = [
     "Setting",
     "Status",
     "Summary",
+    "Track",
     "find_cell",
     "from_json",
+    "reported",
     "to_json",
 ]
 
-FORMAT = 3
+FORMAT = 4
 """Version of what is recorded and of how it is computed; part of every cell's key."""
 
 MAIN = "formula"
-"""Name of the protocol that every task has: the task's own formula, from the starts kept for reporting."""
+"""Name of the protocol that every task has: the task's own formula, from the grid of starts that figures show."""
+
+RANDOM = "random"
+"""Name of the protocol that budgets may ask for: the task's own formula, from many starts drawn at random."""
+
+Track = Literal["shared", "plain", "tuned"]
+"""By which rules a cell was trained. `shared`: by the task's one recipe for all methods. `plain`: on the state and the
+time alone, without any part of the task that is there to help, with the agent's defaults. `tuned`: by a recipe that was
+found for this method, with the same budget of tuning for each."""
 
 Status = Literal["done", "raised", "timeout", "killed", "intractable", "unsuitable"]
 """How a cell ended. `intractable` and `unsuitable` are findings about a method; the three before them are accidents."""
@@ -64,11 +75,12 @@ class Setting:
     method: _Chosen
     agent: _Chosen
     budget: str
+    track: Track = "shared"
 
     @property
     def name(self) -> str:
-        """For people: hold-disc/funnel/dqn, without the budget."""
-        return f"{self.task}/{self.method}/{self.agent}"
+        """For people: hold-disc/funnel/dqn, without the budget; with the track where it is not `shared`."""
+        return _joined(self.task, self.method, self.agent, track=self.track)
 
 
 @dataclass(frozen=True, order=True)
@@ -82,25 +94,35 @@ class CellId:
     agent: _Chosen
     seed: int
     budget: str
+    track: Track = "shared"
 
     @classmethod
     def parse(cls, name: str, budget: str) -> Self:
         """The inverse of `name`, which does not say the budget. Raises `UsageError`."""
         parts = name.split("/")
+        track = parts.pop() if len(parts) == 5 and parts[4] in get_args(Track) else "shared"
         if len(parts) != 4 or not (parts[3].isascii() and parts[3].isdigit()):
-            raise UsageError(f"'{name}' names no cell; a name is task/method/agent/seed, as in hold-disc/funnel/dqn/0")
+            raise UsageError(
+                f"'{name}' names no cell; a name is task/method/agent/seed, as in hold-disc/funnel/dqn/0, "
+                "and on another track than shared task/method/agent/seed/track"
+            )
         task, method, agent = map(parse_choice, parts[:3])
-        return cls(task, method, agent, int(parts[3]), budget)
+        return cls(task, method, agent, int(parts[3]), budget, cast(Track, track))
 
     @property
     def name(self) -> str:
-        """For people, and in the names of files: hold-disc/funnel/dqn/0. Budgets share it."""
-        return f"{self.task}/{self.method}/{self.agent}/{self.seed}"
+        """For people, and in the names of files: hold-disc/funnel/dqn/0. Budgets share it; tracks other than `shared`
+        are at its end."""
+        return _joined(self.task, self.method, self.agent, self.seed, track=self.track)
 
     @property
     def setting(self) -> Setting:
         """All but the seed."""
-        return Setting(self.task, self.method, self.agent, self.budget)
+        return Setting(self.task, self.method, self.agent, self.budget, self.track)
+
+
+def _joined(*parts: Choice | int, track: Track) -> str:
+    return "/".join([*map(str, parts), *([] if track == "shared" else [track])])
 
 
 IDENTITY = tuple(part.name for part in fields(CellId))
@@ -136,6 +158,8 @@ class Summary:
     minimum: float
     """NaN where it was not kept either."""
     satisfaction: float
+    starts: int | None = None
+    """How many they were; None where that was not kept."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +175,7 @@ class Score:
     first_failed: Mapping[str, int]
     """How many starts failed, by the conjunct that failed first."""
     summary: Summary | None = None
-    """Instead of the values per start, which are empty then. Studies older than `cells.jsonl` kept no more."""
+    """Instead of the values per start, which are empty then: of many starts no more is kept."""
 
     @property
     def mean(self) -> float:
@@ -167,6 +191,21 @@ class Score:
     def satisfaction(self) -> float:
         """Share of the starts that satisfy, in [0, 1]."""
         return self.summary.satisfaction if self.summary else float(np.mean(self.satisfied))
+
+    @property
+    def starts(self) -> int | None:
+        """How many starts; None where that was not kept."""
+        return self.summary.starts if self.summary else len(self.robustness)
+
+    def summarised(self) -> Score:
+        """The same without the values per start."""
+        kept = Summary(self.mean, self.minimum, self.satisfaction, self.starts)
+        return Score((), (), self.first_failed, kept)
+
+
+def reported(scores: Mapping[str, Score]) -> Score:
+    """Of the scores of one policy, protocol -> score, the one that counts: from random starts where there is one."""
+    return scores.get(RANDOM, scores[MAIN])
 
 
 @dataclass(frozen=True)
@@ -222,6 +261,8 @@ class Measurement:
     """Inputs that the method added to the policy's observation."""
     planned: Planned | None = None
     """None for policies that were learned, and so in all records of before there were others."""
+    extension: str = ""
+    """Why the task is outside the form that the method's source was published for; empty inside it."""
 
 
 @dataclass(frozen=True)

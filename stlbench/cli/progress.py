@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.text import Text
 
 from stlbench.registry.choices import Choice
-from stlbench.result import MAIN, CellId, Result
+from stlbench.result import CellId, Result, reported
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -94,7 +94,7 @@ def describe(result: Result) -> str:
     name = result.id.name
     if result.measurement is None:
         return f"{name} {result.status}: {result.reason}" if result.reason else f"{name} {result.status}"
-    score = result.measurement.selected[MAIN]
+    score = reported(result.measurement.selected)
     return (
         f"{name} done: robustness {score.mean:.3f}, satisfied {100 * score.satisfaction:.1f} %, "
         f"{result.measurement.wall_seconds:.1f} s"

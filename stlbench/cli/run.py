@@ -67,6 +67,17 @@ def run(
             show_default="quick",
         ),
     ] = None,
+    track: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="By which rules: shared, one recipe per task; plain, no help; tuned, a recipe per method.",
+            show_default="shared",
+        ),
+    ] = None,
+    recipes: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Recipes of the track tuned, as `stlbench tune` writes them.")
+    ] = None,
     jobs: Jobs = None,
     results: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of ledger, traces, tables.", show_default="results")
@@ -96,6 +107,8 @@ def run(
         "agents": agents,
         "seeds": seeds,
         "budget": budget,
+        "track": track,
+        "recipes": recipes,
         "jobs": jobs,
         "results": results,
         "executor": executor,

@@ -85,7 +85,7 @@ def _scores(measurement: Measurement) -> Table:
     )
     rows = tuple(
         (
-            *(protocol, policy, score.mean, score.minimum, 100 * score.satisfaction, len(score.robustness)),
+            *(protocol, policy, score.mean, score.minimum, 100 * score.satisfaction, score.starts),
             "\n".join(f"{formula}: {count}" for formula, count in score.first_failed.items()) or None,
         )
         for protocol in measurement.selected

@@ -108,11 +108,11 @@ def _table(path: Path) -> Snapshot:
 
 
 def _row(row: Mapping[str, str | None], where: str) -> Sample:
-    missing = [name for name in (*IDENTITY, "status", *NUMBERS) if row.get(name) is None]
+    missing = [name for name in (*IDENTITY, "status", *NUMBERS) if name != "track" and row.get(name) is None]
     if missing:
         raise UsageError(f"{where}: no column {', '.join(missing)}; expected are {', '.join(COLUMNS)}")
     texts = {name: row.get(name) or "" for name in COLUMNS}
-    cell = {name: texts[name] for name in IDENTITY}
+    cell = {name: texts[name] for name in IDENTITY if texts[name] or name != "track"}  # older tables have no tracks
     rest = {name: text for name, text in texts.items() if name not in IDENTITY and (text or name == "reason")}
     try:
         sample: Sample = _adapter(Sample).validate_python({"id": cell, **rest})

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from stlbench.gate.calibration import CALIBRATION
-from stlbench.result import MAIN, CellId, Result, Status
+from stlbench.result import CellId, Result, Status, reported
 
 __all__ = ["Pair", "Sample", "Snapshot", "gather", "pair", "sample"]
 
@@ -55,8 +55,8 @@ def sample(result: Result) -> Sample:
         result.id,
         result.status,
         reason=" ".join(result.reason.split()),
-        robustness_mean=measured.selected[MAIN].mean if measured else None,
-        satisfaction=measured.selected[MAIN].satisfaction if measured else None,
+        robustness_mean=reported(measured.selected).mean if measured else None,
+        satisfaction=reported(measured.selected).satisfaction if measured else None,
         training_cpu_seconds=measured.training_cpu_seconds if measured else None,
         reward_nanoseconds=measured.reward_nanoseconds if measured else None,
         calibration_seconds=float(seconds) if seconds else None,

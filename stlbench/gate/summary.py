@@ -137,7 +137,7 @@ def _settings(judgement: Judgement) -> Table:
     """One row per setting, one column per metric."""
     compared = {(comparison.setting, comparison.metric.name): comparison for comparison in judgement.comparisons}
     names = [metric.name for metric in METRICS]
-    titles = ("task", "method", "agent", "budget", "seeds", *names)
+    titles = ("task", "method", "agent", "budget", "track", "seeds", *names)
     columns = tuple(Column(title, right=place > 3) for place, title in enumerate(titles))
     rows = tuple(
         (*map(str, vars(setting).values()), *_row([compared.get((setting, name)) for name in names]))

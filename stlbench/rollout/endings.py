@@ -1,4 +1,4 @@
-"""Where training episodes end early, as the task's `training.ends` say."""
+"""Where training episodes end early, as the task's `training.ends` say, and what each method is paid there."""
 
 from __future__ import annotations
 
@@ -7,27 +7,31 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Array, End, Integers, Truth
+from stlbench.contract import Array, End, Integers, RewardMethod, Truth
 from stlbench.task.task import Task
 
 __all__ = ["ends_of", "first_end"]
 
 
-def ends_of(task: Task) -> tuple[End, ...]:
-    """The ends of a task in the order in which they count; one for each term where the task names violations."""
-    return tuple(_ends(task))
+def ends_of(task: Task, method: RewardMethod) -> tuple[End, ...]:
+    """The ends of a task in the order in which they count; one for each term where the task names violations.
+
+    All pay the method's floor. A payout that the task fixed would favour some of the methods: what is worse than
+    anything that one of them knows is better than much of what another pays.
+    """
+    return tuple(_ends(task, method.floor / method.scale))
 
 
-def _ends(task: Task) -> Iterator[End]:
+def _ends(task: Task, reward: float) -> Iterator[End]:
     specification, t = task.specification, np.arange(task.file.steps + 1)
     for ending in task.file.training.ends:
         if isinstance(ending.where, stl.Formula):
-            yield End(specification.holds(ending.where), np.ones_like(t, dtype=np.bool_), ending.reward)
+            yield End(specification.holds(ending.where), np.ones_like(t, dtype=np.bool_), reward)
             continue
         for term in specification.terms:
             if term.kind == "G":
                 active = (term.start <= t) & (t <= term.end)
-                yield End(specification.holds(stl.Not(term.psi)), active, ending.reward)
+                yield End(specification.holds(stl.Not(term.psi)), active, reward)
 
 
 def first_end(ends: Sequence[End], samples: Array, t: Integers) -> tuple[Truth, Array]:

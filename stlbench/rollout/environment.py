@@ -99,7 +99,7 @@ class BatchEnvironment:
         self._training, horizon = task.file.training, task.file.steps
         self._cut = np.zeros(horizon + 1, dtype=np.bool_)
         self._cut[[*self._training.cuts, horizon]] = True
-        self._ends = ends_of(task)
+        self._ends = ends_of(task, method)
         self._generator = np.random.default_rng(seed)
         self._going_on = np.ones(count)
         self._going_on.flags.writeable = False  # agents are given it

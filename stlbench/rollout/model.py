@@ -25,6 +25,6 @@ def model_of(task: Task, method: RewardMethod) -> Model:
         steps=file.steps,
         hold=file.hold,
         cuts=file.training.cuts,
-        ends=ends_of(task),
+        ends=ends_of(task, method),
         starts=task.system.initial_states(starts.sample(file.training_starts, generator, _STARTS)),
     )

@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, Policy, RewardMethod, StatePolicy, Truth
-from stlbench.result import MAIN, Score
+from stlbench.result import MAIN, RANDOM, Score
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.selection import Race, race
 from stlbench.task import starts
 from stlbench.task.task import Task
 
 __all__ = ["Assessment", "Evaluation", "Referee", "follow", "record", "score", "start_states"]
+
+_REPORTED = 12031981
+"""Seed of the report's random starts, and of nothing else."""
 
 _COPIES = 1024
 """The most that checkpoints are simulated in at a time: their traces fill memory, and more are hardly faster."""
@@ -156,13 +159,18 @@ class Referee:
     Args:
         task: the task; its protocols and its grid of initial states.
         method: what gives the policy its inputs.
+        random_starts: initial states of the report beside the grid, drawn at random, the same for every method and
+            seed of a task. Neither training nor selection sees them.
     """
 
-    def __init__(self, task: Task, method: RewardMethod) -> None:
+    def __init__(self, task: Task, method: RewardMethod, random_starts: int = 0) -> None:
         self.task, self.method = task, method
         file = task.file
         reported, self._selection = start_states(task)
         self._protocols = {MAIN: Evaluation(task.formula, reported)}
+        if random_starts:
+            drawn = starts.sample(file.initial, np.random.default_rng(_REPORTED), random_starts)
+            self._protocols[RANDOM] = Evaluation(task.formula, task.system.initial_states(drawn))
         for name, protocol in file.protocols.items():
             formula = protocol.formula or task.formula
             region = protocol.initial or file.initial
@@ -210,4 +218,6 @@ class Referee:
             name: score(evaluation.formula, part, self.task.signals)
             for (name, evaluation), part in zip(self._protocols.items(), traces, strict=True)
         }
+        if RANDOM in scores:
+            scores[RANDOM] = scores[RANDOM].summarised()
         return Assessment(scores, traces[0], np.stack(visited, axis=1)[: counts[0]])

@@ -11,43 +11,46 @@ from typing import Any, Self
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import parse_choice
-from stlbench.result import ACCIDENTS, IDENTITY, MAIN, CellId, Result, from_json, to_json
+from stlbench.result import ACCIDENTS, IDENTITY, CellId, Result, from_json, reported, to_json
 
 __all__ = ["FILE", "VERSION", "Ledger", "is_sqlite"]
 
 FILE = "ledger.sqlite"
 """Its name in a folder of results."""
 
-VERSION = 2
-"""Of the tables below, in `PRAGMA user_version`. Version 1 had no plan."""
+VERSION = 3
+"""Of the tables below, in `PRAGMA user_version`. Version 1 had no plan, version 2 no tracks."""
 
 APPLICATION = int.from_bytes(b"STLB", "big")
 """In `PRAGMA application_id`: tells a ledger from any other SQLite file."""
+
+_IDENTITY = ", ".join(IDENTITY)
 
 _CELLS = """
 CREATE TABLE IF NOT EXISTS cells (
     key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL, seed INTEGER NOT NULL,
     budget TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL, robustness_mean REAL, satisfaction REAL,
-    training_cpu_seconds REAL, training_wall_seconds REAL, recorded_at TEXT NOT NULL, result TEXT NOT NULL
+    training_cpu_seconds REAL, training_wall_seconds REAL, recorded_at TEXT NOT NULL, result TEXT NOT NULL,
+    track TEXT NOT NULL DEFAULT 'shared'
 );
 """
 
 _PLANNED = """
 CREATE TABLE IF NOT EXISTS planned (
     key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL, seed INTEGER NOT NULL,
-    budget TEXT NOT NULL
+    budget TEXT NOT NULL, track TEXT NOT NULL DEFAULT 'shared'
 );
 """
 
 _PRESENT = """
 SELECT cells.key, max((planned.key IS NOT NULL) * (1 << 62) + cells.rowid) FROM cells LEFT JOIN planned USING (key)
-GROUP BY cells.task, cells.method, cells.agent, cells.seed, cells.budget
+GROUP BY cells.task, cells.method, cells.agent, cells.seed, cells.budget, cells.track
 """
 """Of each cell the result that was planned last, else the newest; SQLite takes `key` from the row of the maximum."""
 
 _MISSING = f"""
-SELECT {", ".join(IDENTITY)} FROM planned EXCEPT SELECT {", ".join(IDENTITY)} FROM cells
-ORDER BY task, method, agent, seed, budget
+SELECT {_IDENTITY} FROM planned EXCEPT SELECT {_IDENTITY} FROM cells
+ORDER BY {_IDENTITY}
 """  # noqa: S608
 
 
@@ -89,15 +92,17 @@ class Ledger:
 
     def plan(self, cells: Mapping[str, CellId]) -> None:
         """Write which cells a study has, by key, in place of earlier plans for the same settings."""
-        settings = {(str(cell.task), str(cell.method), str(cell.agent), cell.budget) for cell in cells.values()}
+        settings = {
+            (str(cell.task), str(cell.method), str(cell.agent), cell.budget, cell.track) for cell in cells.values()
+        }
         database = self._open()
         with database:
             database.execute("BEGIN IMMEDIATE")
             database.executemany(
-                "DELETE FROM planned WHERE (task, method, agent, budget) = (?, ?, ?, ?)", sorted(settings)
+                "DELETE FROM planned WHERE (task, method, agent, budget, track) = (?, ?, ?, ?, ?)", sorted(settings)
             )
             rows = [(key, *_texts(cell)) for key, cell in cells.items()]
-            database.executemany("INSERT OR REPLACE INTO planned VALUES (?, ?, ?, ?, ?, ?)", rows)
+            database.executemany("INSERT OR REPLACE INTO planned VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
 
     def record(self, result: Result) -> None:
         """Write one result, in place of one with the same key. On return it is on disk."""
@@ -111,7 +116,7 @@ class Ledger:
             database.execute("BEGIN IMMEDIATE")
             for table in ("cells", "planned"):
                 rows = database.execute(
-                    f"DELETE FROM {table} WHERE (task, method, agent, seed, budget) = (?, ?, ?, ?, ?) RETURNING key",  # noqa: S608
+                    f"DELETE FROM {table} WHERE ({', '.join(IDENTITY)}) = (?, ?, ?, ?, ?, ?) RETURNING key",  # noqa: S608
                     _texts(cell),
                 )
                 keys += [key for (key,) in rows]
@@ -128,8 +133,8 @@ class Ledger:
         """The cells that were planned and have no result, ordered."""
         rows = self._rows(_MISSING)
         return [
-            CellId(parse_choice(task), parse_choice(method), parse_choice(agent), seed, budget)
-            for task, method, agent, seed, budget in rows
+            CellId(parse_choice(task), parse_choice(method), parse_choice(agent), seed, budget, track)
+            for task, method, agent, seed, budget, track in rows
         ]
 
     def results(self, keys: Collection[str] | None = None) -> Iterator[Result]:
@@ -179,6 +184,7 @@ class Ledger:
                 raise UsageError(f"{self.path} is a ledger of version {version}; this stlbench reads version {VERSION}")
             elif version < VERSION:
                 _write_schema(database)
+                _add_tracks(database)
         except sqlite3.DatabaseError as error:
             raise UsageError(f"cannot read the ledger {self.path}: {error}") from error
 
@@ -189,25 +195,34 @@ def _write_schema(database: sqlite3.Connection) -> None:
     database.executescript(f"BEGIN IMMEDIATE; {_CELLS} {_PLANNED} {pragmas} COMMIT;")
 
 
+def _add_tracks(database: sqlite3.Connection) -> None:
+    """To the tables of an older version."""
+    for table in ("cells", "planned"):
+        if "track" not in {row[1] for row in database.execute(f"PRAGMA table_info({table})")}:
+            database.execute(f"ALTER TABLE {table} ADD COLUMN track TEXT NOT NULL DEFAULT 'shared'")
+
+
 def is_sqlite(path: Path) -> bool:
     """Whether a file begins as SQLite's do; one of a byte or two looks empty to SQLite, which would write over it."""
     with path.open("rb") as file:
         return file.read(16) == b"SQLite format 3\0"
 
 
-def _texts(cell: CellId) -> tuple[str, str, str, int, str]:
-    return str(cell.task), str(cell.method), str(cell.agent), cell.seed, cell.budget
+def _texts(cell: CellId) -> tuple[str, str, str, int, str, str]:
+    return str(cell.task), str(cell.method), str(cell.agent), cell.seed, cell.budget, cell.track
 
 
 def _row(result: Result) -> tuple[str | int | float | None, ...]:
     measured = result.measurement
-    score = measured.selected[MAIN] if measured else None
+    score = reported(measured.selected) if measured else None
+    task, method, agent, seed, budget, track = _texts(result.id)
     return (
-        *(result.key, *_texts(result.id), result.status, result.reason),
+        *(result.key, task, method, agent, seed, budget, result.status, result.reason),
         score.mean if score else None,
         score.satisfaction if score else None,
         measured.training_cpu_seconds if measured else None,
         measured.training_wall_seconds if measured else None,
         datetime.now(UTC).isoformat(timespec="seconds"),
         to_json(result),
+        track,
     )

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -14,7 +15,8 @@ from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import fingerprint
-from stlbench.result import FORMAT, CellId, Measurement, Result, Status
+from stlbench.result import FORMAT, CellId, Measurement, Result, Status, Track
+from stlbench.study.tracks import Recipe, Recipes, on_track
 from stlbench.task import build_agent, load_task
 from stlbench.task.task import Task
 
@@ -34,6 +36,8 @@ class Cell:
     """Hash (32 hex digits) of all that can change the result, and of nothing else."""
     deadline: float
     """Wall seconds after which it is stopped."""
+    recipe: Recipe | None = None
+    """That of its method, on the track `tuned`."""
 
     def ended(
         self, status: Status, reason: str = "", details: str = "", measurement: Measurement | None = None
@@ -48,6 +52,8 @@ def plan_cells(
     agents: Iterable[Choice] | None,
     seeds: Sequence[int] | None,
     budget: str,
+    track: Track = "shared",
+    recipes: Recipes | None = None,
 ) -> tuple[Cell, ...]:
     """All cells of a study, the first seed of everything first.
 
@@ -60,42 +66,65 @@ def plan_cells(
             a recipe for.
         seeds: which; None for 0..n-1 with the number n that the task's budget names.
         budget: name of a budget that each task has.
+        track: by which rules they are trained.
+        recipes: of the track `tuned`.
 
     Raises:
-        UsageError: no seed, an unknown name, a task with errors, or without the budget.
+        UsageError: no seed, an unknown name, a task with errors, or without the budget; on the track `tuned` no recipe.
     """
     if seeds is not None and (not seeds or min(seeds) < 0):
         raise UsageError(f"at least one seed is needed, none of them negative, got {list(seeds)}")
-    keyed_methods = {method: _choice_part("methods", method) for method in methods}
-    chosen_agents = None if agents is None else tuple(agents)
-    planned = [_Planned.of(load_task(choice), chosen_agents, seeds, budget) for choice in dict.fromkeys(tasks)]
-    cells = []
+    if (track == "tuned") != (recipes is not None):
+        raise UsageError("track tuned, and no other, needs a file of recipes, as `stlbench tune` writes it")
+    keyed = {method: _choice_part("methods", method) for method in methods}
+    chosen = None if agents is None else tuple(agents)
+    planned = [_Planned.of(load_task(choice), chosen, seeds, budget, track) for choice in dict.fromkeys(tasks)]
     every_seed = sorted(set().union(*(task.seeds for task in planned)))
-    for seed, task, (method, method_part) in product(every_seed, planned, keyed_methods.items()):
-        if seed in task.seeds:
-            for agent, recipe in task.agents.items():
-                key = _digest([FORMAT, task.part, method_part, recipe, seed])
-                cells.append(Cell(CellId(task.task, method, agent, seed, budget), key, task.deadline))
-    return tuple(cells)
+    return tuple(
+        task.cell(method, agent, seed, part, recipes)
+        for seed, task, (method, part) in product(every_seed, planned, keyed.items())
+        if seed in task.seeds
+        for agent in task.agents
+    )
 
 
 @dataclass(frozen=True)
 class _Planned:
     """One task's share of a study."""
 
-    task: Choice
+    task: Task
+    agents: Sequence[Choice]
     seeds: Sequence[int]
-    deadline: float
-    part: str
-    """What of the task is in the keys of its cells."""
-    agents: dict[Choice, str]
-    """With what of each is in the keys."""
+    budget: str
+    track: Track
 
     @classmethod
-    def of(cls, task: Task, agents: Sequence[Choice] | None, seeds: Sequence[int] | None, name: str) -> _Planned:
-        budget = task.budget(name)
-        parts = {agent: _agent_part(task, agent) for agent in agents or (Choice(task.own_agent),)}
-        return cls(task.choice, seeds or range(budget.seeds), budget.deadline, _task_part(task, name), parts)
+    def of(
+        cls, task: Task, agents: Sequence[Choice] | None, seeds: Sequence[int] | None, budget: str, track: Track
+    ) -> _Planned:
+        """Raises `UsageError` where the task has no such budget."""
+        several = task.budget(budget).seeds
+        return cls(task, agents or (Choice(task.own_agent),), seeds or range(several), budget, track)
+
+    def cell(self, method: Choice, agent: Choice, seed: int, method_part: str, recipes: Recipes | None) -> Cell:
+        recipe = recipes.of(self.task.choice, agent, method) if recipes else None
+        task_part, agent_part = self._parts(agent, recipe)
+        key = _digest([FORMAT, self.track, task_part, method_part, agent_part, seed])
+        cell = CellId(self.task.choice, method, agent, seed, self.budget, self.track)
+        return Cell(cell, key, self.task.budget(self.budget).deadline, recipe)
+
+    def _parts(self, agent: Choice, recipe: Recipe | None) -> tuple[str, str]:
+        """What of the task, and of the agent and its recipe, is in the keys of its cells."""
+        name = agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
+        if name not in self._known:
+            task = on_track(self.task, agent, self.track, recipe)
+            self._known[name] = (_task_part(task, self.budget), _agent_part(task, agent))
+        return self._known[name]
+
+    @cached_property
+    def _known(self) -> dict[Any, tuple[str, str]]:
+        """Those that were asked for: a seed changes nothing of them."""
+        return {}
 
 
 def check_cells(cells: Iterable[Cell]) -> tuple[str, ...]:
@@ -107,14 +136,15 @@ def check_cells(cells: Iterable[Cell]) -> tuple[str, ...]:
     Raises:
         UsageError: the first wrong parameter, plugin that cannot be loaded, or agent that cannot train here.
     """
-    ids, notes = [cell.id for cell in cells], list[str]()
-    for method in dict.fromkeys(cell.method for cell in ids):
+    planned, notes = tuple(cells), dict[str, None]()
+    for method in dict.fromkeys(cell.id.method for cell in planned):
         plugins.check("methods", method)
-    for name, agent in dict.fromkeys((cell.task, cell.agent) for cell in ids):
+    for cell in {(cell.id.task, cell.id.agent, cell.id.track, str(cell.recipe)): cell for cell in planned}.values():
+        name, agent, track = cell.id.task, cell.id.agent, cell.id.track
         task = load_task(name)
-        _check_agent(task, agent)
-        if agent.name not in task.file.agents:
-            notes.append(f"task {name} has no recipe for agent {agent}, which trains with its defaults")
+        _check_agent(on_track(task, agent, track, cell.recipe), agent)
+        if agent.name not in task.file.agents and track != "plain":
+            notes[f"task {name} has no recipe for agent {agent}, which trains with its defaults"] = None
     return tuple(notes)
 
 
@@ -150,7 +180,7 @@ def derive_seed(*parts: str | int) -> int:
 def _task_part(task: Task, budget: str) -> str:
     """Words and pictures for people change no result, nor do other budgets, deadlines, recipes of other agents."""
     content = task.file.model_dump(mode="json", exclude=_NO_PART)
-    numbers = task.budget(budget).model_dump(mode="json", include={"steps", "checkpoints"})
+    numbers = task.budget(budget).model_dump(mode="json", include={"steps", "checkpoints", "random_starts"})
     return _digest([task.choice.name, content, numbers, _plugin_part("tasks", task.choice.name)])
 
 

@@ -63,6 +63,8 @@ def run_study(
     agents: str | Iterable[str] | None = None,
     seeds: int | str | Iterable[int] | None = None,
     budget: str | None = None,
+    track: str | None = None,
+    recipes: str | Path | None = None,
     jobs: int | None = None,
     results: str | Path | None = None,
     executor: str | None = None,
@@ -81,6 +83,8 @@ def run_study(
         agents: names; each task's own where left out.
         seeds: a number n for 0..n-1, or a list of seeds; as many as the budget says where left out.
         budget: how much training: `quick` where left out.
+        track: by which rules: `shared` where left out, `plain` or `tuned` (`stlbench.result.Track`).
+        recipes: file of recipes of the track `tuned`, as `stlbench tune` writes it.
         jobs: cells at a time; two, or one on a single core, where left out.
         results: folder of ledger, traces and tables; `results` where left out.
         executor: where cells run; `local` where left out.
@@ -100,6 +104,8 @@ def run_study(
         "agents": agents,
         "seeds": seeds,
         "budget": budget,
+        "track": track,
+        "recipes": recipes,
         "jobs": jobs,
         "results": results,
         "executor": executor,

@@ -12,7 +12,9 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry.choices import Choice, choice_of, parse_choices
+from stlbench.result import Track
 from stlbench.study.plan import Cell, plan_cells
+from stlbench.study.tracks import read_recipes
 
 __all__ = ["MOST_SEEDS", "Study", "parse_seeds"]
 
@@ -85,6 +87,11 @@ class Study(BaseModel):
     """A count n for 0..n-1, or a list; None is as many as the task's budget says."""
     budget: str = "quick"
     """How much training; `stlbench show task NAME` lists a task's budgets."""
+    track: Track = "shared"
+    """By which rules: `shared`, one recipe per task for every method; `plain`, the state and the time alone, without
+    any help; `tuned`, a recipe for each method."""
+    recipes: Path | None = None
+    """The file of recipes of the track `tuned`, as `stlbench tune` writes it."""
     jobs: Annotated[int, Field(ge=1)] | None = None
     """Cells at a time; None is two, or one on a single core."""
     results: Path = Path("results")
@@ -120,7 +127,8 @@ class Study(BaseModel):
 
     def cells(self) -> tuple[Cell, ...]:
         """What there is to run, the first seed of everything first. Raises `UsageError`, see `plan_cells`."""
-        return plan_cells(self.tasks, self.methods, self.agents, self.seeds, self.budget)
+        recipes = None if self.recipes is None else read_recipes(self.recipes)
+        return plan_cells(self.tasks, self.methods, self.agents, self.seeds, self.budget, self.track, recipes)
 
 
 def _content(path: Path) -> Mapping[str, Any]:

@@ -19,6 +19,7 @@ from stlbench.rollout.referee import Assessment, Referee
 from stlbench.rollout.rehearsal import rehearse
 from stlbench.rollout.saved_traces import save, trace_file
 from stlbench.study.plan import Cell, derive_seed
+from stlbench.study.tracks import on_track
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.task.file import Budget
 
@@ -39,7 +40,7 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         The cell's result; a method or agent that does not fit the task is a result, with its reason. Any other error
         of a plugin is raised, for the scheduler to record.
     """
-    task = load_task(cell.id.task)
+    task = on_track(load_task(cell.id.task), cell.id.agent, cell.id.track, cell.recipe)
     try:
         method = build_method(task, cell.id.method)
         measurement, assessment = measure(task, method, build_agent(task, cell.id.agent), cell)
@@ -90,7 +91,7 @@ class _Trained(NamedTuple):
 def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple[Measurement, Assessment]:
     """Train, and score the selected and the final policy: the measurement and the selected policy's report."""
     whole = _Clock()
-    referee = Referee(task, method)
+    referee = Referee(task, method, task.budget(cell.id.budget).random_starts)
     trained = _train(task, method, agent, cell)
     selected, curve = _choose(referee, trained.checkpoints)
     assessment = referee.assess(selected.policy)
@@ -110,6 +111,7 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
         reward_nanoseconds=reward_nanoseconds,
         inputs_added=method.input_size,
         planned=_planned(agent, selected.policy, assessment),
+        extension=method.extension,
     )
     return measurement, assessment
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 
 from stlbench import stl
 from stlbench.errors import did_you_mean
-from stlbench.result import MAIN
+from stlbench.result import MAIN, RANDOM
 from stlbench.task.entry import Timing
 from stlbench.task.parts import Parts
 from stlbench.task.training import VIOLATION
@@ -105,8 +105,9 @@ def _names(parts: Parts) -> Iterator[str]:
         if owned and owned != list(actions):
             rule = f"they should have each of {', '.join(actions)} once, in this order"
             yield f"robots: together they have {', '.join(owned)}; {rule}"
-    if MAIN in parts.get("protocols", {}):
-        yield f"protocols: the name '{MAIN}' is the task's own formula; take another"
+    for name in (MAIN, RANDOM):
+        if name in parts.get("protocols", {}):
+            yield f"protocols: the name '{name}' is that of the task's own formula; take another"
 
 
 def _conditions(parts: Parts) -> Iterator[str]:

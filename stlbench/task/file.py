@@ -56,6 +56,8 @@ class Budget(Entry):
     deadline: Positive = 3600.0
     """Wall seconds after which a cell is stopped."""
     checkpoints: Count = 20
+    random_starts: Annotated[int, Field(ge=0)] = 1000
+    """Random initial states from which the report scores policies, beside the grid that figures show; 0 for none."""
 
 
 class BestPossible(Entry):
@@ -144,3 +146,10 @@ class TaskFile(Entry):
         value = "state" if part == "features" else type(owner).model_fields[part].default
         changed = owner.model_copy(update={part: value})
         return changed if isinstance(changed, TaskFile) else self.model_copy(update={"training": changed})
+
+    def held(self, steps: int) -> TaskFile:
+        """This file with actions held for so many steps. Raises `ValueError` where an episode or a cut has no place."""
+        for name, whole in (("steps", self.steps), *(("a cut at", cut) for cut in self.training.cuts)):
+            if whole % steps:
+                raise ValueError(f"{name} {whole} is no multiple of hold = {steps}")
+        return self.model_copy(update={"hold": steps})

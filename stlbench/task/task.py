@@ -96,11 +96,12 @@ def load_task(choice: Choice | str) -> Task:
     """Find, read and check a task.
 
     Args:
-        text: its name; for an ablation with what it is to do without, joined by +: overlap[without=cuts+ends].
+        choice: its name; for a variant what it is to do without, joined by +, and how long it is to hold its actions:
+            overlap[without=cuts+ends], robot-nav[hold=20].
 
     Raises:
-        UsageError: no such task, a task file with errors (the message lists all of them), or without a part that the
-            task does not have.
+        UsageError: no such task, a task file with errors (the message lists all of them), without a part that the
+            task does not have, or holding actions for a number of steps that does not fit.
     """
     choice = choice_of(choice)
     name = choice.name
@@ -119,21 +120,32 @@ def load_task(choice: Choice | str) -> Task:
     errors += check_regions(reading.parts, _coordinates(system or kind))
     if errors or reading.file is None or system is None:
         raise errors_of(name, errors)
-    file = _without(reading.file, choice)
+    file = _varied(reading.file, choice)
     return Task(choice, file, system)
 
 
-def _without(file: TaskFile, choice: Choice) -> TaskFile:
-    """The file without what the choice names."""
+def _varied(file: TaskFile, choice: Choice) -> TaskFile:
+    """The file with what the choice says."""
     for key, value in choice.parameters:
-        if key != "without":
-            raise UsageError(f"{choice}: a task has no parameter '{key}', only without, as in without=cuts+hold")
-        for part in value.split("+"):
-            try:
-                file = file.without(part)
-            except ValueError as error:
-                raise UsageError(f"{choice}: {error}") from error
+        try:
+            if key == "without":
+                for part in value.split("+"):
+                    file = file.without(part)
+            elif key == "hold":
+                if _count(value) == file.hold:
+                    raise ValueError(f"the task holds actions for {value} steps as it is")
+                file = file.held(_count(value))
+            else:
+                raise ValueError(f"a task has no parameter '{key}', only without, as in without=cuts+hold, and hold")
+        except ValueError as error:
+            raise UsageError(f"{choice}: {error}") from error
     return file
+
+
+def _count(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and int(text) > 0):
+        raise ValueError(f"hold should be a whole number of steps, at least 1, got '{text}'")
+    return int(text)
 
 
 def _text(name: str, kind: type) -> str:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationInfo
 
 from stlbench import stl
-from stlbench.task.entry import Count, Entry, Finite, Read, read_point_formula
+from stlbench.task.entry import Count, Entry, Read, read_point_formula
 from stlbench.task.region import Region
 
 __all__ = ["VIOLATION", "Ending", "Exploring", "TrainingEpisodes"]
@@ -21,12 +21,10 @@ def _read_where(value: Any, info: ValidationInfo) -> stl.Formula | Literal["viol
 
 
 class Ending(Entry):
-    """Where a training episode ends early, as if `reward` were paid for ever after."""
+    """Where a training episode ends early, as if the least that the method pays (`floor`) were paid for ever after."""
 
     where: Annotated[stl.Formula | Literal["violation"], Read(_read_where)]
     """A formula without temporal operators over the signals, such as of a pole that fell; or `VIOLATION`."""
-    reward: Finite
-    """In units of the method's `scale`."""
 
 
 class Exploring(Entry):

@@ -154,7 +154,7 @@ def test_sb3s_replay_takes_no_time_limit_for_the_end_of_the_task() -> None:
 
 def test_a_violation_is_paid_for_ever_and_a_cut_goes_on() -> None:
     """From x = 0, up by 1 m per decision: a boundary at t = 4; x <= 2 is lost at t = 6, for -0.5 / (1 - gamma)."""
-    training = {"starts": {"box": {"x": 0}}, "cuts": [4], "ends": [{"where": "violation", "reward": -0.5}]}
+    training = {"starts": {"box": {"x": 0}}, "cuts": [4], "ends": [{"where": "violation"}]}
     task = line(hold=2, formula="G[0,6] (x <= 2)", training=training)
     copies = CopiesVecEnv(BatchEnvironment(task, Probe(task.specification), 1, seed=0), 0.9)
     copies.reset()

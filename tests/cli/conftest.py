@@ -44,7 +44,7 @@ protocols:
 agents:
   toy-agent: {action: 1}
 budgets:
-  quick: {steps: 8, seeds: 2, deadline: 60, checkpoints: 2}
+  quick: {steps: 8, seeds: 2, deadline: 60, checkpoints: 2, random_starts: 0}
 """
 
 SYSTEM = '''

@@ -88,7 +88,7 @@ def test_equal_code_is_no_worse(reference, say):
     done = say(*GATE)
     assert done.exit_code == 0
     assert done.stdout.startswith("# stlbench gate: no worse\n")
-    assert "| toy-line | toy-raw | toy-agent | quick  |     3 |" in done.stdout
+    assert "| toy-line | toy-raw | toy-agent | quick  | shared |     3 |" in done.stdout
     assert Path("results/gate/gate.md").read_text() == done.stdout
     found = summary()
     assert (found["verdict"], found["exit_code"], found["findings"]) == ("no worse", 0, [])
@@ -219,7 +219,7 @@ def test_compare_as_json(reference, say):
     assert done.exit_code == 0
     first = json.loads(done.stdout)["comparisons"][0]
     assert first == {
-        "task": "toy-line", "method": "toy-raw", "agent": "toy-agent", "budget": "quick",
+        "task": "toy-line", "method": "toy-raw", "agent": "toy-agent", "budget": "quick", "track": "shared",
         "metric": "robustness", "seeds": 3, "base": first["base"], "new": first["base"],
         "change": 0.0, "low": 0.0, "high": 0.0, "tolerated": -0.05, "p_value": 1.0, "verdict": "no worse",
     }  # fmt: skip

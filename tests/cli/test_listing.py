@@ -58,7 +58,7 @@ def test_a_task_in_full(say, toy):
     assert (found["controller"], found["robots"], found["training"]) == (None, {}, {"cuts": [], "ends": []})
     assert (found["features"], found["beyond_state"]) == ("engineered", [])
     assert found["own_agent"] == "toy-agent"
-    assert found["budgets"]["quick"] == {"steps": 8, "seeds": 2, "deadline": 60.0, "checkpoints": 2}
+    assert found["budgets"]["quick"] == {"steps": 8, "seeds": 2, "deadline": 60.0, "checkpoints": 2, "random_starts": 0}
     assert found["protocols"]["end"]["formula"] == "F[4,4] x <= 1"
     assert found["agents"] == {"toy-agent": {"action": 1}}
 
@@ -93,7 +93,7 @@ def test_methods_that_pay_for_the_same(say, toy, site):
     assert "Equal rewards: toy-one is toy-two plus a function of time alone." in shown
     assert "ends early" not in shown
     path = toy / "toy_plugins/line/task.yaml"
-    path.write_text(path.read_text() + "training: {ends: [{where: x > 2, reward: -1}]}\n")
+    path.write_text(path.read_text() + "training: {ends: [{where: x > 2}]}\n")
     assert "Where a training episode ends early" in say("show", "task", "toy-line").stdout
 
 
@@ -150,7 +150,7 @@ robots: {left: [v], right: [w]}
 training:
   starts: {box: {x: [-0.5, 0.5]}}
   cuts: [2, 3]
-  ends: [{where: violation, reward: -0.25}, {where: x >= 2, reward: -1}]
+  ends: [{where: violation}, {where: x >= 2}]
   exploring: {share: 0.5, kept: 0.25, states: {box: {x: [0, 2]}, where: x <= 1}, length: 2}
 """
 
@@ -172,7 +172,7 @@ def test_robots_and_training_as_json(say, richer):
     assert found["training"] == {
         "starts": {"box": {"x": [-0.5, 0.5]}},
         "cuts": [2, 3],
-        "ends": [{"where": "violation", "reward": -0.25}, {"where": "x >= 2", "reward": -1.0}],
+        "ends": [{"where": "violation"}, {"where": "x >= 2"}],
         "exploring": {"share": 0.5, "kept": 0.25, "states": {"box": {"x": [0.0, 2.0]}, "where": "x <= 1"}, "length": 2},
     }
     assert (found["own_agent"], list(found["agents"])) == ("z-first", ["z-first", "toy-agent"])
@@ -190,9 +190,7 @@ def test_robots_and_training_on_screen(say, richer):
         "starts x in [-0.5, 0.5]",
         "cuts 2, 3",
         "ends where: violation",
-        "reward: -0.25",
         "where: x >= 2",
-        "reward: -1",
         "exploring share: 0.5",
         "kept: 0.25",
         "states: x in [0, 2], where x <= 1",

@@ -70,7 +70,7 @@ def plan(say, toy, site, monkeypatch):
     files = {"__init__": "", "agents": AGENTS, "methods": METHODS}
     site("toy-plan", ENTRIES, {f"toy_plan/{name}.py": text for name, text in files.items()})
     path = toy / "toy_plugins/line/task.yaml"
-    path.write_text(path.read_text() + "training:\n  ends: [{where: x > 2.5, reward: -1}]\n")
+    path.write_text(path.read_text() + "training:\n  ends: [{where: x > 2.5}]\n")
 
     def loadable(kind):
         return {name: plugins.find(kind, name).load() for name in ("toy-agent", "toy-best", "toy-plan")}, []

@@ -150,7 +150,7 @@ def test_mp4_without_ffmpeg(run, say, monkeypatch):
 def test_two_budgets_of_one_cell_are_told_apart(run, say, toy):
     run("toy-raw")
     task = toy / "toy_plugins/line/task.yaml"
-    quick = "  quick: {steps: 8, seeds: 2, deadline: 60, checkpoints: 2}\n"
+    quick = "  quick: {steps: 8, seeds: 2, deadline: 60, checkpoints: 2, random_starts: 0}\n"
     task.write_text(task.read_text().replace(quick, quick + quick.replace("quick: {steps: 8", "other: {steps: 16")))
     say(*RUN, "toy-raw", "--budget", "other")
     assert refused(say("render", "results", CELL)).endswith("has the budgets other, quick; say which")

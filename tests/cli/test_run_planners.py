@@ -50,7 +50,7 @@ initial:
 starts: 8
 agents: {{toy-agent: {{}}}}
 budgets:
-  quick: {{steps: 8, seeds: 1, deadline: 60}}
+  quick: {{steps: 8, seeds: 1, deadline: 60, random_starts: 0}}
 """
 SYSTEM = """
 from stlbench.contract import System

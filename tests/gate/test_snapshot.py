@@ -16,9 +16,9 @@ from stlbench.gate.snapshot import Sample, Snapshot, gather, pair, sample
 from stlbench.result import CellId, Result
 from stlbench.study.ledger import Ledger
 
-HEADER = "task,method,agent,seed,budget,status,reason,robustness_mean,satisfaction,training_cpu_seconds"
+HEADER = "task,method,agent,seed,budget,track,status,reason,robustness_mean,satisfaction,training_cpu_seconds"
 HEADER += ",reward_nanoseconds,calibration_seconds\n"
-LINE = "disc,funnel,dqn,0,smoke,done,,0.25,0.5,1.5,20,0.01\n"
+LINE = "disc,funnel,dqn,0,smoke,shared,done,,0.25,0.5,1.5,20,0.01\n"
 
 
 def calibrated(result: Result, **provenance: str) -> Result:
@@ -50,8 +50,8 @@ def test_a_reference_is_a_line_a_cell_in_order(tmp_path: Path) -> None:
     save(tmp_path, gather(reversed(results())))
     assert (tmp_path / "cells.csv").read_text() == (
         HEADER
-        + f"hold-disc,funnel,dqn,0,quick,done,,{(0.1 + 0.2) / 2!r},1.0,10,21,0.0125\n"
-        + 'hold-disc,tau-mdp,dqn,1,quick,intractable,"needs 4002 inputs, limit 512",,,,,\n'
+        + f"hold-disc,funnel,dqn,0,quick,shared,done,,{(0.1 + 0.2) / 2!r},1.0,10,21,0.0125\n"
+        + 'hold-disc,tau-mdp,dqn,1,quick,shared,intractable,"needs 4002 inputs, limit 512",,,,,\n'
     )
 
 
@@ -70,7 +70,7 @@ def test_a_ledger_a_folder_and_the_table_of_a_report(tmp_path: Path) -> None:
 def test_planned_cells_without_a_result_are_no_samples(tmp_path: Path) -> None:
     groups = report.condense(results()[:1], [CellId.parse("hold-disc/funnel/dqn/7", "quick")])
     report.write(groups, {}, tmp_path)
-    assert "hold-disc,funnel,dqn,7,quick,not run" in (tmp_path / "cells.csv").read_text()
+    assert "hold-disc,funnel,dqn,7,quick,shared,not run" in (tmp_path / "cells.csv").read_text()
     assert [cell.seed for cell in load(tmp_path).samples] == [0]
 
 

@@ -72,6 +72,7 @@ class Probe(RewardMethod):
     """Reward 100 t + 10 x_{t+1} + x_t: which transition it was, and where it led. With or without a memory."""
 
     scale = 1.0
+    floor = -0.5
 
     def __init__(self, specification: Any, memory_size: int = 0) -> None:
         super().__init__(specification)

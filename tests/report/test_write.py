@@ -68,7 +68,7 @@ def test_cells_csv_has_one_row_per_cell(tmp_path):
         ("mine", "0", "raised"),
     ]
     assert list(rows[0]) == [
-        *("task", "method", "agent", "seed", "budget", "status", "reason", "satisfaction", "robustness_mean"),
+        *("task", "method", "agent", "seed", "budget", "track", "status", "reason", "satisfaction", "robustness_mean"),
         *("robustness_min", "final_satisfaction", "final_robustness_mean", "selected_steps", "training_cpu_seconds"),
         *("training_wall_seconds", "cpu_seconds", "wall_seconds", "env_steps", "reward_nanoseconds", "inputs_added"),
     ]

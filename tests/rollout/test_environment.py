@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from helpers.line_task import Probe, line
 
+from stlbench.rollout.endings import ends_of
 from stlbench.rollout.environment import BatchEnvironment, Simulator
 from stlbench.task import build_method, load_task
 
 DOWN, STAY, UP = 0, 1, 2
 """x moves by -.5, 0, .5 a step."""
 
-VIOLATED, FAR = {"where": "violation", "reward": -0.5}, {"where": "x >= 1.5", "reward": -3}
+VIOLATED = {"where": "violation"}
 
 
 def always(action: int, count: int) -> np.ndarray:
@@ -211,7 +212,7 @@ class TestTrainingOptions:
 
     def test_a_violation_within_a_held_action_counts_though_it_is_over_at_its_end(self) -> None:
         """x = 1.5 at t = 2, the last sample that the formula reads; and at t = 3."""
-        task = line(hold=4, formula="G[0,2] (x <= 1)", training={"ends": [{"where": "violation", "reward": -1}]})
+        task = line(hold=4, formula="G[0,2] (x <= 1)", training={"ends": [{"where": "violation"}]})
         environment = BatchEnvironment(task, Probe(task.specification), 2, seed=0)
         environment.reset()
         environment.simulator.reset(np.array([[0.5], [0.0]]))
@@ -219,21 +220,25 @@ class TestTrainingOptions:
         assert first.discount.tolist() == [0, 1]
 
     def test_a_condition_ends_the_episode_at_any_time(self) -> None:
-        environment = self.make(ends=[VIOLATED, {"where": "x <= -2", "reward": -3}])
+        environment = self.make(ends=[VIOLATED, {"where": "x <= -2"}])
         environment.reset()
         environment.step(always(STAY, 2))
         environment.step(always(STAY, 2))
         assert environment.step(np.array([UP, DOWN])).discount.all()  # 1 and -1 at t = 6, where no term counts
         last = environment.step(np.array([UP, DOWN]))
         assert last.discount.tolist() == [1, 0]
-        assert last.reward[1] == -3
+        assert last.reward[1] == -0.5
 
-    def test_of_two_ends_at_once_the_first_is_paid(self) -> None:
-        for ends, paid in (([VIOLATED, FAR], -0.5), ([FAR, VIOLATED], -3)):
-            environment = self.make(1, ends=ends)
-            environment.reset()
-            environment.simulator.reset(np.array([[1.0]]))
-            assert environment.step(always(UP, 1)).reward.tolist() == [paid]
+    def test_an_end_pays_the_method_s_floor_over_its_scale(self) -> None:
+        class Mean(Probe):
+            scale, floor = 4.0, -6.0
+
+        task = line(formula="G[0,4] (x <= 1)", training={"ends": [VIOLATED, {"where": "x >= 1.5"}]})
+        assert [end.reward for end in ends_of(task, Mean(task.specification))] == [-1.5, -1.5]
+        environment = BatchEnvironment(task, Mean(task.specification), 1, seed=0)
+        environment.reset()
+        environment.simulator.reset(np.array([[1.0]]))
+        assert environment.step(always(UP, 1)).reward.tolist() == [-1.5]
 
     def test_exploring_episodes_begin_at_every_decision_from_their_own_states(self) -> None:
         environment = self.make(400, exploring={"share": 0.5, "states": {"box": {"x": 7}}})

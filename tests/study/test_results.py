@@ -40,7 +40,7 @@ def results(recorded, tmp_path):
 
 def test_one_row_per_cell(results):
     table = results.cells()
-    assert list(table.columns[:7]) == ["task", "method", "agent", "seed", "budget", "status", "reason"]
+    assert list(table.columns[:8]) == ["task", "method", "agent", "seed", "budget", "track", "status", "reason"]
     assert table["status"].tolist() == ["raised", "done", "intractable"]
     done = table[table["status"] == "done"].iloc[0]
     assert (done["method"], done["seed"], done["training_cpu_seconds"], done["env_steps"]) == (
@@ -63,7 +63,7 @@ def test_planned_policies_say_what_they_maximise_and_what_the_plan_expects(recor
 def test_one_row_per_cell_protocol_and_policy_with_every_digit(results):
     table = results.robustness()
     assert list(table.columns) == [
-        *("task", "method", "agent", "seed", "budget"),
+        *("task", "method", "agent", "seed", "budget", "track"),
         *("protocol", "policy", "robustness_mean", "robustness_min", "satisfaction"),
     ]
     rows = table[["protocol", "policy", "robustness_mean", "robustness_min", "satisfaction"]].values.tolist()
@@ -96,7 +96,7 @@ def test_tables_of_nothing_have_their_columns(tmp_path):
     nothing = Results((), tmp_path)
     for table in (nothing.cells(), nothing.robustness(), nothing.curves(), nothing.failures()):
         assert len(table) == 0
-        assert list(table.columns[:5]) == ["task", "method", "agent", "seed", "budget"]
+        assert list(table.columns[:6]) == ["task", "method", "agent", "seed", "budget", "track"]
 
 
 def test_what_was_planned_and_did_not_run_is_a_row(recorded, tmp_path):

@@ -121,7 +121,7 @@ class TestMessages:
             ),
             (
                 {"protocols": {"formula": {"title": "t"}}},
-                "protocols: the name 'formula' is the task's own formula; take another",
+                "protocols: the name 'formula' is that of the task's own formula; take another",
             ),
             ({"protocols": {"late": {"title": "t", "starts": 0}}}, "protocols.late.starts: Input should be greater"),
             ({"robots": {"a": []}}, "robots.a: Tuple should have at least 1 item"),
@@ -178,7 +178,7 @@ class TestMessages:
             actions={"v": {"low": -1, "high": 1, "count": 1}, "u": {"low": 1, "high": 0}},
             robots={"a": ["v"], "b": []},
             initial={"box": {"x": [1, 0], "w": "0"}, "where": "v >= 0"},
-            training={"cuts": [4, 0], "ends": [ending, {"where": "x >= 0 &", "reward": 0}], "exploring": {"share": 2}},
+            training={"cuts": [4, 0], "ends": [ending, {"where": "x >= 0 &"}], "exploring": {"share": 2}},
             protocols={"late": {"formula": "G[0,4] u <= 1", "initial": {"box": {"x": 0}, "where": "y <= 0"}}},
             budgets={"smoke": {"steps": 0, "seeds": 0}},
         ) == [
@@ -189,7 +189,6 @@ class TestMessages:
             "initial.box.x: low must not exceed high, got [1.0, 0.0]",
             "initial.box.w: expected a number or [low, high], got '0'",
             "training.cuts.1: Input should be greater than or equal to 1",
-            "training.ends.0.reward: Field required",
             "training.ends.1.where: line 1, column 9: expected a formula or an expression but found the end of the formula",  # noqa: E501
             "    x >= 0 &",
             "            ^",
@@ -241,19 +240,19 @@ class TestMessagesAboutTraining:
             ({"training": {"cuts": [8]}}, "training.cuts: 8 is no multiple of hold = 1 below steps = 8"),
             ({"training": {"exploring": {"share": 0}}}, "training.exploring.share: Input should be greater than 0"),
             (
-                {"training": {"ends": [{"where": "violation", "reward": float("nan")}]}},
-                "training.ends.0.reward: Input should be a finite number",
+                {"training": {"ends": [{"where": "violation", "reward": -1}]}},
+                "training.ends.0.reward: Extra inputs are not permitted",
             ),
             (
-                {"training": {"ends": [{"where": "y <= 1", "reward": -1}]}},
+                {"training": {"ends": [{"where": "y <= 1"}]}},
                 "training.ends.0.where: no signal 'y'; there are: x",
             ),
             (
-                {"training": {"ends": [{"where": "G[0,1] x <= 1", "reward": -1}]}},
+                {"training": {"ends": [{"where": "G[0,1] x <= 1"}]}},
                 "training.ends.0.where: expected a formula without temporal operators, got G[0,1] x <= 1",
             ),
             (
-                {"formula": "F[0,4] x >= 1", "training": {"ends": [{"where": "violation", "reward": -1}]}},
+                {"formula": "F[0,4] x >= 1", "training": {"ends": [{"where": "violation"}]}},
                 "training.ends.0.where: 'violation' is of a term G[a,b] psi, which the formula has none of",
             ),
             ({"rewarded": "G[0,3] (x <= 1)"}, "rewarded: its horizon is 3 steps, that of the formula 4"),

@@ -25,7 +25,7 @@ class TestWithout:
         hold=2,
         training={
             "cuts": [4],
-            "ends": [{"where": "violation", "reward": -1}, {"where": "x >= 5", "reward": -1}],
+            "ends": [{"where": "violation"}, {"where": "x >= 5"}],
             "exploring": {"share": 0.5},
         },
     )

@@ -44,10 +44,10 @@ class TermStyle(NamedTuple):
 
 def styles(groups: Sequence[Group]) -> list[GroupStyle]:
     """The styles of the groups of one task, at most `GROUPS_PER_FIGURE` of them all different."""
-    several = [len({getattr(group.setting, name) for group in groups}) > 1 for name in ("agent", "budget")]
+    several = [len({getattr(group.setting, name) for group in groups}) > 1 for name in ("agent", "budget", "track")]
     result = []
     for i, group in enumerate(groups):
-        parts = (str(group.setting.agent), group.setting.budget)
+        parts = (str(group.setting.agent), group.setting.budget, group.setting.track)
         further = [part for part, shown in zip(parts, several, strict=True) if shown]
         label = f"{', '.join([str(group.setting.method), *further])}: {_standing(group)}"
         result.append(GroupStyle(label, COLOURS[i % len(COLOURS)], LINES[i // len(COLOURS) % len(LINES)]))

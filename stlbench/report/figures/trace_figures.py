@@ -127,7 +127,8 @@ def _draw_group(task: Task, setting: Setting, recording: Recording, job: Job) ->
     """The figures of one method on one task."""
     if not {"time", "trajectories"} & {*job.only}:
         return []
-    title = f"{setting.task}, {setting.method} ({setting.agent}, {setting.budget})"
+    track = () if setting.track == "shared" else (setting.track,)
+    title = f"{setting.task}, {setting.method} ({', '.join((str(setting.agent), setting.budget, *track))})"
     bands = _bands(task, setting.method)
     figures: dict[str, Figure | None] = {
         "time": robustness_in_time(task, recording, bands, title),
@@ -135,7 +136,7 @@ def _draw_group(task: Task, setting: Setting, recording: Recording, job: Job) ->
     }
     if job.rewarded and task.file.rewarded is not None:
         figures["rewarded"] = robustness_in_time(task, recording, bands, title, rewarded=True)
-    parts = (str(setting.task), str(setting.method), str(setting.agent), setting.budget)
+    parts = (str(setting.task), str(setting.method), str(setting.agent), setting.budget, *track)
     return [
         path
         for kind, figure in figures.items()

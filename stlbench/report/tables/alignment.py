@@ -159,7 +159,8 @@ def _learned(plan: Group, learned: Sequence[Group], own_agent: str | None) -> Gr
         group
         for group in learned
         if group.done
-        and (group.setting.task, group.setting.method) == (setting.task, setting.method)
+        and (group.setting.task, group.setting.method, group.setting.track)
+        == (setting.task, setting.method, setting.track)
         and group.setting.agent.name == (own_agent or group.setting.agent.name)
         and group.setting.agent.parameters == _own(setting.agent)
     ]

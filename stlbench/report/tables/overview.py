@@ -35,12 +35,13 @@ def overview(
     rows: dict[tuple[Value, ...], dict[object, Group]] = {}
     for group in groups:
         setting = group.setting
-        by_method = rows.setdefault((str(setting.task), str(setting.agent), setting.budget), {})
+        by_method = rows.setdefault((str(setting.task), str(setting.agent), setting.budget, setting.track), {})
         by_method[setting.method] = group
     columns = (
         Column("task", right=False, shared=True),
         Column("agent", right=False, shared=True),
         Column("budget", right=False, shared=True),
+        Column("track", right=False, shared=True),
         *([Column("by hand", digits=3)] if by_hand else []),
         *([Column("possible", digits=3)] if best else []),
         *(Column(str(method), digits=3, kind=Learned) for method in methods),

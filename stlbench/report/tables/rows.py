@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 from typing import Literal
 
 from stlbench.report.tables.table import FirstFailed, Seeds
-from stlbench.result import MAIN, NOT_RUN, CellId, Measurement, Planned, Result, Setting, Status
+from stlbench.result import MAIN, NOT_RUN, RANDOM, CellId, Measurement, Planned, Result, Setting, Status, reported
 
 __all__ = ["CurveRow", "Group", "Numbers", "Row", "group", "missing_row", "row"]
 
@@ -131,7 +131,7 @@ def group(rows: Iterable[Row]) -> tuple[Group, ...]:
 
 
 def _numbers(measurement: Measurement) -> Numbers:
-    selected, final = measurement.selected[MAIN], measurement.final[MAIN]
+    selected, final = reported(measurement.selected), reported(measurement.final)
     return Numbers(
         satisfaction=selected.satisfaction,
         robustness_mean=selected.mean,
@@ -147,7 +147,7 @@ def _numbers(measurement: Measurement) -> Numbers:
         reward_nanoseconds=measurement.reward_nanoseconds,
         inputs_added=measurement.inputs_added,
         planned=measurement.planned,
-        further={name: score.mean for name, score in measurement.selected.items() if name != MAIN},
+        further={name: score.mean for name, score in measurement.selected.items() if name not in (MAIN, RANDOM)},
         first_failed=dict(selected.first_failed),
         curve=tuple((point.steps, point.satisfaction, point.robustness_mean) for point in measurement.curve),
     )

@@ -27,6 +27,7 @@ _SETTING = (
     Column("method", right=False),
     Column("agent", right=False, shared=True),
     Column("budget", right=False, shared=True),
+    Column("track", right=False, shared=True),
     Column("seeds", right=False, kind=Seeds),
 )
 
@@ -217,7 +218,7 @@ def _cell(row: Row) -> tuple[Value, ...]:
     cell = row.id
     numbers = [None if row.numbers is None else getattr(row.numbers, name) for name in _NUMBERS]
     return (
-        *(str(cell.task), str(cell.method), str(cell.agent), cell.seed, cell.budget),
+        *(str(cell.task), str(cell.method), str(cell.agent), cell.seed, cell.budget, cell.track),
         *(row.status, row.reason or None, *numbers),
     )
 
@@ -229,7 +230,7 @@ def _plan(row: Row) -> tuple[Value, ...]:
 
 def _setting(group: Group) -> tuple[Value, ...]:
     setting = group.setting
-    return (str(setting.task), str(setting.method), str(setting.agent), setting.budget, group.seeds)
+    return (str(setting.task), str(setting.method), str(setting.agent), setting.budget, setting.track, group.seeds)
 
 
 def _mean(values: Sequence[float], statistic: Callable[..., float] = np.mean) -> float | None:

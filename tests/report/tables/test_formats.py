@@ -166,9 +166,9 @@ def test_a_narrow_screen_says_what_it_left_out():
 
 def test_what_all_rows_share_goes_into_the_title():
     first = screen(summary(condense(RESULTS), {})[0], 120).splitlines()[0]
-    assert first == "Robustness: task hold-disc, agent dqn, budget quick"
+    assert first == "Robustness: task hold-disc, agent dqn, budget quick, track shared"
     other = screen(robustness_table(condense([*RESULTS, result(task="other")])), 120).splitlines()[0]
-    assert other == "Robustness: agent dqn, budget quick"
+    assert other == "Robustness: agent dqn, budget quick, track shared"
 
 
 def test_reasons_are_printed_as_they_are():
@@ -178,4 +178,4 @@ def test_reasons_are_printed_as_they_are():
 
 def test_reasons_stand_below_the_table():
     text = screen(summary(condense(RESULTS), {})[0], 120)
-    assert "remarks: hold-disc/tau-mdp/dqn/quick: intractable: needs 6003 inputs, limit 512" in text.splitlines()
+    assert "remarks: hold-disc/tau-mdp/dqn/quick/shared: intractable: needs 6003 inputs, limit 512" in text.splitlines()

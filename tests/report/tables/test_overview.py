@@ -21,25 +21,25 @@ def test_one_row_per_task_and_one_column_per_method():
         result("raw", seed=0, task="other", robustness=(-0.0001,)),
     ]
     table = overview(condense(results), by_hand(hold_disc=(0.4,)))
-    assert [column.heading for column in table.columns[3:]] == ["by hand", "funnel", "raw", "tau-mdp", "cell CPU [s]"]
+    assert [column.heading for column in table.columns[4:]] == ["by hand", "funnel", "raw", "tau-mdp", "cell CPU [s]"]
     assert [row[0] for row in table.rows] == ["hold-disc", "other"]
-    assert table.rows[0][3] == 0.4
-    assert table.rows[0][4] == (pytest.approx(-0.1), 2, 3, 3)
-    assert table.rows[0][5:] == ((0.5, 1, 1, 1), "intractable", pytest.approx((3 * 14 + 7) / 4))
-    assert table.rows[1][3:] == (None, None, (-0.0001, 0, 0, 1), None, 14.0)
+    assert table.rows[0][4] == 0.4
+    assert table.rows[0][5] == (pytest.approx(-0.1), 2, 3, 3)
+    assert table.rows[0][6:] == ((0.5, 1, 1, 1), "intractable", pytest.approx((3 * 14 + 7) / 4))
+    assert table.rows[1][4:] == (None, None, (-0.0001, 0, 0, 1), None, 14.0)
 
 
 def test_the_best_possible_stands_beside_the_controller_where_it_is_known():
     groups = condense([result(task="overlap"), result(task="overlap[without=cuts]"), result(task="other")])
     table = overview(groups, by_hand(overlap=(0.2,)), {Choice("overlap"): 0.25})
-    assert [column.heading for column in table.columns[3:6]] == ["by hand", "possible", "funnel"]
-    assert [row[3:5] for row in table.rows] == [(None, None), (0.2, 0.25), (0.2, None)]
+    assert [column.heading for column in table.columns[4:7]] == ["by hand", "possible", "funnel"]
+    assert [row[4:6] for row in table.rows] == [(None, None), (0.2, 0.25), (0.2, None)]
 
 
 def test_learned_is_95_percent_of_the_starts():
     starts = {20: (1.0,) * 19 + (-1.0,), 10: (1.0,) * 9 + (-1.0,)}
     found = {
-        count: overview(condense([result(robustness=values)]), {}).rows[0][3][1:] for count, values in starts.items()
+        count: overview(condense([result(robustness=values)]), {}).rows[0][4][1:] for count, values in starts.items()
     }
     assert found == {20: (1, 1, 1), 10: (0, 0, 1)}
 
@@ -51,7 +51,7 @@ def test_a_task_by_two_agents_has_two_rows_and_an_ablation_the_controller_of_its
         result(agent="dqn", task="overlap[without=cuts]"),
     ]
     table = overview(condense(results), by_hand(overlap=(0.2,)))
-    assert [(row[0], row[1], row[3]) for row in table.rows] == [
+    assert [(row[0], row[1], row[4]) for row in table.rows] == [
         ("overlap", "dqn", 0.2),
         ("overlap", "sb3-dqn", 0.2),
         ("overlap[without=cuts]", "dqn", 0.2),

@@ -1,0 +1,93 @@
+"""By which rules cells are trained (`result.Track`), and what each track makes of a task."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import yaml
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from stlbench.errors import UsageError
+from stlbench.registry.choices import Choice
+from stlbench.result import Track
+from stlbench.task.entry import Count
+from stlbench.task.task import Task
+
+__all__ = ["Recipe", "Recipes", "on_track", "read_recipes"]
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What tuning found for one method on one task, in place of a part of the shared recipe."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    agent: Mapping[str, str | int | float | bool] = field(default_factory=dict)
+    """Parameters of the agent."""
+    hold: Annotated[int, Count] | None = None
+    """Steps for which an action is held; the task's own where None."""
+
+
+@dataclass(frozen=True)
+class Recipes:
+    """The recipes of the track `tuned`: task -> agent -> method -> recipe, by the texts of their choices."""
+
+    found: Mapping[str, Mapping[str, Mapping[str, Recipe]]]
+    source: str
+    """The file, for messages."""
+
+    def of(self, task: Choice, agent: Choice, method: Choice) -> Recipe:
+        """The one that was found. Raises `UsageError` where there is none."""
+        try:
+            return self.found[str(task)][str(agent)][str(method)]
+        except KeyError:
+            what = f"{method} on {task} with {agent}"
+            raise UsageError(f"{self.source} has no recipe for {what}; `stlbench tune` finds one") from None
+
+
+def read_recipes(path: Path) -> Recipes:
+    """The recipes of a file that `stlbench tune` wrote. Raises `UsageError` with the entry that is wrong."""
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        recipes = content["recipes"]
+        found = TypeAdapter(dict[str, dict[str, dict[str, Recipe]]]).validate_python(recipes)
+    except (OSError, UnicodeError, yaml.YAMLError) as error:
+        raise UsageError(f"cannot read the recipes {path}: {' '.join(str(error).split())}") from error
+    except (KeyError, TypeError) as error:
+        raise UsageError(f"{path}: a file of recipes has the key recipes, as `stlbench tune` writes it") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, ("recipes", *first["loc"])))
+        raise UsageError(f"{path}: {place}: {first['msg']}") from error
+    return Recipes(found, str(path))
+
+
+def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = None) -> Task:
+    """The task as a track has it.
+
+    Args:
+        task: as its file says.
+        agent: who trains. On the track `plain` it has no recipe, and so trains with its defaults.
+        track: by which rules.
+        recipe: of the method, on the track `tuned`.
+
+    Raises:
+        UsageError: the recipe's `hold` does not fit the task.
+    """
+    if track == "shared":
+        return task
+    if track == "plain":
+        file = task.file.plain()
+        return replace(task, file=file.model_copy(update={"agents": {**file.agents, agent.name: {}}}))
+    assert recipe is not None
+    parameters: dict[str, Any] = {**task.recipe(agent.name), **recipe.agent}
+    changed: dict[str, Any] = {"agents": {**task.file.agents, agent.name: parameters}}
+    if recipe.hold is not None:
+        try:
+            return replace(task, file=task.file.model_copy(update=changed).held(recipe.hold))
+        except ValueError as error:
+            raise UsageError(f"the recipe for {task.name}: {error}") from error
+    return replace(task, file=task.file.model_copy(update=changed))
