@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -27,7 +27,7 @@ class Recipe:
 
     agent: Mapping[str, str | int | float | bool] = field(default_factory=dict)
     """Parameters of the agent."""
-    hold: Annotated[int, Count] | None = None
+    hold: Count | None = None
     """Steps for which an action is held; the task's own where None."""
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import typing
+
 import numpy as np
 import pytest
 from helpers.generated_formulas import NAMES, SEEDS, formulas, traces
@@ -10,7 +12,7 @@ from hypothesis import given, settings
 
 from stlbench import stl
 from stlbench.contract import Array, Integers
-from stlbench.result import MAIN, Score
+from stlbench.result import MAIN, RANDOM, Score, Summary, reported
 from stlbench.rollout.referee import Referee, lost_at, record, score, start_states
 from stlbench.task import starts
 
@@ -184,3 +186,33 @@ class TestReferee:
         absurd = Referee(task, Absurd(task.specification)).assess(policy)
         assert honest.scores == absurd.scores
         assert np.array_equal(honest.traces, absurd.traces)
+
+
+class TestRandomStarts:
+    """x falls by 1 m per step from starts in [-1, 3]; the formula wants x <= 1 over steps 0..4."""
+
+    BOX: typing.ClassVar = {"box": {"x": [-1, 3]}}
+
+    def test_the_report_has_a_summary_of_them_and_that_is_what_counts(self) -> None:
+        task = line(initial=self.BOX)
+        referee = Referee(task, Probe(task.specification), random_starts=1000)
+        scores = referee.assess(Rule(lambda observation: 0)).scores
+        found = scores[RANDOM]
+        assert found.summary == Summary(found.mean, found.minimum, found.satisfaction, 1000)
+        assert (found.starts, scores[MAIN].starts) == (1000, task.file.starts)
+        assert (found.robustness, found.satisfied) == ((), ())
+        assert reported(scores) == found
+        assert found.satisfaction == pytest.approx(0.5, abs=0.08)  # 5 binomial standard deviations
+        assert found.mean == pytest.approx(0.0, abs=0.19)  # of 1 - x at the start, as x falls from there on
+        assert found.first_failed == {"G[0,4] x <= 1": 1000 - round(1000 * found.satisfaction)}
+
+    def test_they_are_the_same_for_every_method_and_no_others_are_scored_without_them(self) -> None:
+        task = line(initial=self.BOX)
+        first, second = (
+            Referee(task, Probe(task.specification, memory), random_starts=100).assess(Rule(lambda seen: 2)).scores
+            for memory in (0, 3)
+        )
+        assert first[RANDOM] == second[RANDOM]
+        without = Referee(task, Probe(task.specification)).assess(Rule(lambda seen: 2)).scores
+        assert without == {MAIN: first[MAIN]}
+        assert reported(without) == first[MAIN]

@@ -72,7 +72,7 @@ def test_what_a_recipe_says_is_in_the_key_of_its_own_cells_alone(recipes) -> Non
 
 
 def test_a_method_without_a_recipe_is_refused(recipes) -> None:
-    with pytest.raises(UsageError, match=r"recipes.yaml has no recipe for funnel on robot-nav with dqn; `stlbench tune`"):
+    with pytest.raises(UsageError, match=r"recipes\.yaml has no recipe for funnel on robot-nav with dqn"):
         cells("tuned", recipes(), [Choice("funnel")])
 
 
