@@ -304,6 +304,14 @@ def test_the_time_of_a_reward_is_measured_without_simulating_as_many_copies() ->
     assert max(stepped) < 100
 
 
+def test_the_reward_is_timed_by_the_least_of_several_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A round that something else disturbed does not count."""
+    task = load_task("hold-disc")
+    clock = iter([0, 7000, 10_000, 13_000, 20_000, 920_000])  # rounds of 7, 3 and 900 microseconds
+    monkeypatch.setattr(trial.time, "process_time_ns", lambda: next(clock))
+    assert trial.reward_time(task, build_method(task, "raw"), rows=10, repeats=3, rounds=3) == 3000 / (10 * 3)
+
+
 class TestFindings:
     """A method that does not fit a task is a result, not an accident."""
 
