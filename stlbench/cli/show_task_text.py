@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 __all__ = ["print_task"]
 
 _TRAINING_NOTES = (
-    "Cuts are steps. The reward of an end counts as if paid for ever after, in units of a method's scale.",
+    "Cuts are steps. An end counts as if the least that the method pays for a step were paid for ever after.",
     "Exploring: this share of the episodes begins at a random time and lasts about length decisions, or to the end.",
     "Of these, the share kept begins in the state in which the last episode ended, the others in states, or as all do.",
 )
