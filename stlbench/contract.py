@@ -41,6 +41,7 @@ __all__ = [
     "Actions",
     "Agent",
     "Array",
+    "Cost",
     "End",
     "Environment",
     "Executor",
@@ -68,7 +69,7 @@ Truth = NDArray[np.bool_]
 
 
 class Intractable(Exception):
-    """A method does not fit a task: "needs 6003 inputs, limit 512". The cell ends with status `intractable`."""
+    """A method would make training too dear; the message says what it would take. Ends a cell as `intractable`."""
 
 
 class Unsuitable(ValueError):
@@ -98,8 +99,6 @@ class Specification:
     """Sampling time in seconds."""
     nested: stl.Formula | None = None
     """The same task as one outer operator over a window, `G[0,190] G[0,10] psi`, where the task file gives one."""
-    input_limit: int = 512
-    """The most inputs that a method may add to the policy's observation."""
 
     @cached_property
     def terms(self) -> tuple[stl.Term, ...]:
@@ -144,9 +143,9 @@ class RewardMethod:
     - `along`, those of one held action at once, which can be faster than `step`.
 
     A method that must remember (flags, a history of states) sets `memory_size` and carries its memory along; the policy
-    is shown `inputs(memory)`. A constructor raises `Intractable` where the task needs more inputs than
-    `specification.input_limit`, and `Unsuitable` where the formula or a parameter does not fit. For what tables and
-    figures may show of a method, see `stlbench.presentation`.
+    is shown `inputs(memory)`. A constructor raises `Unsuitable` where the formula or a parameter does not fit. It need
+    not count its inputs: the harness refuses what makes training too dear (`Agent.cost`). For what tables and figures
+    may show of a method, see `stlbench.presentation`.
 
     One transition t of N copies, signals s:
 
@@ -445,6 +444,15 @@ class Training:
     """For an agent that plans; None for one that learns."""
 
 
+class Cost(NamedTuple):
+    """What training takes, by counting."""
+
+    replay: int
+    """Bytes of the transitions that are kept at the same time."""
+    update: float
+    """Work of an update, in any unit: of two sizes of observations, the ratio is about that of their times."""
+
+
 class Agent(ABC):
     """A training algorithm. Its keyword-only parameters are the recipe, which the task file gives; else the defaults.
 
@@ -461,6 +469,16 @@ class Agent(ABC):
     @abstractmethod
     def train(self, training: Training) -> Policy | StatePolicy:
         """Spend the budget and return the final policy. The same `training.seed` gives the same policy, bit for bit."""
+
+    def cost(self, size: int, actions: Actions, decisions: int) -> Cost | None:
+        """What training would take; None, as by default, where the agent cannot say, and is then never refused.
+
+        Args:
+            size: D, numbers in an observation.
+            actions: of the task.
+            decisions: of all copies together, in the whole budget.
+        """
+        return None
 
     def uncompiled(self) -> Callable[[], None] | None:
         """What compiles the agent's code, where it is compiled and this machine has not done so yet; None elsewhere.

@@ -15,7 +15,7 @@ from helpers.pair_task import pair
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from stlbench import stl
-from stlbench.contract import ActionGrid, Intractable
+from stlbench.contract import ActionGrid, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.parallel import StlParallelEnv, parallel_env
 from stlbench.rollout.environment import Simulator
@@ -162,8 +162,8 @@ def test_a_task_of_one_robot() -> None:
 
 
 def test_a_method_that_does_not_fit() -> None:
-    with pytest.raises(Intractable, match=r"^needs 786 inputs, limit 512$"):  # 131 samples of 6 signals
-        parallel_env("formation", "tau-mdp")
+    with pytest.raises(Unsuitable, match=r"^funnel: ginf = 50 must be less than"):
+        parallel_env("formation", "funnel[ginf=50]")
 
 
 def test_without_pettingzoo_it_is_one_clear_line() -> None:

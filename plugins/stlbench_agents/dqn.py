@@ -12,10 +12,22 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from stlbench.contract import ActionGrid, Agent, Array, Environment, Integers, Policy, Training, Transition
+from stlbench.contract import (
+    ActionGrid,
+    Actions,
+    Agent,
+    Array,
+    Cost,
+    Environment,
+    Integers,
+    Policy,
+    Training,
+    Transition,
+)
 from stlbench_agents.actions import grid_of
 from stlbench_agents.checkpoints import report_rounds
 from stlbench_agents.compiled_code import is_ready, note_ready
+from stlbench_agents.costs import cost_of
 from stlbench_agents.parameter_types import Count, Head, Positive, Share, ShareBelow1, Widths
 
 __all__ = ["DQN", "Learner"]
@@ -99,6 +111,14 @@ class DQN(Agent):
         from stlbench_agents.q_learner import QLearner  # imports Numba, which parameters do not need
 
         return QLearner(self, environment.observation_size, environment.count, grid_of(environment), seed, updates)
+
+    def cost(self, size: int, actions: Actions, decisions: int) -> Cost | None:
+        """That of its network and its replay; None for actions that it cannot train."""
+        return self._cost(size, actions, decisions) if isinstance(actions, ActionGrid) else None
+
+    def _cost(self, size: int, grid: ActionGrid, decisions: int) -> Cost:
+        outputs = grid.size if self.head == "joint" else 1 + sum(grid.shape)
+        return cost_of(size, self.net_arch, outputs, min(decisions, self.buffer_size))
 
     def uncompiled(self) -> Callable[[], None] | None:
         """The updates of its head, where this machine has not compiled them."""

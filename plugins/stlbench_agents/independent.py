@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stlbench.contract import Array, Environment, Integers, Policy, Transition
+from stlbench.contract import ActionGrid, Array, Cost, Environment, Integers, Policy, Transition
 from stlbench_agents.actions import grid_of
 from stlbench_agents.dqn import DQN, Learner
 
@@ -40,6 +40,11 @@ class DQNPerRobot(DQN):
             [QLearner(self, size, copies, part, [seed, 2 + i], updates) for i, part in enumerate(grid.parts)],
             [part.size for part in grid.parts],
         )
+
+    def _cost(self, size: int, grid: ActionGrid, decisions: int) -> Cost:
+        """The sum over the robots, each with its own network and replay."""
+        each = [super(DQNPerRobot, self)._cost(size, part, decisions) for part in grid.parts]
+        return Cost(sum(cost.replay for cost in each), sum(cost.update for cost in each))
 
 
 class Team:

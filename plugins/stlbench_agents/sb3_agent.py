@@ -7,8 +7,9 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Self
 
-from stlbench.contract import Agent, Environment, Policy, Training
+from stlbench.contract import ActionGrid, Actions, Agent, Cost, Environment, Policy, Training
 from stlbench_agents.checkpoints import report_rounds
+from stlbench_agents.costs import cost_of
 from stlbench_agents.libraries import need_sb3
 from stlbench_agents.one_thread import one_thread
 from stlbench_agents.parameter_types import Count, Positive, Share, Steps, Widths
@@ -58,6 +59,16 @@ class SB3Agent(Agent):
     def fitted(self, lock_steps: int) -> Self:
         """The same agent, where need be with smaller numbers, for a budget of so many steps of all copies."""
         return self
+
+    @property
+    @abstractmethod
+    def kept(self) -> int:
+        """Transitions that are kept at the same time, at most."""
+
+    def cost(self, size: int, actions: Actions, decisions: int) -> Cost:
+        """As of stlbench's own agents, so that a method has the same cells with both; SB3's updates grow less."""
+        outputs = actions.size if isinstance(actions, ActionGrid) else len(actions.names)
+        return cost_of(size, self.net_arch, outputs, min(decisions, self.kept))
 
     @property
     def rollout(self) -> int:
@@ -119,6 +130,11 @@ class SB3OffPolicy(SB3Agent):
     """rewards in a return before it bootstraps"""
     tau: Share = 0.01
     """weight of the online networks in an update of the targets; 1 copies them"""
+
+    @property
+    def kept(self) -> int:
+        """`buffer_size`."""
+        return self.buffer_size
 
     def options(self, environment: Environment) -> dict[str, Any]:
         """As for all, and an update after each step of all copies."""

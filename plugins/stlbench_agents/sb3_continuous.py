@@ -98,6 +98,11 @@ class SB3PPO(SB3Agent):
     """weight of the entropy in the loss"""
 
     @property
+    def kept(self) -> int:
+        """A rollout of all copies."""
+        return self.n_steps * self.copies
+
+    @property
     def rollout(self) -> int:
         """`n_steps`."""
         return self.n_steps

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stlbench.contract import ActionBox, Agent, Array, Policy, Training
+from stlbench.contract import ActionBox, Actions, Agent, Array, Cost, Policy, Training
 from stlbench_agents.actions import box_of
 from stlbench_agents.checkpoints import report_rounds
 from stlbench_agents.compiled_code import is_ready, note_ready
+from stlbench_agents.costs import cost_of
 from stlbench_agents.parameter_types import Count, NotNegative, Positive, Share, ShareBelow1, Steps, Widths
 
 __all__ = ["TD3"]
@@ -105,6 +106,11 @@ class TD3(Agent):
                 final = learner.policy(averaged=True)
                 training.report(final, done * self.copies * environment.hold)
         return final
+
+    def cost(self, size: int, actions: Actions, decisions: int) -> Cost:
+        """That of a critic, beside which the actor's is as long, and of the replay."""
+        axes = len(actions.names)
+        return cost_of(size + axes, self.net_arch, 1, min(decisions, self.buffer_size))
 
     def uncompiled(self) -> Callable[[], None] | None:
         """The updates, where this machine has not compiled them."""

@@ -74,6 +74,7 @@ class WindowFlags(Flags):
         self._paid = _paid(isinstance(formula, stl.Eventually), beta)
         self.floor = float(self._paid[0])
         if self._first:
+            self.form = "outer operator over windows that begin late (extension)"
             self.extension = f"windows begin {self._first} steps late; its source has them from 0"
             self.floor = min(0.0, self.floor)
         self.full = np.array([window.b + 1.0 for window in windows])

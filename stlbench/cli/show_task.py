@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -12,6 +13,7 @@ from stlbench.cli.show_task_text import print_task
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
+    from stlbench.contract import RewardMethod
     from stlbench.result import Score
     from stlbench.task.task import Task
 
@@ -118,6 +120,17 @@ def _methods(task: Task) -> dict[str, Any]:
     return methods
 
 
+def _refuse_dear(task: Task, method: RewardMethod) -> None:
+    """As a run would, with the task's own agent and its largest budget, where that agent can be built here."""
+    from stlbench.contract import Unsuitable
+    from stlbench.rollout.cost import refuse_dear
+    from stlbench.task import build_agent
+
+    with suppress(Unsuitable, UsageError):
+        agent = build_agent(task, task.own_agent)
+        refuse_dear(task, method, agent, max(budget.steps for budget in task.file.budgets.values()))
+
+
 def _method(task: Task, name: str) -> dict[str, Any]:
     """What a method with its default parameters makes of the task; status and reason where it does not fit."""
     from stlbench.contract import Intractable, Unsuitable
@@ -127,6 +140,7 @@ def _method(task: Task, name: str) -> dict[str, Any]:
 
     try:
         method = build_method(task, name)
+        _refuse_dear(task, method)
     except plugins.PluginError:
         raise
     except Intractable as reason:

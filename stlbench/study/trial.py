@@ -13,6 +13,7 @@ import numpy as np
 
 from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, StatePolicy, Training, Unsuitable
 from stlbench.result import CurvePoint, Measurement, Planned, Result
+from stlbench.rollout.cost import refuse_dear
 from stlbench.rollout.environment import BatchEnvironment, Simulator
 from stlbench.rollout.model import model_of
 from stlbench.rollout.referee import Assessment, Referee
@@ -43,7 +44,9 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
     task = on_track(load_task(cell.id.task), cell.id.agent, cell.id.track, cell.recipe)
     try:
         method = build_method(task, cell.id.method)
-        measurement, assessment = measure(task, method, build_agent(task, cell.id.agent), cell)
+        agent = build_agent(task, cell.id.agent)
+        refuse_dear(task, method, agent, task.budget(cell.id.budget).steps)
+        measurement, assessment = measure(task, method, agent, cell)
     except Intractable as reason:
         return cell.ended("intractable", str(reason))
     except Unsuitable as reason:

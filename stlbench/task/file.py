@@ -117,7 +117,6 @@ class TaskFile(Entry):
     starts: Count = 64
     """Initial states on the report grid; as many others are kept for the selection of checkpoints."""
     protocols: dict[str, Protocol] = Field(default_factory=dict)
-    input_limit: Count = 512
     agents: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
     """Agent -> recipe, the same for every method. The first is the task's own agent."""
     budgets: Annotated[dict[str, Budget], Field(min_length=1)]

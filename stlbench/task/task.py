@@ -66,7 +66,6 @@ class Task:
             steps=self.file.steps,
             dt=self.file.sampling_time,
             nested=self.file.nested,
-            input_limit=self.file.input_limit,
         )
 
     def features(self, state: Array, t: Integers) -> Array:

@@ -13,6 +13,7 @@ import pytest
 
 from benchmarks.conftest import Race, seconds
 from stlbench.contract import Intractable, RewardMethod, Training
+from stlbench.rollout.cost import refuse_dear
 from stlbench.rollout.environment import BatchEnvironment, Simulator
 from stlbench.task import build_agent, build_method, load_task
 from stlbench.task.task import Task
@@ -73,7 +74,7 @@ def _shares(entry: Task, method: str) -> list[float]:
         made.append(Timed(entry, build_method(entry, method), count))
         return made[-1]
 
-    build_method(entry, method)
+    refuse_dear(entry, build_method(entry, method), agent, entry.budget("quick").steps)
     training = Training(make, LOCK_STEPS * COPIES * entry.file.hold, 0, lambda policy, steps: None, 1)
     agent.train(training)  # to warm up
     times = [seconds(lambda: agent.train(training), time.perf_counter) for _ in range(5)]
@@ -106,7 +107,7 @@ def test_cost_against_horizon(race: Race, method: str, horizon: int) -> None:
     times = race.run(steps, {}, turns=5)["ours"]
     name = _key("reward", method, str(horizon))
     race.note(**{f"{name}_nanoseconds": [each * 1e9 / repeats / COPIES for each in times]})
-    race.note(**{f"{name}_inputs": reward.memory_size})
+    race.note(**{f"{name}_inputs": reward.input_size})
 
 
 def _stay(horizon: int) -> Task:
@@ -117,7 +118,6 @@ def _stay(horizon: int) -> Task:
         "formula": f"G[0,{horizon}] {psi}",
         "nested": f"G[0,0] G[0,{horizon}] {psi}",
         "steps": horizon,
-        "input_limit": 1_000_000,
         "protocols": {},
     }
     return replace(entry, file=entry.file.model_copy(update=changes))

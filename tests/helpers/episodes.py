@@ -17,7 +17,6 @@ def specification(
     *,
     steps: int | None = None,
     nested: str | None = None,
-    input_limit: int = 512,
 ) -> Specification:
     """What a method knows: `box` is signal -> (low, high); an episode lasts as long as the formula by default."""
     parsed = stl.parse(formula)
@@ -29,7 +28,6 @@ def specification(
         steps=stl.horizon(parsed) if steps is None else steps,
         dt=0.1,
         nested=None if nested is None else stl.parse(nested),
-        input_limit=input_limit,
     )
 
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from stlbench.contract import Unsuitable
 from stlbench.task import load_task
+from stlbench.task.equal_rewards import same_up_to_time
 from stlbench_methods.funnel import Curve, Funnel
 from stlbench_methods.raw import Raw
 
@@ -280,3 +281,20 @@ def test_a_curve_by_itself() -> None:
     curve = Curve(gamma_0=4, gamma_inf=0.5, rho_max=1, t0=10, t_star=18)
     assert curve.rate == pytest.approx(math.log(7) / 8)
     assert curve(np.array([10, 18, 26])) == pytest.approx([4, 1, 0.5 + 3.5 / 49])
+
+
+@pytest.mark.parametrize(
+    "task", ["annulus", "ball-in-cup", "cartpole", "fetch-reach", "pendulum", "reach-stay", "robot-nav"]
+)
+def test_the_authors_variant_pays_the_same_where_no_funnel_begins_with_its_interval(task: str) -> None:
+    spec = load_task(task).specification
+    difference = same_up_to_time(Funnel(spec), Funnel(spec, variant="code"))
+    assert difference is not None
+    assert difference.constant == 0
+
+
+@pytest.mark.parametrize("task", ["formation", "hold-disc", "hold-disc-coarse", "integrator-or", "overlap"])
+def test_it_pays_something_else_where_one_does(task: str) -> None:
+    spec = load_task(task).specification
+    difference = same_up_to_time(Funnel(spec), Funnel(spec, variant="code"))
+    assert difference is None or difference.constant is None

@@ -26,7 +26,7 @@ def errors(**changes: Any) -> list[str]:
 class TestRead:
     def test_defaults(self) -> None:
         file = read_task_file(text(), "line")
-        assert (file.steps, file.hold, file.starts, file.input_limit, file.time) == (8, 1, 4, 512, "steps")
+        assert (file.steps, file.hold, file.starts, file.time) == (8, 1, 4, "steps")
         assert file.training_starts is file.initial
         assert file.formula == stl.parse("G[0,4] x <= 1")
         assert file.budgets["smoke"].steps == 40

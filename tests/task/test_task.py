@@ -88,7 +88,7 @@ class TestTask:
         assert specification.formula == stl.parse("G[0,200] norm(x - 2, y - 2) <= 1")
         assert specification.nested == stl.parse("G[0,190] G[0,10] norm(x - 2, y - 2) <= 1")
         assert (specification.signals, specification.low, specification.high) == (("x", "y"), (0, 0), (4, 4))
-        assert (specification.steps, specification.dt, specification.input_limit) == (200, 0.01, 512)
+        assert (specification.steps, specification.dt) == (200, 0.01)
 
     def test_unknown_names(self) -> None:
         with pytest.raises(UsageError, match=r"no task 'hold-disk'; did you mean 'hold-disc'\?"):

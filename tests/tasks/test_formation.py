@@ -9,12 +9,10 @@ import pytest
 from helpers.controlled_traces import all_starts, trace
 
 from stlbench import stl
-from stlbench.contract import ActionGrid, Array, Intractable
-from stlbench.result import CellId
+from stlbench.contract import ActionGrid, Array
 from stlbench.rollout import referee
-from stlbench.study.plan import Cell
-from stlbench.study.trial import run_cell
-from stlbench.task import build_method, load_task
+from stlbench.rollout.cost import refuse_dear
+from stlbench.task import build_agent, build_method, load_task
 from stlbench.testing import check_task
 
 TASK = load_task("formation")
@@ -134,12 +132,10 @@ def test_the_controller_satisfies_from_every_start() -> None:
     assert np.mean(score.robustness) > 0.31
 
 
-def test_tau_mdp_is_intractable_and_says_so_in_a_row() -> None:
-    """131 samples of 6 signals."""
-    with pytest.raises(Intractable, match=r"^needs 786 inputs, limit 512$"):
-        build_method(TASK, "tau-mdp")
-    result = run_cell(Cell(CellId.parse("formation/tau-mdp/dqn-per-robot/0", "smoke"), "key", 60))
-    assert (result.status, result.reason) == ("intractable", "needs 786 inputs, limit 512")
+def test_tau_mdp_is_trained_with_131_samples_of_6_signals() -> None:
+    method = build_method(TASK, "tau-mdp")
+    assert method.input_size == 786
+    refuse_dear(TASK, method, build_agent(TASK, "dqn-per-robot"), TASK.budget("paper").steps)
 
 
 def test_the_contract() -> None:

@@ -1,0 +1,46 @@
+"""Whether a method makes training too dear: by what the agent counts, not by a clock, so that it is no matter of luck.
+
+Both limits are choices, for measured reasons that `docs/performance.md` has.
+"""
+
+from __future__ import annotations
+
+from stlbench.contract import Agent, Intractable, RewardMethod
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.task.task import Task
+
+__all__ = ["REPLAY_LIMIT", "UPDATE_LIMIT", "refuse_dear"]
+
+REPLAY_LIMIT = 4.0
+"""GiB that an agent's replay may take: two cells at a time then fit into a laptop of 16 GiB."""
+UPDATE_LIMIT = 10.0
+"""How many times as long as without the method's inputs an update may take."""
+_GIB = 2**30
+
+
+def refuse_dear(task: Task, method: RewardMethod, agent: Agent, steps: int) -> None:
+    """Refuse to train where the method's inputs make the replay or an update larger than the limits.
+
+    Args:
+        task: the task.
+        method: of that task; without inputs it is never refused.
+        agent: what would train; never refused where it cannot say what it costs.
+        steps: the budget, in environment steps.
+
+    Raises:
+        Intractable: "needs 4002 inputs: a replay of 1.96 GiB (limit 4), updates 16 times as long (limit 10)".
+    """
+    if not method.input_size:
+        return
+    environment = BatchEnvironment(task, method, 1, 0)
+    size, decisions = environment.observation_size, max(1, steps // environment.hold)
+    cost = agent.cost(size, environment.actions, decisions)
+    without = agent.cost(size - method.input_size, environment.actions, decisions)
+    if cost is None or without is None:
+        return
+    replay, longer = cost.replay / _GIB, cost.update / without.update
+    if replay > REPLAY_LIMIT or longer > UPDATE_LIMIT:
+        raise Intractable(
+            f"needs {method.input_size} inputs: a replay of {replay:.2f} GiB (limit {REPLAY_LIMIT:g}), "
+            f"updates {longer:.0f} times as long (limit {UPDATE_LIMIT:g})"
+        )
