@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from stlbench import Results
-from stlbench.report.statistics import interval, iqm
+from stlbench.report.statistics.intervals import interval, iqm
 from stlbench.report.tables.overview import LEARNED
 from stlbench.task import build_method, load_task
 
@@ -42,9 +42,9 @@ def test_every_number_is_measured() -> None:
             group = scores.query("task == @task and method == @method")
             selected, final = (group.query("policy == @policy") for policy in ("selected", "final"))
             values = tuple(selected["robustness_mean"])
-            low, high = interval(values, iqm)
+            low, high = interval(values)
             selects, lasts = (int((one["satisfaction"] >= LEARNED).sum()) for one in (selected, final))
-            expected = f"{iqm(np.array(values)):.3f} [{low:.3f}, {high:.3f}] {selects}, {lasts}"
+            expected = f"{iqm(values):.3f} [{low:.3f}, {high:.3f}] {selects}, {lasts}"
             assert text.rstrip(" *=") == expected, (task, method)
 
 

@@ -23,6 +23,7 @@ from scipy import special
 
 from stlbench.gate.metrics import METRICS, Metric
 from stlbench.gate.snapshot import Pair, Sample
+from stlbench.report.statistics.holm import holm
 from stlbench.result import ACCIDENTS, CellId, Setting
 
 __all__ = ["EXIT", "Comparison", "Finding", "Judgement", "Verdict", "judge"]
@@ -184,15 +185,6 @@ def _estimate(test: _Test, pool: Sequence[_Test]) -> tuple[float, float, float]:
     half = error * float(special.stdtrit(freedom, LEVEL))
     chance = float(special.stdtr(freedom, gain / error)) if error > 0 else float(gain >= 0)
     return gain - half, gain + half, chance
-
-
-def holm(chances: Sequence[float]) -> list[float]:
-    """P-values corrected for their number by Holm's step-down procedure, in the order given."""
-    corrected, least = [1.0] * len(chances), 0.0
-    for rank, index in enumerate(sorted(range(len(chances)), key=chances.__getitem__)):
-        least = max(least, min(1.0, chances[index] * (len(chances) - rank)))
-        corrected[index] = least
-    return corrected
 
 
 def _verdict(test: _Test, gain: float, low: float, chance: float) -> Verdict:

@@ -25,8 +25,9 @@ import numpy as np
 from scipy import special
 
 from stlbench.errors import UsageError
-from stlbench.gate.judge import ALPHA, EXIT, FREEDOM, LEVEL, Verdict, holm
+from stlbench.gate.judge import ALPHA, EXIT, FREEDOM, LEVEL, Verdict
 from stlbench.report import Column, Table, to_markdown
+from stlbench.report.statistics.holm import holm
 
 Side = Literal["base", "head"]
 

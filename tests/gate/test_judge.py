@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stlbench.gate.judge import EXIT, Comparison, Judgement, holm, judge
+from stlbench.gate.judge import EXIT, Comparison, Judgement, judge
 from stlbench.gate.metrics import METRICS, absolute, relative, speed
 from stlbench.gate.snapshot import Sample, Snapshot, pair
 from stlbench.registry.choices import Choice
@@ -68,12 +68,6 @@ def test_gains() -> None:
     assert relative(np.zeros(2), new) == pytest.approx(new)
     assert absolute(base, new) == pytest.approx([-0.1, -0.01])
     assert speed(np.array([1.0, 3.0]), np.array([2.0, 1.5])) == pytest.approx([-math.log(2), math.log(2)])
-
-
-def test_holm() -> None:
-    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
-    assert holm([0.6, 0.7]) == [1.0, 1.0]
-    assert holm([]) == []
 
 
 def test_the_t_test() -> None:

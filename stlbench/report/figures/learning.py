@@ -16,7 +16,7 @@ from stlbench.contract import Array
 from stlbench.report.figures import layout
 from stlbench.report.figures.palette import GroupStyle, styles
 from stlbench.report.figures.scale import linear_threshold, set_symlog
-from stlbench.report.statistics import interval
+from stlbench.report.statistics.intervals import interval
 from stlbench.report.tables.rows import CurveRow, Group
 
 __all__ = ["aligned", "learning_curves"]
@@ -25,7 +25,7 @@ __all__ = ["aligned", "learning_curves"]
 def learning_curves(groups: Sequence[Group], unit: str) -> Figure:
     """Satisfaction and mean robustness: a line per group of one task, the mean over its seeds.
 
-    Shaded: 95 % bootstrap interval of that mean, where two seeds or more finished. The legend says how many did, and
+    Shaded: 95 % t interval of that mean, where two seeds or more finished. The legend says how many did, and
     names the groups without a line too. Where robustness spans orders of magnitude, its axis is logarithmic away from
     0.
     """
@@ -66,13 +66,16 @@ class _Mean(NamedTuple):
     low: Array
     """(p,): NaN where there is no interval."""
     high: Array
+    least: float
+    """Of all seeds."""
+    most: float
 
 
 def _mean(curves: Sequence[Sequence[CurveRow]], value: Callable[[CurveRow], float]) -> _Mean:
     steps, values = aligned(curves, value)
-    ends = [interval(column, np.mean) or (np.nan, np.nan) for column in values.T]
+    ends = [interval(column.tolist(), cut=0) or (np.nan, np.nan) for column in values.T]
     low, high = np.array(ends, dtype=float).reshape(-1, 2).T
-    return _Mean(steps, values.mean(axis=0), low, high)
+    return _Mean(steps, values.mean(axis=0), low, high, float(values.min()), float(values.max()))
 
 
 def _draw(axes: Axes, line: _Mean, style: GroupStyle) -> None:
@@ -88,15 +91,19 @@ def _draw(axes: Axes, line: _Mean, style: GroupStyle) -> None:
 def _scale(axes: Axes, lines: Sequence[_Mean]) -> str:
     """Make the axis of robustness logarithmic where that helps; what its label should add.
 
-    The second half of each line chooses the linear part: all methods are bad at first.
+    The axis has room for what seeds had, and cuts wider intervals, as two seeds have. The second half of each line
+    chooses the linear part: all methods are bad at first.
     """
-    every = np.concatenate([np.concatenate([line.mean, line.low, line.high]) for line in lines] or [np.zeros(1)])
-    every = every[np.isfinite(every)]
-    if not every.size:
+    ends = [end for line in lines for end in (line.least, line.most) if math.isfinite(end)]
+    if not ends:
         return ""
-    low, high = float(every.min()), float(every.max())
+    low, high = min(*ends, 0.0), max(*ends, 0.0)
     threshold = linear_threshold((line.mean[len(line.mean) // 2 :] for line in lines), max(-low, high))
-    return "" if threshold is None else f"\n{set_symlog(axes, 'y', threshold, low, high)}"
+    if threshold is not None:
+        return f"\n{set_symlog(axes, 'y', threshold, low, high)}"
+    margin = 0.05 * (high - low)
+    axes.set_ylim(low - margin, high + margin) if margin else None
+    return ""
 
 
 def aligned(curves: Sequence[Sequence[CurveRow]], value: Callable[[CurveRow], float]) -> tuple[Array, Array]:

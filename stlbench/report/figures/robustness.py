@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from stlbench.report.figures import layout
 from stlbench.report.figures.palette import GroupStyle, styles
 from stlbench.report.figures.scale import linear_threshold, set_symlog
-from stlbench.report.statistics import interval, iqm
+from stlbench.report.statistics.intervals import interval, iqm
 from stlbench.report.tables.rows import Group
 
 __all__ = ["draw_robustness", "robustness_by_method", "robustness_keys"]
@@ -52,7 +52,7 @@ def _points(axes: Axes, place: int, values: Sequence[float], style: GroupStyle) 
         axes.text(0.5, place, "no result", transform=where, ha="center", va="center", color="0.4", backgroundcolor="w")
         return
     axes.plot(values, np.full(len(values), place - 0.12), "o", color=style.colour, alpha=0.6, markersize=6, mew=0)
-    centre, ends = float(iqm(values)), interval(values, iqm)
+    centre, ends = iqm(values), interval(values)
     if ends is not None:
         axes.plot(ends, (place + 0.15, place + 0.15), "-", color=style.colour, linewidth=2.5, solid_capstyle="butt")
     axes.plot([centre], [place + 0.15], "D", color=style.colour, markersize=7, markeredgecolor="white")
@@ -62,6 +62,6 @@ def robustness_keys() -> list[Artist]:
     """Entries of the legend for what `draw_robustness` draws."""
     return [
         Line2D([], [], color="0.3", marker="o", linestyle="", alpha=0.6, label="one seed"),
-        Line2D([], [], color="0.3", marker="D", linewidth=2.5, label="IQM and 95 % bootstrap interval over seeds"),
+        Line2D([], [], color="0.3", marker="D", linewidth=2.5, label="IQM over seeds and its 95 % interval"),
         layout.level_key("0: satisfied above"),
     ]

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from stlbench.report.statistics import Interval
+from stlbench.report.statistics.intervals import Interval
 
 __all__ = ["NOTHING", "Column", "FirstFailed", "Learned", "Plain", "Seeds", "Table", "Value", "decimal", "show"]
 

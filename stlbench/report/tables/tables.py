@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stlbench.registry.choices import Choice
-from stlbench.report.statistics import Interval, interval, iqm
+from stlbench.report.statistics.intervals import Interval, interval, iqm
 from stlbench.report.tables.alignment import align, alignment_table
 from stlbench.report.tables.overview import overview
 from stlbench.report.tables.planned import best_possible, split
@@ -64,8 +64,8 @@ def _robustness_row(group: Group, further: Sequence[str], best: Mapping[Choice, 
     return (
         *_setting(group),
         _mean(values),
-        _mean(values, iqm),
-        interval(values, iqm),
+        iqm(values) if values else None,
+        interval(values),
         min(group.values(lambda numbers: numbers.robustness_min), default=None),
         _percent(group.values(lambda numbers: numbers.satisfaction)),
         *([_share(_mean(values), best.get(group.setting.task))] if best else []),
@@ -86,7 +86,7 @@ def _notes(further: Sequence[str]) -> tuple[str, ...]:
     notes = [
         "Robustness is in the unit of the task's predicates: averaged over the starts of a seed, then over seeds.",
         "The policy is the checkpoint that did best on other starts; 'final' is the one at the end of training.",
-        "IQM: interquartile mean; up to 3 seeds it equals the mean. Interval: percentile bootstrap over seeds.",
+        "IQM: interquartile mean; up to 3 seeds it equals the mean. Interval: of the IQM, by Student's t over seeds.",
         "Worst start: minimum over starts and seeds. Failed first: what violating starts most often failed first.",
     ]
     if further:
@@ -142,7 +142,7 @@ def time_table(groups: Sequence[Group]) -> Table:
         Column("remarks", right=False, below=True),
     )
     notes = (
-        "Means over seeds, intervals by percentile bootstrap. 'Cell' is training, checkpoints and evaluation.",
+        "Means over seeds, with t intervals. 'Cell' is training, checkpoints and evaluation.",
         "Reward: CPU nanoseconds of the method's reward per step and copy, in a batch of 1024.",
     )
     return Table("Time", columns, tuple(_time_row(group) for group in groups), notes)
@@ -154,9 +154,9 @@ def _time_row(group: Group) -> tuple[Value, ...]:
     return (
         *_setting(group),
         _mean(wall),
-        interval(wall, np.mean),
+        interval(wall, cut=0),
         _mean(cpu),
-        interval(cpu, np.mean),
+        interval(cpu, cut=0),
         _mean(group.values(lambda numbers: numbers.cpu_seconds)),
         _mean(group.values(lambda numbers: numbers.env_steps)),
         _mean(group.values(lambda numbers: numbers.reward_nanoseconds)),
@@ -233,8 +233,8 @@ def _setting(group: Group) -> tuple[Value, ...]:
     return (str(setting.task), str(setting.method), str(setting.agent), setting.budget, setting.track, group.seeds)
 
 
-def _mean(values: Sequence[float], statistic: Callable[..., float] = np.mean) -> float | None:
-    return float(statistic(values)) if values else None
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None
 
 
 def _percent(shares: Sequence[float]) -> float | None:

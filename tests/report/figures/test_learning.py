@@ -8,6 +8,7 @@ from helpers.synthetic_results import result
 from stlbench.report import condense
 from stlbench.report.figures.layout import LEVEL
 from stlbench.report.figures.learning import aligned, learning_curves
+from stlbench.report.statistics.intervals import interval
 from stlbench.result import CurvePoint
 
 
@@ -41,13 +42,19 @@ def test_a_line_is_the_mean_over_seeds():
     assert list(funnel.get_ydata()) == pytest.approx([-0.5, 0.45])
 
 
-def test_the_interval_of_two_seeds_lies_between_them_and_one_seed_has_none():
+def test_the_interval_is_that_of_the_mean_and_one_seed_has_none():
     left, _ = learning_curves(GROUPS, "m").axes
     (band,) = left.collections
     corners = band.get_paths()[0].vertices
-    at_100, at_200 = ([y for x, y in corners if x == steps] for steps in (100, 200))
-    assert (min(at_100), max(at_100)) == pytest.approx((0, 20))
-    assert (min(at_200), max(at_200)) == pytest.approx((60, 100))
+    for steps, values in ((100, [0.0, 20.0]), (200, [60.0, 100.0])):
+        ends = [y for x, y in corners if x == steps]
+        assert (min(ends), max(ends)) == pytest.approx(interval(values, cut=0))
+
+
+def test_the_axes_have_room_for_what_seeds_had_and_cut_wider_intervals():
+    left, right = learning_curves(GROUPS, "m").axes
+    assert left.get_ylim() == (-4, 104)
+    assert right.get_ylim() == pytest.approx((-1 - 0.075, 0.5 + 0.075))
 
 
 def test_the_legend_names_every_group_and_how_its_seeds_ended():

@@ -1,0 +1,1 @@
+"""Numbers over seeds and over tasks: intervals, verdicts, aggregates. SciPy, which computes them, is imported late."""

@@ -1,0 +1,124 @@
+"""Aggregates over the tasks of a comparison, with stratified bootstrap intervals (Agarwal et al. 2021, `rliable`).
+
+A method's *runs* are one array per task, of one normalised score per seed. A bootstrap draws seeds anew within each
+task, and never tasks: intervals are of these tasks, and say nothing of others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stlbench.report.statistics.intervals import LEVEL, Interval
+
+__all__ = ["Estimate", "Runs", "improvement", "mean", "middle", "profile", "ranks"]
+
+Array = NDArray[np.float64]
+Runs = Sequence[Array]
+"""One array (n,) per task."""
+
+RESAMPLES = 9999
+_BATCH = 500
+"""Resamples held in memory at a time."""
+
+
+class Estimate(NamedTuple):
+    """A number with its 95 % interval, None where a task has fewer than two runs."""
+
+    value: float
+    interval: Interval | None
+
+
+def mean(runs: Runs) -> Estimate:
+    """The mean of all runs."""
+    return _single(lambda *drawn, axis: np.concatenate(drawn, axis).mean(axis), runs)
+
+
+def middle(runs: Runs) -> Estimate:
+    """The interquartile mean of all runs of all tasks together."""
+    from scipy import stats
+
+    return _single(lambda *drawn, axis: stats.trim_mean(np.concatenate(drawn, axis), 0.25, axis), runs)
+
+
+def improvement(one: Runs, other: Runs) -> Estimate:
+    """Probability that a run of the one is better than a run of the other on the same task, mean over the tasks.
+
+    Equal runs count half. 0.5 says that neither is better.
+    """
+    return _single(lambda *drawn, axis: _wins(drawn[: len(one)], drawn[len(one) :]), [*one, *other])
+
+
+def _wins(one: Sequence[Array], other: Sequence[Array]) -> Array:
+    """Arrays (..., n) and (..., m) of each task -> (...)."""
+    pairs = zip(one, other, strict=True)
+    shares = [(np.sign(a[..., :, None] - b[..., None, :]).mean((-2, -1)) + 1) / 2 for a, b in pairs]
+    return np.asarray(np.mean(shares, axis=0))
+
+
+def ranks(methods: Sequence[Runs]) -> list[Estimate]:
+    """The mean rank of each method over the tasks, by the interquartile mean of its seeds; 1 is the best.
+
+    Methods that are exactly as good share the mean of their places.
+    """
+    from scipy import stats
+
+    tasks = len(methods[0])
+
+    def places(*drawn: Array, axis: int) -> Array:
+        """Strata of the first method, then those of the second, ... -> (methods, ...)."""
+        centres = np.stack([stats.trim_mean(seeds, 0.25, axis) for seeds in drawn])
+        centres = centres.reshape(len(methods), tasks, *centres.shape[1:])
+        found: Array = stats.rankdata(-centres, axis=0).mean(axis=1)
+        return found
+
+    values, low, high = _bootstrapped(places, [seeds for runs in methods for seeds in runs])
+    return _estimates(values, low, high)
+
+
+def profile(runs: Runs, thresholds: Array) -> list[Estimate]:
+    """The share of runs whose score is above each of the thresholds, every task with the same weight."""
+
+    def above(*drawn: Array, axis: int) -> Array:
+        shares = [(seeds > thresholds.reshape(-1, *[1] * seeds.ndim)).mean(axis) for seeds in drawn]
+        return np.asarray(np.mean(shares, axis=0))
+
+    return _estimates(*_bootstrapped(above, runs))
+
+
+def _single(statistic: Callable[..., Any], strata: Runs) -> Estimate:
+    (estimate,) = _estimates(*_bootstrapped(statistic, strata))
+    return estimate
+
+
+def _estimates(values: Array, low: Array | None, high: Array | None) -> list[Estimate]:
+    listed = np.atleast_1d(values).tolist()
+    if low is None or high is None:
+        return [Estimate(value, None) for value in listed]
+    ends = zip(np.atleast_1d(low).tolist(), np.atleast_1d(high).tolist(), strict=True)
+    return [Estimate(value, Interval(*end)) for value, end in zip(listed, ends, strict=True)]
+
+
+def _bootstrapped(statistic: Callable[..., Any], strata: Runs) -> tuple[Array, Array | None, Array | None]:
+    """The statistic of the strata, and both ends of its interval, as long as it. The order of seeds does not matter."""
+    data = [np.sort(np.asarray(seeds, dtype=np.float64)) for seeds in strata]
+    value = np.asarray(statistic(*data, axis=-1))
+    if min(map(len, data)) < 2:
+        return value, None, None
+    from scipy import stats
+
+    found = stats.bootstrap(
+        data,
+        statistic,
+        n_resamples=RESAMPLES,
+        batch=_BATCH,
+        vectorized=True,
+        axis=-1,
+        confidence_level=LEVEL,
+        method="percentile",
+        rng=np.random.default_rng(0),
+    ).confidence_interval
+    return value, np.asarray(found.low), np.asarray(found.high)
