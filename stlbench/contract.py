@@ -21,9 +21,10 @@ against the annotations, so `Literal[...]`, `float`, `int`, `bool` and `str` giv
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -465,6 +466,11 @@ class Agent(ABC):
     """What it makes the most of where it plans: the method's reward, or the formula's robustness, whatever the method.
     It is then given dynamics and reward themselves, as `Training.model`, in place of environments to learn from. What
     it finds shows what a reward asks for, or what is possible; it is no rival of learned policies."""
+    search_space: ClassVar[Mapping[str, tuple[float | int | str | bool, ...]]] = MappingProxyType({})
+    """What `stlbench tune` tries, the same for every method: parameter -> values. `hold` stands for the steps for which
+    the task holds an action; of its values those count that fit the task. The value of the task's own recipe is tried
+    as well. A method that is first paid late needs a discount near 1, and one that is paid at once a smaller one: leave
+    such parameters out, and the comparison is one of methods with the recipe of one of them."""
 
     @abstractmethod
     def train(self, training: Training) -> Policy | StatePolicy:

@@ -6,9 +6,10 @@ state. One lock-step of all copies is followed by `gradient_steps` updates, all 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from types import MappingProxyType
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 
@@ -42,6 +43,15 @@ class DQN(Agent):
     time scale. The paper's Algorithm 2 to the letter is
     `dqn[double=false,n_steps=1,tau=1,target_update_interval=1000,averaging=0,copies=1]`.
     """
+
+    search_space: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
+        {
+            "gamma": (0.8, 0.9, 0.95, 0.98, 0.99, 0.995),
+            "n_steps": (1, 3, 5, 10),
+            "learning_rate": (0.0003, 0.001, 0.003),
+            "hold": (5, 10, 20, 50),
+        }
+    )
 
     net_arch: Widths = (64, 64)
     """widths of the hidden layers"""

@@ -6,8 +6,10 @@ where the environment says so. SB3's TD3 does the same work (`sb3-td3`); here up
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 
@@ -27,6 +29,16 @@ class TD3(Agent):
 
     Names are those of Stable-Baselines3 where it has the option.
     """
+
+    search_space: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
+        {
+            "gamma": (0.8, 0.9, 0.95, 0.98, 0.99, 0.995),
+            "n_steps": (1, 3, 5),
+            "learning_rate": (0.0003, 0.001, 0.003),
+            "exploration_noise": (0.1, 0.2, 0.5, 1.0),
+            "hold": (5, 10, 20, 50),
+        }
+    )
 
     net_arch: Widths = (64, 64)
     """widths of the hidden layers of actor and critics"""

@@ -21,6 +21,7 @@ from stlbench.cli.report import report
 from stlbench.cli.results import app as results
 from stlbench.cli.run import run
 from stlbench.cli.show import app as show
+from stlbench.cli.tune import tune
 from stlbench.contract_parts import origin
 
 __all__ = ["app", "main"]
@@ -34,6 +35,7 @@ app = typer.Typer(
 )
 app.command("run", short_help="Train and score methods on tasks, and compare them.")(run)
 app.command("plan", short_help="What the rewards of a task ask for, by planning, without training.")(plan)
+app.command("tune", short_help="Find a recipe for each method, with the same number of trials.")(tune)
 app.command("list")(list_plugins)
 app.add_typer(show, name="show")
 app.command("export", short_help="Write results for other programs.")(export)

@@ -189,13 +189,18 @@ class Referee:
     def choose(self, policies: Sequence[Policy | StatePolicy]) -> Race:
         """The best of the checkpoints (K,), by a race on the starts kept for selection.
 
-        Those in the race are simulated side by side.
+        Those in the race are simulated side by side. The best is scored from all of these starts, so that its score can
+        be compared with those of other cells.
         """
 
         def play(which: Integers, part: slice) -> tuple[Truth, Array]:
             return self._verdicts([policies[i] for i in which], self._selection[part])
 
-        return race(play, len(policies), len(self._selection))
+        found = race(play, len(policies), len(self._selection))
+        if found.starts[found.best] < len(self._selection):
+            found.satisfaction[found.best], found.robustness_mean[found.best] = self.select(policies[found.best])
+            found.starts[found.best] = len(self._selection)
+        return found
 
     def _verdicts(self, policies: Sequence[Policy | StatePolicy], states: Array) -> tuple[Truth, Array]:
         """Satisfaction and robustness when each of the policies (k,) acts from each of the states (n, ...): (k, n)."""

@@ -16,7 +16,7 @@ from stlbench.result import Track
 from stlbench.task.entry import Count
 from stlbench.task.task import Task
 
-__all__ = ["Recipe", "Recipes", "on_track", "read_recipes"]
+__all__ = ["Recipe", "Recipes", "on_track", "read_recipes", "write_recipes"]
 
 
 @dataclass(frozen=True)
@@ -91,3 +91,31 @@ def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = No
         except ValueError as error:
             raise UsageError(f"the recipe for {task.name}: {error}") from error
     return replace(task, file=task.file.model_copy(update=changed))
+
+
+def write_recipes(
+    path: Path, recipes: Mapping[str, Mapping[str, Mapping[str, Recipe]]], facts: Mapping[str, Any]
+) -> None:
+    """Write a file that `read_recipes` reads, with facts of how they were found. Raises `UsageError`."""
+    content = {
+        **facts,
+        "recipes": {
+            task: {
+                agent: {method: _written(recipe) for method, recipe in methods.items()}
+                for agent, methods in agents.items()
+            }
+            for task, agents in recipes.items()
+        },
+    }
+    text = f"# Recipes of the track tuned, written by `stlbench tune`.\n{yaml.safe_dump(content, sort_keys=False, width=100)}"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write the recipes {path}: {error}") from error
+
+
+def _written(recipe: Recipe) -> dict[str, Any]:
+    """What it says, and nothing that it does not."""
+    agent = {"agent": dict(recipe.agent)} if recipe.agent else {}
+    return agent if recipe.hold is None else {**agent, "hold": recipe.hold}

@@ -1,0 +1,164 @@
+"""`stlbench tune`: a recipe for each method, found with the same number of trials."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from stlbench.cli.completion import names
+from stlbench.cli.options import Executor, Jobs, Retry
+from stlbench.cli.progress import Progress
+from stlbench.cli.run import interruptible
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from stlbench.report import Table
+    from stlbench.result import CellId, Result
+    from stlbench.study.plan import Cell
+    from stlbench.study.study import Study
+    from stlbench.study.tuning import Contest
+
+__all__ = ["tune"]
+
+
+def tune(
+    tasks: Annotated[str, typer.Option(metavar="LIST", help="Tasks, a comma list.", autocompletion=names("tasks"))],
+    methods: Annotated[
+        str,
+        typer.Option(
+            metavar="LIST",
+            help="Reward methods, a comma list; parameters in brackets.",
+            autocompletion=names("methods"),
+        ),
+    ],
+    agents: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LIST",
+            help="Agents, a comma list; parameters in brackets are not tuned.",
+            show_default="each task's own",
+            autocompletion=names("agents"),
+        ),
+    ] = None,
+    trials: Annotated[int, typer.Option(min=1, max=1000, metavar="N", help="Trials of each method on each task.")] = 20,
+    seeds: Annotated[str, typer.Option(metavar="SEEDS", help="Seeds of each trial, from 100 on.")] = "100-101",
+    budget: Annotated[str, typer.Option(metavar="NAME", help="How much training.")] = "quick",
+    jobs: Jobs = None,
+    results: Annotated[Path, typer.Option(metavar="DIR", help="Folder of ledger, trials and recipes.")] = Path(
+        "results/tuning"
+    ),
+    executor: Executor = "local",
+    retry: Retry = False,
+) -> None:
+    """Find a recipe for each method on each task, with the same number of trials for all, for `run --track tuned`.
+
+    What may be tuned is said by the agent, the same for every method: discount, rewards in a return, learning rate, how
+    long an action is held. The first trial is the task's shared recipe. Trials are compared on the starts that are
+    kept for selection, and on seeds that are not reported. DIR/recipes.yaml has the recipes, DIR/trials.csv all trials.
+    The same command again runs only what is missing; with more trials it goes on.
+
+    \b
+    Examples:
+      stlbench tune --tasks robot-nav,reach-stay --methods funnel,flag,raw --trials 20
+      stlbench run --tasks robot-nav,reach-stay --methods funnel,flag,raw --track tuned \\
+        --recipes results/tuning/recipes.yaml --seeds 10
+    """
+    from stlbench.cli.common import console
+    from stlbench.report import to_screen
+    from stlbench.study.study import Study
+    from stlbench.study.tuning import contests, search
+
+    said: dict[str, Any] = {"tasks": tasks, "methods": methods, "agents": agents, "seeds": seeds, "budget": budget}
+    said |= {"jobs": jobs, "results": results, "executor": executor, "retry": retry}
+    study = Study.of({name: value for name, value in said.items() if value is not None})
+    found = contests(study)
+    planned: dict[CellId, Cell] = {}
+    total = len(found) * trials * len(study.seeds or ())
+    with interruptible(lambda: tuple(planned.values()), results), _Rounds(total) as progress:
+        search(found, study, trials, lambda cells: _run(cells, study, planned, progress))
+    _write(found, study, trials)
+    to_screen(_table(found), console())
+
+
+class _Rounds(Progress):
+    """Counts the cells of all rounds, of which each is told when the one before is done."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__()
+        self.most = most
+
+    def begin(self, missing: Sequence[CellId], done: int) -> None:
+        """The first round says how many cells there are at most."""
+        if not self.total:
+            super().begin(missing, self.most - len(missing))
+            self.done = 0
+        self.done += done
+        self.missing = set(missing)
+
+    def _left(self) -> str:
+        self.missing = set()
+        return ""
+
+
+def _run(
+    cells: Sequence[Cell], study: Study, planned: dict[CellId, Cell], progress: Progress
+) -> Mapping[CellId, Result]:
+    """Run those of a round that are missing, and read the results of all of them."""
+    from stlbench.study.ledger import FILE, Ledger
+    from stlbench.study.run import build_executor, run_cells
+
+    planned.update((cell.id, cell) for cell in cells)
+    place = build_executor(study.executor, study.jobs)
+    run_cells(cells, study.results, place, retry=study.retry, progress=progress)
+    with Ledger(study.results / FILE, create=False) as ledger:
+        return {result.id: result for result in ledger.results({cell.key for cell in cells})}
+
+
+def _write(found: Sequence[Contest], study: Study, trials: int) -> None:
+    """Recipes and trials, into the folder of results."""
+    from stlbench.report import to_csv
+    from stlbench.study.tracks import Recipe, write_recipes
+
+    recipes: dict[str, dict[str, dict[str, Recipe]]] = {}
+    for contest in found:
+        by_agent = recipes.setdefault(str(contest.task), {})
+        by_agent.setdefault(str(contest.agent), {})[str(contest.method)] = contest.recipe()
+    facts: dict[str, Any] = {"trials": trials, "seeds": list(study.seeds or ()), "budget": study.budget}
+    write_recipes(study.results / "recipes.yaml", recipes, facts)
+    (study.results / "trials.csv").write_text(to_csv(_table(found)), encoding="utf-8")
+    typer.echo(f"{study.results / 'recipes.yaml'}\n{study.results / 'trials.csv'}")
+
+
+def _table(found: Sequence[Contest]) -> Table:
+    """One row per trial."""
+    from stlbench.report import Column, Table
+
+    tuned = list(dict.fromkeys(name for contest in found for name in contest.space))
+    columns = (
+        Column("task", right=False, shared=True),
+        Column("agent", right=False, shared=True),
+        Column("method", right=False),
+        Column("trial"),
+        *(Column(name) for name in tuned),
+        Column("status", right=False, shared=True),
+        Column("satisfaction", digits=3),
+        Column("robustness", digits=3),
+        Column("chosen", right=False),
+    )
+    rows = tuple(
+        (
+            *(str(contest.task), str(contest.agent), str(contest.method), number),
+            *(trial.values.get(name) for name in tuned),
+            *(trial.status, trial.satisfaction, trial.robustness, "yes" if trial is contest.best else None),
+        )
+        for contest in found
+        for number, trial in enumerate(contest.trials)
+    )
+    notes = (
+        "Satisfaction and robustness from the starts that are kept for selection, mean over the seeds. The first trial "
+        "is the recipe that all methods share.",
+    )
+    return Table("Trials", columns, rows, notes)
