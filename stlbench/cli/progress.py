@@ -41,11 +41,14 @@ class Progress:
     def begin(self, missing: Sequence[CellId], done: int) -> None:
         """Say how many cells there are, and begin to count the time."""
         total = done + len(missing)
-        self.missing, self.done, self.ran = set(missing), done, 0
-        self.total, self.since = total, time.monotonic()
         earlier = f", {done} of them done before" if done else ""
         self._say(f"{total} {'cell' if total == 1 else 'cells'}{earlier}")
-        if missing:
+        self.missing = set(missing)
+        self._count(total, done)
+
+    def _count(self, total: int, done: int) -> None:
+        self.total, self.done, self.ran, self.since = total, done, 0, time.monotonic()
+        if done < total:
             self.bar = _bar(self.console, total, done)
             self.bar.start()
 

@@ -91,15 +91,14 @@ class _Rounds(Progress):
         self.most = most
 
     def begin(self, missing: Sequence[CellId], done: int) -> None:
-        """The first round says how many cells there are at most."""
+        """The first round says how many cells there are at most: some trials are the same, some methods do not fit."""
         if not self.total:
-            super().begin(missing, self.most - len(missing))
-            self.done = 0
+            self._say(f"at most {self.most} cells")
+            self._count(self.most, 0)
         self.done += done
-        self.missing = set(missing)
 
     def _left(self) -> str:
-        self.missing = set()
+        """Unknown, as nobody knows what will be tried."""
         return ""
 
 

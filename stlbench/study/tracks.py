@@ -31,11 +31,15 @@ class Recipe:
     """Steps for which an action is held; the task's own where None."""
 
 
+_Found = Mapping[str, Mapping[str, Mapping[str, Recipe]]]
+"""Task -> agent -> method -> recipe, by the texts of their choices."""
+
+
 @dataclass(frozen=True)
 class Recipes:
-    """The recipes of the track `tuned`: task -> agent -> method -> recipe, by the texts of their choices."""
+    """The recipes of the track `tuned`."""
 
-    found: Mapping[str, Mapping[str, Mapping[str, Recipe]]]
+    found: _Found
     source: str
     """The file, for messages."""
 
@@ -93,9 +97,7 @@ def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = No
     return replace(task, file=task.file.model_copy(update=changed))
 
 
-def write_recipes(
-    path: Path, recipes: Mapping[str, Mapping[str, Mapping[str, Recipe]]], facts: Mapping[str, Any]
-) -> None:
+def write_recipes(path: Path, recipes: _Found, facts: Mapping[str, Any]) -> None:
     """Write a file that `read_recipes` reads, with facts of how they were found. Raises `UsageError`."""
     content = {
         **facts,
@@ -107,7 +109,8 @@ def write_recipes(
             for task, agents in recipes.items()
         },
     }
-    text = f"# Recipes of the track tuned, written by `stlbench tune`.\n{yaml.safe_dump(content, sort_keys=False, width=100)}"
+    written = yaml.safe_dump(content, sort_keys=False, width=100)
+    text = f"# Recipes of the track tuned, written by `stlbench tune`.\n{written}"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
