@@ -50,6 +50,7 @@ class Sound(Probe):
     """Within all rules, with a memory: the base of what is broken below."""
 
     scale = 2000.0
+    floor = -2000.0
 
     def __init__(self, specification: Any, *, memory_size: int = 2) -> None:
         super().__init__(specification, memory_size)
