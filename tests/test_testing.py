@@ -51,6 +51,7 @@ class Sound(Probe):
 
     scale = 2000.0
     floor = -2000.0
+    floor = -2000.0
 
     def __init__(self, specification: Any, *, memory_size: int = 2) -> None:
         super().__init__(specification, memory_size)
