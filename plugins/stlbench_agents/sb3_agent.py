@@ -66,7 +66,7 @@ class SB3Agent(Agent):
         """Transitions that are kept at the same time, at most."""
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost:
-        """As of stlbench's own agents, so that a method has the same cells with both; SB3's updates grow less."""
+        """Counted as for agents of stlbench; a joint head has more outputs, beside which inputs weigh less."""
         outputs = actions.size if isinstance(actions, ActionGrid) else len(actions.names)
         return cost_of(size, self.net_arch, outputs, min(decisions, self.kept))
 
