@@ -30,8 +30,8 @@ _CURVE = ("steps", "cpu_seconds", "satisfaction", "robustness_mean", "starts")
 class Results:
     """Results of cells, one per cell, and the folder where they and their traces lie.
 
-    Every table begins with the columns task, method, agent, seed, budget and track, which say which cell a row is of. Numbers
-    have full precision: robustness is in the unit of the task's predicates, satisfaction a share in [0, 1].
+    Every table begins with the columns task, method, agent, seed, budget and track, which say which cell a row is of.
+    Numbers have full precision: robustness is in the unit of the task's predicates, satisfaction a share in [0, 1].
 
     Attributes:
         results: in the order of their cells.
