@@ -145,23 +145,23 @@ def test_the_python_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
     assert len(names["table"]) == 2
 
 
-def test_the_examples_of_task_and_agent_run_together(site: Callable[..., Path]) -> None:
+def test_the_examples_of_task_and_agent_run_together(site: Callable[..., Path], tmp_path: Path) -> None:
     system, task, agent = (
         blocks(DOCS / "howto/task.md", "python")[0],
         blocks(DOCS / "howto/task.md", "yaml")[0],
         blocks(DOCS / "howto/agent.md", "python")[0],
     )
-    entries = blocks(DOCS / "howto/task.md", "toml")[0] + blocks(DOCS / "howto/agent.md", "toml")[0]
+    entries = blocks(DOCS / "howto/agent.md", "toml")[0]
     site(
         "docs-example",
         re.sub(r'\[project\.entry-points\."(.*)"\]', r"[\1]", entries).replace('"', ""),
         {
-            "my_tasks/cart_reach/system.py": system,
-            "my_tasks/cart_reach/task.yaml": task.replace("agents:\n", "agents:\n  random-search: {copies: 8}\n"),
+            "cart-reach/system.py": system,
+            "cart-reach/task.yaml": task.replace("agents:\n", "agents:\n  random-search: {copies: 8}\n"),
             "my_agents/random_search.py": agent,
         },
     )
-    loaded = load_task("cart-reach")
+    loaded = load_task(str(tmp_path / "cart-reach"))
     assert str(loaded.formula) == "F[0,40] G[0,10] abs(x - 1) <= 0.2"
     check_task("cart-reach")
     methods, agents = choices.parse_choices("raw"), choices.parse_choices("dqn,random-search[copies=4]")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stlbench.cli.common import Json, print_json
-from stlbench.cli.options import Executor, Jobs, names
+from stlbench.cli.options import Executor, Jobs, names, tasks_of
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def gate(
     if results.resolve() == reference.resolve():
         raise UsageError(f"--results {results} is the reference itself; what is measured now needs another folder")
     some_seeds = None if seeds is None else parse_seeds(seeds)
-    selection = Selection(budget, names(tasks), names(methods), names(agents), some_seeds)
+    selection = Selection(budget, tasks_of(tasks), names(methods), names(agents), some_seeds)
     place = build_executor(executor, jobs)
     if update and not selection.is_everything:
         chosen = {"tasks": tasks or "hold-disc", "methods": methods or "funnel,flag", "seeds": seeds or SEEDS}

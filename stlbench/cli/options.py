@@ -9,7 +9,7 @@ import typer
 if TYPE_CHECKING:
     from stlbench.registry.choices import Choice
 
-__all__ = ["Executor", "Jobs", "Retry", "names"]
+__all__ = ["Executor", "Jobs", "Retry", "names", "tasks_of"]
 
 Jobs = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Cells at a time.", show_default="2, or 1 on a single core")
@@ -23,3 +23,10 @@ def names(text: str | None) -> tuple[Choice, ...] | None:
     from stlbench.registry.choices import parse_choices
 
     return None if text is None else parse_choices(text)
+
+
+def tasks_of(text: str | None) -> tuple[Choice, ...] | None:
+    """The same for tasks, each a name or the path of a folder."""
+    from stlbench.registry.folders import parse_tasks
+
+    return None if text is None else parse_tasks(text)

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 def plan(
     task: Annotated[
-        str, typer.Argument(metavar="TASK", help="As `stlbench list tasks` says.", autocompletion=names("tasks"))
+        str,
+        typer.Argument(metavar="TASK", help="A name, or the path of a task's folder.", autocompletion=names("tasks")),
     ],
     methods: Annotated[
         str | None,
@@ -63,12 +64,12 @@ def plan(
       stlbench plan hold-disc --settings "recipe,gamma=1,without=cuts gamma=1"
     """
     from stlbench.cli.progress import Progress
-    from stlbench.registry.choices import choice_of
+    from stlbench.registry.folders import task_of
     from stlbench.study.alignment import parse_settings, plan_alignment
     from stlbench.study.run import build_executor, run_cells
 
     chosen, said = choices(methods), None if settings is None else parse_settings(settings)
-    cells = plan_alignment(choice_of(task), chosen, said, resolution)
+    cells = plan_alignment(task_of(task), chosen, said, resolution)
     with interruptible(lambda: cells, results), Progress() as progress:
         run_cells(cells, results, build_executor(executor, jobs), retry=retry, progress=progress)
     _say_equal([cell.id for cell in cells], chosen)

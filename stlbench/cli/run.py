@@ -30,7 +30,10 @@ def run(
     tasks: Annotated[
         str | None,
         typer.Option(
-            metavar="LIST", help="Tasks, a comma list.", show_default=DEFAULTS["tasks"], autocompletion=names("tasks")
+            metavar="LIST",
+            help="Tasks, a comma list of names, or of folders such as ./my-task.",
+            show_default=DEFAULTS["tasks"],
+            autocompletion=names("tasks"),
         ),
     ] = None,
     methods: Annotated[

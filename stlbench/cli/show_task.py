@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 def task(
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="As `stlbench list tasks` says.", autocompletion=names("tasks"))
+        str,
+        typer.Argument(metavar="NAME", help="A name, or the path of a task's folder.", autocompletion=names("tasks")),
     ],
     as_json: Json = False,
 ) -> None:
@@ -30,6 +31,7 @@ def task(
     Examples:
       stlbench show task hold-disc
       stlbench show task robot-nav --json
+      stlbench show task ./my-task
     """
     from stlbench.registry import plugins
     from stlbench.task import load_task

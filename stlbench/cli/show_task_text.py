@@ -32,8 +32,9 @@ def print_task(content: dict[str, Any]) -> None:
     from stlbench.report import to_screen
 
     seconds = content["steps"] * content["sampling_time"]
+    origin = f"{content['distribution']} {content['version']}".strip()
     lines = [
-        f"{content['name']}: {content['title']} ({content['distribution']} {content['version']})",
+        f"{content['name']}: {content['title']} ({origin})",
         f"source:   {content['source']}",
         f"formula:  {content['formula']}",
         f"horizon:  {content['horizon']} steps of {content['sampling_time']:g} s",

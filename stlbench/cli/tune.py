@@ -25,7 +25,14 @@ __all__ = ["tune"]
 
 
 def tune(
-    tasks: Annotated[str, typer.Option(metavar="LIST", help="Tasks, a comma list.", autocompletion=names("tasks"))],
+    tasks: Annotated[
+        str,
+        typer.Option(
+            metavar="LIST",
+            help="Tasks, a comma list of names, or of folders such as ./my-task.",
+            autocompletion=names("tasks"),
+        ),
+    ],
     methods: Annotated[
         str,
         typer.Option(

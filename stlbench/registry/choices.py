@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 
 from stlbench.errors import UsageError, did_you_mean
 
-__all__ = ["NAME", "Choice", "Parameter", "check", "choice_of", "declared", "parse_choice", "parse_choices"]
+__all__ = ["NAME", "Choice", "Parameter", "check", "choice_of", "declared", "parse_choice", "parse_choices", "split"]
 
 NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
 """What a plugin may be called. Names become keys, paths and column heads, so nothing else is let in."""
@@ -48,7 +48,7 @@ def parse_choices(text: str) -> tuple[Choice, ...]:
     Raises:
         UsageError: with what is wrong and where in the list.
     """
-    return tuple(dict.fromkeys(parse_choice(item) for item in _split(text)))
+    return tuple(dict.fromkeys(parse_choice(item) for item in split(text)))
 
 
 def choice_of(value: Choice | str) -> Choice:
@@ -89,8 +89,8 @@ def _pair(item: str, text: str) -> tuple[str, str]:
     return key, value
 
 
-def _split(text: str) -> Iterator[str]:
-    """The items of a comma list; a comma inside brackets does not split."""
+def split(text: str) -> Iterator[str]:
+    """The items of a comma list; a comma inside brackets does not split. Raises `UsageError`."""
     depth, start = 0, 0
     for place, sign in enumerate(text):
         depth += (sign == "[") - (sign == "]")

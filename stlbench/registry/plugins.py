@@ -22,6 +22,7 @@ __all__ = [
     "Plugin",
     "PluginError",
     "PluginWarning",
+    "add",
     "available",
     "build",
     "check",
@@ -72,7 +73,7 @@ class Plugin:
             PluginError: it cannot be imported, or is not a complete class of its kind.
         """
         try:
-            loaded = self.entry_point.load()
+            loaded = self._imported()
         except (Exception, SystemExit) as error:
             raise self._error(f"{type(error).__name__}: {error}") from error
         base = _CONTRACTS[self.kind]
@@ -81,6 +82,9 @@ class Plugin:
         if missing := getattr(loaded, "__abstractmethods__", None):
             raise self._error(f"it lacks {', '.join(sorted(missing))} of stlbench.contract.{base.__name__}")
         return loaded
+
+    def _imported(self) -> object:
+        return self.entry_point.load()
 
     @property
     def summary(self) -> str:
@@ -97,7 +101,15 @@ def available(kind: str) -> dict[str, Plugin]:
 
     A name that breaks the rules, or that two distributions claim, is a `PluginWarning`, once.
     """
-    return dict(_scan(kind, tuple(sys.path)))
+    return dict(_scan(kind, tuple(sys.path))) | _ADDED[kind]
+
+
+def add(plugin: Plugin) -> None:
+    """Make a plugin known to this process that no distribution has, such as a task that is a folder."""
+    _ADDED[plugin.kind][plugin.name] = plugin
+
+
+_ADDED = {kind: dict[str, Plugin]() for kind in KINDS}
 
 
 @lru_cache

@@ -8,11 +8,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 from stlbench.contract import Unsuitable
 from stlbench.errors import UsageError
-from stlbench.registry import plugins
+from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import fingerprint
 from stlbench.result import FORMAT, CellId, Measurement, Result, Status, Track
@@ -38,6 +39,8 @@ class Cell:
     """Wall seconds after which it is stopped."""
     recipe: Recipe | None = None
     """That of its method, on the track `tuned`."""
+    folder: Path | None = None
+    """Where its task is, for a task that is a folder."""
 
     def ended(
         self, status: Status, reason: str = "", details: str = "", measurement: Measurement | None = None
@@ -111,7 +114,8 @@ class _Planned:
         task_part, agent_part = self._parts(agent, recipe)
         key = _digest([FORMAT, self.track, task_part, method_part, agent_part, seed])
         cell = CellId(self.task.choice, method, agent, seed, self.budget, self.track)
-        return Cell(cell, key, self.task.budget(self.budget).deadline, recipe)
+        place = folders.place_of(self.task.choice.name)
+        return Cell(cell, key, self.task.budget(self.budget).deadline, recipe, place)
 
     def _parts(self, agent: Choice, recipe: Recipe | None) -> tuple[str, str]:
         """What of the task, and of the agent and its recipe, is in the keys of its cells."""

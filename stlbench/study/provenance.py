@@ -8,7 +8,10 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
-__all__ = ["collect"]
+__all__ = ["TASK_FOLDER", "collect"]
+
+TASK_FOLDER = "task_folder"
+"""Beside these facts, in the cells of a task that is a folder: where it was."""
 
 PACKAGES = ("mujoco", "numba", "numpy", "scipy", "stable-baselines3", "stlbench-rl", "torch")
 

@@ -10,6 +10,7 @@ from stlbench.contract import Executor, Outcome
 from stlbench.result import Result
 from stlbench.study.ledger import Ledger
 from stlbench.study.plan import Cell
+from stlbench.study.provenance import TASK_FOLDER
 
 __all__ = ["run"]
 
@@ -34,7 +35,9 @@ def run(
     """
     with closing(executor.run(run_cell, cells, [cell.deadline for cell in cells])) as outcomes:
         for outcome in outcomes:
-            result = replace(_result(cells[outcome.index], outcome), provenance=provenance)
+            cell = cells[outcome.index]
+            place = {} if cell.folder is None else {TASK_FOLDER: str(cell.folder)}
+            result = replace(_result(cell, outcome), provenance={**provenance, **place})
             ledger.record(result)
             yield result
 

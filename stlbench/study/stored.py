@@ -6,8 +6,10 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from stlbench.errors import UsageError
+from stlbench.registry import folders
 from stlbench.result import CellId, Result, from_json, to_json
 from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.provenance import TASK_FOLDER
 
 __all__ = ["LINES", "SUFFIX", "locate", "missing", "read", "write_lines"]
 
@@ -27,10 +29,17 @@ def locate(path: Path) -> Path | None:
 def read(path: Path) -> Iterator[Result]:
     """One result of every cell in a folder, a ledger or a file of lines, one at a time.
 
+    A task that is a folder is known from then on, where its folder is still there.
+
     Raises:
         UsageError: there is none of these, or a file is not as it should be; the message says where.
     """
-    file = _existing(path)
+    for result in _results(_existing(path)):
+        folders.recall(result.provenance.get(TASK_FOLDER))
+        yield result
+
+
+def _results(file: Path) -> Iterator[Result]:
     if file.suffix == SUFFIX:
         yield from _read_lines(file)
     else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +11,7 @@ import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from stlbench.errors import UsageError, did_you_mean
+from stlbench.registry import folders
 from stlbench.registry.choices import Choice, choice_of, parse_choices
 from stlbench.result import Track
 from stlbench.study.plan import Cell, plan_cells
@@ -43,17 +44,26 @@ def _seed_range(item: str, text: str) -> tuple[int, int]:
     return int(ends[1]), int(ends[2] or ends[1])
 
 
-def _choices(value: Any) -> Any:
+def _choices(
+    value: Any,
+    parse: Callable[[str], tuple[Choice, ...]] = parse_choices,
+    choice: Callable[[Choice | str], Choice] = choice_of,
+) -> Any:
     """A comma list as on the command line, or a sequence of which each item is one name."""
     if value is None:
         return None
     if isinstance(value, str):
-        return parse_choices(value)
+        return parse(value)
     if isinstance(value, Iterable):
         items = tuple(value)
         if all(isinstance(item, str | Choice) for item in items):
-            return tuple(dict.fromkeys(map(choice_of, items)))
+            return tuple(dict.fromkeys(map(choice, items)))
     raise ValueError(f"a name or a list of names is expected, got {value!r:.80}")
+
+
+def _tasks(value: Any) -> Any:
+    """As `_choices`; a task may be a folder's path."""
+    return _choices(value, folders.parse_tasks, folders.task_of)
 
 
 def _seeds(value: Any) -> Any:
@@ -77,8 +87,8 @@ class Study(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    tasks: Annotated[_Some, BeforeValidator(_choices)]
-    """Tasks, or ablations of them: `overlap[without=cuts]`."""
+    tasks: Annotated[_Some, BeforeValidator(_tasks)]
+    """Tasks by name or by folder, `./my-task`, or ablations of them: `overlap[without=cuts]`."""
     methods: Annotated[_Some, BeforeValidator(_choices)]
     """Reward methods, with parameters in brackets: `funnel[ginf=0.02]`."""
     agents: Annotated[_Some | None, BeforeValidator(_choices)] = None

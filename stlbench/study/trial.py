@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, StatePolicy, Training, Unsuitable
+from stlbench.registry import folders
 from stlbench.result import CurvePoint, Measurement, Planned, Result
 from stlbench.rollout.cost import refuse_dear
 from stlbench.rollout.environment import BatchEnvironment, Simulator
@@ -41,6 +42,8 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         The cell's result; a method or agent that does not fit the task is a result, with its reason. Any other error
         of a plugin is raised, for the scheduler to record.
     """
+    if cell.folder is not None:
+        folders.know(cell.folder)  # this process may be another than the one in which it was named
     task = on_track(load_task(cell.id.task), cell.id.agent, cell.id.track, cell.recipe)
     try:
         method = build_method(task, cell.id.method)

@@ -11,8 +11,8 @@ from typing import Any, cast
 from stlbench import stl
 from stlbench.contract import ActionBox, ActionGrid, Actions, Array, Integers, Specification, System
 from stlbench.errors import UsageError, did_you_mean
-from stlbench.registry import plugins
-from stlbench.registry.choices import Choice, choice_of
+from stlbench.registry import folders, plugins
+from stlbench.registry.choices import Choice
 from stlbench.task.checks import check_regions
 from stlbench.task.file import Budget, TaskFile
 from stlbench.task.parts import Parts
@@ -95,14 +95,14 @@ def load_task(choice: Choice | str) -> Task:
     """Find, read and check a task.
 
     Args:
-        choice: its name; for a variant what it is to do without, joined by +, and how long it is to hold its actions:
-            overlap[without=cuts+ends], robot-nav[hold=20].
+        choice: its name, or the path of its folder; for a variant what it is to do without, joined by +, and how long
+            it is to hold its actions: overlap[without=cuts+ends], robot-nav[hold=20], ./my-task[hold=2].
 
     Raises:
         UsageError: no such task, a task file with errors (the message lists all of them), without a part that the
             task does not have, or holding actions for a number of steps that does not fit.
     """
-    choice = choice_of(choice)
+    choice = folders.task_of(choice)
     name = choice.name
     plugin = plugins.find("tasks", name)
     kind = plugin.load()
@@ -152,7 +152,8 @@ def _text(name: str, kind: type) -> str:
     if not package:
         raise UsageError(f"task {name}: {kind.__module__} is in no package; a task is a package with a task.yaml")
     try:
-        return resources.files(package).joinpath("task.yaml").read_text(encoding="utf-8")
+        place = folders.place_of(name) or resources.files(package)
+        return place.joinpath("task.yaml").read_text(encoding="utf-8")
     except FileNotFoundError as error:
         raise UsageError(f"task {name}: there is no task.yaml in the package {package}") from error
 

@@ -6,6 +6,7 @@ import csv
 import importlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -291,3 +292,28 @@ def test_a_reader_that_goes_away_gets_no_traceback_and_the_files_are_written(tmp
     os.close(write)
     assert (done.returncode, done.stderr) == (141, "")
     assert {"report.md", "cells.csv", "robustness.tex", "figures"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_a_task_that_is_a_folder_is_run_and_found_again_by_its_results(say, toy, monkeypatch):
+    folder = toy / "elsewhere" / "zz-line"
+    shutil.copytree(toy / "toy_plugins" / "line", folder)
+    with (folder / "system.py").open("a") as file:
+        file.write("    def controller(self, state, t): return 0 * state - 1\n")
+    monkeypatch.setitem(plugins._ADDED, "tasks", {})
+    words = ("--methods", "toy-raw", "--executor", "toy-here")
+    done = say("run", "--tasks", folder, *words)
+    assert done.exit_code == 0, done.stderr
+    assert "zz-line/toy-raw/toy-agent/0 done" in done.stderr
+    monkeypatch.setitem(plugins._ADDED, "tasks", {})
+    assert "Hand controllers: task zz-line" in say("report", "results").stdout
+    monkeypatch.setitem(plugins._ADDED, "tasks", {})
+    moved = folder.parent / "other" / "zz-line"
+    moved.parent.mkdir()
+    folder.rename(moved)
+    assert say("run", "--tasks", moved, *words).stderr == "2 cells, 2 of them done before\n"
+
+
+def test_only_a_task_may_be_a_folder(say, toy):
+    done = say(*TOY, "--methods", "./toy-raw")
+    assert done.exit_code == 2
+    assert done.stderr == "error: methods: './toy-raw': a name consists of a-z, 0-9 and -, as in funnel or tau-mdp\n"

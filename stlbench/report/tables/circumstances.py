@@ -9,7 +9,7 @@ from stlbench.report.tables.table import Column, Table
 
 __all__ = ["circumstances"]
 
-_OTHERS = {"machine", "jobs", "time", "calibration_seconds"}
+_OTHERS = {"machine", "jobs", "time", "calibration_seconds", "task_folder"}
 
 
 def circumstances(groups: Sequence[Group]) -> Table:

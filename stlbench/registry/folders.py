@@ -1,0 +1,144 @@
+"""Tasks that are a folder and no distribution: a `task.yaml` and a `system.py`, named by the folder's path.
+
+A path that is named is known to this process from then on, by the folder's name. Nothing of a task depends on where its
+folder is: it is loaded as a package whose name is made from the folder's, so its fingerprint is the same anywhere.
+"""
+
+from __future__ import annotations
+
+import inspect
+import os
+import sys
+from dataclasses import dataclass
+from importlib.machinery import ModuleSpec
+from importlib.metadata import EntryPoint
+from importlib.util import module_from_spec
+from pathlib import Path
+from types import ModuleType
+
+from stlbench.contract import System
+from stlbench.errors import UsageError
+from stlbench.registry import plugins
+from stlbench.registry.choices import NAME, Choice, parse_choice, split
+
+__all__ = ["FolderTask", "is_path", "know", "parse_task", "parse_tasks", "place_of", "recall", "task_of"]
+
+_FILE, _MODULE = "task.yaml", "system"
+
+
+@dataclass(frozen=True)
+class FolderTask(plugins.Plugin):
+    """A folder as a plugin of the kind `tasks`."""
+
+    folder: Path
+    """Absolute."""
+
+    def __str__(self) -> str:
+        return f"task '{self.name}' in {self.folder}"
+
+    def _imported(self) -> object:
+        """The one class of a system in the folder's `system.py`."""
+        module = self.entry_point.load()
+        found = _systems(module)
+        if len(found) != 1:
+            names = ", ".join(kind.__name__ for kind in found) or "none"
+            raise ImportError(f"{_MODULE}.py should have one subclass of stlbench.contract.System, it has {names}")
+        return found[0]
+
+
+def _systems(module: ModuleType) -> list[type]:
+    """Those that a module defines itself, without the bases of others."""
+    own = [
+        kind
+        for kind in vars(module).values()
+        if inspect.isclass(kind) and issubclass(kind, System) and kind.__module__ == module.__name__
+    ]
+    return [kind for kind in dict.fromkeys(own) if not any(kind in other.__mro__[1:] for other in own)]
+
+
+# ---------------------------------------------------------------------------------------------------------- reading
+
+
+def is_path(name: str) -> bool:
+    """Whether a user names a folder: it contains a slash or begins with a dot, as no name of a plugin does."""
+    return "/" in name or name.startswith(".")
+
+
+def parse_task(text: str) -> Choice:
+    """A task by its name or by its folder's path, with or without parameters: `./my-task[hold=2]`.
+
+    Raises `UsageError` where the text is neither, or the folder is no task (`know`).
+    """
+    name, bracket, rest = text.strip().partition("[")
+    return parse_choice(f"{know(Path(name.strip())).name}{bracket}{rest}" if is_path(name.strip()) else text)
+
+
+def parse_tasks(text: str) -> tuple[Choice, ...]:
+    """A comma list of tasks, as `choices.parse_choices` reads lists of names."""
+    return tuple(dict.fromkeys(parse_task(item) for item in split(text)))
+
+
+def task_of(value: Choice | str) -> Choice:
+    """The task that a caller means, by value or by text, as `choices.choice_of`."""
+    return parse_task(value) if isinstance(value, str) else value
+
+
+# ---------------------------------------------------------------------------------------------------------- knowing
+
+
+def know(path: Path) -> FolderTask:
+    """Make the task in a folder known to this process. Imports nothing of it.
+
+    Raises:
+        UsageError: there is no task in it, or its name is no name, that of an installed task, or of another folder.
+    """
+    folder = Path(os.path.abspath(path))  # a link keeps its own name
+    _check(path, folder)
+    known = plugins.available("tasks").get(folder.name)
+    if known is not None and not isinstance(known, FolderTask):
+        raise UsageError(f"{path}: the name '{folder.name}' is taken by {known}; rename the folder")
+    if known is not None and known.folder != folder and (known.folder / _FILE).is_file():
+        raise UsageError(f"{path}: {known} has the same name; rename one of the folders")
+    if known is not None and known.folder == folder:
+        return known
+    package = _package(folder)
+    entry = EntryPoint(folder.name, f"{package}.{_MODULE}", "stlbench.tasks")
+    task = FolderTask("tasks", folder.name, "folder", "", entry, folder)
+    plugins.add(task)
+    return task
+
+
+def _check(path: Path, folder: Path) -> None:
+    if not folder.is_dir():
+        raise UsageError(f"{path}: there is no such folder; a task is a folder with {_FILE} and {_MODULE}.py")
+    if not NAME.fullmatch(folder.name):
+        raise UsageError(f"{path}: the folder's name is the task's, and consists of a-z, 0-9 and -, as in my-task")
+    for file, what in ((_FILE, "the task file"), (f"{_MODULE}.py", "a subclass of stlbench.contract.System")):
+        if not (folder / file).is_file():
+            raise UsageError(f"{path}: there is no {file}, {what}; a task has {_FILE} and {_MODULE}.py")
+
+
+def _package(folder: Path) -> str:
+    """Let the folder be importable, as a package of its own; what was loaded from another place is forgotten."""
+    name = f"stlbench_folder_{folder.name.replace('-', '_')}"
+    for loaded in [module for module in sys.modules if module == name or module.startswith(f"{name}.")]:
+        del sys.modules[loaded]
+    spec = ModuleSpec(name, None, is_package=True)
+    spec.submodule_search_locations = [str(folder)]
+    sys.modules[name] = module_from_spec(spec)
+    return name
+
+
+def place_of(name: str) -> Path | None:
+    """Where the task of that name is; None for one that is installed, or unknown."""
+    task = plugins.available("tasks").get(name)
+    return task.folder if isinstance(task, FolderTask) else None
+
+
+def recall(folder: str | None) -> None:
+    """Know a folder that results name, so that figures find the task; nothing where it is not as it was."""
+    if folder is not None:
+        try:
+            know(Path(folder))
+        except UsageError:
+            return
