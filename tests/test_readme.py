@@ -8,7 +8,7 @@ import numpy as np
 
 from stlbench import Results
 from stlbench.report.statistics.intervals import interval, iqm
-from stlbench.report.tables.overview import LEARNED
+from stlbench.report.tables.rows import LEARNED
 from stlbench.task import build_method, load_task
 
 ROOT = Path(__file__).parents[1]

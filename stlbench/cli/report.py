@@ -23,7 +23,7 @@ def report(
     """Rebuild the tables and figures from a ledger.
 
     Covers all cells that are recorded in DIR, prints the tables and rewrites the files. --json prints an object with
-    the lists robustness, controllers, alignment, time and cells.
+    the lists robustness, comparisons, aggregates, improvement, controllers, alignment, time and cells.
 
     \b
     Examples:
@@ -54,7 +54,7 @@ def show_report(shown: Sequence[Group], groups: Sequence[Group], folder: Path) -
     for table in summary(shown, {task: each for task, each in known.items() if task in tasks}, groups):
         to_screen(table, out)
     planned = ", alignment" if split(groups)[1] else ""
-    files = f"report.md, robustness, controllers{planned} and time (.csv, .tex), cells.csv, figures/"
+    files = f"report.md, robustness, comparisons, controllers{planned} and time (.csv, .tex), cells.csv, figures/"
     typer.echo(f"Written to {folder}/: {files}")
 
 
@@ -62,15 +62,19 @@ def _standards(groups: Sequence[Group]) -> dict[str, Standard]:
     """What the policies of each task are compared with. Some seconds for a task on a MuJoCo model."""
     from stlbench.rollout.standards import standards
 
-    return standards(group.setting.task for group in groups)
+    return standards(group.setting for group in groups)
 
 
 def _content(groups: Sequence[Group], known: Mapping[str, Standard]) -> dict[str, Any]:
     from stlbench import report
 
-    learned, _ = report.split(groups)
+    learned, best = report.split(groups)[0], report.best_possible(groups, known)
+    found = report.fields(learned, known, best)
     tables = {
-        "robustness": report.robustness_table(learned, report.best_possible(groups, known)),
+        "robustness": report.robustness_table(learned, best, known),
+        "comparisons": report.comparisons_table(report.compare(learned, known, best)),
+        "aggregates": report.aggregates_table(found),
+        "improvement": report.improvement_table(found),
         "controllers": report.controllers_table(known),
         "alignment": report.alignment_table(report.align(groups, known)),
         "time": report.time_table(learned),

@@ -8,20 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stlbench.errors import UsageError
+from stlbench.report.tables.across import aggregates_table, fields, improvement_table
 from stlbench.report.tables.alignment import Aligned, align, alignment_table
+from stlbench.report.tables.cells import cells_table, unfinished_table
 from stlbench.report.tables.circumstances import circumstances
+from stlbench.report.tables.comparisons import Comparison, compare, comparisons_table
 from stlbench.report.tables.formats import to_csv, to_latex, to_markdown, to_records, to_screen
+from stlbench.report.tables.hand_controllers import controllers_table
 from stlbench.report.tables.planned import best_possible, split
+from stlbench.report.tables.robustness import robustness_table
 from stlbench.report.tables.rows import Group, Row, group, missing_row, row
+from stlbench.report.tables.summary import summary
 from stlbench.report.tables.table import Column, Table, Value, show
-from stlbench.report.tables.tables import (
-    cells_table,
-    controllers_table,
-    robustness_table,
-    summary,
-    time_table,
-    unfinished_table,
-)
+from stlbench.report.tables.times import time_table
 from stlbench.result import CellId, Result
 
 if TYPE_CHECKING:
@@ -30,17 +29,23 @@ if TYPE_CHECKING:
 __all__ = [
     "Aligned",
     "Column",
+    "Comparison",
     "Group",
     "Row",
     "Table",
     "Value",
+    "aggregates_table",
     "align",
     "alignment_table",
     "best_possible",
     "cells_table",
+    "compare",
+    "comparisons_table",
     "condense",
     "controllers_table",
+    "fields",
     "group",
+    "improvement_table",
     "only",
     "robustness_table",
     "row",
@@ -74,8 +79,9 @@ def only(groups: Iterable[Group], cells: Container[CellId]) -> tuple[Group, ...]
 def write(groups: Sequence[Group], standards: Mapping[str, Standard], folder: Path) -> list[Path]:
     """Write every table into `folder`, and every figure that an earlier report did not draw alike; all files' paths.
 
-    report.md has all tables, and how they came about; robustness, controllers and time (.csv, .tex) and cells.csv one
-    each, alignment too where anything was planned; figures/ a few of each task. `standards` are of the tasks; where no
+    report.md has all tables, and how they came about; robustness, comparisons, controllers and time (.csv, .tex) and
+    cells.csv one each, aggregates too of three tasks or more, and alignment where anything was planned; figures/ a few
+    of each task. `standards` are of the tasks; where no
     controller is known, the files of controllers have no row.
     Raises `UsageError` where the folder cannot be written.
     """
@@ -95,9 +101,12 @@ def write(groups: Sequence[Group], standards: Mapping[str, Standard], folder: Pa
 
 def _texts(groups: Sequence[Group], standards: Mapping[str, Standard], rows: Sequence[Aligned]) -> dict[str, str]:
     """File name -> content."""
-    learned, _ = split(groups)
+    learned, best = split(groups)[0], best_possible(groups, standards)
+    found = fields(learned, standards, best)
     tables = {
-        "robustness": robustness_table(learned, best_possible(groups, standards)),
+        "robustness": robustness_table(learned, best, standards),
+        "comparisons": comparisons_table(compare(learned, standards, best)),
+        **({"aggregates": aggregates_table(found), "improvement": improvement_table(found)} if found else {}),
         "controllers": controllers_table(standards),
         **({"alignment": alignment_table(rows)} if rows else {}),
         "time": time_table(learned),

@@ -1,6 +1,6 @@
-"""A task's controller by hand in the place of a trained policy: the reference that policies are compared with.
+"""What policies are compared with, run in the place of one: a task's controller by hand, and actions at random.
 
-The referee runs and scores it as it does a policy: from the same starts, its actions held as long.
+The referee runs and scores them as it does a policy: from the same starts, their actions held as long.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from stlbench.rollout import referee
 from stlbench.rollout.environment import Simulator
 from stlbench.task import Task
 
-__all__ = ["record", "score", "warn"]
+__all__ = ["record", "score", "score_at_random", "warn"]
 
 
 def record(task: Task, states: Array) -> Array | None:
@@ -48,10 +48,31 @@ def score(task: Task) -> Score | None:
     return None if traces is None else referee.score(task.formula, traces, task.signals)
 
 
-def warn(task: str, error: Exception) -> None:
-    """Say, as a `PluginWarning`, why the controller of a task cannot be scored."""
+def score_at_random(task: Task) -> Score | None:
+    """The score of a policy that knows nothing: every action is drawn evenly from all, anew at each decision.
+
+    From the report's starts, the same at every call. None where the task cannot be simulated, with a `PluginWarning`.
+    """
+    generator, actions = np.random.default_rng(0), task.actions
+
+    def act(simulator: Simulator) -> Integers | Array:
+        count = len(simulator.t)
+        if isinstance(actions, ActionGrid):
+            return generator.integers(actions.size, size=count)
+        return generator.uniform(actions.low, actions.high, (count, len(actions.low)))
+
+    try:
+        traces = referee.follow(task, _Unpaid(task.specification), act, referee.start_states(task)[0])
+    except Exception as error:
+        warn(task.name, error, "actions at random")
+        return None
+    return referee.score(task.formula, traces, task.signals)
+
+
+def warn(task: str, error: Exception, what: str = "its controller") -> None:
+    """Say, as a `PluginWarning`, why something of a task cannot be scored."""
     reason = " ".join(f"{type(error).__name__}: {error}".split())
-    warnings.warn(f"task {task}: its controller cannot be scored: {reason}", PluginWarning, stacklevel=3)
+    warnings.warn(f"task {task}: {what} cannot be scored: {reason}", PluginWarning, stacklevel=3)
 
 
 class _Unpaid(RewardMethod):

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
-from stlbench.result import MAIN, CellId, CurvePoint, Measurement, Planned, Result, Score, Status
-from stlbench.rollout.standards import Standard
+from stlbench.registry.choices import Choice
+from stlbench.result import MAIN, CellId, CurvePoint, Measurement, Planned, Result, Score, Status, Track
+from stlbench.rollout.standards import Likeness, Standard
 
 
 def score(robustness: Sequence[float], first_failed: Mapping[str, int] | None = None) -> Score:
@@ -49,12 +50,13 @@ def result(
     task: str = "hold-disc",
     agent: str = "dqn",
     budget: str = "quick",
+    track: Track = "shared",
     reason: str = "",
     jobs: int | None = 2,
     **measured: Any,
 ) -> Result:
     """What one cell left behind; `measured` is passed to `measurement` where status is `done`."""
-    name = f"{task}/{method}/{agent}/{seed}"
+    name = f"{task}/{method}/{agent}/{seed}" + ("" if track == "shared" else f"/{track}")
     return Result(
         CellId.parse(name, budget),
         key=f"{name}/{budget}",
@@ -68,6 +70,11 @@ def result(
 def by_hand(**robustness: Sequence[float]) -> dict[str, Standard]:
     """Tasks, with _ for -, of which nothing is known but what their controllers get from the starts."""
     return {task.replace("_", "-"): Standard(score(values)) for task, values in robustness.items()}
+
+
+def alike(task: str, **pairs: Likeness) -> dict[tuple[Choice, Track, frozenset[str]], Likeness]:
+    """For `Standard.alike`: one_other="=" says that these two methods pay the same on the task, on the track shared."""
+    return {(Choice(task), "shared", frozenset(names.split("_"))): likeness for names, likeness in pairs.items()}
 
 
 def plan(

@@ -18,10 +18,12 @@ SCORES = by_hand(hold_disc=(0.4, 0.2))
 def test_writes_all_files_and_names_them(tmp_path):
     paths = write(condense(RESULTS), SCORES, tmp_path / "new" / "folder")
     assert all(path.is_file() for path in paths)
-    assert [path.name for path in paths][:8] == [
+    assert [path.name for path in paths][:10] == [
         "report.md",
         "robustness.csv",
         "robustness.tex",
+        "comparisons.csv",
+        "comparisons.tex",
         "controllers.csv",
         "controllers.tex",
         "time.csv",
@@ -34,7 +36,7 @@ def test_the_report_has_all_tables(tmp_path):
     write(condense(RESULTS), SCORES, tmp_path)
     text = (tmp_path / "report.md").read_text()
     headings = [line for line in text.splitlines() if line.startswith("#")]
-    tables = ["Robustness", "Hand controllers", "Time", "Cells without a result", "Circumstances"]
+    tables = ["Robustness", "Comparisons", "Hand controllers", "Time", "Cells without a result", "Circumstances"]
     assert headings == ["# stlbench report", *(f"## {title}" for title in tables)]
 
 
@@ -71,6 +73,8 @@ def test_cells_csv_has_one_row_per_cell(tmp_path):
         *("task", "method", "agent", "seed", "budget", "track", "status", "reason", "satisfaction", "robustness_mean"),
         *("robustness_min", "final_satisfaction", "final_robustness_mean", "selected_steps", "training_cpu_seconds"),
         *("training_wall_seconds", "cpu_seconds", "wall_seconds", "env_steps", "reward_nanoseconds", "inputs_added"),
+        *("starts", "satisfaction 95 % interval low", "satisfaction 95 % interval high"),
+        *("final_satisfaction 95 % interval low", "final_satisfaction 95 % interval high", "extension"),
     ]
 
 
@@ -105,6 +109,6 @@ def test_the_same_results_give_the_same_files(tmp_path):
     write(condense(RESULTS), SCORES, tmp_path / "a")
     write(condense(reversed(RESULTS)), SCORES, tmp_path / "b")
     texts = [path.name for path in (tmp_path / "a").glob("*.*")]
-    assert len(texts) == 8
+    assert len(texts) == 10
     for name in texts:
         assert (tmp_path / "a" / name).read_text() == (tmp_path / "b" / name).read_text()

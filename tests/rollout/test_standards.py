@@ -11,6 +11,7 @@ from helpers.line_task import line, steered
 from stlbench.contract import Array, Integers
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choices
+from stlbench.result import Setting, Track
 from stlbench.rollout import standards
 from stlbench.task.file import BestPossible
 from stlbench.task.task import Task
@@ -38,36 +39,75 @@ def tasks(monkeypatch: pytest.MonkeyPatch) -> list[str]:
             raise ImportError("it needs the extra mujoco")
         if name == "unmade":
             raise OSError("its table is not there")
-        if name not in tasks:
+        if choice.name not in tasks:
             plugins.find("tasks", name)
-        return tasks[name]
+        return tasks[choice.name]
 
     monkeypatch.setattr(standards, "load_task", load)
     return asked
 
 
+def settings(tasks: str, *methods: str, track: Track = "shared") -> list[Setting]:
+    chosen = methods or ("raw",)
+    return [
+        Setting(task, Choice(method), Choice("dqn"), "quick", track)
+        for task in parse_choices(tasks)
+        for method in chosen
+    ]
+
+
 def test_a_task_is_scored_once(tasks: list[str]) -> None:
-    found = standards.standards(parse_choices("up,down,up[without=cuts]"))
+    found = standards.standards(settings("up,down,up[without=cuts]"))
     assert list(found) == tasks == ["up", "down"]
     scores = [standard.by_hand for standard in found.values()]
     assert [score and score.satisfaction for score in scores] == [0, 1]
 
 
 def test_the_task_file_says_what_is_possible_and_which_agent_is_its_own() -> None:
-    none = standards.standards([Choice("none")])["none"]
-    assert none == standards.Standard(None, BestPossible(reached=0.25, coarser=0.125), "dqn")
+    none = standards.standards(settings("none"))["none"]
+    assert (none.by_hand, none.best_possible, none.own_agent) == (
+        None,
+        BestPossible(reached=0.25, coarser=0.125),
+        "dqn",
+    )
+
+
+def test_actions_at_random_are_scored_from_the_same_starts_as_the_controller() -> None:
+    found = standards.standards(settings("up"))["up"]
+    assert found.by_hand is not None
+    assert found.at_random is not None
+    assert found.at_random.starts == found.by_hand.starts
+
+
+def test_methods_that_pay_the_same_are_known_by_task_and_track() -> None:
+    """No term is active after step 4: until then the funnel is raw less a constant. It has no F, so no t* either."""
+    late = "funnel[t_star=0.7]"
+    chosen = settings("up,up[without=cuts]", "raw", "funnel", late) + settings("up", "raw", "funnel", track="plain")
+    found = standards.standards(chosen)["up"]
+
+    def likeness(one: str, other: str, task: str = "up", track: Track = "shared") -> str | None:
+        both = settings(task, one, other, track=track)
+        assert found.likeness(*both) == found.likeness(*reversed(both))
+        return found.likeness(*both)
+
+    assert likeness("funnel", late) == "="
+    assert likeness("raw", "funnel") == likeness("raw", late) == "~"
+    assert likeness("raw", "funnel", "up[without=cuts]") == likeness("raw", "funnel", track="plain") == "~"
+    assert likeness("raw", late, track="plain") is None  # nobody asked
+    assert likeness("raw", "flag") is None
 
 
 def test_what_cannot_be_loaded_is_left_out_silently() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = standards.standards(map(Choice, ("gone", "none", "torn", "../x", "", "down")))
+        names = ("gone", "none", "torn", "../x", "", "down")
+        found = standards.standards(Setting(Choice(name), Choice("raw"), Choice("dqn"), "quick") for name in names)
     assert list(found) == ["none", "down"]
 
 
 def test_a_controller_that_fails_is_a_warning() -> None:
     with pytest.warns(plugins.PluginWarning) as told:
-        found = standards.standards(parse_choices("broken,unmade,up"))
+        found = standards.standards(settings("broken,unmade,up"))
     assert [(name, standard.by_hand is None) for name, standard in found.items()] == [("broken", True), ("up", False)]
     assert [str(entry.message) for entry in told] == [
         "task line: its controller cannot be scored: ValueError: no such luck",

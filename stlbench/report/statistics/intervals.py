@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LEVEL", "QUARTER", "Interval", "interval", "iqm", "share_interval", "trimmed_variance"]
+__all__ = ["LEVEL", "Interval", "interval", "iqm", "share_interval"]
 
 LEVEL = 0.95
 """Confidence of every interval."""
@@ -39,8 +39,8 @@ def iqm(values: Sequence[float], cut: float = QUARTER) -> float:
 def interval(values: Sequence[float], cut: float = QUARTER) -> Interval | None:
     """95 % t interval of the interquartile mean (Tukey and McLaughlin 1963, with the error of Yuen 1974).
 
-    The error is that of the test behind the verdicts, `scipy.stats.ttest_ind(trim=0.25)`. Where nothing is cut, which
-    is so up to 3 values and where `cut` is 0, it is Student's interval of the mean.
+    The error is that of `scipy.stats.ttest_ind(trim=0.25)`. Where nothing is cut, which is so up to 3 values and where
+    `cut` is 0, it is Student's interval of the mean.
 
     Args:
         values: one number per seed.
@@ -51,12 +51,12 @@ def interval(values: Sequence[float], cut: float = QUARTER) -> Interval | None:
     """
     if len(values) < 2 or not np.isfinite(values).all():
         return None
-    centre, error = iqm(values, cut), math.sqrt(trimmed_variance(values, cut))
+    centre, error = iqm(values, cut), math.sqrt(_squared_error(values, cut))
     half = error * _quantile(_kept_count(len(values), cut) - 1)
     return Interval(centre - half, centre + half)
 
 
-def trimmed_variance(values: Sequence[float], cut: float = QUARTER) -> float:
+def _squared_error(values: Sequence[float], cut: float = QUARTER) -> float:
     """Squared error of a trimmed mean: (n - 1) s^2 / (h (h - 1)), for at least two values.
 
     s is the standard deviation of the values with the lowest and the highest replaced by the outermost of those that

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from stlbench.report.tables.table import NOTHING, Column, Plain, Table, Value, show
+from stlbench.report.tables.table import NOTHING, Column, Learned, Plain, Table, Value, learned_parts, show
 
 __all__ = ["to_csv", "to_latex", "to_markdown", "to_records", "to_screen"]
 
@@ -121,7 +121,8 @@ def to_screen(table: Table, console: Console) -> None:
 
     Where that is still too wide, columns are left out, and a line says which.
     """
-    columns, rows = table.columns, _texts(table)
+    columns = table.columns
+    rows = [[_folded(value, column.digits) for value, column in zip(row, columns, strict=True)] for row in table.rows]
     shared = [i for i, column in enumerate(columns) if column.shared and len({row[i] for row in rows}) == 1]
     below = [i for i, column in enumerate(columns) if column.below]
     inside = [i for i in range(len(columns)) if i not in (*shared, *below)]
@@ -138,6 +139,14 @@ def to_screen(table: Table, console: Console) -> None:
         console.print(line)
     if remarks or notes:
         console.print()
+
+
+def _folded(value: Value, digits: int | None) -> str:
+    """A value on screen: the interval of what was learned stands on a line of its own."""
+    if isinstance(value, Learned) and value.low is not None:
+        robustness, ends, seeds = learned_parts(value, digits)
+        return f"{robustness} {seeds}\n{ends}"
+    return show(value, digits)
 
 
 def _laid_out(columns: Sequence[Column], rows: Sequence[Sequence[str]], widths: Mapping[int, int]) -> RichTable:
@@ -163,7 +172,7 @@ def _fitting(columns: Sequence[Column], widths: Mapping[int, int], width: int) -
 def _least(column: Column, texts: Sequence[str]) -> int:
     """The width at which a column still reads well: numbers unbroken, texts and headers broken between words."""
     header = max(len(word) for word in column.header.split())
-    longest = max(map(len, texts), default=0)
+    longest = max((len(line) for text in texts for line in text.splitlines()), default=0)
     return max(header, longest if column.right else min(longest, 16))
 
 

@@ -8,35 +8,33 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stlbench.registry.choices import Choice
-from stlbench.report.tables.rows import Group
+from stlbench.report.statistics.intervals import interval, iqm
+from stlbench.report.tables.contests import Contest, contests, mark, mark_notes
+from stlbench.report.tables.rows import LEARNED, Group
 from stlbench.report.tables.table import Column, Learned, Table, Value
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
 
-__all__ = ["LEARNED", "overview"]
-
-LEARNED = 0.95
-"""Share of the starts from which a policy that has learned the task satisfies the formula."""
+__all__ = ["overview"]
 
 
 def overview(
-    groups: Sequence[Group], standards: Mapping[str, Standard], best: Mapping[Choice, float] | None = None
+    groups: Sequence[Group],
+    standards: Mapping[str, Standard],
+    best: Mapping[Choice, float] | None = None,
+    advice: Iterable[str] = (),
 ) -> Table:
-    """Mean robustness of every method on every task, and on how many seeds it was learned.
+    """The IQM of robustness of every method on every task with its interval, and on how many seeds it was learned.
 
     Args:
-        groups: of one or more tasks, agents and budgets, which are the rows.
+        groups: of one or more tasks, agents, budgets and tracks, which are the rows.
         standards: what is known of the tasks, such as what their controllers get.
         best: the best possible robustness of the tasks, where it is known.
+        advice: lines to say below.
     """
     by_hand = any(standard.by_hand for standard in standards.values())
     methods = sorted({group.setting.method for group in groups})
-    rows: dict[tuple[Value, ...], dict[object, Group]] = {}
-    for group in groups:
-        setting = group.setting
-        by_method = rows.setdefault((str(setting.task), str(setting.agent), setting.budget, setting.track), {})
-        by_method[setting.method] = group
     columns = (
         Column("task", right=False, shared=True),
         Column("agent", right=False, shared=True),
@@ -47,44 +45,47 @@ def overview(
         *(Column(str(method), digits=3, kind=Learned) for method in methods),
         Column("cell CPU", unit="s", digits=0, drop=1),
     )
+    found = contests(groups)
     body = tuple(
         (
-            *row,
-            *([_by_hand(by_method.values(), standards)] if by_hand else []),
-            *([best.get(_task(by_method.values()))] if best else []),
-            *(_learned(by_method.get(method)) for method in methods),
-            _cpu_seconds(by_method.values()),
+            *map(str, key),
+            *([_by_hand(key[0], standards)] if by_hand else []),
+            *([best.get(key[0])] if best else []),
+            *_entries(contest, methods, standards),
+            _cpu_seconds(contest),
         )
-        for row, by_method in rows.items()
+        for key, contest in found.items()
     )
-    note = (
-        "Robustness of the selected policies, averaged over starts and seeds. In parentheses the seeds that learned "
-        "the task, with the selected policy and with the final one: the policy satisfies the formula from at least "
-        f"{100 * LEARNED:.0f} % of the starts."
-    )
-    return Table("Overview", columns, body, (note,))
+    marks = mark_notes(mark(group, contest, standards) for contest in found.values() for group in contest)
+    return Table("Overview", columns, body, (_NOTE, *marks, *advice))
 
 
-def _by_hand(groups: Iterable[Group], standards: Mapping[str, Standard]) -> float | None:
+_NOTE = (
+    "IQM over seeds of the selected policies' robustness, with its 95 % interval. In parentheses the seeds that "
+    "learned the task, with the selected policy and with the final one: the policy satisfies the formula from at least "
+    f"{100 * LEARNED:.0f} % of the starts."
+)
+
+
+def _by_hand(task: Choice, standards: Mapping[str, Standard]) -> float | None:
     """What the controller of the task, or of the task that it is an ablation of, gets."""
-    standard = standards.get(_task(groups).name)
+    standard = standards.get(task.name)
     return standard.by_hand.mean if standard and standard.by_hand else None
 
 
-def _task(groups: Iterable[Group]) -> Choice:
-    return next(iter(groups)).setting.task
+def _entries(contest: Contest, methods: Iterable[Choice], standards: Mapping[str, Standard]) -> list[Value]:
+    by_method = {group.setting.method: _learned(group, mark(group, contest, standards)) for group in contest}
+    return [by_method.get(method) for method in methods]
 
 
-def _learned(group: Group | None) -> Value:
+def _learned(group: Group, marks: str) -> Value:
     """Where no seed finished, how they ended."""
-    if group is None:
-        return None
     if not group.done:
         return ", ".join(sorted({row.status for row in group.rows}))
-    learned = sum(numbers.satisfaction >= LEARNED for numbers in group.done)
-    final = sum(numbers.final_satisfaction >= LEARNED for numbers in group.done)
-    mean = float(np.mean(group.values(lambda numbers: numbers.robustness_mean)))
-    return Learned(mean, learned, final, len(group.rows))
+    values = group.values(lambda numbers: numbers.robustness_mean)
+    low, high = interval(values) or (None, None)
+    learned, final = sum(each.learned for each in group.done), sum(each.final_learned for each in group.done)
+    return Learned(iqm(values), low, high, learned, final, group.tried, marks)
 
 
 def _cpu_seconds(groups: Iterable[Group]) -> float | None:

@@ -11,7 +11,10 @@ from typing import Literal
 from stlbench.report.tables.table import FirstFailed, Seeds
 from stlbench.result import MAIN, NOT_RUN, RANDOM, CellId, Measurement, Planned, Result, Setting, Status, reported
 
-__all__ = ["CurveRow", "Group", "Numbers", "Row", "group", "missing_row", "row"]
+__all__ = ["LEARNED", "CurveRow", "Group", "Numbers", "Row", "group", "missing_row", "row"]
+
+LEARNED = 0.95
+"""Share of the starts from which a policy that has learned the task satisfies the formula."""
 
 CurveRow = tuple[int, float, float]
 """One checkpoint: environment steps, satisfaction in [0, 1], mean robustness, on the starts kept for selection."""
@@ -34,12 +37,26 @@ class Numbers:
     env_steps: int
     reward_nanoseconds: float
     inputs_added: int
+    starts: int | None = None
+    """From how many starts robustness and satisfaction are; None where that was not kept."""
+    extension: str = ""
+    """Why the task is outside the form that the method's source was published for; empty inside it."""
     planned: Planned | None = None
     further: Mapping[str, float] = field(default_factory=dict)
     """Further protocol -> mean robustness of the selected policy."""
     first_failed: Mapping[str, int] = field(default_factory=dict)
     """Conjunct -> starts that failed it first, selected policy."""
     curve: tuple[CurveRow, ...] = ()
+
+    @property
+    def learned(self) -> bool:
+        """Whether the selected policy has learned the task."""
+        return self.satisfaction >= LEARNED
+
+    @property
+    def final_learned(self) -> bool:
+        """The same of the final policy."""
+        return self.final_satisfaction >= LEARNED
 
 
 @dataclass(frozen=True)
@@ -74,6 +91,16 @@ class Group:
     def values(self, number: Callable[[Numbers], float]) -> tuple[float, ...]:
         """One number of each finished cell."""
         return tuple(number(numbers) for numbers in self.done)
+
+    @property
+    def tried(self) -> int:
+        """How many seeds ran, with a result or without: of so many, some learned the task."""
+        return sum(row.status != NOT_RUN for row in self.rows)
+
+    @property
+    def extension(self) -> str:
+        """Why the task is outside the form of the method's source, as far as any cell says."""
+        return next((numbers.extension for numbers in self.done if numbers.extension), "")
 
     @property
     def seeds(self) -> Seeds:
@@ -146,6 +173,8 @@ def _numbers(measurement: Measurement) -> Numbers:
         env_steps=measurement.env_steps,
         reward_nanoseconds=measurement.reward_nanoseconds,
         inputs_added=measurement.inputs_added,
+        starts=selected.starts,
+        extension=measurement.extension,
         planned=measurement.planned,
         further={name: score.mean for name, score in measurement.selected.items() if name not in (MAIN, RANDOM)},
         first_failed=dict(selected.first_failed),

@@ -8,7 +8,19 @@ from typing import NamedTuple
 
 from stlbench.report.statistics.intervals import Interval
 
-__all__ = ["NOTHING", "Column", "FirstFailed", "Learned", "Plain", "Seeds", "Table", "Value", "decimal", "show"]
+__all__ = [
+    "NOTHING",
+    "Column",
+    "FirstFailed",
+    "Learned",
+    "Plain",
+    "Seeds",
+    "Table",
+    "Value",
+    "decimal",
+    "learned_parts",
+    "show",
+]
 
 NOTHING = "-"
 """What is shown where there is nothing to show."""
@@ -41,12 +53,17 @@ class FirstFailed(NamedTuple):
 
 
 class Learned(NamedTuple):
-    """Mean robustness of the selected policies, and on how many seeds they, and the final ones, learned the task."""
+    """IQM of the selected policies' robustness with its interval, None where there is none; and on how many seeds they,
+    and the final ones, learned the task."""
 
     robustness: float
+    low: float | None
+    high: float | None
     learned: int
     final_learned: int
     seeds: int
+    mark: str = ""
+    """Some of the characters *, = and ~."""
 
 
 Plain = float | int | str | None
@@ -119,10 +136,17 @@ def show(value: Value, digits: int | None = None) -> str:
             return f"{done} of {planned}, {unfinished}" if unfinished else f"{done} of {planned}"
         case FirstFailed(formula, starts, violating):
             return f"{formula} ({decimal(100 * starts / violating, 0)} % of {violating} violating starts)"
-        case Learned(robustness, learned, final_learned, seeds):
-            return f"{decimal(robustness, digits)} ({learned}, {final_learned} of {seeds})"
+        case Learned():
+            return " ".join(learned_parts(value, digits))
         case float():
             return decimal(value, digits)
         case None:
             return NOTHING
     return str(value)
+
+
+def learned_parts(value: Learned, digits: int | None) -> tuple[str, ...]:
+    """The robustness, the interval if there is one, and the seeds: "0.396", "[0.395, 0.397]", "(10, 9 of 10) *"."""
+    seeds = f"({value.learned}, {value.final_learned} of {value.seeds}) {value.mark}".rstrip()
+    ends = () if value.low is None or value.high is None else (show(Interval(value.low, value.high), digits),)
+    return decimal(value.robustness, digits), *ends, seeds

@@ -26,13 +26,13 @@ def test_a_large_difference_is_better_one_way_and_worse_the_other():
     assert word(NORMAL, shifted(3)) == "worse"
 
 
-def test_numbers_are_those_of_scipys_welch_test_of_trimmed_means():
+def test_numbers_are_those_of_scipys_welch_test():
     one, other = shifted(0.4), shifted(0, 2)[:7]
     (found,) = differences([Pair(one, other)])
-    expected = stats.ttest_ind(one, other, equal_var=False, trim=0.25)
+    expected = stats.ttest_ind(one, other, equal_var=False)
     assert found.chance == pytest.approx(expected.pvalue)
     assert found.interval == pytest.approx(tuple(expected.confidence_interval(0.95)))
-    assert found.value == pytest.approx(stats.trim_mean(one, 0.25) - stats.trim_mean(other, 0.25))
+    assert found.value == pytest.approx(np.mean(one) - np.mean(other))
 
 
 def test_within_the_margin_there_is_no_difference_and_outside_nobody_can_tell():
@@ -77,7 +77,7 @@ def test_the_same_seeds_in_another_order_say_the_same():
     assert differences([Pair(shifted(1)[::-1], NORMAL, 0.2)]) == differences([Pair(shifted(1), NORMAL[::-1], 0.2)])
 
 
-@pytest.mark.parametrize(("difference", "margin"), [(0.5, None), (1.0, 0.2), (0.0, 0.5)])
+@pytest.mark.parametrize(("difference", "margin"), [(0.5, None), (0.8, 0.2), (0.0, 0.5)])
 def test_the_number_of_seeds_decides_in_about_four_of_five_cases(difference, margin):
     (found,) = differences([Pair(shifted(difference), NORMAL, margin)])
     assert found.word == "cannot tell"

@@ -121,7 +121,8 @@ def test_csv_and_records_lose_no_digit(value):
         (Seeds(9, 10, "1 timeout"), None, "9 of 10, 1 timeout"),
         (Seeds(3, 3), None, "3 of 3"),
         (FirstFailed("F[0,2] b > 0", 5, 8), None, "F[0,2] b > 0 (62 % of 8 violating starts)"),
-        (Learned(-0.1, 2, 1, 3), 3, "-0.100 (2, 1 of 3)"),
+        (Learned(-0.1, None, None, 1, 0, 1), 3, "-0.100 (1, 0 of 1)"),
+        (Learned(-0.1, -0.2, 0.01, 2, 1, 3, "*="), 2, "-0.10 [-0.20, 0.01] (2, 1 of 3) *="),
     ],
 )
 def test_how_values_are_shown(value, digits, text):
@@ -151,7 +152,7 @@ def test_tables_fit_the_screen(width):
 
 
 def test_a_wide_screen_shows_every_number():
-    text = screen(summary(condense(RESULTS), {})[0], 120)
+    text = screen(summary(condense(RESULTS), {})[0], 240)
     for shown in ("0.250", "[0.126, 0.374]", "83.3", "0.900", "0.800", "-0.300", "0 of 3, 3"):
         assert shown in text
     assert "Left out" not in text
@@ -159,9 +160,18 @@ def test_a_wide_screen_shows_every_number():
 
 def test_a_narrow_screen_says_what_it_left_out():
     text = " ".join(screen(summary(condense(RESULTS), {})[0], 80).split())
-    left_out = "IQM robustness, worst start, centre, paper, final robustness, final satisfied [%]."
-    assert f"Left out on this narrow screen: {left_out}" in text
+    assert (
+        "Left out on this narrow screen: starts, mean robustness, worst start, learned, learned 95 % interval [%], "
+        in text
+    )
     assert "[0.126, 0.374]" in text
+
+
+def test_on_screen_the_interval_of_what_was_learned_has_a_line_of_its_own():
+    table = Table("t", (Column("raw", kind=Learned, digits=1),), ((Learned(0.5, 0.25, 0.75, 3, 2, 3, "="),),))
+    lines = [line.strip() for line in screen(table, 80).splitlines()]
+    assert lines[3:5] == ["0.5 (3, 2 of 3) =", "[0.2, 0.8]"]
+    assert "| 0.5 [0.2, 0.8] (3, 2 of 3) = |" in to_markdown(table)
 
 
 def test_what_all_rows_share_goes_into_the_title():
@@ -172,7 +182,7 @@ def test_what_all_rows_share_goes_into_the_title():
 
 
 def test_reasons_are_printed_as_they_are():
-    text = " ".join(screen(summary(condense(RESULTS), {})[2], 120).split())
+    text = " ".join(screen(summary(condense(RESULTS), {})[-1], 120).split())
     assert "hold-disc/mine/dqn/0 quick raised ValueError: [bold]no[/bold] :smile:" in text
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from helpers.synthetic_results import by_hand, result
+from helpers.synthetic_results import alike, by_hand, result
+from scipy import stats
 
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.tables.overview import overview
+from stlbench.rollout.standards import Standard
 
 
 def test_one_row_per_task_and_one_column_per_method():
@@ -24,9 +26,41 @@ def test_one_row_per_task_and_one_column_per_method():
     assert [column.heading for column in table.columns[4:]] == ["by hand", "funnel", "raw", "tau-mdp", "cell CPU [s]"]
     assert [row[0] for row in table.rows] == ["hold-disc", "other"]
     assert table.rows[0][4] == 0.4
-    assert table.rows[0][5] == (pytest.approx(-0.1), 2, 3, 3)
-    assert table.rows[0][6:] == ((0.5, 1, 1, 1), "intractable", pytest.approx((3 * 14 + 7) / 4))
-    assert table.rows[1][4:] == (None, None, (-0.0001, 0, 0, 1), None, 14.0)
+    low, high = stats.ttest_1samp([0.1, 0.2, -0.6], 0).confidence_interval()
+    assert table.rows[0][5] == (pytest.approx(-0.1), pytest.approx(low), pytest.approx(high), 2, 3, 3, "")
+    assert table.rows[0][6:] == ((0.5, None, None, 1, 1, 1, ""), "intractable", pytest.approx((3 * 14 + 7) / 4))
+    assert table.rows[1][4:] == (None, None, (-0.0001, None, None, 0, 0, 1, ""), None, 14.0)
+
+
+def test_seeds_that_crashed_did_not_learn_and_those_that_did_not_run_do_not_count():
+    results = [result(seed=seed) for seed in range(3)] + [result(seed=3, status="timeout")]
+    missing = [result(seed=seed).id for seed in (4, 5)]
+    assert overview(condense(results, missing), {}).rows[0][4][3:6] == (3, 3, 4)
+
+
+def test_marks_are_explained_below():
+    results = [
+        result("flag", extension="its source has no absolute intervals"),
+        result("funnel"),
+        result("raw"),
+        result("raw", task="other"),
+        result("raw", track="plain"),
+        result("funnel", track="plain"),
+    ]
+    known = {"hold-disc": Standard(alike=alike("hold-disc", funnel_raw="=", flag_raw="~"))}
+    table = overview(condense(results), known)
+    marks = {(row[0], row[3]): [value.mark if value else None for value in row[4:-1]] for row in table.rows}
+    assert marks == {
+        ("hold-disc", "plain"): [None, "", ""],
+        ("hold-disc", "shared"): ["*~", "=", "=~"],
+        ("other", "shared"): [None, None, ""],
+    }
+    assert [note[0] for note in table.notes[1:]] == ["*", "=", "~"]
+    assert len(overview(condense(results[3:]), known).notes) == 1
+
+
+def test_advice_stands_below():
+    assert overview(condense([result()]), {}, advice=("6 seeds would do.",)).notes[-1] == "6 seeds would do."
 
 
 def test_the_best_possible_stands_beside_the_controller_where_it_is_known():
@@ -39,7 +73,7 @@ def test_the_best_possible_stands_beside_the_controller_where_it_is_known():
 def test_learned_is_95_percent_of_the_starts():
     starts = {20: (1.0,) * 19 + (-1.0,), 10: (1.0,) * 9 + (-1.0,)}
     found = {
-        count: overview(condense([result(robustness=values)]), {}).rows[0][4][1:] for count, values in starts.items()
+        count: overview(condense([result(robustness=values)]), {}).rows[0][4][3:6] for count, values in starts.items()
     }
     assert found == {20: (1, 1, 1), 10: (0, 0, 1)}
 

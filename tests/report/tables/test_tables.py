@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import pytest
-from helpers.synthetic_results import by_hand, plan, result
+from helpers.synthetic_results import alike, by_hand, plan, result, score
 from scipy import stats
 
 from stlbench.registry.choices import Choice
@@ -21,6 +22,7 @@ from stlbench.report import (
     unfinished_table,
 )
 from stlbench.report.tables.table import FirstFailed, Seeds
+from stlbench.result import RANDOM, Score, Summary
 from stlbench.rollout.standards import Standard
 from stlbench.task.file import BestPossible
 
@@ -61,8 +63,48 @@ def test_one_seed_has_no_interval():
 
 def test_the_final_policy_has_columns_of_its_own():
     table = robustness_table(condense([result(robustness=(0.3, 0.4), final=(-0.1, 0.2))]))
-    assert cell(table, "final robustness") == pytest.approx(0.05)
+    assert cell(table, "final IQM robustness") == pytest.approx(0.05)
     assert cell(table, "final satisfied [%]") == 50
+
+
+def test_selected_and_final_policies_have_intervals_and_learned_seeds_side_by_side():
+    starts = {True: (0.5,), False: (-0.5,)}
+    learned = [(True, True)] * 7 + [(True, False)] * 2 + [(False, False)]
+    results = [result(seed=i, robustness=starts[a], final=starts[b]) for i, (a, b) in enumerate(learned)]
+    table = robustness_table(condense([*results, result("raw", seed=0)]))
+    assert (cell(table, "learned"), cell(table, "final learned")) == (9, 7)
+    exact = stats.binomtest(9, 10).proportion_ci()
+    assert cell(table, "learned 95 % interval [%]") == pytest.approx((100 * exact.low, 100 * exact.high))
+    exact = stats.binomtest(7, 10).proportion_ci()
+    assert cell(table, "final learned 95 % interval [%]") == pytest.approx((100 * exact.low, 100 * exact.high))
+    assert cell(table, "final IQM 95 % interval")[1] > cell(table, "IQM 95 % interval")[1]
+    assert cell(table, "final IQM 95 % interval", 1) is None
+
+
+def test_numbers_come_from_the_random_starts_where_there_are_some():
+    many = Score((), (), {"G[0,1] a > 0": 60}, Summary(0.25, -0.75, 0.94, 1000))
+    one = result(robustness=(0.5,) * 64)
+    measured = replace(
+        one.measurement, selected=dict(one.measurement.selected) | {RANDOM: many}, final=one.measurement.final
+    )
+    table = robustness_table(condense([replace(one, measurement=measured), result("raw")]))
+    names = ("starts", "mean robustness", "worst start", "satisfied [%]", "learned", "final satisfied [%]")
+    assert [cell(table, name) for name in names] == [1000, 0.25, -0.75, 94, 0, 100]
+    assert cell(table, "failed first") == FirstFailed("G[0,1] a > 0", 60, 60)
+    assert cell(table, "starts", 1) == 2
+    assert RANDOM not in [column.title for column in table.columns]
+    cells = cells_table(condense([replace(one, measurement=measured)])[0].rows)
+    exact = stats.binomtest(940, 1000).proportion_ci()
+    assert cell(cells, "starts") == 1000
+    assert cell(cells, "satisfaction 95 % interval") == pytest.approx((exact.low, exact.high))
+
+
+def test_marks_are_a_column_where_there_are_any():
+    groups = condense([result("flag", extension="late windows"), result("funnel"), result("raw")])
+    table = robustness_table(groups, standards={"hold-disc": Standard(alike=alike("hold-disc", funnel_raw="="))})
+    assert [cell(table, "mark", row) for row in range(3)] == ["*", "=", "="]
+    assert [note[0] for note in table.notes[-2:]] == ["*", "="]
+    assert "mark" not in [column.title for column in robustness_table(groups[1:]).columns]
 
 
 def test_each_further_protocol_is_a_column():
@@ -193,16 +235,24 @@ def test_the_best_possible_stands_beside_the_controller_where_any_is_known():
     assert controllers_table({"third": known["third"]}).rows == ()
 
 
-NORMALISED = "normalised (mean / best possible, both above 0)"
+def test_actions_at_random_stand_beside_the_controller():
+    known = by_hand(hold_disc=(0.25, 0.75))
+    known["hold-disc"] = replace(known["hold-disc"], at_random=score((-0.5, 0.25)))
+    table = controllers_table(known | {"other": Standard(at_random=score((-1.0,)))})
+    assert [column.heading for column in table.columns[4:]] == ["at random", "at random satisfied [%]"]
+    assert [row[4:] for row in table.rows] == [(-0.125, 50.0), (-1.0, 0.0)]
+
+
+SHARE = "share of best possible (IQM, both above 0)"
 
 
 def test_robustness_is_a_share_of_the_best_possible_where_both_are_above_zero():
     tasks = {"one": (0.1, 0.3), "two": (-0.1,), "three": (0.2,), "four": (0.2,)}
     groups = condense(result(task=task, robustness=robustness) for task, robustness in tasks.items())
     table = robustness_table(groups, {Choice("one"): 0.4, Choice("two"): 0.4, Choice("three"): -0.1})
-    shares = {row: cell(table, NORMALISED, i) for i, row in enumerate(["four", "one", "three", "two"])}
+    shares = {row: cell(table, SHARE, i) for i, row in enumerate(["four", "one", "three", "two"])}
     assert shares == {"four": None, "one": pytest.approx(0.5), "three": None, "two": None}
-    assert NORMALISED not in [column.heading for column in robustness_table(groups).columns]
+    assert SHARE not in [column.heading for column in robustness_table(groups).columns]
 
 
 def test_what_was_planned_is_in_the_table_of_alignment_alone():

@@ -1,0 +1,66 @@
+"""Tables with a row per cell: all of them for other programs, and those without a result for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import fields
+
+from stlbench.report.statistics.intervals import Interval, share_interval
+from stlbench.report.tables.rows import Group, Numbers, Row
+from stlbench.report.tables.table import Column, Table, Value
+from stlbench.result import ACCIDENTS, IDENTITY
+
+__all__ = ["cells_table", "unfinished_table"]
+
+_PARTS = ("planned", "further", "first_failed", "curve", "starts", "extension")
+_NUMBERS = tuple(field.name for field in fields(Numbers) if field.name not in _PARTS)
+
+_OF_STARTS = (
+    Column("starts"),
+    Column("satisfaction 95 % interval", kind=Interval),
+    Column("final_satisfaction 95 % interval", kind=Interval),
+    Column("extension"),
+)
+_PLANS = (Column("maximised"), Column("grid_value"))
+
+
+def cells_table(rows: Iterable[Row]) -> Table:
+    """One row per cell with its numbers, for other programs; where any was planned, also what its plan says."""
+    listed = list(rows)
+    planned = any(row.numbers and row.numbers.planned for row in listed)
+    columns = [Column(title, right=title == "seed") for title in (*IDENTITY, "status", "reason")]
+    columns += [*map(Column, _NUMBERS), *_OF_STARTS, *(_PLANS if planned else ())]
+    return Table("Cells", tuple(columns), tuple((*_cell(row), *(_plan(row) if planned else ())) for row in listed))
+
+
+def _cell(row: Row) -> tuple[Value, ...]:
+    cell, numbers = row.id, row.numbers
+    return (
+        *(str(cell.task), str(cell.method), str(cell.agent), cell.seed, cell.budget, cell.track),
+        *(row.status, row.reason or None),
+        *(None if numbers is None else getattr(numbers, name) for name in _NUMBERS),
+        *((None,) * len(_OF_STARTS) if numbers is None else _of_starts(numbers)),
+    )
+
+
+def _of_starts(numbers: Numbers) -> tuple[Value, ...]:
+    """How many starts, and the exact intervals of the shares that satisfy, for this one policy."""
+    starts = numbers.starts
+    ends = [
+        share_interval(round(share * starts), starts) if starts else None
+        for share in (numbers.satisfaction, numbers.final_satisfaction)
+    ]
+    return (starts, *ends, numbers.extension or None)
+
+
+def _plan(row: Row) -> tuple[Value, ...]:
+    planned = row.numbers.planned if row.numbers else None
+    return (None, None) if planned is None else (planned.maximised, planned.value)
+
+
+def unfinished_table(groups: Iterable[Group]) -> Table:
+    """The cells that ended by accident: raised, out of time, killed."""
+    rows = [row for group in groups for row in group.rows if row.status in ACCIDENTS]
+    columns = tuple(Column(title, right=False) for title in ("cell", "budget", "status", "reason"))
+    cells = tuple((row.id.name, row.id.budget, row.status, row.reason or None) for row in rows)
+    return Table("Cells without a result", columns, cells, ("`stlbench run --retry` runs them again.",))

@@ -1,0 +1,124 @@
+"""Each two methods on each task: how far they are apart, and in a word which is better."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+from stlbench.registry.choices import Choice
+from stlbench.report.statistics.differences import MOST_SEEDS, Difference, Pair, differences
+from stlbench.report.statistics.intervals import Interval
+from stlbench.report.tables.contests import contests, level
+from stlbench.report.tables.rows import Group
+from stlbench.report.tables.table import Column, Table, Value
+
+if TYPE_CHECKING:
+    from stlbench.rollout.standards import Standard
+
+__all__ = ["MATTERS", "Comparison", "advice", "compare", "comparisons_table"]
+
+MATTERS = 0.05
+"""Share of the best possible robustness up to which a difference is none that matters."""
+_ADVICE = 5
+"""Lines of advice at most."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two groups that differ in the method alone."""
+
+    one: Group
+    other: Group
+    difference: Difference
+    """Of the robustness of the selected policies, the one less the other."""
+    margin: float | None
+    """Differences up to it do not matter; None where nobody knows what is possible."""
+
+
+def compare(
+    groups: Sequence[Group], standards: Mapping[str, Standard], best: Mapping[Choice, float]
+) -> tuple[Comparison, ...]:
+    """Compare each two methods that trained a task alike, with one correction for all. Methods without a result on a
+    task are not compared there.
+
+    Args:
+        groups: of agents that learn.
+        standards: of their tasks.
+        best: the best possible robustness of their tasks, where it is known.
+    """
+    found = [
+        (one, other)
+        for contest in contests(groups).values()
+        for one, other in combinations([group for group in contest if group.done], 2)
+    ]
+    pairs = [_pair(one, other, standards, best) for one, other in found]
+    said = zip(found, pairs, differences(pairs), strict=True)
+    return tuple(Comparison(one, other, difference, pair.margin) for (one, other), pair, difference in said)
+
+
+def _pair(one: Group, other: Group, standards: Mapping[str, Standard], best: Mapping[Choice, float]) -> Pair:
+    task = one.setting.task
+    standard, reached = standards.get(task.name), level(task, standards, best)
+    alike = standard is not None and standard.likeness(one.setting, other.setting) == "="
+    margin = None if reached is None else MATTERS * abs(reached)
+    first, second = (group.values(lambda numbers: numbers.robustness_mean) for group in (one, other))
+    return Pair(first, second, margin, alike)
+
+
+def comparisons_table(comparisons: Iterable[Comparison]) -> Table:
+    """One row per pair of methods on a task."""
+    listed = list(comparisons)
+    columns = (
+        Column("task", right=False, shared=True),
+        Column("agent", right=False, shared=True),
+        Column("budget", right=False, shared=True),
+        Column("track", right=False, shared=True),
+        Column("method", right=False),
+        Column("other", right=False),
+        Column("difference", digits=3),
+        Column("difference 95 % interval", "95 % interval", digits=3, kind=Interval, drop=1),
+        Column("p", digits=4, drop=2),
+        Column("margin", digits=3, drop=3),
+        Column("verdict", right=False),
+    )
+    return Table("Comparisons", columns, tuple(map(_row, listed)), _notes(listed))
+
+
+def _row(comparison: Comparison) -> tuple[Value, ...]:
+    setting, found = comparison.one.setting, comparison.difference
+    return (
+        *(str(setting.task), str(setting.agent), setting.budget, setting.track),
+        *(str(setting.method), str(comparison.other.setting.method)),
+        *(found.value, found.interval, found.chance, comparison.margin, str(found)),
+    )
+
+
+def _notes(comparisons: Sequence[Comparison]) -> tuple[str, ...]:
+    tested = sum(comparison.difference.chance is not None for comparison in comparisons)
+    return (
+        "Difference of the selected policies' robustness, mean over seeds: one that failed counts in full. Verdict: of "
+        f"the method against the other, by Welch's test; p after Holm's correction for the {tested} pairs that are "
+        "tested here, better or worse below 0.05. The interval is of the pair alone.",
+        f"No difference found: the interval lies within the margin, {100 * MATTERS:.0f} % of the best possible "
+        "robustness, or of that by hand. Cannot tell: with that many seeds of each method a verdict would come out in "
+        "80 % of cases, if all is as it looks. =: both pay the same up to a constant.",
+    )
+
+
+def advice(comparisons: Iterable[Comparison]) -> tuple[str, ...]:
+    """How many seeds would tell methods apart that cannot be told apart yet; first where the fewest would."""
+    open_ones = [each for each in comparisons if each.difference.seeds and each.difference.seeds <= MOST_SEEDS]
+    open_ones.sort(key=lambda each: each.difference.seeds or 0)
+    lines = [_advice(each) for each in open_ones[:_ADVICE]]
+    left = len(open_ones) - len(lines)
+    return (*lines, *([f"The table of comparisons has {left} more such pairs."] if left else []))
+
+
+def _advice(comparison: Comparison) -> str:
+    setting, other = comparison.one.setting, comparison.other.setting
+    where = f"{setting.task}" if setting.track == "shared" else f"{setting.task}, track {setting.track}"
+    return (
+        f"{comparison.difference.seeds} seeds would be needed to tell {setting.method} from {other.method} on {where}."
+    )

@@ -1,0 +1,138 @@
+"""How well trained policies satisfy the formula: selected and final ones, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stlbench.registry.choices import Choice
+from stlbench.report.statistics.intervals import Interval, interval, iqm, share_interval
+from stlbench.report.tables.contests import contests, mark, mark_notes
+from stlbench.report.tables.rows import LEARNED, Group
+from stlbench.report.tables.setting import SETTING, setting_values
+from stlbench.report.tables.table import Column, FirstFailed, Table, Value
+
+if TYPE_CHECKING:
+    from stlbench.rollout.standards import Standard
+
+__all__ = ["robustness_table"]
+
+
+def robustness_table(
+    groups: Sequence[Group],
+    best: Mapping[Choice, float] | None = None,
+    standards: Mapping[str, Standard] | None = None,
+) -> Table:
+    """One row per group, one column per further protocol.
+
+    Args:
+        groups: of agents that learn.
+        best: the best possible of their tasks (`best_possible`); where any is known, robustness is also a share of it.
+        standards: of their tasks; they know which methods pay the same.
+    """
+    further = sorted({name for group in groups for numbers in group.done for name in numbers.further})
+    marks = _marks(groups, standards or {})
+    columns = (
+        *SETTING,
+        *([Column("mark", right=False)] if any(marks) else []),
+        Column("starts", drop=8),
+        Column("mean robustness", "mean", digits=3, drop=3),
+        Column("IQM robustness", "IQM", digits=3),
+        Column("IQM 95 % interval", digits=3, kind=Interval, drop=1),
+        Column("worst start", digits=3, drop=5),
+        Column("satisfied", unit="%", digits=1),
+        Column("learned", drop=2),
+        Column("learned 95 % interval", unit="%", digits=0, kind=Interval, drop=4),
+        *([Column(_SHARE, "of best", digits=2, drop=2)] if best else []),
+        *(Column(name, digits=3, drop=4) for name in further),
+        Column("final IQM robustness", "final IQM", digits=3, drop=6),
+        Column("final IQM 95 % interval", digits=3, kind=Interval, drop=7),
+        Column("final satisfied", "final sat.", unit="%", digits=1, drop=6),
+        Column("final learned", drop=6),
+        Column("final learned 95 % interval", unit="%", digits=0, kind=Interval, drop=7),
+        Column("failed first", kind=FirstFailed, right=False, below=True),
+        Column("remarks", right=False, below=True),
+    )
+    rows = tuple(
+        (*setting_values(group), *([each or None] if any(marks) else []), *_values(group, further, best or {}))
+        for group, each in zip(groups, marks, strict=True)
+    )
+    return Table("Robustness", columns, rows, (*_notes(further), *mark_notes(marks)))
+
+
+_SHARE = "share of best possible (IQM, both above 0)"
+
+
+def _marks(groups: Sequence[Group], standards: Mapping[str, Standard]) -> list[str]:
+    by_group = {
+        group.setting: mark(group, contest, standards) for contest in contests(groups).values() for group in contest
+    }
+    return [by_group[group.setting] for group in groups]
+
+
+def _values(group: Group, further: Sequence[str], best: Mapping[Choice, float]) -> tuple[Value, ...]:
+    values = group.values(lambda numbers: numbers.robustness_mean)
+    final = group.values(lambda numbers: numbers.final_robustness_mean)
+    centre = iqm(values) if values else None
+    return (
+        _starts(group),
+        float(np.mean(values)) if values else None,
+        centre,
+        interval(values),
+        min(group.values(lambda numbers: numbers.robustness_min), default=None),
+        _percent(group.values(lambda numbers: numbers.satisfaction)),
+        *_learned(group, [numbers.learned for numbers in group.done]),
+        *([_share(centre, best.get(group.setting.task))] if best else []),
+        *(_mean([numbers.further[name] for numbers in group.done if name in numbers.further]) for name in further),
+        iqm(final) if final else None,
+        interval(final),
+        _percent(group.values(lambda numbers: numbers.final_satisfaction)),
+        *_learned(group, [numbers.final_learned for numbers in group.done]),
+        group.first_failed,
+        group.remarks or None,
+    )
+
+
+def _starts(group: Group) -> Value:
+    """From how many starts each number is; where seeds differ, all that there are."""
+    counts = sorted({numbers.starts for numbers in group.done if numbers.starts is not None})
+    return counts[0] if len(counts) == 1 else ", ".join(map(str, counts)) or None
+
+
+def _learned(group: Group, learned: Iterable[bool]) -> tuple[Value, Value]:
+    """How many seeds, of all that ran, and the exact interval of their share in percent; None where none finished."""
+    if not group.done:
+        return None, None
+    count = sum(learned)
+    ends = share_interval(count, group.tried)
+    return count, ends and Interval(100 * ends.low, 100 * ends.high)
+
+
+def _share(value: float | None, best: float | None) -> float | None:
+    """Robustness as a share of the best possible; None where it says nothing, as of what violates."""
+    return value / best if value is not None and best is not None and value > 0 < best else None
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None
+
+
+def _percent(shares: Sequence[float]) -> float | None:
+    return 100 * float(np.mean(shares)) if shares else None
+
+
+def _notes(further: Sequence[str]) -> tuple[str, ...]:
+    notes = [
+        "Robustness is in the unit of the task's predicates: averaged over the starts of a seed, then over seeds.",
+        "The policy is the checkpoint that did best on other starts; 'final' is the one at the end of training.",
+        "IQM: interquartile mean; up to 3 seeds it equals the mean. Its interval: Student's t over seeds.",
+        f"Learned: seeds whose policy satisfies from at least {100 * LEARNED:.0f} % of the starts, of all that ran, "
+        "with the exact interval of their share.",
+        "Worst start: minimum over starts and seeds. Failed first: what violating starts most often failed first.",
+    ]
+    if further:
+        names = ", ".join(further)
+        notes.append(f"Mean robustness under the task's further protocols (`stlbench show task NAME`): {names}.")
+    return tuple(notes)

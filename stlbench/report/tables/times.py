@@ -1,0 +1,58 @@
+"""What training took."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stlbench.report.statistics.intervals import Interval, interval
+from stlbench.report.tables.rows import Group
+from stlbench.report.tables.setting import SETTING, setting_values
+from stlbench.report.tables.table import Column, Table, Value
+
+__all__ = ["time_table"]
+
+
+def time_table(groups: Sequence[Group]) -> Table:
+    """What training took: one row per group."""
+    columns = (
+        *SETTING,
+        Column("training wall", "train wall", unit="s", digits=1),
+        Column("wall 95 % interval", unit="s", digits=1, kind=Interval, drop=2),
+        Column("training CPU", "train CPU", unit="s", digits=1),
+        Column("CPU 95 % interval", unit="s", digits=1, kind=Interval, drop=2),
+        Column("cell CPU", unit="s", digits=1, drop=5),
+        Column("env steps", digits=0),
+        Column("reward", unit="ns/step", digits=1),
+        Column("inputs added", digits=0, drop=3),
+        Column("jobs at a time", drop=4),
+        Column("remarks", right=False, below=True),
+    )
+    notes = (
+        "Means over seeds, with t intervals. 'Cell' is training, checkpoints and evaluation.",
+        "Reward: CPU nanoseconds of the method's reward per step and copy, in a batch of 1024.",
+    )
+    return Table("Time", columns, tuple(_time_row(group) for group in groups), notes)
+
+
+def _time_row(group: Group) -> tuple[Value, ...]:
+    wall = group.values(lambda numbers: numbers.training_wall_seconds)
+    cpu = group.values(lambda numbers: numbers.training_cpu_seconds)
+    return (
+        *setting_values(group),
+        _mean(wall),
+        interval(wall, cut=0),
+        _mean(cpu),
+        interval(cpu, cut=0),
+        _mean(group.values(lambda numbers: numbers.cpu_seconds)),
+        _mean(group.values(lambda numbers: numbers.env_steps)),
+        _mean(group.values(lambda numbers: numbers.reward_nanoseconds)),
+        _mean(group.values(lambda numbers: numbers.inputs_added)),
+        ", ".join(sorted({row.jobs for row in group.rows if row.jobs and row.numbers})) or None,
+        group.remarks or None,
+    )
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None
