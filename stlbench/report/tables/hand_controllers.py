@@ -14,10 +14,11 @@ __all__ = ["controllers_table"]
 
 
 def controllers_table(standards: Mapping[str, Standard]) -> Table:
-    """How well the tasks' controllers by hand satisfy the formula, actions at random, and what is possible: one row per
-    task of which any is known.
+    """How well the tasks' controllers by hand satisfy the formula, actions at random, and what is possible.
+
+    One row per task that has a controller, or of which it is known what is possible.
     """
-    known = {task: each for task, each in standards.items() if each.by_hand or each.best_possible or each.at_random}
+    known = {task: each for task, each in standards.items() if each.by_hand or each.best_possible}
     at_random = any(standard.at_random for standard in known.values())
     best = any(standard.best_possible for standard in known.values())
     columns = (

@@ -238,9 +238,10 @@ def test_the_best_possible_stands_beside_the_controller_where_any_is_known():
 def test_actions_at_random_stand_beside_the_controller():
     known = by_hand(hold_disc=(0.25, 0.75))
     known["hold-disc"] = replace(known["hold-disc"], at_random=score((-0.5, 0.25)))
-    table = controllers_table(known | {"other": Standard(at_random=score((-1.0,)))})
-    assert [column.heading for column in table.columns[4:]] == ["at random", "at random satisfied [%]"]
-    assert [row[4:] for row in table.rows] == [(-0.125, 50.0), (-1.0, 0.0)]
+    known["other"] = Standard(best_possible=BestPossible(reached=0.5), at_random=score((-1.0,)))
+    table = controllers_table(known | {"third": Standard(at_random=score((-1.0,)))})
+    assert [column.heading for column in table.columns[4:6]] == ["at random", "at random satisfied [%]"]
+    assert [row[4:6] for row in table.rows] == [(-0.125, 50.0), (-1.0, 0.0)]
 
 
 SHARE = "share of best possible (IQM, both above 0)"
