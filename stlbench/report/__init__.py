@@ -90,11 +90,17 @@ def write(groups: Sequence[Group], standards: Mapping[str, Standard], folder: Pa
     try:
         folder.mkdir(parents=True, exist_ok=True)
         learned, rows = split(groups)[0], align(groups, standards)
+        found = fields(learned, standards, best_possible(groups, standards))
         texts = {folder / name: text for name, text in _texts(groups, standards, rows).items()}
         for path, text in texts.items():
             path.write_text(text, encoding="utf-8")
         figures = folder / "figures"
-        return [*texts, *report_figures.draw(learned, figures), *report_figures.draw_alignment(rows, figures)]
+        return [
+            *texts,
+            *report_figures.draw(learned, figures),
+            *report_figures.draw_across(found, figures),
+            *report_figures.draw_alignment(rows, figures),
+        ]
     except OSError as error:
         raise UsageError(f"cannot write the report: {error}") from error
 

@@ -1,4 +1,4 @@
-"""Figures of a report, from the numbers of cells alone: robustness by method, learning curves, alignment.
+"""Figures of a report, from the numbers of cells alone: robustness by method, learning curves, all tasks, alignment.
 
 A figure whose files are there, drawn from the same, is not drawn again: matplotlib alone takes a second to import.
 """
@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Literal
 from stlbench.report.figures.files import drawn, file_name, save, source_of
 from stlbench.report.figures.palette import pages
 from stlbench.report.figures.units import unit_of_task
+from stlbench.report.tables.across import Field
 from stlbench.report.tables.alignment import Aligned
 from stlbench.report.tables.rows import Group
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw", "draw_alignment", "draw_learning"]
+__all__ = ["draw", "draw_across", "draw_alignment", "draw_learning"]
 
 Kind = Literal["robustness", "learning"]
 
@@ -48,6 +49,22 @@ def draw_learning(groups: Sequence[Group], folder: Path) -> list[Path]:
         if any(numbers.curve for group in page for numbers in group.done)
         for path in _draw("learning", page, folder, end)
     ]
+
+
+def draw_across(fields: Sequence[Field], folder: Path) -> list[Path]:
+    """Draw what has changed of the figures over all tasks, one of each budget and track; the paths of all files."""
+    paths = []
+    for (budget, track), members in groupby(fields, key=lambda field: (field.budget, field.track)):
+        shown = tuple(members)
+        name, source = file_name("across", budget, track), source_of("across", shown)
+        paths += drawn(folder, name, source) or save(_across(shown), folder, name, source)
+    return paths
+
+
+def _across(fields: Sequence[Field]) -> Figure:
+    from stlbench.report.figures.across import across_tasks
+
+    return across_tasks(fields)
 
 
 def draw_alignment(rows: Sequence[Aligned], folder: Path) -> list[Path]:

@@ -68,9 +68,8 @@ class Field:
     @property
     def name(self) -> str:
         """ "all 12"; "the 4 of 12 that all finished"."""
-        return (
-            f"all {self.of}" if len(self.tasks) == self.of else f"the {len(self.tasks)} of {self.of} that all finished"
-        )
+        count = len(self.tasks)
+        return f"all {self.of}" if count == self.of else f"the {count} of {self.of} that all finished"
 
 
 @dataclass(frozen=True)
