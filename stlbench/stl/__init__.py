@@ -18,7 +18,7 @@ from stlbench.stl.errors import (
 )
 from stlbench.stl.language.fragment import Term, fragment
 from stlbench.stl.language.horizon import horizon, resolve_end
-from stlbench.stl.language.parser import parse
+from stlbench.stl.language.parser import parse, parse_expression
 from stlbench.stl.language.sugar import iff, release, weak_until, xor
 from stlbench.stl.language.syntax import (
     END,
@@ -40,7 +40,7 @@ from stlbench.stl.language.syntax import (
     Until,
 )
 from stlbench.stl.language.traversal import is_temporal, signals
-from stlbench.stl.predicates.pointwise import holds, margin
+from stlbench.stl.predicates.pointwise import holds, margin, values
 from stlbench.stl.recorded.compiled import holds_trace, margin_trace
 from stlbench.stl.recorded.robustness import (
     RobustnessBounds,
@@ -104,6 +104,7 @@ __all__ = [
     "margin",
     "margin_trace",
     "parse",
+    "parse_expression",
     "release",
     "resolve_end",
     "robustness",
@@ -115,6 +116,7 @@ __all__ = [
     "satisfied",
     "satisfied_trace",
     "signals",
+    "values",
     "weak_until",
     "xor",
 ]

@@ -36,6 +36,7 @@ from stlbench.stl.language.syntax import (
     And,
     AnyNode,
     Eventually,
+    Expression,
     Formula,
     Implies,
     Negative,
@@ -78,7 +79,20 @@ def parse(text: str, dt: float | None = None) -> Formula:
     """
     if dt is not None and not (math.isfinite(dt) and dt > 0):
         raise ValueError(f"dt is the sampling time in seconds and must be positive, got {dt}")
-    return _Parser(text, None if dt is None else float(dt)).formula()
+    parser = _Parser(text, None if dt is None else float(dt))
+    return parser.as_formula(parser.whole())
+
+
+def parse_expression(text: str) -> Expression:
+    """Parse arithmetic over signals alone, e.g. `"atan2(y, x)"`, in the grammar that formulas have.
+
+    Returns and raises as `parse` does.
+    """
+    parser = _Parser(text, None)
+    node = parser.whole()
+    if not isinstance(node, Expression):
+        parser.fail("an arithmetic expression", "a formula", node.position)
+    return node
 
 
 class _Parser(ExpressionParser):
@@ -86,14 +100,15 @@ class _Parser(ExpressionParser):
         super().__init__(text, dt)
         self.depth = 0
 
-    def formula(self) -> Formula:
+    def whole(self) -> AnyNode:
+        """All of the text."""
         try:
             node = self.parse(LEVEL_IFF)
         except FormulaLimitError as limit:
             self.fail(limit.expected, limit.found)
         if self.token.kind != "end":
             self.fail(continuations(node))
-        return self.as_formula(node)
+        return node
 
     # --- the loop
 

@@ -7,7 +7,7 @@ from typing import cast
 
 from stlbench.stl.errors import shorten
 from stlbench.stl.language.node import Node
-from stlbench.stl.language.syntax import Always, AnyNode, Eventually, Formula, Signal, Until
+from stlbench.stl.language.syntax import Always, AnyNode, Eventually, Expression, Formula, Signal, Until
 
 
 def require_formula(value: object) -> None:
@@ -25,9 +25,10 @@ def require_pointwise(psi: Formula) -> None:
         raise ValueError(f"expected a formula without temporal operators, got {shorten(str(psi))}")
 
 
-def signals(formula: Formula) -> tuple[str, ...]:
-    """Names of the signals that `formula` uses, each once, in order of first appearance."""
-    require_formula(formula)
+def signals(formula: Formula | Expression) -> tuple[str, ...]:
+    """Names of the signals that a formula or an expression uses, each once, in order of first appearance."""
+    if not isinstance(formula, Expression):
+        require_formula(formula)
     return tuple(dict.fromkeys(node.name for node in walk(formula) if isinstance(node, Signal)))
 
 

@@ -1,4 +1,4 @@
-"""Formulas without temporal operators to functions: of arrays of samples, whose last axis is the signals, or of floats.
+"""Expressions and untimed formulas as functions: of arrays whose last axis is the signals, or of floats.
 
 They run at every environment step, so the formula is turned into Python source once, which is compiled. NumPy is faster
 for many samples, and plain floats are for one: one writer writes both, with a `dialect` for each.
@@ -13,9 +13,10 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from stlbench.stl.errors import UndefinedError, shorten
-from stlbench.stl.language.syntax import Formula, Not, Predicate
+from stlbench.stl.language.syntax import Expression, Formula, Not, Predicate
 from stlbench.stl.language.traversal import require_pointwise, signals
 from stlbench.stl.predicates.dialect import ARRAYS, FLOATS
+from stlbench.stl.predicates.expression_source import ExpressionWriter
 from stlbench.stl.predicates.formula_source import FormulaWriter, Reading
 from stlbench.stl.predicates.inputs import check_names
 from stlbench.stl.predicates.source import functions, indented
@@ -57,6 +58,13 @@ def compile_signed(psi: Formula, names: tuple[str, ...]) -> Compiled:
 def compile_holds(psi: Formula, names: tuple[str, ...]) -> Compiled:
     """The verdict of `psi` likewise; a margin that is NaN counts as false."""
     return _of_arrays(psi, names, Reading.HOLDS)
+
+
+def compile_expression(node: Expression, names: tuple[str, ...]) -> Compiled:
+    """The value of an expression likewise."""
+    writer = ExpressionWriter(check_names(node, names), ARRAYS)
+    part = writer.expression(node, 0)
+    return _predicate(writer.returning(part), ARRAYS.namespace) if part.value is None else part.value
 
 
 @lru_cache(maxsize=256)

@@ -76,6 +76,12 @@ class ExpressionWriter:
             case Call(name, args):
                 return self.operation(name, args, node, base)
 
+    def returning(self, part: Part) -> list[str]:
+        """The body of the function of a sample that returns the part."""
+        signals = [f"x{column} = {self.dialect.signal.format(column)}" for column in self.used]
+        first = [self.dialect.first] if self.dialect.first else []
+        return [*first, *signals, *self.lines, f"return {part.text}"]
+
     def operation(self, op: str, args: Sequence[Expression], node: Expression | Predicate, base: int) -> Part:
         """`op` of the arguments; a constant if all of them are."""
         parts, top = [], base

@@ -30,11 +30,7 @@ class FormulaWriter(ExpressionWriter):
     def statements(self, psi: Formula, negated: bool) -> list[str] | float | bool:
         """The body of the function for `psi` (for `!psi` if `negated`), or its value if that is constant."""
         result = self.formula(psi, negated, 0)
-        if result.value is not None:
-            return result.value
-        signals = [f"x{column} = {self.dialect.signal.format(column)}" for column in self.used]
-        first = [self.dialect.first] if self.dialect.first else []
-        return [*first, *signals, *self.lines, f"return {result.text}"]
+        return self.returning(result) if result.value is None else result.value
 
     def formula(self, node: Formula, negated: bool, base: int) -> Part:
         """Negation is moved to the predicates, where it swaps the operands, which negates floats exactly."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stlbench.stl.errors import UnknownSignalError
-from stlbench.stl.language.syntax import Formula
+from stlbench.stl.language.syntax import Expression, Formula
 from stlbench.stl.language.traversal import signals
 
 
@@ -35,7 +35,7 @@ def as_names(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def check_names(formula: Formula, names: tuple[str, ...], where: str = "trace") -> dict[str, int]:
+def check_names(formula: Formula | Expression, names: tuple[str, ...], where: str = "trace") -> dict[str, int]:
     """Column of each name.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Formulas without temporal operators, evaluated per sample: cheap enough for every step of an environment."""
+"""Expressions, and formulas without temporal operators, per sample: cheap enough for every step of an environment."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.stl.language.syntax import Formula
+from stlbench.stl.language.syntax import Expression, Formula
 from stlbench.stl.language.traversal import require_formula
-from stlbench.stl.predicates.compiler import Compiled, OfSamples, compile_holds, compile_margin
+from stlbench.stl.predicates.compiler import Compiled, OfSamples, compile_expression, compile_holds, compile_margin
 from stlbench.stl.predicates.inputs import as_array, as_names
 
 Samples: TypeAlias = NDArray[np.float64]
@@ -46,6 +46,27 @@ def holds(psi: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.
     """
     require_formula(psi)
     return _holds(psi, as_names(names))
+
+
+def values(expressions: Sequence[Expression], names: Sequence[str]) -> Callable[[Samples], Samples]:
+    """Compile arithmetic per sample: k expressions (see `parse_expression`) over n names.
+
+    Returns:
+        A pure function: samples (..., n) of floats -> (..., k), a column for each expression. What has no value is NaN,
+        what overflows inf.
+
+    Raises:
+        UnknownSignalError: an expression uses a name that is not in `names`.
+        UndefinedError: a constant has no value, as in 1 / 0.
+        ValueError: a name occurs twice.
+    """
+    columns = [_filled(compile_expression(node, as_names(names)), float) for node in expressions]
+
+    def run(samples: Samples) -> Samples:
+        with np.errstate(all="ignore"):
+            return np.stack([column(samples) for column in columns], axis=-1)
+
+    return run
 
 
 @lru_cache(maxsize=256)

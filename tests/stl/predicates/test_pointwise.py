@@ -6,10 +6,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.generated_formulas import NAMES, SEEDS, naive, naive_satisfied, pointwise, traces
+from helpers.generated_formulas import NAMES, PREDICATES, SEEDS, naive, naive_satisfied, pointwise, traces
 from hypothesis import given, settings
 
-from stlbench.stl import Formula, UndefinedError, UnknownSignalError, holds, margin, parse
+from stlbench.stl import (
+    Formula,
+    Predicate,
+    StlSyntaxError,
+    UndefinedError,
+    UnknownSignalError,
+    holds,
+    margin,
+    parse,
+    parse_expression,
+    signals,
+    values,
+)
 
 
 @pytest.mark.parametrize(
@@ -76,3 +88,37 @@ def test_temporal_formulas_are_refused() -> None:
 def test_a_constant_without_a_value_is_refused(text: str) -> None:
     with pytest.raises(UndefinedError, match="constant"):
         margin(parse(text), ["x"])
+
+
+class TestValues:
+    """Arithmetic alone, as an environment's signals are written."""
+
+    def test_table(self) -> None:
+        nodes = [parse_expression(text) for text in ("atan2(y, x)", "2", "x / y", "-min(x, y) ** 2 + pi")]
+        found = values(nodes, ["x", "y"])(np.array([[3.0, 3.0], [-1.0, 0.0]]))
+        expected = [[np.pi / 4, 2, 1, np.pi - 9], [np.pi, 2, np.nan, np.pi - 1]]
+        np.testing.assert_allclose(found, expected, rtol=1e-14)
+
+    @pytest.mark.parametrize("shape", [(), (5,), (0,), (3, 4)])
+    def test_shapes_follow_the_batch(self, shape: tuple[int, ...]) -> None:
+        both = values([parse_expression("x"), parse_expression("1")], ["x"])
+        assert both(np.ones((*shape, 1))).shape == (*shape, 2)
+
+    @settings(max_examples=50, deadline=None)
+    @given(PREDICATES, SEEDS)
+    def test_a_margin_is_the_difference_of_the_sides(self, psi: Predicate, seed: int) -> None:
+        samples = traces(20, seed)
+        left, right = values([psi.left, psi.right], NAMES)(samples).T
+        expected = right - left if psi.op in ("<=", "<") else left - right
+        np.testing.assert_array_equal(margin(psi, NAMES)(samples), expected)
+
+    def test_no_formula_and_no_unknown_name(self) -> None:
+        with pytest.raises(StlSyntaxError, match="expected an arithmetic expression but found a formula"):
+            parse_expression("x <= 1")
+        with pytest.raises(StlSyntaxError, match="line 1, column 3"):
+            parse_expression("x y")
+        with pytest.raises(UnknownSignalError, match="'z'"):
+            values([parse_expression("z")], ["x"])
+        with pytest.raises(UndefinedError, match="divides by 0"):
+            values([parse_expression("x / 0")], ["x"])
+        assert signals(parse_expression("atan2(y, x) + y")) == ("y", "x")
