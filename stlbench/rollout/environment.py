@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Transition
+from stlbench.rollout.clock import scaled_times
 from stlbench.rollout.endings import ends_of, first_end
 from stlbench.task import starts
 from stlbench.task.task import Task
@@ -38,7 +39,7 @@ class Simulator:
         actions = task.actions
         self._vectors = actions.vectors if isinstance(actions, ActionGrid) else np.empty((0, len(actions.names)))
         self._low, self._high = np.array(actions.low), np.array(actions.high)
-        self._times = np.arange(self.horizon + 1)[:, None] * (2.0 / self.horizon) - 1.0
+        self._times = scaled_times(self.horizon)
 
     def reset(self, states: Array) -> Array:
         """Start an episode from each of the states (N, n). Returns the first observation (N, D)."""

@@ -1,0 +1,156 @@
+"""Any Gymnasium environment, paid and judged by an STL formula: `stlbench.wrap`, without the harness.
+
+>>> import gymnasium, stlbench
+>>> env = stlbench.wrap(
+...     gymnasium.make("Pendulum-v1"),
+...     "G[100,200] abs(theta) <= 0.2",
+...     signals={"theta": "atan2(y, x)"},
+...     names=("x", "y", "omega"),
+...     ranges={"theta": (-3.2, 3.2)},
+...     method="funnel",
+... )
+>>> observation, info = env.reset(seed=0)
+>>> observation.shape, info["t"], env.specification.steps
+((4,), 0, 200)
+
+The reward is the method's, as `stlbench.gym` pays it for stlbench's own tasks; what the environment itself pays is
+`info["env_reward"]`. The policy is shown the time and the method's memory. At the end of an episode the info has the
+robustness of its trace, and whether it satisfies the formula.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, get_args, overload
+
+import gymnasium
+from gymnasium.spaces import Space
+from gymnasium.vector import VectorEnv
+
+from stlbench import stl
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.wrapping.entries import Names, entries_of
+from stlbench.wrapping.limits import steps_of, steps_of_copies
+from stlbench.wrapping.reading import Expressions, Function, Reader, SignalsOf
+from stlbench.wrapping.scoring import EarlyEnd, MethodOf, Ranges, Scoring, make_method, specify
+from stlbench.wrapping.single import StlWrapper
+from stlbench.wrapping.vector import StlVectorWrapper, autoreset_of
+
+__all__ = ["StlVectorWrapper", "StlWrapper", "wrap"]
+
+
+@overload
+def wrap(
+    env: gymnasium.Env[Any, Any],
+    formula: str | stl.Formula,
+    *,
+    method: MethodOf,
+    ranges: Ranges,
+    signals: SignalsOf | Mapping[str, str] | None = ...,
+    names: Names | None = ...,
+    steps: int | None = ...,
+    dt: float | None = ...,
+    scaled: bool = ...,
+    terminated: EarlyEnd = ...,
+    discount: float = ...,
+) -> StlWrapper: ...
+@overload
+def wrap(
+    env: VectorEnv[Any, Any, Any],
+    formula: str | stl.Formula,
+    *,
+    method: MethodOf,
+    ranges: Ranges,
+    signals: SignalsOf | Mapping[str, str] | None = ...,
+    names: Names | None = ...,
+    steps: int | None = ...,
+    dt: float | None = ...,
+    scaled: bool = ...,
+    terminated: EarlyEnd = ...,
+    discount: float = ...,
+) -> StlVectorWrapper: ...
+def wrap(
+    env: gymnasium.Env[Any, Any] | VectorEnv[Any, Any, Any],
+    formula: str | stl.Formula,
+    *,
+    method: MethodOf,
+    ranges: Ranges,
+    signals: SignalsOf | Mapping[str, str] | None = None,
+    names: Names | None = None,
+    steps: int | None = None,
+    dt: float | None = None,
+    scaled: bool = False,
+    terminated: EarlyEnd = "hold",
+    discount: float = 1.0,
+) -> StlWrapper | StlVectorWrapper:
+    """Have an environment paid by a reward method, and its episodes judged by a formula.
+
+    Args:
+        env: an environment, or a vector environment, under any of Gymnasium's autoreset modes. Actions are a Box or
+            Discrete. One step of it is one step of the formula.
+        formula: STL over the signals; its operators without an interval reach to the end of the episode.
+        method: a reward method by name, with or without parameters, "funnel" or "flag[beta=10]"; or a class, or any
+            other callable from a `stlbench.contract.Specification` to a `RewardMethod`.
+        ranges: signal -> (low, high), about what it takes, in its unit. What methods scale their rewards by.
+        signals: signal -> expression over entries of the observation that have `names`, and over entries of the info,
+            in the grammar that formulas have: {"theta": "atan2(y, x)"}. Or a function from observation and info of one
+            environment to signal -> number, which a vector environment calls for each copy. Where left out, each signal
+            is the entry of its own name.
+        names: of the entries of the observation, in their order; of a Dict observation {key: names of its entries}.
+        steps: T, transitions in an episode; where left out, the environment's time limit.
+        dt: sampling time in seconds; with it the intervals of the formula are seconds, without it they are steps.
+        scaled: divide rewards by the method's `scale`, as training in stlbench does.
+        terminated: what it means that the environment ends an episode before step T, by either flag:
+
+            - "hold": the last sample stays to the end. The last reward has what the method would pay meanwhile.
+            - "violated": the formula counts as violated; the robustness is a lower bound over all traces within the
+              ranges. The last reward has the method's `floor` for each step that is left.
+            - "interval": nothing is known. `robustness` and `satisfied` are two numbers, over all continuations: least
+              and greatest robustness; whether all satisfy the formula, and whether some do. Nothing more is paid, so a
+              method whose rewards are negative then pays for ending early.
+        discount: with which rewards that an early end leaves out are added up; that of the learner makes them worth
+            what they would have been worth one by one.
+
+    Returns:
+        The wrapped environment. A vector observation has the time in [-1, 1] and the method's inputs at its end; a Dict
+        has them as `stl`; any other becomes a Dict of `observation` and `stl`. An early end is reported as terminated,
+        the end at T as truncated.
+
+    Raises:
+        UsageError: in one line, what does not fit: names, signals, ranges, formula, its horizon, method, steps. Later,
+            with the step, signals that are no finite numbers or have other names.
+    """
+    _check(terminated, discount)
+    if isinstance(env, VectorEnv):
+        reader = _reader(signals, names, ranges, env.single_observation_space, env.observation_space)
+        length = steps_of_copies(env, steps, autoreset_of(env))
+    elif isinstance(env, gymnasium.Env):
+        reader = _reader(signals, names, ranges, env.observation_space, env.observation_space)
+        length = steps_of(env, steps)
+    else:
+        raise UsageError(f"wrap takes an environment of Gymnasium, as gymnasium.make gives it, got {env!r}")
+    specification = specify(formula, reader.names, ranges, length, dt)
+    scoring = Scoring(reader, make_method(method, specification), scaled, terminated, discount)
+    return StlVectorWrapper(env, scoring) if isinstance(env, VectorEnv) else StlWrapper(env, scoring)
+
+
+def _check(terminated: str, discount: float) -> None:
+    if terminated not in get_args(EarlyEnd):
+        raise UsageError(f"terminated: no '{terminated}'{did_you_mean(str(terminated), get_args(EarlyEnd))}")
+    if not 0 <= discount <= 1:
+        raise UsageError(f"discount is in 0..1, got {discount}")
+
+
+def _reader(
+    signals: SignalsOf | Mapping[str, str] | None,
+    names: Names | None,
+    ranges: Ranges,
+    single: Space[Any],
+    batched: Space[Any],
+) -> Reader:
+    """What reads the signals. Of a single environment, the two spaces are the same."""
+    if callable(signals):
+        if names is not None:
+            raise UsageError("names are for expressions; signals are a function, which is given the whole observation")
+        return Function(signals, tuple(ranges), batched)
+    return Expressions({name: name for name in ranges} if signals is None else signals, entries_of(single, names))

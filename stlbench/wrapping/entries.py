@@ -1,0 +1,67 @@
+"""The entries of an observation by names that the user gives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import prod
+from typing import Any, TypeAlias
+
+import numpy as np
+from gymnasium.spaces import Dict, Space
+
+from stlbench.contract import Array
+from stlbench.errors import UsageError, did_you_mean
+
+__all__ = ["Entries", "Names", "entries_of"]
+
+Names: TypeAlias = Sequence[str] | Mapping[str, Sequence[str]]
+"""Of all entries of an array, in their order; of a Dict observation, key -> those of its array."""
+
+
+@dataclass(frozen=True)
+class Entries:
+    """Which numbers of an observation have names."""
+
+    names: tuple[str, ...] = ()
+    keys: tuple[str, ...] | None = ()
+    """Of a Dict observation, the keys of the arrays that are named; None where the observation is one array."""
+
+    def read(self, observation: Any, count: int) -> Array:
+        """The named entries of one observation or of `count` batched ones: (count, n)."""
+        arrays = [observation] if self.keys is None else [observation[key] for key in self.keys]
+        rows = [np.asarray(array, dtype=np.float64).reshape(count, -1) for array in arrays]
+        return np.concatenate(rows, axis=1) if rows else np.empty((count, 0))
+
+
+def entries_of(space: Space[Any], names: Names | None) -> Entries:
+    """The entries of observations from `space`. Raises `UsageError` where the names do not fit."""
+    if names is None:
+        return Entries()
+    if isinstance(names, str):
+        raise UsageError(f"names: expected a list of names, got the text '{names}'")
+    parts = list(_named_parts(space, names))
+    for place, part, given in parts:
+        size = None if part.shape is None else prod(part.shape)
+        if size != len(given):
+            raise UsageError(f"names: {len(given)} for {place}, which has {'no' if size is None else size} entries")
+    together = tuple(name for _, _, given in parts for name in given)
+    for name in together:
+        if together.count(name) > 1:
+            raise UsageError(f"names: '{name}' stands for two entries")
+    return Entries(together, tuple(names) if isinstance(names, Mapping) else None)
+
+
+def _named_parts(space: Space[Any], names: Names) -> Iterator[tuple[str, Space[Any], Sequence[str]]]:
+    """What is named in words, its space, and the names."""
+    if not isinstance(names, Mapping):
+        if isinstance(space, Dict):
+            raise UsageError("names: the observation is a Dict; give a mapping, {key: names of its entries}")
+        yield "the observation", space, names
+        return
+    if not isinstance(space, Dict):
+        raise UsageError("names: the observation is no Dict; give a list of names")
+    for key, given in names.items():
+        if key not in space.spaces:
+            raise UsageError(f"names: the observation has no '{key}'{did_you_mean(key, space.spaces)}")
+        yield f"'{key}'", space[key], given

@@ -1,0 +1,68 @@
+"""The episodes of N copies: their time, the method's memory, and what was recorded of the signals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from stlbench.contract import Array, Integers
+from stlbench.rollout.clock import scaled_times
+from stlbench.wrapping.ends import remainder, verdicts
+from stlbench.wrapping.scoring import Scoring
+
+__all__ = ["Episodes"]
+
+
+class Episodes:
+    """N copies of an environment, each at its own step. `rows` are the numbers of the copies that are spoken of."""
+
+    def __init__(self, scoring: Scoring, count: int) -> None:
+        self._scoring, self._method = scoring, scoring.method
+        self.steps, signals = scoring.specification.steps, len(scoring.specification.signals)
+        self.t: Integers = np.zeros(count, dtype=np.int64)
+        self._memory = np.zeros((count, scoring.method.memory_size))
+        self._samples = np.full((count, self.steps + 1, signals), np.nan)
+        self._times = np.minimum(scaled_times(self.steps), 1.0)
+
+    @property
+    def size(self) -> int:
+        """How many numbers `observe` adds to an observation."""
+        return 1 + (self._method.input_size if self._method.memory_size else 0)
+
+    def start(self, rows: Integers, signals: Array) -> None:
+        """Begin new episodes at the samples (r, k)."""
+        self.t[rows] = 0
+        self._samples[rows, 0] = signals
+        if self._method.memory_size:
+            self._memory[rows] = self._method.initial_memory(signals, self.t[rows])
+
+    def arrive(self, rows: Integers, signals: Array, action: Array) -> Array:
+        """One step, by actions (r, axes) to the samples (r, k): the rewards (r,)."""
+        t, scoring = self.t[rows], self._scoring
+        samples = np.stack([self._samples[rows, t], signals])
+        rewards, self._memory[rows] = self._method.along(samples, action, t, self._memory[rows])
+        self._samples[rows, t + 1] = signals
+        self.t[rows] = t + 1
+        paid: Array = rewards[0] / scoring.scale
+        return paid
+
+    def left_out(self, row: int, action: Array) -> float:
+        """What is paid at an early end beside its own step; `action` (1, axes) is the last one."""
+        t = int(self.t[row])
+        paid = remainder(self._scoring, self._samples[row, t], action, t, self._memory[[row]])
+        return paid / self._scoring.scale
+
+    def verdicts(self, rows: Integers) -> dict[str, Any]:
+        """`robustness` and `satisfied` of episodes that are over, see `ends.verdicts`."""
+        traces, t = self._samples[rows], self.t[rows]
+        for trace, last in zip(traces, t, strict=True):
+            trace[last + 1 :] = trace[last]
+        return verdicts(self._scoring, traces, t)
+
+    def observe(self) -> Array:
+        """What the policy is shown beside the observation: the time in [-1, 1], the method's inputs, (N, size)."""
+        times = self._times[self.t]
+        if not self._method.memory_size:
+            return times
+        return np.concatenate([times, self._method.inputs(self._memory)], axis=1)

@@ -1,0 +1,93 @@
+"""What a user asked for, checked: formula, signals, method, and what an early end means."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, cast
+
+from stlbench import stl
+from stlbench.contract import Intractable, RewardMethod, Specification, Unsuitable
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.registry import plugins
+from stlbench.registry.choices import choice_of
+from stlbench.wrapping.reading import Reader
+
+__all__ = ["EarlyEnd", "MethodOf", "Ranges", "Scoring", "make_method", "specify"]
+
+EarlyEnd: TypeAlias = Literal["hold", "violated", "interval"]
+"""What an episode that ends before the last step means; see `stlbench.wrapper.wrap`."""
+MethodOf: TypeAlias = str | Callable[[Specification], RewardMethod]
+"""A method by name, or a class, or anything else that makes one for a specification."""
+Ranges: TypeAlias = Mapping[str, tuple[float, float]]
+"""Signal -> the least and the greatest value that it takes, about."""
+
+
+@dataclass(frozen=True)
+class Scoring:
+    """How the episodes of an environment are paid and judged."""
+
+    reader: Reader
+    method: RewardMethod
+    """Its `specification` has the formula, in steps."""
+    scaled: bool
+    terminated: EarlyEnd
+    discount: float
+    """With which the rewards that an early end leaves out are added up, in 0..1."""
+
+    @property
+    def specification(self) -> Specification:
+        """What the method knows."""
+        return self.method.specification
+
+    @property
+    def scale(self) -> float:
+        """What rewards are divided by."""
+        return self.method.scale if self.scaled else 1.0
+
+
+def specify(
+    formula: str | stl.Formula, names: tuple[str, ...], ranges: Ranges, steps: int, dt: float | None
+) -> Specification:
+    """What a method is told. Raises `UsageError`: no formula, an unknown signal, a missing range, a long horizon."""
+    low, high = _ends(names, ranges)
+    try:
+        parsed = stl.parse(formula, dt) if isinstance(formula, str) else formula
+        resolved = stl.resolve_end(parsed, steps)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"formula: {error}") from error
+    for name in stl.signals(resolved):
+        if name not in names:
+            raise UsageError(f"formula: no signal '{name}'{did_you_mean(name, names)}")
+    if (horizon := stl.horizon(resolved)) > steps:
+        raise UsageError(f"formula: its horizon of {horizon} steps exceeds the {steps} steps of an episode")
+    return Specification(resolved, names, low, high, steps, 1.0 if dt is None else float(dt))
+
+
+def make_method(method: MethodOf, specification: Specification) -> RewardMethod:
+    """The method. Raises `UsageError`: no such method, a wrong parameter, or one that does not fit."""
+    try:
+        if isinstance(method, str):
+            return cast(RewardMethod, plugins.build("methods", choice_of(method), specification))
+        made = method(specification)
+    except (Intractable, Unsuitable) as error:
+        name = method if isinstance(method, str) else getattr(method, "__name__", method)
+        raise UsageError(f"method {name} does not fit: {error}") from error
+    if not isinstance(made, RewardMethod):
+        raise UsageError(f"method: expected a name or a class of reward methods, got {method!r}")
+    return made
+
+
+def _ends(names: Sequence[str], ranges: Ranges) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Lower and upper ends of the ranges."""
+    for name in names:
+        if name not in ranges:
+            raise UsageError(f"ranges: none for the signal '{name}'; give its least and greatest value, (low, high)")
+    for name, ends in ranges.items():
+        if name not in names:
+            raise UsageError(f"ranges: no signal '{name}'{did_you_mean(name, names)}")
+        if len(ends) != 2 or not -math.inf < ends[0] < ends[1] < math.inf:
+            raise UsageError(f"ranges: '{name}' has (low, high), finite and low < high, got {ends!r}")
+    pairs = [ranges[name] for name in names]
+    return tuple(float(low) for low, _ in pairs), tuple(float(high) for _, high in pairs)

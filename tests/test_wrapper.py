@@ -1,0 +1,304 @@
+"""`stlbench.wrap`: by hand on a walk, against the harness's simulator, and against the checkers of two libraries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.spaces import Box, Dict
+from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import TimeLimit
+from helpers.walk_env import RIGHT, STAY, Walk
+
+import stlbench
+from stlbench.contract import RewardMethod, Specification
+from stlbench.errors import UsageError
+from stlbench.registry import plugins
+from stlbench.registry.choices import Choice
+from stlbench.rollout import referee
+from stlbench.rollout.environment import Simulator
+from stlbench.task import Task, load_task
+from stlbench.wrapper import StlWrapper
+
+BASE: dict[str, Any] = {"names": ("x", "minus"), "ranges": {"x": (-10, 10)}, "method": "raw"}
+
+
+def wrapped(env: Walk | None = None, formula: str = "G[0,4] x <= 1", **options: Any) -> StlWrapper:
+    return stlbench.wrap(env or Walk(), formula, **(BASE | {"steps": 4} | options))
+
+
+def walk(env: StlWrapper, *actions: Any, x: float = 0.0) -> list[tuple[Any, float, bool, bool, dict[str, Any]]]:
+    env.reset(seed=0, options={"x": x})
+    return [env.step(action) for action in actions]
+
+
+# ------------------------------------------------------------------------------------------------------------ by hand
+
+
+def test_an_episode_by_hand() -> None:
+    steps = walk(wrapped(), RIGHT, RIGHT, RIGHT, RIGHT)
+    assert [reward for _, reward, *_ in steps] == [0.5, 0.0, -0.5, -1.0]
+    assert [observation.tolist() for observation, *_ in steps][:2] == [[0.5, -0.5, -0.5], [1.0, -1.0, 0.0]]
+    assert [ends for _, _, *ends, _ in steps] == [[False, False]] * 3 + [[False, True]]
+    infos = [info for *_, info in steps]
+    assert [info["signals"].tolist() for info in infos] == [[[0.5]], [[1.0]], [[1.5]], [[2.0]]]
+    assert [(info["t"], info["env_reward"], "robustness" in info) for info in infos] == [
+        (1, 7.0, False),
+        (2, 7.0, False),
+        (3, 7.0, False),
+        (4, 7.0, True),
+    ]
+    assert (infos[3]["robustness"], infos[3]["satisfied"]) == (-1.0, False)
+
+
+def test_the_first_sample_counts_for_the_verdict_and_is_not_paid() -> None:
+    *_, (_, reward, _, _, info) = walk(wrapped(), STAY - 1, STAY, STAY, STAY, x=1.5)
+    assert (reward, info["robustness"], info["satisfied"]) == (0.0, -0.5, False)
+
+
+def test_at_robustness_0_satisfaction_is_that_of_the_boolean_semantics() -> None:
+    assert walk(wrapped(), *[STAY] * 4, x=1.0)[-1][-1]["satisfied"] is True
+    assert walk(wrapped(formula="G[0,4] x < 1"), *[STAY] * 4, x=1.0)[-1][-1]["satisfied"] is False
+
+
+def test_scaled_divides_by_the_methods_scale() -> None:
+    assert walk(wrapped(scaled=True), RIGHT)[0][1] == pytest.approx(0.5 / 20)
+
+
+def test_seconds_and_operators_without_an_interval() -> None:
+    assert str(wrapped(formula="G[0,2] x <= 1", dt=0.5).specification.formula) == "G[0,4] x <= 1"
+    assert wrapped(dt=0.5, formula="G x <= 1").specification.dt == 0.5
+    assert str(wrapped(formula="G x <= 1").specification.formula) == "G[0,4] x <= 1"
+
+
+@pytest.mark.parametrize(
+    ("terminated", "paid", "robustness", "satisfied"),
+    [
+        ("hold", -0.5 + 3 * -0.5, -0.5, False),
+        ("violated", -0.5 + 3 * -9, -9.0, False),
+        ("interval", -0.5, [-np.inf, -0.5], [False, False]),
+    ],
+)
+def test_an_early_end_has_the_declared_meaning(terminated: str, paid: float, robustness: Any, satisfied: Any) -> None:
+    env = wrapped(Walk(wall=1.5), "G[0,6] x <= 1", steps=6, terminated=terminated)
+    observation, reward, ended, truncated, info = walk(env, RIGHT, RIGHT, RIGHT)[-1]
+    assert (ended, truncated, observation[-1], info["t"]) == (True, False, 0.0, 3)
+    assert reward == pytest.approx(paid)
+    np.testing.assert_allclose(info["robustness"], robustness)
+    np.testing.assert_array_equal(info["satisfied"], satisfied)
+    with pytest.raises(ResetNeeded):
+        env.step(STAY)
+
+
+def test_with_the_learners_discount_an_early_end_is_worth_what_waiting_would_be() -> None:
+    ends = walk(wrapped(Walk(wall=1.5), "G[0,6] x <= 1", steps=6, discount=0.5), RIGHT, RIGHT, RIGHT)
+    waits = walk(wrapped(Walk(), "G[0,6] x <= 1", steps=6), RIGHT, RIGHT, RIGHT, STAY, STAY, STAY)
+    returns = [sum(0.5**t * step[1] for t, step in enumerate(steps)) for steps in (ends, waits)]
+    assert returns[0] == returns[1]
+
+
+@pytest.mark.parametrize("method", ["flag", "tau-mdp", "funnel"])
+def test_a_memory_goes_on_while_the_last_sample_is_held(method: str) -> None:
+    formula, options = "F[0,3] x >= 1 & G[4,6] x >= 1", {"steps": 6, "method": method}
+    if method != "funnel":
+        formula = "F[0,3] G[0,3] x >= 1"
+    ends = walk(wrapped(Walk(wall=1.0), formula, **options), RIGHT, RIGHT)
+    waits = walk(wrapped(Walk(), formula, **options), RIGHT, RIGHT, *[STAY] * 4)
+    assert sum(step[1] for step in ends) == pytest.approx(sum(step[1] for step in waits))
+    assert ends[-1][-1]["robustness"] == waits[-1][-1]["robustness"] == 0.0
+
+
+def test_a_truncation_before_the_last_step_is_an_early_end_too() -> None:
+    env = stlbench.wrap(TimeLimit(Walk(), 2), "G[0,2] x <= 1", **BASE)
+    assert env.specification.steps == 2
+
+    class Breaks(Walk):
+        def step(self, action: Any) -> Any:
+            observation, reward, ended, _, info = super().step(action)
+            return observation, reward, ended, True, info
+
+    assert walk(wrapped(Breaks(), "G[0,4] x <= 1"), RIGHT)[0][1:4] == (0.5 + 3 * 0.5, True, False)
+
+
+# -------------------------------------------------------------------------------------------------------- observations
+
+
+def test_a_dict_is_kept_and_gets_one_more_key() -> None:
+    env = wrapped(Walk(kind="dict"), names={"mirror": ["x"]}, method="flag", formula="F[0,2] G[0,2] x <= 1")
+    assert isinstance(env.observation_space, Dict)
+    assert set(env.observation_space.spaces) == {"place", "mirror", "stl"}
+    observation, info = env.reset(options={"x": 0.5})
+    assert observation in env.observation_space
+    assert observation["stl"][0] == -1
+    assert info["signals"].tolist() == [[-0.5]]
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_picture_stays_a_picture() -> None:
+    env = wrapped(Walk(kind="picture"), names=None, signals={"x": "doubled / 2"})
+    observation, info = env.reset(options={"x": 3})
+    assert {key: value.shape for key, value in observation.items()} == {"observation": (4, 4, 3), "stl": (1,)}
+    assert info["signals"].item() == 3
+    check_env(env, skip_render_check=True)
+
+
+def test_rendering_and_attributes_are_the_environments() -> None:
+    inner = Walk(wall=9.0)
+    env = wrapped(inner)
+    env.reset(options={"x": 3})
+    picture: Any = env.render()
+    assert (env.render_mode, picture[0, 0, 0], env.get_wrapper_attr("wall")) == ("rgb_array", 103, 9.0)
+    assert (env.unwrapped, env.action_space) == (inner, inner.action_space)
+
+
+# ----------------------------------------------------------------------------------------------------------- checkers
+
+CART: dict[str, Any] = {
+    "names": ("x", "v", "theta", "omega"),
+    "ranges": {"theta": (-0.42, 0.42)},
+    "method": "funnel",
+}
+PENDULUM: dict[str, Any] = {
+    "signals": lambda observation, info: {"theta": np.arctan2(observation[1], observation[0])},
+    "ranges": {"theta": (-3.2, 3.2)},
+}
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: stlbench.wrap(gymnasium.make("CartPole-v1"), "G abs(theta) <= 0.2", **CART),
+        lambda: stlbench.wrap(
+            gymnasium.make("Pendulum-v1"), "F[0,99] G[0,99] abs(theta) <= 0.2", method="flag", **PENDULUM
+        ),
+        lambda: wrapped(Walk(noise=0.1), "F[0,3] x >= 1", steps=8, method="funnel"),
+        lambda: wrapped(Walk(noise=0.1, kind="dict"), names={"place": ("x", "minus")}, terminated="interval"),
+    ],
+    ids=["cartpole", "pendulum", "random", "dict"],
+)
+@pytest.mark.filterwarnings("ignore::UserWarning")  # of the environments themselves, and that they are wrapped
+def test_gymnasium_and_stable_baselines_accept_it(make: Callable[[], StlWrapper]) -> None:
+    from stable_baselines3.common.env_checker import check_env as check_for_sb3
+
+    check_env(make(), skip_render_check=True)  # pictures need pygame
+    check_for_sb3(make())
+
+
+def test_stable_baselines_trains_on_it_and_its_monitor_has_the_verdict() -> None:
+    from stable_baselines3 import DQN
+    from stable_baselines3.common.monitor import Monitor
+
+    env = stlbench.wrap(gymnasium.make("CartPole-v1"), "G abs(theta) <= 0.2", **CART)
+    watched = Monitor(env, info_keywords=("robustness", "satisfied"))
+    model = DQN("MlpPolicy", watched, learning_starts=10, seed=0).learn(80)
+    assert [row["satisfied"] for row in model.ep_info_buffer or ()]
+
+
+# --------------------------------------------------------------------------------------- the same as within the harness
+
+
+class Shown(gymnasium.Env[Any, Any]):
+    """A task's system, without reward or time, as somebody else would have written it."""
+
+    def __init__(self, task: Task) -> None:
+        self.task, self.action_space = task, gymnasium.spaces.Discrete(task.actions.size)  # type: ignore[union-attr]
+        size = task.system.features(np.zeros((1, len(task.system.state))), np.array([0])).shape[1]
+        self.observation_space = Box(-np.inf, np.inf, (size,), np.float64)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.state, self.t = np.array([(options or {})["state"]]), 0
+        return self._observe()
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        self.state = self.task.system.step(self.state, self.task.actions.vectors[[action]])  # type: ignore[union-attr]
+        self.t += 1
+        observation, info = self._observe()
+        return observation, 0.0, False, False, info
+
+    def _observe(self) -> tuple[Any, dict[str, Any]]:
+        signals = dict(zip(self.task.signals, self.task.system.signals(self.state)[0], strict=True))
+        return self.task.system.features(self.state, np.array([self.t]))[0], signals
+
+
+@pytest.mark.parametrize("method", ["funnel", "flag", "raw", "tau-mdp"])
+def test_rewards_memory_and_robustness_are_those_of_the_simulator(method: str) -> None:
+    task = load_task("hold-disc")
+    plain = replace(task.specification, nested=None)
+    simulator = Simulator(task, plugins.build("methods", Choice(method), plain))
+    file, start = task.file, np.array([[2.4, 1.8, 0.3]])
+    ranges = {name: (signal.low, signal.high) for name, signal in file.signals.items()}
+    env = stlbench.wrap(Shown(task), str(task.formula), ranges=ranges, method=method, steps=file.steps)
+    theirs, (ours, info) = simulator.reset(start), env.reset(options={"state": start[0]})
+    np.testing.assert_array_equal(ours, theirs[0])
+    generator, trace = np.random.default_rng(3), [simulator.signals.copy()]
+    while info["t"] < file.steps:
+        action = generator.integers(task.actions.size, size=1)  # type: ignore[union-attr]
+        held = simulator.advance(action)
+        ours, reward, *_, info = env.step(action[0])
+        np.testing.assert_array_equal(ours, simulator.observe()[0])
+        assert reward == held.reward[0]
+        trace.append(held.samples[:, 0])
+    score = referee.score(task.formula, np.stack(trace, axis=1), task.signals)
+    assert (info["robustness"], info["satisfied"]) == (score.robustness[0], score.satisfied[0])
+
+
+# ---------------------------------------------------------------------------------------------------------- bad input
+
+
+class Late(RewardMethod):
+    """A class that takes the place of a name."""
+
+    def __init__(self, specification: Specification, *, pay: float = 3.0) -> None:
+        super().__init__(specification)
+        self.pay = pay
+
+    def arrival(self, signals: Any, t: Any) -> Any:
+        return np.full(np.shape(t), self.pay)
+
+
+def test_a_method_is_a_name_with_parameters_a_class_or_what_makes_one() -> None:
+    assert walk(wrapped(method=Late), STAY)[0][1] == 3.0
+    assert walk(wrapped(method=lambda given: Late(given, pay=4.0)), STAY)[0][1] == 4.0
+    assert wrapped(method="funnel[ginf=0.02]").method.specification.steps == 4
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"formula": "G[0,4] y <= 1"}, "formula: no signal 'y'; there are: x"),
+        ({"formula": "G[0,4] x <"}, "formula: line 1, column 11: expected"),
+        ({"formula": "G[0,5] x <= 1"}, "formula: its horizon of 5 steps exceeds the 4 steps of an episode"),
+        ({"formula": "G[0,.3] x <= 1", "dt": 0.2}, "formula: line 1, column 5: expected a whole number of steps"),
+        ({"signals": {"y": "x"}, "formula": "G[0,4] y <= 1"}, "ranges: none for the signal 'y'"),
+        ({"signals": {"y": "x"}, "ranges": {"x": (0, 1), "y": (0, 1)}}, "ranges: no signal 'x'; there are: y"),
+        ({"ranges": {"x": (1, 1)}}, r"ranges: 'x' has \(low, high\), finite and low < high, got \(1, 1\)"),
+        ({"method": "funel"}, "no method 'funel'; did you mean 'funnel'"),
+        ({"method": "funnel", "formula": "x > 0 U[0,4] x >= 1"}, "method funnel does not fit: until at column 7"),
+        ({"method": lambda given: None}, "method: expected a name or a class"),
+        ({"steps": None}, "steps: the environment says no time limit; give the length of an episode"),
+        ({"steps": 0}, "steps is a whole number, at least 1, got 0"),
+        ({"terminated": "violate"}, "terminated: no 'violate'; did you mean 'violated'"),
+        ({"discount": 1.5}, "discount is in 0..1, got 1.5"),
+        ({"signals": lambda o, i: {}}, "names are for expressions"),
+    ],
+)
+def test_what_does_not_fit_is_one_clear_line(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        wrapped(**options)
+
+
+def test_actions_that_are_no_numbers_and_no_environment() -> None:
+    env = Walk()
+    env.action_space = Dict({"push": env.action_space})
+    with pytest.raises(UsageError, match="actions are numbers, a Box or Discrete; the environment has Dict"):
+        wrapped(env)
+    with pytest.raises(UsageError, match=r"wrap takes an environment of Gymnasium, .* got 'Pendulum-v1'"):
+        stlbench.wrap("Pendulum-v1", "G x <= 1", **BASE)  # type: ignore[call-overload]
+    with pytest.raises(ResetNeeded):
+        wrapped().step(STAY)
