@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from stlbench import __version__
+from stlbench.cli.check import check
 from stlbench.cli.common import Commands, refuse
 from stlbench.cli.compare import compare
 from stlbench.cli.export import export
@@ -37,6 +38,7 @@ app.command("run", short_help="Train and score methods on tasks, and compare the
 app.command("plan", short_help="What the rewards of a task ask for, by planning, without training.")(plan)
 app.command("tune", short_help="Find a recipe for each method, with the same number of trials.")(tune)
 app.command("list")(list_plugins)
+app.command("check", short_help="Does a plugin keep the rules of its contract?")(check)
 app.add_typer(show, name="show")
 app.command("export", short_help="Write results for other programs.")(export)
 app.add_typer(results, name="results")

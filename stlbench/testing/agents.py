@@ -1,0 +1,187 @@
+"""The rules of an agent, on small tasks that it trains on for a moment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import cast
+
+import numpy as np
+
+from stlbench.contract import (
+    ActionBox,
+    ActionGrid,
+    Actions,
+    Agent,
+    Array,
+    Integers,
+    Policy,
+    StatePolicy,
+    Training,
+    Unsuitable,
+)
+from stlbench.errors import UsageError
+from stlbench.registry import choices, plugins
+from stlbench.registry.choices import Choice, parse_choice
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.model import model_of
+from stlbench.rollout.referee import record, start_states
+from stlbench.task import Task
+from stlbench.testing.line import FORMS, Form, Nearness, line_task
+from stlbench.testing.rules import RuleBroken, Rules
+
+__all__ = ["check_agent"]
+
+_HOLD = "hold"
+"""In a search space, of the task and no parameter of the agent."""
+
+
+def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
+    """Check an agent by short trainings on a point on a line: with a grid of actions, continuous ones, two robots.
+
+    The rules: `search_space` has parameters and values that fit them; `cost` grows with observations and decisions;
+    training takes no more than its budget and reports policies that later training does not change; the same seed gives
+    the same policies, bit for bit; a policy's actions are the task's, pure, and those of a batch are its rows' one by
+    one. An agent may refuse some of the tasks.
+
+    Args:
+        agent: a class, made with its default parameters, or the name of an installed agent with parameters.
+        rules: takes those that are kept, for a caller that lists them.
+
+    Raises:
+        AssertionError: the rule that is broken.
+        Unsuitable: the agent cannot train on any of the tasks, or on this machine; no rule is broken.
+        UsageError: no such agent, or a wrong parameter; the message says what there is.
+    """
+    rules, made = rules or Rules(), _made(agent)
+    _check_search_space(made, rules)
+    compile_it = made.uncompiled()
+    rules.keep(compile_it is None or callable(compile_it), "uncompiled is None or can be called", compile_it)
+    if compile_it is not None:
+        compile_it()
+    refusals = [refusal for form in FORMS if (refusal := _refusal(made, form, rules)) is not None]
+    if len(refusals) == len(FORMS):
+        raise refusals[0]
+
+
+def _refusal(agent: Agent, form: Form, rules: Rules) -> Unsuitable | None:
+    """Check it on one task: None, or why it refuses that."""
+    rule = f"with {form.text}, it trains or raises Unsuitable"
+    try:
+        _check_training(agent, line_task(form), rules)
+    except Unsuitable as refusal:
+        return refusal
+    except RuleBroken:
+        raise
+    except Exception as error:
+        said = " ".join(f"{type(error).__name__}: {error}".split())
+        raise RuleBroken(f"rule broken: {rule}; got {said}") from error
+    rules.keep(True, rule, None)
+    return None
+
+
+def _made(agent: type[Agent] | str) -> Agent:
+    return agent() if not isinstance(agent, str) else cast(Agent, plugins.build("agents", parse_choice(agent)))
+
+
+def _check_search_space(agent: Agent, rules: Rules) -> None:
+    known = choices.declared(type(agent))
+    for name, values in agent.search_space.items():
+        rules.keep(name == _HOLD or name in known, "search_space names parameters of the agent, and hold", name)
+        rules.keep(len(values) > 0, "search_space has values for each parameter", f"none for {name}")
+        for value in () if name == _HOLD else values:
+            rules.keep(_fits(known, name, value), "values of search_space are of their type", f"{name} = {value!r}")
+
+
+def _fits(known: dict[str, choices.Parameter], name: str, value: object) -> bool:
+    try:
+        choices.check({name: known[name]}, Choice("agent"), {name: value})
+    except UsageError:
+        return False
+    return True
+
+
+# ---------------------------------------------------------------------------------------------------------- training
+
+
+@dataclass
+class _Trained:
+    """What came of one training."""
+
+    final: Policy | StatePolicy
+    taken: int
+    reported: list[tuple[Policy | StatePolicy, int, bytes]] = field(default_factory=list)
+    """Policy, steps so far, and its traces at that moment."""
+
+
+def _train(agent: Agent, task: Task, behave: Callable[[Policy | StatePolicy], bytes]) -> _Trained:
+    method, budget = Nearness(task.specification), task.budget("check")
+    made, reported = list[BatchEnvironment](), list[tuple[Policy | StatePolicy, int, bytes]]()
+
+    def make(count: int) -> BatchEnvironment:
+        made.append(BatchEnvironment(task, method, count, 1))
+        return made[-1]
+
+    model = None if agent.plans is None else model_of(task, method)
+    training = Training(
+        make, budget.steps, 2, lambda policy, steps: reported.append((policy, steps, behave(policy))), 3, model
+    )
+    final = agent.train(training)
+    return _Trained(final, sum(environment.taken for environment in made), reported)
+
+
+def _check_training(agent: Agent, task: Task, rules: Rules) -> None:
+    method, states = Nearness(task.specification), start_states(task)[0]
+
+    def behave(policy: Policy | StatePolicy) -> bytes:
+        if isinstance(policy, Policy):
+            _check_actions(policy, task, rules)
+        return record(task, method, policy, states).tobytes()
+
+    _check_cost(agent, task.actions, rules)
+    once, again = _train(agent, task, behave), _train(agent, task, behave)
+    steps, budget = [at for _, at, _ in once.reported], task.budget("check").steps
+    rules.keep(once.taken <= budget, f"training takes at most its budget, {budget} environment steps", once.taken)
+    rules.keep(len(steps) > 0, "training reports a policy", "none")
+    rules.keep(len(steps) <= 8, "policies are reported about `checkpoints` times, here 3", len(steps))
+    ordered = steps == sorted(steps) and steps[0] >= 0 and steps[-1] <= budget
+    rules.keep(ordered, "reports count the environment steps so far", steps)
+    changed = [at for policy, at, traces in once.reported if behave(policy) != traces]
+    rules.keep(not changed, "a policy that was reported does not change", f"one of step {changed[:1]} that did")
+    same = [traces for *_, traces in once.reported] == [traces for *_, traces in again.reported]
+    rules.keep(same, "the same seed gives the same reported policies, bit for bit", "others")
+    rules.keep(behave(once.final) == behave(again.final), "the same seed gives the same final policy", "another")
+
+
+def _check_cost(agent: Agent, actions: Actions, rules: Rules) -> None:
+    costs = [agent.cost(size, actions, decisions) for size, decisions in ((10, 1000), (20, 1000), (20, 2000))]
+    rules.keep(len({cost is None for cost in costs}) == 1, "cost is None for all sizes or for none", costs)
+    known = [cost for cost in costs if cost is not None]
+    positive = all(cost.replay >= 0 and cost.update > 0 for cost in known)
+    rules.keep(positive, "cost has bytes of the replay, at least 0, and work of an update, above 0", known)
+    grows = all(a.replay <= b.replay and a.update <= b.update for a, b in pairwise(known))
+    rules.keep(grows, "cost does not fall where observations or decisions are more", known)
+
+
+def _check_actions(policy: Policy, task: Task, rules: Rules) -> None:
+    """What it does in observations of the task."""
+    environment = BatchEnvironment(task, Nearness(task.specification), 6, 3)
+    observation = environment.reset()
+    for _ in range(3):
+        observation = environment.step(_some(task.actions)).observation
+
+    def act(observation: Array) -> Array:
+        return np.asarray(policy.act(observation))
+
+    shape = (6,) if isinstance(task.actions, ActionGrid) else (6, len(task.actions.names))
+    action = rules.function("act", act, (observation,), shape)
+    if isinstance(task.actions, ActionGrid):
+        valid = action.dtype.kind in "iu" and bool(np.all((action >= 0) & (action < task.actions.size)))
+        rules.keep(valid, f"actions are whole numbers in 0..{task.actions.size - 1}", action)
+
+
+def _some(actions: Actions) -> Integers | Array:
+    if isinstance(actions, ActionBox):
+        return np.tile(np.array(actions.high), (6, 1))
+    return np.arange(6) % actions.size

@@ -1,0 +1,134 @@
+"""The rules of an executor: what happens to items that return, raise, take too long or end their process."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from functools import partial
+from typing import Any, NamedTuple, cast
+
+from stlbench.contract import Executor, Outcome
+from stlbench.registry import plugins
+from stlbench.registry.choices import parse_choice
+from stlbench.testing.rules import Rules
+
+__all__ = ["check_executor"]
+
+_PATIENCE = 600.0
+"""Deadline, in seconds, of items that are to end by themselves."""
+_SHORT = 3.0
+"""Deadline of the one that would not, for far longer."""
+_LONG = 60.0
+
+Place = tuple[str, int]
+
+
+class _Item(NamedTuple):
+    """What a worker is to do: "return", "raise", "sleep" or "exit"."""
+
+    what: str
+    number: int = 0
+
+
+def check_executor(executor: type[Executor] | str, rules: Rules | None = None) -> None:
+    """Check an executor on small items, with one and with two jobs. It takes about 10 seconds on a machine at rest.
+
+    The rules: each item has one outcome, with its value; with one job they come in order; an item that raises, passes
+    its deadline or ends its process is told as that, in one line, and leaves the others alone; items run in another
+    process than this one; closing the iterator stops what runs.
+
+    Args:
+        executor: a class, or the name of an installed executor with parameters other than `jobs`.
+        rules: takes those that are kept, for a caller that lists them.
+
+    Raises:
+        AssertionError: the rule that is broken.
+        UsageError: no such executor, or a wrong parameter; the message says what there is.
+    """
+    rules, one, two = rules or Rules(), _made(executor, 1), _made(executor, 2)
+    rules.keep(list(one.run(_work, [], [])) == [], "no items have no outcomes", "some")
+    _check_values(one, two, rules)
+    _check_raise(two, rules)
+    _check_apart(one, rules)
+    _check_accidents(two, rules)
+    _check_close(two, rules)
+
+
+def _made(executor: type[Executor] | str, jobs: int) -> Executor:
+    if not isinstance(executor, str):
+        return executor(jobs=jobs)
+    return cast(Executor, plugins.build("executors", parse_choice(executor), defaults={"jobs": jobs}))
+
+
+def _work(item: _Item, home: Place = ("", 0)) -> Any:
+    """What a worker does. Nothing that would harm this process is done in it."""
+    if item.what == "raise":
+        raise ValueError(f"item {item.number}\nof two lines")
+    if item.what == "place" or (item.what in ("sleep", "exit") and home == _place()):
+        return _place()
+    if item.what == "sleep":
+        time.sleep(_LONG)
+    if item.what == "exit":
+        os._exit(3)
+    return item.number
+
+
+def _place() -> Place:
+    return socket.gethostname(), os.getpid()
+
+
+def _run(executor: Executor, items: Sequence[_Item], deadlines: Sequence[float] = ()) -> list[Outcome]:
+    function = partial(_work, home=_place())
+    return list(executor.run(function, items, deadlines or [_PATIENCE] * len(items)))
+
+
+def _check_values(one: Executor, two: Executor, rules: Rules) -> None:
+    items = [_Item("return", 10 * number) for number in range(4)]
+    in_order, together = _run(one, items), _run(two, items)
+    indices = [outcome.index for outcome in in_order]
+    rules.keep(indices == [0, 1, 2, 3], "with one job, items end in their order", indices)
+    found = sorted(outcome.index for outcome in together)
+    rules.keep(found == [0, 1, 2, 3], "each item has one outcome", found)
+    for outcome in (*in_order, *together):
+        rules.keep(outcome.status == "done", "an item that returns is done", outcome)
+        rules.keep(outcome.value == 10 * outcome.index, "an outcome has the value of its own item", outcome)
+
+
+def _check_raise(executor: Executor, rules: Rules) -> None:
+    raised, *others = sorted(_run(executor, [_Item("raise", 7), *[_Item("return", 1)] * 3]), key=lambda o: o.index)
+    rules.keep(raised.status == "raised", "an item that raises has raised", raised)
+    said = raised.reason.startswith("ValueError: item 7") and "\n" not in raised.reason
+    rules.keep(said, "the exception is the reason, in one line", repr(raised.reason))
+    rules.keep("_work" in raised.details, "the traceback is in the details", repr(raised.details))
+    rules.keep(_done(others, 3), "a raise leaves the other items alone", others)
+
+
+def _check_apart(executor: Executor, rules: Rules) -> None:
+    (outcome,) = _run(executor, [_Item("place")])
+    rules.keep(tuple(outcome.value) != _place(), "items run in another process than the caller's", outcome.value)
+
+
+def _check_accidents(executor: Executor, rules: Rules) -> None:
+    items = [_Item("exit"), _Item("sleep"), *[_Item("return", 1)] * 3]
+    ended = sorted(_run(executor, items, [_PATIENCE, _SHORT, *[_PATIENCE] * 3]), key=lambda o: o.index)
+    rules.keep(len(ended) == len(items), "each item has one outcome", ended)
+    killed, late, *others = ended
+    rules.keep(killed.status == "killed" and killed.reason != "", "an item that ends its process is killed", killed)
+    rules.keep(late.status == "timeout", "an item is stopped at its deadline, as timeout", late)
+    rules.keep(_done(others, 3), "such accidents leave the other items alone", others)
+
+
+def _done(outcomes: Sequence[Outcome], count: int) -> bool:
+    return [outcome.status for outcome in outcomes] == ["done"] * count
+
+
+def _check_close(executor: Executor, rules: Rules) -> None:
+    begin = time.monotonic()
+    items, deadlines = [_Item("return"), _Item("sleep"), _Item("sleep")], [_PATIENCE] * 3
+    with closing(executor.run(partial(_work, home=_place()), items, deadlines)) as outcomes:
+        next(outcomes)
+    took = time.monotonic() - begin
+    rules.keep(took < _LONG, "closing the iterator stops what runs", f"an end after {took:.0f} s, of its own accord")

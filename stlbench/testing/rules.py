@@ -1,0 +1,57 @@
+"""Rules of the contract: each is checked, and the first that is broken ends the check."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from stlbench.contract import Array, Integers
+
+__all__ = ["RuleBroken", "Rules"]
+
+
+class RuleBroken(AssertionError):
+    """The message names the rule and what there was instead."""
+
+
+class Rules:
+    """The rules that a check has found kept so far."""
+
+    def __init__(self) -> None:
+        self._kept = dict[str, None]()
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Each once, in the order in which they were first checked."""
+        return tuple(self._kept)
+
+    def keep(self, kept: bool, rule: str, got: object) -> None:
+        """Say whether a rule is kept, and else what there is. Raises `RuleBroken`."""
+        if not kept:
+            self._kept.pop(rule, None)  # at another time it was kept
+            raise RuleBroken(f"rule broken: {rule}; got {got}")
+        self._kept[rule] = None
+
+    def function(
+        self,
+        name: str,
+        function: Callable[..., Array],
+        arguments: tuple[Array | Integers, ...],
+        shape: tuple[int | None, ...],
+    ) -> Array:
+        """Shape (None: any), finite values, purity, and that a batch is its rows one by one: the value."""
+        copies = tuple(argument.copy() for argument in arguments)
+        value = np.array(function(*copies))
+        fits = value.ndim == len(shape) and all(size in (None, n) for size, n in zip(shape, value.shape, strict=True))
+        self.keep(fits, f"{name} has shape {shape}", value.shape)
+        self.keep(bool(np.isfinite(value).all()), f"{name} is finite", value)
+        self.keep(
+            all(map(np.array_equal, copies, arguments)), f"{name} leaves its arguments alone", "one that it changed"
+        )
+        self.keep(np.array_equal(function(*copies), value), f"{name} is pure", "another value for the same arguments")
+        for i in range(len(value)):
+            row = function(*(argument[i : i + 1] for argument in copies))
+            same = np.allclose(row, value[i : i + 1])
+            self.keep(same, f"{name} of a batch is that of its rows", f"a difference in row {i}")
+        return value

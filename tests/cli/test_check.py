@@ -1,0 +1,53 @@
+"""`stlbench check`: which plugin is meant, the lines, and the exit code."""
+
+from __future__ import annotations
+
+
+def test_the_kind_is_found_by_the_name(say, toy):
+    done = say("check", "toy-raw")
+    assert done.exit_code == 1  # its rewards are larger than its scale says
+    *kept, broken, ending = done.stdout.splitlines()
+    assert kept[0] == "kept    memory_size is a whole number, at least 0"
+    assert all(line.startswith("kept  ") for line in kept)
+    assert broken.startswith("broken  rewards are at most about scale = 1 in size; got ")
+    assert ending.startswith(f"method 'toy-raw' of toy-plugins 1.2: {len(kept)} rules are kept, and one is broken")
+
+
+def test_what_keeps_all_rules_ends_with_0_also_in_a_folder(say, toy):
+    for name in ("toy-line", "../toy_plugins/line"):
+        done = say("check", name)
+        assert done.exit_code == 0, done.stdout
+        assert done.stdout.splitlines()[-1].endswith("rules are kept, none is broken")
+
+
+def test_an_agent_that_cannot_take_continuous_actions_has_to_say_so(say, toy):
+    done = say("check", "toy-agent[action=1]")
+    assert done.exit_code == 1
+    assert "broken  with continuous actions, it trains or raises Unsuitable; got IndexError: " in done.stdout
+
+
+def test_an_error_of_the_plugin_is_a_broken_rule_with_its_place(say, toy):
+    done = say("check", "toy-wrong")
+    assert done.exit_code == 1
+    assert (
+        "broken  it raises nothing that the contract does not name; got ValueError: no [such] luck (methods.py, line"
+        in (done.stdout)
+    )
+
+
+def test_bad_input_is_one_line_and_2(say, toy):
+    for words, said in (
+        (("toy-rav",), "no method 'toy-rav'; did you mean 'toy-raw'?"),
+        (("zzzz",), "no plugin 'zzzz'; `stlbench list methods` and its like say what there is"),
+        (("toy-line", "--kind", "agent"), "no agent 'toy-line'"),
+        (
+            ("toy-agent", "--task", "toy-line"),
+            "--task is for a method, and agent 'toy-agent' of toy-plugins 1.2 is none",
+        ),
+        (("toy-large",), "method 'toy-large' of toy-plugins 1.2 refuses what it is checked on: needs 6003 inputs"),
+        (("./funnel", "--kind", "method"), "./funnel: only a task can be a folder"),
+    ):
+        done = say("check", *words)
+        assert done.exit_code == 2
+        assert done.stderr.startswith(f"error: {said}")
+        assert done.stderr.count("\n") == 1

@@ -1,0 +1,153 @@
+"""The checks of an agent notice what breaks the contract."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stlbench.contract import ActionGrid, Agent, Array, Cost, Policy, Training, Unsuitable
+from stlbench.errors import UsageError
+from stlbench.testing import Rules, check_agent
+
+
+class Weighted(Policy):
+    """Linear scores on a grid; linear actions in a box."""
+
+    def __init__(self, weights: Array, grid: bool) -> None:
+        self.weights, self.grid = weights, grid
+
+    def act(self, observation: Array) -> Any:
+        found = observation @ self.weights
+        return found.argmax(axis=1) if self.grid else found
+
+
+class Sound(Agent):
+    """Random weights, three times."""
+
+    copies = 4
+    search_space = {"rate": (0.1, 1.0), "hold": (1, 2)}  # noqa: RUF012
+
+    def __init__(self, *, rate: float = 1.0) -> None:
+        self.rate = rate
+
+    def train(self, training: Training) -> Policy:
+        environment = training.make(self.copies)
+        grid = isinstance(environment.actions, ActionGrid)
+        out = environment.actions.size if isinstance(environment.actions, ActionGrid) else len(environment.actions.low)
+        generator, observation = np.random.default_rng(training.seed), environment.reset()
+        policy = Weighted(np.zeros((environment.observation_size, out)), grid)
+        for part in range(1, 4):
+            policy = Weighted(self.rate * generator.normal(size=policy.weights.shape), grid)
+            for _ in range(training.steps // (3 * self.copies)):
+                observation = environment.step(policy.act(observation)).observation
+            training.report(policy, part * training.steps // 3)
+        return policy
+
+    def cost(self, size: int, actions: Any, decisions: int) -> Cost | None:
+        return Cost(8 * size * decisions, size)
+
+
+def test_a_sound_agent_keeps_all_rules() -> None:
+    rules = Rules()
+    check_agent(Sound, rules)
+    assert rules.kept[-1] == "with two robots with 3 actions each, it trains or raises Unsuitable"
+    assert "the same seed gives the same final policy" in rules.kept
+
+
+def test_an_agent_that_plans() -> None:
+    check_agent("planner[resolution=0.5]")
+
+
+def broken(**parts: Any) -> type[Agent]:
+    return type("Broken", (Sound,), parts)
+
+
+def trained(change: Callable[[Training], Training]) -> type[Agent]:
+    """`Sound`, with another training than that it is given."""
+    return broken(train=lambda self, training: Sound.train(self, change(training)))
+
+
+def acting(change: Callable[[Any], Any]) -> type[Agent]:
+    """`Sound`, whose policies act otherwise."""
+
+    class Otherwise(Weighted):
+        def act(self, observation: Array) -> Any:
+            return change(super().act(observation))
+
+    def train(self: Any, training: Training) -> Policy:
+        final = Sound.train(self, Training(training.make, training.steps, training.seed, lambda policy, at: None))
+        assert isinstance(final, Weighted)
+        policy = Otherwise(final.weights, final.grid)
+        training.report(policy, training.steps)
+        return policy
+
+    return broken(train=train)
+
+
+seeds = iter(range(1000))
+
+
+@pytest.mark.parametrize(
+    ("agent", "rule"),
+    [
+        (broken(search_space={"rat": (1,)}), "search_space names parameters of the agent, and hold; got rat"),
+        (broken(search_space={"rate": ()}), "search_space has values for each parameter; got none for rate"),
+        (broken(search_space={"rate": ("x",)}), "values of search_space are of their type; got rate = 'x'"),
+        (broken(cost=lambda self, size, *_: Cost(1, 1 / size)), "cost does not fall where observations or decisions"),
+        (broken(cost=lambda self, size, *_: Cost(-1, 1)), "cost has bytes of the replay, at least 0"),
+        (broken(uncompiled=lambda self: 3), "uncompiled is None or can be called; got 3"),
+        (
+            trained(lambda t: Training(t.make, 2 * t.steps, t.seed, lambda policy, at: t.report(policy, 1))),
+            "training takes at most its budget, 2000 environment steps; got 39",
+        ),
+        (trained(lambda t: Training(t.make, t.steps, t.seed, lambda policy, at: None)), "training reports a policy"),
+        (
+            trained(lambda t: Training(t.make, t.steps, t.seed, lambda policy, at: t.report(policy, -at))),
+            "reports count the environment steps so far",
+        ),
+        (
+            trained(lambda t: Training(t.make, t.steps, next(seeds), t.report)),
+            "the same seed gives the same reported policies, bit for bit",
+        ),
+        (
+            broken(train=lambda self, training: 1 / 0),
+            "with one of 5 actions, it trains or raises Unsuitable",
+        ),
+        (acting(lambda action: action[:, None]), r"act has shape \(6,\); got \(6, 1\)"),
+        (acting(lambda action: action + 100), r"actions are whole numbers in 0\.\.4"),
+        (acting(lambda action: action * 1.0), r"actions are whole numbers in 0\.\.4"),
+        (acting(lambda action: action * 0 + next(seeds) % 5), "act is pure"),
+        (acting(lambda action: action * 0 + min(4, len(action))), "act of a batch is that of its rows"),
+    ],
+)
+def test_an_agent_that_breaks_a_rule_is_told_which(agent: type[Agent], rule: str) -> None:
+    with pytest.raises(AssertionError, match=f"^rule broken: {rule}"):
+        check_agent(agent)
+
+
+def test_a_policy_that_later_training_changes_is_not_frozen() -> None:
+    def train(self: Any, training: Training) -> Policy:
+        policy = Weighted(np.zeros((training.make(1).observation_size, 5)), True)
+        for at in (1, 2):
+            policy.weights[0] = [at, 0, 0, 0, -at] if at == 1 else [-at, 0, 0, 0, at]
+            training.report(policy, at)
+        return policy
+
+    with pytest.raises(AssertionError, match=r"^rule broken: a policy that was reported does not change; got one of"):
+        check_agent(broken(train=train))
+
+
+def test_an_agent_that_refuses_all_tasks_says_why() -> None:
+    def train(self: Any, training: Training) -> Policy:
+        raise Unsuitable("only weather")
+
+    with pytest.raises(Unsuitable, match="only weather"):
+        check_agent(broken(train=train))
+
+
+def test_a_mistyped_agent_fails_and_says_what_there_is() -> None:
+    with pytest.raises(UsageError, match=r"no agent 'dqm'; did you mean 'dqn'\?"):
+        check_agent("dqm")

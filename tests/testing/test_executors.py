@@ -1,0 +1,71 @@
+"""The checks of an executor: the built-in one keeps the rules, and what breaks one is told which."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from stlbench.contract import Executor, Outcome
+from stlbench.errors import UsageError
+from stlbench.testing import Rules, check_executor
+
+
+def test_the_built_in_executor() -> None:
+    rules = Rules()
+    check_executor("local", rules)
+    assert rules.kept[-1] == "closing the iterator stops what runs"
+
+
+class Inline(Executor):
+    """In this process, one after the other."""
+
+    def run(
+        self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
+    ) -> Generator[Outcome]:
+        for index, item in enumerate(items):
+            try:
+                yield self.changed(Outcome(index, "done", function(item)))
+            except Exception as error:
+                yield self.raised(index, error)
+
+    def changed(self, outcome: Outcome) -> Outcome:
+        return outcome
+
+    def raised(self, index: int, error: Exception) -> Outcome:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        return Outcome(index, "raised", reason=reason, details="in _work")
+
+
+def broken(**parts: Any) -> type[Executor]:
+    return type("Broken", (Inline,), parts)
+
+
+@pytest.mark.parametrize(
+    ("executor", "rule"),
+    [
+        (Inline, "items run in another process than the caller's"),
+        (broken(changed=lambda self, o: replace(o, index=3 - o.index)), "with one job, items end in their order"),
+        (broken(changed=lambda self, o: replace(o, value=1)), "an outcome has the value of its own item"),
+        (broken(changed=lambda self, o: replace(o, status="killed")), "an item that returns is done"),
+        (broken(raised=lambda self, index, error: Outcome(index, "killed")), "an item that raises has raised"),
+        (
+            broken(raised=lambda self, index, error: Outcome(index, "raised", reason=f"ValueError: {error}")),
+            "the exception is the reason, in one line",
+        ),
+        (
+            broken(raised=lambda self, index, error: Outcome(index, "raised", reason="ValueError: item 7")),
+            "the traceback is in the details",
+        ),
+    ],
+)
+def test_an_executor_that_breaks_a_rule_is_told_which(executor: type[Executor], rule: str) -> None:
+    with pytest.raises(AssertionError, match=f"^rule broken: {rule}"):
+        check_executor(executor)
+
+
+def test_a_mistyped_executor_fails_and_says_what_there_is() -> None:
+    with pytest.raises(UsageError, match=r"no executor 'locl'; did you mean 'local'\?"):
+        check_executor("locl")

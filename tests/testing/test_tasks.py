@@ -1,0 +1,99 @@
+"""Every installed task keeps the contract, and the checks notice what does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.line_task import text
+
+from stlbench.errors import UsageError
+from stlbench.registry import plugins
+from stlbench.testing import check_task
+
+TASKS = plugins.available("tasks")
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_every_installed_task(task: str) -> None:
+    check_task(task)
+
+
+SYSTEM = """
+import numpy as np
+from stlbench.contract import System
+class Line(System):
+    state = ("x",)
+    def step(self, state, action): return {step}
+    def signals(self, state): return {signals}
+    def features(self, state, t): return {features}
+    def scaled_state(self, state): return {scaled_state}
+    def changed(self, state): state += 1; return state
+    def initial_states(self, points): return {initial_states}
+    def controller(self, state, t): return {controller}
+"""
+SOUND = {
+    "step": "state + self.dt * action",
+    "signals": "state",
+    "features": "state",
+    "scaled_state": "state / 10",
+    "initial_states": "points",
+    "controller": "-state",
+}
+
+
+@pytest.mark.parametrize(
+    ("parts", "changes", "rule"),
+    [
+        ({"step": "np.hstack([state, state])"}, {}, r"step has shape \(8, 1\); got \(8, 2\)"),
+        ({"step": "state / 0"}, {}, "step is finite"),
+        ({"step": "self.changed(state)"}, {}, "step leaves its arguments alone"),
+        ({"step": "state + np.random.normal()"}, {}, "step is pure"),
+        ({"step": "state - state.mean()"}, {}, "step of a batch is that of its rows"),
+        ({"features": "100 * state"}, {}, r"features are about in \[-1, 1\]"),
+        ({"features": "state[:, 0]"}, {}, r"features has shape"),
+        ({"scaled_state": "100 * state"}, {}, r"the scaled state is about in \[-1, 1\]"),
+        ({"scaled_state": "state[:, 0]"}, {}, r"scaled_state has shape"),
+        ({"scaled_state": "state - state.mean()"}, {}, "scaled_state of a batch is that of its rows"),
+        ({}, {"initial": {"box": {"x": [10.5, 11]}}}, "initial states lie in the signals' ranges"),
+        ({"initial_states": "points[:, 0]"}, {}, r"initial_states has shape \(8, 1\); got \(8,\)"),
+        ({"initial_states": "points + np.nan"}, {}, "initial_states is finite"),
+        ({"initial_states": "points - points.mean()"}, {}, "initial_states of a batch is that of its rows"),
+        ({"controller": "np.zeros((len(state), 2))"}, {}, r"controller has shape \(8, 1\); got \(8, 2\)"),
+        ({"controller": "state + np.nan"}, {}, "controller is finite"),
+        ({"controller": "self.changed(state)"}, {}, "controller leaves its arguments alone"),
+        ({"controller": "-state if t[0] == 0 else None"}, {}, "a controller always has an action; got None"),
+        ({"controller": "np.ones_like(state)"}, {}, "the controller satisfies the formula from some starts; got rob"),
+        ({}, {"nested": "G[0,2] G[0,2] (x <= 0.9)"}, "the nested form has the formula's robustness"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:(divide by zero|invalid value):RuntimeWarning")
+def test_a_task_that_breaks_a_rule_is_told_which(
+    site: Callable[..., Path], parts: dict[str, str], changes: dict[str, Any], rule: str
+) -> None:
+    files = {
+        "zz_conform/__init__.py": "",
+        "zz_conform/system.py": SYSTEM.format(**(SOUND | parts)),
+        "zz_conform/task.yaml": text(**changes),
+    }
+    site("zz-conform", "[stlbench.tasks]\nzz-conform = zz_conform.system:Line\n", files)
+    with pytest.raises(AssertionError, match=f"^rule broken: {rule}"):
+        check_task("zz-conform")
+
+
+def test_all_recipes_that_their_agents_do_not_understand_are_named(site: Callable[..., Path]) -> None:
+    files = {
+        "zz_conform/__init__.py": "",
+        "zz_conform/system.py": SYSTEM.format(**SOUND),
+        "zz_conform/task.yaml": text(agents={"dqn": {"gama": 1, "head": "no"}, "dnq": {}, "td3": {"gamma": "x"}}),
+    }
+    site("zz-conform", "[stlbench.tasks]\nzz-conform = zz_conform.system:Line\n", files)
+    with pytest.raises(UsageError) as caught:
+        check_task("zz-conform")
+    head, first, second, third = str(caught.value).splitlines()
+    assert head == "task zz-conform: recipes have errors:"
+    assert first.startswith("  agents.dqn: no parameter 'gama'; did you mean 'gamma'?; head should be ")
+    assert second == "  agents.dnq: no agent 'dnq'; did you mean 'dqn'?"
+    assert third == "  agents.td3: gamma should be a number, got 'x' in the recipe"
