@@ -24,7 +24,7 @@ def steps_of(env: gymnasium.Env[Any, Any], steps: int | None) -> int:
 def steps_of_copies(envs: VectorEnv[Any, Any, Any], steps: int | None, mode: AutoresetMode) -> int:
     """The same for a vector environment, which restarts at its own time limit and at no other step."""
     inside = envs.unwrapped
-    limit = _registered(envs) or (_wrapped_limit(inside.envs[0]) if isinstance(inside, SyncVectorEnv) else None)
+    limit = (_wrapped_limit(inside.envs[0]) if isinstance(inside, SyncVectorEnv) else None) or _registered(envs)
     if steps is None:
         return _known(limit)
     if limit is not None and mode is not AutoresetMode.DISABLED and steps != limit:
@@ -57,5 +57,8 @@ def _wrapped_limit(env: gymnasium.Env[Any, Any]) -> int | None:
 
 
 def _registered(env: Any) -> int | None:
-    """The limit that the environment is registered with."""
-    return None if env.spec is None else env.spec.max_episode_steps
+    """The limit that the environment is registered with, or that `gymnasium.make_vec` was given in its place."""
+    if env.spec is None:
+        return None
+    limit: int | None = env.spec.kwargs.get("max_episode_steps", env.spec.max_episode_steps)
+    return limit

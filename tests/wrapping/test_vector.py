@@ -86,6 +86,25 @@ def test_the_length_of_an_episode_is_the_vector_environments() -> None:
     assert envs.specification.steps == 200
 
 
+@pytest.mark.parametrize("mode", ["sync", "vector_entry_point"])
+def test_a_vector_environment_of_gymnasiums_own(mode: str) -> None:
+    """Of those that keep the pole upright the episode is complete; the others fall."""
+    options: dict[str, Any] = {"names": ("x", "v", "angle", "w"), "ranges": {"angle": (-0.42, 0.42)}, "method": "raw"}
+    made = gymnasium.make_vec("CartPole-v1", 4, vectorization_mode=mode, max_episode_steps=30)
+    envs = stlbench.wrap(made, "G abs(angle) <= 0.2", **options)
+    assert envs.specification.steps == 30
+    (observations, _), upright = envs.reset(seed=0), np.array([True, True, False, False])
+    ends = list[Any]()
+    for _ in range(31):
+        actions = np.where(upright, observations[:, 2] + 0.3 * observations[:, 3] > 0, 1)
+        observations, _, terminated, truncated, infos = envs.step(actions.astype(np.int64))
+        assert observations in envs.observation_space
+        rows = np.flatnonzero(terminated | truncated)
+        ends += [(bool(upright[i]), bool(truncated[i]), bool(infos["satisfied"][i])) for i in rows]
+    assert set(ends) == {(True, True, True), (False, False, False)}
+    assert len(ends) >= 6
+
+
 def test_a_vector_environment_that_restarts_late_or_does_not_say_when() -> None:
     endless = SyncVectorEnv([lambda: Walk()] * 2)
     envs = stlbench.wrap(endless, FORMULA, names=("x", "minus"), steps=7, **OPTIONS)
