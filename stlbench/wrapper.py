@@ -153,4 +153,6 @@ def _reader(
         if names is not None:
             raise UsageError("names are for expressions; signals are a function, which is given the whole observation")
         return Function(signals, tuple(ranges), batched)
+    if signals is not None and not isinstance(signals, Mapping):
+        raise UsageError(f"signals: expected a mapping, signal -> expression, or a function, got {signals!r}")
     return Expressions({name: name for name in ranges} if signals is None else signals, entries_of(single, names))

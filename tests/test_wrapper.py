@@ -13,9 +13,13 @@ from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box, Dict
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import TimeLimit
+from helpers.episodes import run
 from helpers.walk_env import RIGHT, STAY, Walk
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import stlbench
+from stlbench import stl
 from stlbench.contract import RewardMethod, Specification
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
@@ -123,6 +127,19 @@ def test_a_truncation_before_the_last_step_is_an_early_end_too() -> None:
             return observation, reward, ended, True, info
 
     assert walk(wrapped(Breaks(), "G[0,4] x <= 1"), RIGHT)[0][1:4] == (0.5 + 3 * 0.5, True, False)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.sampled_from(["raw", "funnel", "flag", "tau-mdp"]), st.lists(st.integers(0, 2), min_size=7, max_size=7))
+def test_every_sample_is_paid_what_the_method_pays_for_it(method: str, actions: list[int]) -> None:
+    env = wrapped(formula="F[0,4] G[0,3] x >= 0.5", steps=7, method=method)
+    steps = walk(env, *map(np.int64, actions))
+    trace = np.concatenate([[0.0], *[info["signals"][:, 0] for *_, info in steps]])
+    rewards, memories = run(env.method, trace)
+    assert [reward for _, reward, *_ in steps] == rewards[0, 1:].tolist()
+    shown = env.method.inputs(memories[0, 1:]) if env.method.memory_size else np.empty((7, 0))
+    np.testing.assert_array_equal([observation[3:] for observation, *_ in steps], shown.astype(np.float32))
+    assert steps[-1][-1]["robustness"] == stl.robustness(env.specification.formula, trace[:, None], ["x"])
 
 
 # -------------------------------------------------------------------------------------------------------- observations
@@ -278,6 +295,8 @@ def test_a_method_is_a_name_with_parameters_a_class_or_what_makes_one() -> None:
         ({"signals": {"y": "x"}, "formula": "G[0,4] y <= 1"}, "ranges: none for the signal 'y'"),
         ({"signals": {"y": "x"}, "ranges": {"x": (0, 1), "y": (0, 1)}}, "ranges: no signal 'x'; there are: y"),
         ({"ranges": {"x": (1, 1)}}, r"ranges: 'x' has \(low, high\), finite and low < high, got \(1, 1\)"),
+        ({"ranges": {"x": 3}}, r"ranges: 'x' has \(low, high\), finite and low < high, got 3"),
+        ({"signals": "atan2(y, x)"}, "signals: expected a mapping, signal -> expression, or a function, got 'atan2"),
         ({"method": "funel"}, "no method 'funel'; did you mean 'funnel'"),
         ({"method": "funnel", "formula": "x > 0 U[0,4] x >= 1"}, "method funnel does not fit: until at column 7"),
         ({"method": lambda given: None}, "method: expected a name or a class"),

@@ -29,9 +29,10 @@ class Entries:
 
     def read(self, observation: Any, count: int) -> Array:
         """The named entries of one observation or of `count` batched ones: (count, n)."""
-        arrays = [observation] if self.keys is None else [observation[key] for key in self.keys]
-        rows = [np.asarray(array, dtype=np.float64).reshape(count, -1) for array in arrays]
-        return np.concatenate(rows, axis=1) if rows else np.empty((count, 0))
+        if self.keys is None:
+            return np.asarray(observation, dtype=np.float64).reshape(count, -1)
+        rows = [np.asarray(observation[key], dtype=np.float64).reshape(count, -1) for key in self.keys]
+        return np.concatenate([np.empty((count, 0)), *rows], axis=1)
 
 
 def entries_of(space: Space[Any], names: Names | None) -> Entries:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import gymnasium
+import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.wrappers import TimeLimit
 
@@ -39,11 +40,11 @@ def _known(limit: int | None) -> int:
 
 
 def _within(steps: int, limit: int | None) -> int:
-    if isinstance(steps, bool) or not isinstance(steps, int) or steps < 1:
+    if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
         raise UsageError(f"steps is a whole number, at least 1, got {steps!r}")
     if limit is not None and steps > limit:
         raise UsageError(f"steps = {steps}, but the environment ends an episode after {limit}")
-    return steps
+    return int(steps)
 
 
 def _wrapped_limit(env: gymnasium.Env[Any, Any]) -> int | None:

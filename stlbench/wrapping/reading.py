@@ -109,7 +109,7 @@ class Expressions(Reader):
                 parts.append(np.asarray(info[name], dtype=np.float64).reshape(count, 1))
             except (TypeError, ValueError) as error:
                 raise UsageError(f"signals: '{name}' of the info is no number {where}, but {info[name]!r}") from error
-        return self._values(np.concatenate(parts, axis=1))
+        return self._values(np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0])
 
     def _unknown(self, name: str, info: Mapping[str, Any], where: str) -> UsageError:
         known, there = ", ".join(self._entries.names) or "no names", ", ".join(map(str, info)) or "nothing"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, cast
 
@@ -84,10 +85,16 @@ def _ends(names: Sequence[str], ranges: Ranges) -> tuple[tuple[float, ...], tupl
     for name in names:
         if name not in ranges:
             raise UsageError(f"ranges: none for the signal '{name}'; give its least and greatest value, (low, high)")
-    for name, ends in ranges.items():
+    for name in ranges:
         if name not in names:
             raise UsageError(f"ranges: no signal '{name}'{did_you_mean(name, names)}")
-        if len(ends) != 2 or not -math.inf < ends[0] < ends[1] < math.inf:
-            raise UsageError(f"ranges: '{name}' has (low, high), finite and low < high, got {ends!r}")
-    pairs = [ranges[name] for name in names]
-    return tuple(float(low) for low, _ in pairs), tuple(float(high) for _, high in pairs)
+    pairs = [_pair(name, ranges[name]) for name in names]
+    return tuple(low for low, _ in pairs), tuple(high for _, high in pairs)
+
+
+def _pair(name: str, ends: object) -> tuple[float, float]:
+    with suppress(TypeError, ValueError):
+        low, high = map(float, ends)  # type: ignore[call-overload]
+        if -math.inf < low < high < math.inf:
+            return low, high
+    raise UsageError(f"ranges: '{name}' has (low, high), finite and low < high, got {ends!r}")
