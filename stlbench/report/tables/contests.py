@@ -20,9 +20,9 @@ Key = tuple[Choice, Choice, str, Track]
 """Task, agent, budget and track."""
 
 _MARKS = {
-    "*": "* the task is outside the form that the method's source was published for: there it is our extension.",
-    "=": "= pays the same as another method there, up to a constant: a difference between the two is chance.",
-    "~": "~ pays the same as another method there, up to a function of time: the same policies are best by both, and "
+    "*": "the task is outside the form that the method's source was published for: there it is our extension.",
+    "=": "pays the same as another method there, up to a constant: a difference between the two is chance.",
+    "~": "pays the same as another method there, up to a function of time: the same policies are best by both, and "
     "they are learned differently.",
 }
 
@@ -50,7 +50,7 @@ def mark(group: Group, contest: Sequence[Group], standards: Mapping[str, Standar
 def mark_notes(marks: Iterable[str]) -> tuple[str, ...]:
     """What the marks mean, of those that there are."""
     there = set("".join(marks))
-    return tuple(note for character, note in _MARKS.items() if character in there)
+    return tuple(f"Marked {character}: {note}" for character, note in _MARKS.items() if character in there)
 
 
 def level(task: Choice, standards: Mapping[str, Standard], best: Mapping[Choice, float]) -> float | None:

@@ -55,7 +55,7 @@ def test_marks_are_explained_below():
         ("hold-disc", "shared"): ["*~", "=", "=~"],
         ("other", "shared"): [None, None, ""],
     }
-    assert [note[0] for note in table.notes[1:]] == ["*", "=", "~"]
+    assert [note[:8] for note in table.notes[1:]] == ["Marked *", "Marked =", "Marked ~"]
     assert len(overview(condense(results[3:]), known).notes) == 1
 
 

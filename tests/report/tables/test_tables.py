@@ -103,7 +103,7 @@ def test_marks_are_a_column_where_there_are_any():
     groups = condense([result("flag", extension="late windows"), result("funnel"), result("raw")])
     table = robustness_table(groups, standards={"hold-disc": Standard(alike=alike("hold-disc", funnel_raw="="))})
     assert [cell(table, "mark", row) for row in range(3)] == ["*", "=", "="]
-    assert [note[0] for note in table.notes[-2:]] == ["*", "="]
+    assert [note[:8] for note in table.notes[-2:]] == ["Marked *", "Marked ="]
     assert "mark" not in [column.title for column in robustness_table(groups[1:]).columns]
 
 
