@@ -12,10 +12,11 @@ from stlbench.cli.options import Executor, Jobs, names, tasks_of
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from stlbench import contract
     from stlbench.gate.snapshot import Snapshot
+    from stlbench.result import CellId
     from stlbench.study.plan import Cell
 
 SEEDS = "10"
@@ -48,9 +49,10 @@ def gate(
 ) -> None:
     """Measure the cells of a reference again, and say whether they are worse.
 
-    Robustness and satisfaction are compared seed by seed, CPU time and the reward's time relative to a calibration
-    measured beside the cells. Exit codes: 0 no worse, 1 worse, 3 these seeds cannot tell, 4 nothing measured or cells
-    missing, 2 bad input, 130 after ctrl-C. The same command again measures only what is missing in DIR.
+    Robustness and satisfaction are compared seed by seed, CPU time and the reward's time relative to calibrations
+    measured beside the cells; cells that seem slower are measured twice more. Exit codes: 0 no worse, 1 worse, 3 these
+    seeds cannot tell, 4 nothing measured or cells missing, 2 bad input, 130 after ctrl-C. The same command again
+    measures only what is missing in DIR.
 
     --update alone measures and writes again what the reference holds. With --tasks, --methods, --agents or --seeds the
     reference will hold what these name, the rest as in `stlbench run` with ten seeds.
@@ -75,11 +77,26 @@ def gate(
         _update(reference, _measured(study.cells(), results, place), as_json)
         return
     base = select(reference, selection)
-    new = _measured(cells_of(base), results, place)
+    cells = cells_of(base)
+    new = _measured(cells, results, place)
     if update:
         _update(reference, new, as_json)
     else:
+        new = _settled(base, new, cells, results, place)
         _judge((str(reference), base), (str(results), new), results, as_json)
+
+
+def _settled(
+    base: Snapshot, new: Snapshot, cells: Sequence[Cell], folder: Path, executor: contract.Executor
+) -> Snapshot:
+    """What was measured, after suspicious cells were measured again, each time into a folder of its own."""
+    from stlbench.gate.retakes import settle
+
+    def again(suspicious: Collection[CellId], number: int) -> Snapshot:
+        typer.echo(f"{len(suspicious)} cells seem slower: take {number} of them", err=True)
+        return _measured([cell for cell in cells if cell.id in suspicious], folder / f"take-{number}", executor)
+
+    return settle(base, new, again)
 
 
 def _measured(cells: Sequence[Cell], folder: Path, executor: contract.Executor) -> Snapshot:

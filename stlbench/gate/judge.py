@@ -3,7 +3,8 @@
 Each seed gives one *gain*, positive where the new snapshot is better. Of the gains of a setting, that is of one task,
 method, agent and budget:
 
-- **worse**: on average they lose more than is tolerated, and a t-test says that they do lose.
+- **worse**: on average they lose more than is tolerated, and a t-test says that they do lose; of times it says that
+  they lose more than load from other processes explains.
 - **no worse**: on average they lose no more than is tolerated, and their interval excludes a loss that is twice as
   large; or not one of them differs from 0, as with equal code on one machine.
 - **cannot tell**: anything else.
@@ -59,7 +60,7 @@ class Comparison:
     high: float
     """The same from above."""
     chance: float
-    """Holm-corrected p-value of the t-test that nothing is lost."""
+    """Holm-corrected p-value of the t-test that no more is lost than load explains (`Metric.load`)."""
     verdict: Verdict
 
 
@@ -173,17 +174,17 @@ def _tamed(pool: Sequence[_Test]) -> list[_Test]:
 
 
 def _estimate(test: _Test, pool: Sequence[_Test]) -> tuple[float, float, float]:
-    """Limits of the gain from below and above, and the p-value that nothing is lost; the pool tells the scatter."""
-    gain = float(test.gains.mean())
+    """Limits of the gain from below and above, and the p-value of `Comparison.chance`; the pool tells the scatter."""
+    gain, load = float(test.gains.mean()), test.metric.load
     if not test.differs or not math.isfinite(gain):
-        return gain, gain, float(gain >= 0)
+        return gain, gain, float(gain >= -load)
     freedom = sum(len(other.gains) - 1 for other in pool)
     if freedom < FREEDOM:
         return -math.inf, math.inf, 1.0
     squares = sum(float(np.sum((other.gains - other.gains.mean()) ** 2)) for other in pool)
     error = math.sqrt(squares / freedom / len(test.gains))
     half = error * float(special.stdtrit(freedom, LEVEL))
-    chance = float(special.stdtr(freedom, gain / error)) if error > 0 else float(gain >= 0)
+    chance = float(special.stdtr(freedom, (gain + load) / error)) if error > 0 else float(gain >= -load)
     return gain - half, gain + half, chance
 
 

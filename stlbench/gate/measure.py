@@ -10,8 +10,9 @@ from pathlib import Path
 from stlbench.contract import Executor
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.gate import files
-from stlbench.gate.calibration import CalibratedLedger
 from stlbench.gate.snapshot import Sample, Snapshot, gather
+from stlbench.gate.stamped_ledger import StampedLedger
+from stlbench.gate.trial import run_cell
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import fingerprint
 from stlbench.study.ledger import FILE, Ledger
@@ -70,16 +71,16 @@ def cells_of(snapshot: Snapshot) -> tuple[Cell, ...]:
     for task in sorted({cell.task for cell in snapshot.samples}):
         own = [cell for cell in snapshot.samples if cell.task == task]
         methods, agents = (sorted({getattr(cell, part) for cell in own}) for part in ("method", "agent"))
-        for budget in sorted({cell.budget for cell in own}):
-            cells += plan_cells([task], methods, agents, sorted({cell.seed for cell in own}), budget)
+        for budget, track in sorted({(cell.budget, cell.track) for cell in own}):
+            cells += plan_cells([task], methods, agents, sorted({cell.seed for cell in own}), budget, track)
     return tuple(cell for cell in cells if cell.id in snapshot.samples)
 
 
 def measure(cells: Sequence[Cell], folder: Path, executor: Executor, progress: Progress | None = None) -> Snapshot:
     """Run what is missing in the folder, or was computed by other code or on another machine."""
     stamp = {name: value for name, value in collect(executor.jobs).items() if name not in ("jobs", "time")}
-    stamp["harness"] = fingerprint("stlbench.study.trial")[:12]
-    calibrated = partial(CalibratedLedger, stamp=stamp)
-    run_cells(cells, folder, executor, retry=True, progress=progress, open_ledger=calibrated)
+    stamp["harness"] = fingerprint("stlbench.gate.trial")[:12]
+    stamped = partial(StampedLedger, stamp=stamp)
+    run_cells(cells, folder, executor, retry=True, progress=progress, open_ledger=stamped, run_cell=run_cell)
     with Ledger(folder / FILE, create=False) as ledger:
         return gather(ledger.results({cell.key for cell in cells}))

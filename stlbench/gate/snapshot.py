@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from stlbench.gate.calibration import CALIBRATION
+from stlbench.gate.calibration import CALIBRATIONS
 from stlbench.result import CellId, Result, Status, reported
 
 __all__ = ["Pair", "Sample", "Snapshot", "gather", "pair", "sample"]
 
-_PER_CELL = ("time", CALIBRATION)
+_PER_CELL = ("time", *CALIBRATIONS)
 """What of a cell's provenance differs from cell to cell."""
 
 
@@ -27,8 +27,10 @@ class Sample:
     """Share of the starts, in [0, 1]."""
     training_cpu_seconds: float | None = None
     reward_nanoseconds: float | None = None
-    calibration_seconds: float | None = None
-    """CPU seconds of the fixed workload, beside the cell (see `calibration`); only the gate measures it."""
+    training_calibration_seconds: float | None = None
+    """CPU seconds of a fixed workload beside the cell (see `calibration`); only the gate measures it."""
+    reward_calibration_seconds: float | None = None
+    """The same of the workload that the reward's time is compared with."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ def pair(base: Snapshot, new: Snapshot) -> list[Pair]:
 
 def sample(result: Result) -> Sample:
     """A few numbers of a result."""
-    measured, seconds = result.measurement, result.provenance.get(CALIBRATION)
+    measured = result.measurement
+    calibrations = {name: float(result.provenance[name]) for name in CALIBRATIONS if name in result.provenance}
     return Sample(
         result.id,
         result.status,
@@ -59,7 +62,7 @@ def sample(result: Result) -> Sample:
         satisfaction=reported(measured.selected).satisfaction if measured else None,
         training_cpu_seconds=measured.training_cpu_seconds if measured else None,
         reward_nanoseconds=measured.reward_nanoseconds if measured else None,
-        calibration_seconds=float(seconds) if seconds else None,
+        **calibrations,
     )
 
 
@@ -71,4 +74,7 @@ def gather(results: Iterable[Result]) -> Snapshot:
         samples[result.id] = sample(result)
         for name in result.provenance.keys() - _PER_CELL:
             provenance.setdefault(name, set()).add(result.provenance[name])
-    return Snapshot(samples, {name: ", ".join(sorted(values)) for name, values in sorted(provenance.items())})
+    loads = sorted(provenance.pop("load", ()), key=float)
+    said = {name: ", ".join(sorted(values)) for name, values in provenance.items()}
+    said |= {"load": f"{loads[0]} to {loads[-1]}"} if loads else {}
+    return Snapshot(samples, dict(sorted(said.items())))

@@ -91,7 +91,7 @@ def notes(base: Snapshot, new: Snapshot) -> list[str]:
     uncalibrated = [
         name
         for name, snapshot in (("base", base), ("new", new))
-        if not any(sample.calibration_seconds for sample in snapshot.samples.values())
+        if not any(sample.training_calibration_seconds for sample in snapshot.samples.values())
     ]
     machines = {snapshot.provenance.get("machine") for snapshot in (base, new)}
     possible = [
@@ -145,7 +145,7 @@ def _settings(judgement: Judgement) -> Table:
     )
     remarks = (
         "Robustness and satisfaction: mean over the paired seeds of base and new, and the change.",
-        "CPU: seconds of training, new over base; reward: its time per step; both over the calibration beside them.",
+        "CPU: seconds of training, new over base; reward: its time per step; each over its calibration.",
         "What is tolerated, and how it is tested: docs/ci.md.",
     )
     return Table("All settings", columns, rows, remarks)

@@ -127,6 +127,7 @@ def run_cells(
     retry: bool = False,
     progress: Progress | None = None,
     open_ledger: Callable[[Path], Ledger] = Ledger,
+    run_cell: Callable[..., Result] | None = None,
 ) -> None:
     """Run those of the cells that have no result in the folder's ledger, and record each as it ends.
 
@@ -140,6 +141,7 @@ def run_cells(
         retry: run cells again that raised, were stopped or killed.
         progress: called with its progress.
         open_ledger: makes the ledger from its path.
+        run_cell: an importable function with the arguments of `trial.run_cell`, which it is where left out.
 
     Raises:
         UsageError: a plugin cannot be loaded, or has wrong parameters, or the ledger is none; nothing has run
@@ -157,7 +159,7 @@ def run_cells(
         for agent, work in uncompiled(missing):
             told.note(f"compiling {agent}, once per machine")
             work()
-        run_cell = partial(trial.run_cell, folder=folder / FOLDER)
-        with closing(scheduler.run(missing, ledger, executor, run_cell, collect(executor.jobs))) as results:
+        work_on = partial(run_cell or trial.run_cell, folder=folder / FOLDER)
+        with closing(scheduler.run(missing, ledger, executor, work_on, collect(executor.jobs))) as results:
             for result in results:
                 told.ended(result)

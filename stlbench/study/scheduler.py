@@ -31,13 +31,14 @@ def run(
         ledger: takes the results.
         executor: runs the cells.
         run_cell: an importable function. What it raises becomes a result with status `raised`.
-        provenance: put on every result that is recorded (see `provenance.collect`).
+        provenance: added to that of every result that is recorded (see `provenance.collect`).
     """
     with closing(executor.run(run_cell, cells, [cell.deadline for cell in cells])) as outcomes:
         for outcome in outcomes:
             cell = cells[outcome.index]
             place = {} if cell.folder is None else {TASK_FOLDER: str(cell.folder)}
-            result = replace(_result(cell, outcome), provenance={**provenance, **place})
+            result = _result(cell, outcome)
+            result = replace(result, provenance={**result.provenance, **provenance, **place})
             ledger.record(result)
             yield result
 

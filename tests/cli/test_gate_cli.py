@@ -10,24 +10,35 @@ from pathlib import Path
 
 import pytest
 
+from stlbench.gate import calibration
+from stlbench.gate.calibration import CALIBRATIONS
+
 TOY = ("--tasks", "toy-line", "--agents", "toy-agent", "--budget", "quick")
 HERE = ("--executor", "toy-here")
 GATE = ("gate", "reference", "--budget", "quick", *HERE)
 
 
 @pytest.fixture
-def reference(say, toy):
+def reference(say, toy, monkeypatch):
     """Make a reference of the methods named, without calibration: toy cells take a millisecond, which says nothing."""
+    monkeypatch.setattr(calibration, "TRAINING_PASSES", 1)
+    monkeypatch.setattr(calibration, "REWARD_PASSES", 1)
 
-    def make(methods="toy-raw", seeds="3"):
+    def make(methods="toy-raw", seeds="3", timed=False):
         done = say("gate", "reference", "--update", *TOY, *HERE, "--methods", methods, "--seeds", seeds)
         assert done.exit_code == 0, done.output
-        table = Path("reference/cells.csv")
         kept = rows()
-        table.write_text(re.sub(r",[0-9.]*$", ",", table.read_text(), flags=re.MULTILINE))
+        if not timed:
+            edit_reference(r",[0-9.]*,[0-9.]*$", ",,")
         return done, kept
 
     return make
+
+
+def edit_reference(pattern, text):
+    """Replace in each line of its table."""
+    table = Path("reference/cells.csv")
+    table.write_text(re.sub(pattern, text, table.read_text(), flags=re.MULTILINE))
 
 
 @pytest.fixture
@@ -55,7 +66,7 @@ def test_update_writes_a_reference(reference):
         *(("toy-large", seed, "intractable") for seed in "012"),
         *(("toy-raw", seed, "done") for seed in "012"),
     ]
-    assert all(float(row["calibration_seconds"]) > 0 for row in kept)
+    assert all(float(row[name]) > 0 for row in kept for name in CALIBRATIONS)
     assert {"machine", "numpy", "python", "jobs", "harness"} <= json.loads(
         Path("reference/provenance.json").read_text()
     ).keys()
@@ -145,6 +156,27 @@ def test_a_cell_that_crashes_now_is_worse_with_its_reason(reference, say, method
     found = json.loads(Path("other/gate.json").read_text())
     assert [entry["verdict"] for entry in found["findings"]] == ["worse"] * 3
     monkeypatch.undo()
+
+
+def test_cells_that_seem_slower_are_measured_twice_more(reference, say):
+    reference("toy-raw,toy-large", timed=True)
+    edit_reference(r",[^,]*,([^,]*,[0-9.]+,[0-9.]+)$", r",1e-9,\1")  # CPU seconds that none can keep to
+    done = say(*GATE)
+    asked = [line for line in done.stderr.splitlines() if "seem slower" in line]
+    assert asked == [f"3 cells seem slower: take {number} of them" for number in (2, 3)]
+    assert done.exit_code == 1
+    assert worse("CPU")
+    assert not worse("robustness")
+    assert sorted(path.name for path in Path("results/gate").glob("take-*")) == ["take-2", "take-3"]
+    again = say(*GATE)
+    assert (again.exit_code, again.stdout) == (1, done.stdout)  # from what is recorded
+
+
+def test_cells_that_do_not_are_not(reference, say):
+    reference(timed=True)
+    edit_reference(r",[^,]*,[^,]*,([0-9.]+,[0-9.]+)$", r",1e9,1e9,\1")
+    assert say(*GATE).exit_code == 0
+    assert not list(Path("results/gate").glob("take-*"))
 
 
 def test_a_crashed_cell_is_tried_again(reference, say, methods, monkeypatch):

@@ -28,7 +28,8 @@ def cell(seed: int = 0, status: Status = "done", **numbers: Any) -> Sample:
         "satisfaction": 0.8,
         "training_cpu_seconds": 2.0,
         "reward_nanoseconds": 20.0,
-        "calibration_seconds": 0.01,
+        "training_calibration_seconds": 0.01,
+        "reward_calibration_seconds": 0.002,
     }
     return Sample(
         CellId.parse(f"disc/funnel/dqn/{seed}", "smoke"), status, **((measured if status == "done" else {}) | numbers)
@@ -107,7 +108,8 @@ def test_one_slow_cell_does_not_speak_for_its_setting() -> None:
 
 def test_times_are_relative_to_the_calibration() -> None:
     base = [cell(seed) for seed in range(5)]
-    half_as_fast = {"training_cpu_seconds": 4.0, "reward_nanoseconds": 40.0, "calibration_seconds": 0.02}
+    half_as_fast = {"training_cpu_seconds": 4.0, "reward_nanoseconds": 40.0, "training_calibration_seconds": 0.02}
+    half_as_fast |= {"reward_calibration_seconds": 0.004}
     judgement = compared(base, [cell(seed, **half_as_fast) for seed in range(5)])
     assert judgement.verdict == "no worse"
     assert [entry.gain for entry in judgement.comparisons] == [0, 0, 0, 0]
@@ -221,7 +223,8 @@ def timed(sample: Sample, rng: np.random.Generator) -> Sample:
         sample,
         training_cpu_seconds=sample.training_cpu_seconds * cpu,
         reward_nanoseconds=sample.reward_nanoseconds * reward,
-        calibration_seconds=0.01 * calibration,
+        training_calibration_seconds=0.01 * calibration,
+        reward_calibration_seconds=0.002 * calibration,
     )
 
 

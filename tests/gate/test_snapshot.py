@@ -10,15 +10,16 @@ from helpers import synthetic_results
 
 from stlbench import report
 from stlbench.errors import UsageError
-from stlbench.gate.calibration import CALIBRATION
+from stlbench.gate.calibration import CALIBRATIONS
 from stlbench.gate.files import load, save
 from stlbench.gate.snapshot import Sample, Snapshot, gather, pair, sample
 from stlbench.result import CellId, Result
 from stlbench.study.ledger import Ledger
 
 HEADER = "task,method,agent,seed,budget,track,status,reason,robustness_mean,satisfaction,training_cpu_seconds"
-HEADER += ",reward_nanoseconds,calibration_seconds\n"
-LINE = "disc,funnel,dqn,0,smoke,shared,done,,0.25,0.5,1.5,20,0.01\n"
+HEADER += ",reward_nanoseconds,training_calibration_seconds,reward_calibration_seconds\n"
+LINE = "disc,funnel,dqn,0,smoke,shared,done,,0.25,0.5,1.5,20,0.01,0.002\n"
+SPEED = dict(zip(CALIBRATIONS, ("0.0125", "0.0015"), strict=True))
 
 
 def calibrated(result: Result, **provenance: str) -> Result:
@@ -27,16 +28,23 @@ def calibrated(result: Result, **provenance: str) -> Result:
 
 def results() -> list[Result]:
     return [
-        calibrated(synthetic_results.result(seed=0, robustness=(0.1, 0.2)), machine="m", **{CALIBRATION: "0.0125"}),
+        calibrated(synthetic_results.result(seed=0, robustness=(0.1, 0.2)), machine="m", **SPEED),
         synthetic_results.result("tau-mdp", seed=1, status="intractable", reason="needs 4002 inputs,\n limit 512"),
     ]
 
 
 def test_a_sample_has_the_numbers_of_the_selected_policy() -> None:
-    found = sample(
-        calibrated(synthetic_results.result(robustness=(-0.5, 1.0), final=(9, 9)), **{CALIBRATION: "0.0125"})
+    found = sample(calibrated(synthetic_results.result(robustness=(-0.5, 1.0), final=(9, 9)), **SPEED))
+    assert found == Sample(
+        CellId.parse("hold-disc/funnel/dqn/0", "quick"), "done", "", 0.25, 0.5, 10.0, 21.0, 0.0125, 0.0015
     )
-    assert found == Sample(CellId.parse("hold-disc/funnel/dqn/0", "quick"), "done", "", 0.25, 0.5, 10.0, 21.0, 0.0125)
+
+
+def test_loads_are_a_range() -> None:
+    loaded = [
+        calibrated(synthetic_results.result(seed=seed), load=load) for seed, load in enumerate(("9.5", "10.1", "2"))
+    ]
+    assert gather(loaded).provenance == {"jobs": "2", "load": "2 to 10.1"}
 
 
 def test_a_reference_comes_back_as_it_was(tmp_path: Path) -> None:
@@ -50,8 +58,8 @@ def test_a_reference_is_a_line_a_cell_in_order(tmp_path: Path) -> None:
     save(tmp_path, gather(reversed(results())))
     assert (tmp_path / "cells.csv").read_text() == (
         HEADER
-        + f"hold-disc,funnel,dqn,0,quick,shared,done,,{(0.1 + 0.2) / 2!r},1.0,10,21,0.0125\n"
-        + 'hold-disc,tau-mdp,dqn,1,quick,shared,intractable,"needs 4002 inputs, limit 512",,,,,\n'
+        + f"hold-disc,funnel,dqn,0,quick,shared,done,,{(0.1 + 0.2) / 2!r},1.0,10,21,0.0125,0.0015\n"
+        + 'hold-disc,tau-mdp,dqn,1,quick,shared,intractable,"needs 4002 inputs, limit 512",,,,,,\n'
     )
 
 
@@ -64,7 +72,7 @@ def test_a_ledger_a_folder_and_the_table_of_a_report(tmp_path: Path) -> None:
     report.write(report.condense(results()[:1]), {}, tmp_path)
     assert load(tmp_path) == found  # the ledger goes before the table
     (entry,) = load(tmp_path / "cells.csv").samples.values()
-    assert entry == replace(sample(results()[0]), calibration_seconds=None)
+    assert entry == replace(sample(results()[0]), training_calibration_seconds=None, reward_calibration_seconds=None)
 
 
 def test_planned_cells_without_a_result_are_no_samples(tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ from stlbench.report.tables.table import Column, Table
 
 __all__ = ["circumstances"]
 
-_OTHERS = {"machine", "jobs", "time", "calibration_seconds", "task_folder"}
+_CALIBRATIONS = {"training_calibration_seconds", "reward_calibration_seconds"}
+_OTHERS = {"machine", "jobs", "time", "task_folder", "load"} | _CALIBRATIONS
 
 
 def circumstances(groups: Sequence[Group]) -> Table:

@@ -10,7 +10,7 @@ from stlbench.report import circumstances, condense
 
 
 def test_versions_machine_days_and_hours():
-    common = {"python": "3.12.1", "numpy": "2.4.6", "machine": "a laptop", "calibration_seconds": "0.1"}
+    common = {"python": "3.12.1", "numpy": "2.4.6", "machine": "a laptop", "training_calibration_seconds": "0.1"}
     provenance = [
         common | {"jobs": "2", "time": "2026-11-20T23:00:00+00:00"},
         common | {"jobs": "2", "time": "2026-11-21T01:00:00+00:00", "numpy": "2.5.0"},
