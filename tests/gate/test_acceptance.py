@@ -92,7 +92,7 @@ class TestBrokenCode:
 
 def test_a_loss_that_comes_with_other_trainings_is_caught_where_seeds_scatter_little() -> None:
     """A change that loses a tenth on average and makes each training another: every seed is another draw."""
-    found = {}
+    found = dict[str, tuple[int, float]]()
     for setting in SETTINGS:
         robustness = np.array([cell.robustness_mean for cell in CELLS if cell.id.setting == setting])
         mean, away = robustness.mean(), robustness.std(ddof=1)
@@ -104,9 +104,9 @@ def test_a_loss_that_comes_with_other_trainings_is_caught_where_seeds_scatter_li
             any(one.verdict == "worse" for one in judged(number, redrawn, setting).comparisons) for number in range(10)
         ]
         found[setting.name] = sum(worse), float(away / abs(mean))
-    assert {name for name, (_, scattered) in found.items() if scattered < 0.05} == {
-        name for name, (count, _) in found.items() if count == 10
-    }
+    for name, (count, scattered) in found.items():
+        assert count == 10 or scattered > 0.03, name
+        assert count < 5 or scattered < 0.15, name
 
 
 def test_the_page_says_how_much_the_committed_reference_scatters() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -65,10 +66,11 @@ class Times:
     """What load does to a whole setting; the same in each take."""
 
 
-def measured_times() -> list[Times]:
+@cache
+def measured_times() -> tuple[Times, ...]:
     """Both times, with the noise of the committed measurements."""
     base, new = load(REFERENCE), load(LOADED)
-    return [
+    return tuple(
         Times(
             metric,
             {setting: float(values.mean()) for setting, values in logarithms(base, metric).items()},
@@ -77,7 +79,7 @@ def measured_times() -> list[Times]:
             shifts(base, new, metric),
         )
         for metric in TIMES
-    ]
+    )
 
 
 class Run:
