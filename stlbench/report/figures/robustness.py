@@ -43,7 +43,18 @@ def draw_robustness(axes: Axes, groups: Sequence[Group], unit: str) -> None:
     threshold = linear_threshold(values, max(map(abs, every), default=0.0))
     if threshold is not None:
         label += f"\n{set_symlog(axes, 'x', threshold, min(every), max(every))}"
+    elif every and np.isfinite(every).all():
+        _limit(axes, values, [0.0, *every])
     axes.set_xlabel(label)
+
+
+def _limit(axes: Axes, values: Sequence[Sequence[float]], shown: Sequence[float]) -> None:
+    """Room for what is shown and for intervals, but for none of two seeds that would squeeze everything else."""
+    low, high = min(shown), max(shown)
+    ends = [end for seeds in values for end in interval(seeds) or ()]
+    left, right = max(min([low, *ends]), 2 * low - high), min(max([high, *ends]), 2 * high - low)
+    margin = 0.05 * (right - left) or 1.0
+    axes.set_xlim(left - margin, right + margin)
 
 
 def _points(axes: Axes, place: int, values: Sequence[float], style: GroupStyle) -> None:

@@ -99,8 +99,8 @@ def _notes(comparisons: Sequence[Comparison]) -> tuple[str, ...]:
     tested = sum(comparison.difference.chance is not None for comparison in comparisons)
     return (
         "Difference of the selected policies' robustness, mean over seeds: one that failed counts in full. Verdict: of "
-        f"the method against the other, by Welch's test; p after Holm's correction for the {tested} pairs that are "
-        "tested here, better or worse below 0.05. The interval is of the pair alone.",
+        f"the method against the other, by Welch's test; p after Holm's correction for all pairs that are tested "
+        f"here, {tested} of them; better or worse below 0.05. The interval is of the pair alone.",
         f"No difference found: the interval lies within the margin, {100 * MATTERS:.0f} % of the best possible "
         "robustness, or of that by hand. Cannot tell: with that many seeds of each method a verdict would come out in "
         "80 % of cases, if all is as it looks. =: both pay the same up to a constant.",

@@ -26,7 +26,7 @@ def controllers_table(standards: Mapping[str, Standard]) -> Table:
         Column("mean robustness", "mean", digits=3),
         Column("worst start", digits=3),
         Column("satisfied", unit="%", digits=1),
-        *(Column(title, short, unit, digits=3) for title, short, unit in (_AT_RANDOM if at_random else ())),
+        *(_AT_RANDOM if at_random else ()),
         *(Column(title, short, digits=3) for title, short in (_BEST if best else {}).items()),
     )
     rows = tuple(
@@ -38,7 +38,9 @@ def controllers_table(standards: Mapping[str, Standard]) -> Table:
         )
         for task, standard in known.items()
     )
-    notes = ["What a controller written by hand gets from the same starts, for comparison; it is no upper bound."]
+    notes = [
+        "What a controller written by hand gets from the grid of report starts, for comparison; it is no upper bound."
+    ]
     if at_random:
         notes.append("At random: what actions get that are drawn evenly from all, anew at each decision.")
     if best:
@@ -46,7 +48,7 @@ def controllers_table(standards: Mapping[str, Standard]) -> Table:
     return Table("Hand controllers", columns, rows, tuple(notes))
 
 
-_AT_RANDOM = (("at random", "at random", ""), ("at random satisfied", "random sat.", "%"))
+_AT_RANDOM = (Column("at random", digits=3), Column("at random satisfied", "random sat.", unit="%", digits=1))
 _BEST = {"best_possible": "best possible", "grid_value": "grid value", "coarser": "coarser grid"}
 
 

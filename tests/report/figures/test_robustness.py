@@ -86,6 +86,17 @@ def test_values_of_one_size_have_a_linear_axis_in_the_unit_that_is_given():
     assert axes.get_xlabel() == "mean robustness over the report starts [m]"
 
 
+def test_intervals_have_room_unless_they_would_squeeze_the_points():
+    """Of three seeds all of it; of two seeds, 12.7 standard errors to either side, no more than what is shown."""
+    three = condense(result("raw", seed, robustness=(value,)) for seed, value in enumerate((0.3, 0.4, 0.5)))
+    low, high = robustness_by_method(three, "m").axes[0].get_xlim()
+    margin = 0.05 * (0.4 + 0.2484)
+    assert (low, high) == pytest.approx((-margin, 0.6484 + margin), abs=1e-3)
+    two = condense(result("raw", seed, robustness=(value,)) for seed, value in enumerate((0.1, 0.9)))
+    low, high = robustness_by_method(two, "m").axes[0].get_xlim()
+    assert (low, high) == pytest.approx((-0.9 - 0.135, 1.8 + 0.135))
+
+
 def test_learning_curves_of_methods_near_zero_are_told_apart():
     rising = {
         "funnel": (-10.0, -0.1, 0.02, 0.03),
