@@ -15,6 +15,7 @@ from stlbench.cli.export import export
 from stlbench.cli.gate import gate
 from stlbench.cli.listing import list_plugins
 from stlbench.cli.monitor import monitor
+from stlbench.cli.new import new
 from stlbench.cli.plan import plan
 from stlbench.cli.plot import plot
 from stlbench.cli.render import render
@@ -38,6 +39,7 @@ app.command("run", short_help="Train and score methods on tasks, and compare the
 app.command("plan", short_help="What the rewards of a task ask for, by planning, without training.")(plan)
 app.command("tune", short_help="Find a recipe for each method, with the same number of trials.")(tune)
 app.command("list")(list_plugins)
+app.command("new", short_help="Write a distribution with a method, task or agent to change.")(new)
 app.command("check", short_help="Does a plugin keep the rules of its contract?")(check)
 app.add_typer(show, name="show")
 app.command("export", short_help="Write results for other programs.")(export)

@@ -1,0 +1,107 @@
+"""`stlbench new`: what is written works as it is, keeps the contract, and is clean; nothing is overwritten."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from stlbench.cli import app
+from stlbench.registry import plugins
+
+ROOT = Path(__file__).parents[2]
+KINDS = ("method", "task", "agent")
+
+
+def new(*words: object) -> str:
+    done = CliRunner().invoke(app, ["new", *map(str, words)])
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_its_own_tests_pass_where_it_is_installed(kind: str, tmp_path: Path, site: Callable[..., Path]) -> None:
+    listed = new(kind, "zz-two-words", "--into", tmp_path / "made").splitlines()
+    folder = tmp_path / "made" / "zz-two-words"
+    written = [path for path in folder.rglob("*") if path.is_file()]
+    assert sorted(listed[:-1]) == sorted(map(str, written))
+    project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+    ((group, entries),) = project["entry-points"].items()
+    assert group == f"stlbench.{kind}s"
+    lines = "\n".join(f"{name} = {value}" for name, value in entries.items())
+    files = {str(path.relative_to(folder / "src")): path.read_text() for path in (folder / "src").rglob("*.*")}
+    site(project["name"], f"[{group}]\n{lines}\n", files, folder="installed")
+    assert plugins.find(f"{kind}s", "zz-two-words").load().__doc__
+    (tests,) = (folder / "tests").glob("*.py")
+    names: dict[str, Callable[[], None]] = {}
+    exec(tests.read_text(), names)
+    found = [name for name in names if name.startswith("test_")]
+    assert len(found) == 2
+    for name in found:
+        names[name]()
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Path:
+    """One of each kind."""
+    for kind in KINDS:
+        new(kind, f"zz-{kind}", "--into", tmp_path)
+    return tmp_path
+
+
+def test_it_is_clean(made: Path) -> None:
+    for kind in KINDS:
+        for words in (("check",), ("format", "--check")):
+            command = (sys.executable, "-m", "ruff", *words, "--no-cache", ".")
+            done = subprocess.run(command, cwd=made / f"zz-{kind}", capture_output=True, text=True)
+            assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_its_annotations_hold(made: Path) -> None:
+    sources = [made / f"zz-{kind}" / "src" for kind in KINDS]
+    packages = [word for kind in KINDS for word in ("-p", f"stlbench_{kind}_zz_{kind}")]
+    environment = os.environ | {"MYPYPATH": os.pathsep.join(map(str, [*sources, ROOT]))}
+    command = (sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", *packages)
+    done = subprocess.run(command, cwd=made, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_workflow_runs_all_checks_on_all_versions(made: Path) -> None:
+    (job,) = yaml.safe_load((made / "zz-task" / ".github" / "workflows" / "test.yml").read_text())["jobs"].values()
+    assert job["strategy"]["matrix"]["python"] == ["3.11", "3.12", "3.13"]
+    assert job["steps"][1]["with"] == {"python-version": "${{ matrix.python }}"}
+    said = [step["run"] for step in job["steps"] if "run" in step]
+    assert said == ['pip install -e ".[dev]"', "ruff check .", "ruff format --check .", "mypy", "pytest"]
+
+
+def test_nothing_is_overwritten(made: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in made.rglob("*")}
+    done = CliRunner().invoke(app, ["new", "agent", "zz-method", "--into", str(made)])
+    assert done.exit_code == 2
+    assert done.stderr == f"error: {made / 'zz-method'} is there already; nothing was written\n"
+    assert {path: path.stat().st_mtime_ns for path in made.rglob("*")} == before
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "said"),
+    [
+        ("method", "funnel", "the name 'funnel' is taken by method 'funnel' of stlbench-rl "),
+        ("task", "../x", "'../x': a name begins with a-z and has a-z and 0-9, with single - between them"),
+        ("agent", "a--b", "'a--b': a name begins with a-z"),
+        ("agent", "3d", "'3d': a name begins with a-z"),
+        ("executor", "x", "Invalid value for 'KIND'"),
+    ],
+)
+def test_a_bad_name_is_one_line(tmp_path: Path, kind: str, name: str, said: str) -> None:
+    done = CliRunner().invoke(app, ["new", kind, name, "--into", str(tmp_path / "made")])
+    assert done.exit_code == 2
+    assert done.stderr.startswith(f"error: {said}")
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "made").exists()
