@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from stlbench.errors import UsageError
@@ -17,7 +18,8 @@ SUFFIX = ".jsonl"
 """Of files of lines."""
 
 LINES = "cells" + SUFFIX
-"""Name of the text file in a folder of results: one result per line, ordered by cell, nothing rounded or left out."""
+"""Name of the text file in a folder of results: one result per line, ordered by cell, nothing rounded and nothing
+left out but the paths of tasks that are folders."""
 
 
 def locate(path: Path) -> Path | None:
@@ -29,22 +31,19 @@ def locate(path: Path) -> Path | None:
 def read(path: Path) -> Iterator[Result]:
     """One result of every cell in a folder, a ledger or a file of lines, one at a time.
 
-    A task that is a folder is known from then on, where its folder is still there.
+    A task of a ledger that is a folder is known from then on, where its folder is still there.
 
     Raises:
         UsageError: there is none of these, or a file is not as it should be; the message says where.
     """
-    for result in _results(_existing(path)):
-        folders.recall(result.provenance.get(TASK_FOLDER))
-        yield result
-
-
-def _results(file: Path) -> Iterator[Result]:
+    file = _existing(path)
     if file.suffix == SUFFIX:
         yield from _read_lines(file)
-    else:
-        with Ledger(file, create=False) as ledger:
-            yield from ledger.results()
+        return
+    with Ledger(file, create=False) as ledger:
+        for result in ledger.results():
+            folders.recall(result.provenance.get(TASK_FOLDER))
+            yield result
 
 
 def missing(path: Path) -> list[CellId]:
@@ -58,13 +57,19 @@ def missing(path: Path) -> list[CellId]:
 
 def write_lines(results: Iterable[Result], path: Path) -> int:
     """Write results as text, over the file of before; how many there are. Raises `UsageError` where it cannot."""
-    lines = [to_json(result) + "\n" for result in sorted(results, key=lambda result: result.id)]
+    lines = [to_json(_without_path(result)) + "\n" for result in sorted(results, key=lambda result: result.id)]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("".join(lines), encoding="utf-8")
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error}") from error
     return len(lines)
+
+
+def _without_path(result: Result) -> Result:
+    """A path of this machine is nobody else's, and lines that others wrote should not say where code is."""
+    facts = {name: value for name, value in result.provenance.items() if name != TASK_FOLDER}
+    return replace(result, provenance=facts)
 
 
 def _existing(path: Path) -> Path:

@@ -309,6 +309,8 @@ def test_a_task_that_is_a_folder_is_run_and_found_again_by_its_results(say, toy,
     monkeypatch.setitem(plugins._ADDED, "tasks", {})
     assert "Hand controllers: task zz-line" in say("report", "results").stdout
     monkeypatch.setitem(plugins._ADDED, "tasks", {})
+    assert say("export", "results", "--format", "jsonl", "--out", "lines").exit_code == 0
+    assert str(folder) not in Path("lines/cells.jsonl").read_text()
     moved = folder.parent / "other" / "zz-line"
     moved.parent.mkdir()
     folder.rename(moved)
