@@ -5,8 +5,10 @@ Both limits are choices, for measured reasons that `docs/performance.md` has.
 
 from __future__ import annotations
 
+import numpy as np
+
 from stlbench.contract import Agent, Intractable, RewardMethod
-from stlbench.rollout.environment import BatchEnvironment
+from stlbench.task import starts
 from stlbench.task.task import Task
 
 __all__ = ["REPLAY_LIMIT", "UPDATE_LIMIT", "refuse_dear"]
@@ -32,10 +34,9 @@ def refuse_dear(task: Task, method: RewardMethod, agent: Agent, steps: int) -> N
     """
     if not method.input_size:
         return
-    environment = BatchEnvironment(task, method, 1, 0)
-    size, decisions = environment.observation_size, max(1, steps // environment.hold)
-    cost = agent.cost(size, environment.actions, decisions)
-    without = agent.cost(size - method.input_size, environment.actions, decisions)
+    size, decisions = _inputs_without(task), max(1, steps // task.file.hold)
+    cost = agent.cost(size + method.input_size, task.actions, decisions)
+    without = agent.cost(size, task.actions, decisions)
     if cost is None or without is None:
         return
     replay, longer = cost.replay / _GIB, cost.update / without.update
@@ -44,3 +45,10 @@ def refuse_dear(task: Task, method: RewardMethod, agent: Agent, steps: int) -> N
             f"needs {method.input_size} inputs: a replay of {replay:.2f} GiB (limit {REPLAY_LIMIT:g}), "
             f"updates {longer:.0f} times as long (limit {UPDATE_LIMIT:g})"
         )
+
+
+def _inputs_without(task: Task) -> int:
+    """Features and the time. No environment is made, as some methods import a compiler for their first memory."""
+    state = task.system.initial_states(starts.grid(task.file.initial, 1))
+    features: int = task.features(state, np.zeros(1, dtype=np.int64)).shape[1]
+    return features + 1
