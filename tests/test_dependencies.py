@@ -35,7 +35,7 @@ def imported() -> Iterator[str]:
 
 def test_all_that_is_imported_is_declared_and_all_that_is_declared_is_imported() -> None:
     extras = PROJECT["optional-dependencies"]
-    wanted = declared([*PROJECT["dependencies"], *extras["sb3"], *extras["mujoco"], *extras["multi"]])
+    wanted = declared([*PROJECT["dependencies"], *extras["sb3"], *extras["mujoco"], *extras["multi"], *extras["tune"]])
     providers = packages_distributions()
     third = {name for name in imported() if name not in sys.stdlib_module_names and name not in OWN}
     needed = {_plain(distribution) for name in third for distribution in providers[name]}
