@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from stlbench.contract import Agent
 from stlbench.errors import UsageError
@@ -220,7 +220,7 @@ class _Search:
 
 
 def _ended(values: Values, results: Sequence[Result]) -> Trial:
-    status: Literal["done"] | str = next((result.status for result in results if result.status != "done"), "done")
+    status = next((result.status for result in results if result.status != "done"), "done")
     points = [_selected(result) for result in results if result.measurement]
     if status != "done":
         return Trial(values, status)

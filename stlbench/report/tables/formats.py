@@ -119,7 +119,8 @@ def _latex_text(text: str) -> str:
 def to_screen(table: Table, console: Console) -> None:
     """Print the table as wide as the console: what all rows share goes into the title, long texts go below.
 
-    Where that is still too wide, columns are left out, and a line says which.
+    Where that is still too wide, columns are left out, and a line says which; where none can be, the table comes in
+    parts, one below the other.
     """
     columns = table.columns
     rows = [[_folded(value, column.digits) for value, column in zip(row, columns, strict=True)] for row in table.rows]
@@ -130,8 +131,9 @@ def to_screen(table: Table, console: Console) -> None:
     shown = _fitting(columns, widths, console.width)
     common = ", ".join(f"{columns[i].heading} {rows[0][i]}" for i in shared)
     console.print(Text(f"{table.title}: {common}" if common else table.title, style="bold"))
-    console.print(_laid_out(columns, rows, {i: widths[i] for i in shown}))
-    console.print()
+    for part in _parts(columns, {i: widths[i] for i in shown}, console.width):
+        console.print(_laid_out(columns, rows, {i: widths[i] for i in part}))
+        console.print()
     left_out = ", ".join(columns[i].heading for i in inside if i not in shown)
     remarks = _lines_below(columns, rows, below)
     notes = [*([f"Left out on this narrow screen: {left_out}."] if left_out else []), *table.notes]
@@ -167,6 +169,18 @@ def _fitting(columns: Sequence[Column], widths: Mapping[int, int], width: int) -
     while sum(widths[i] + 2 for i in shown) > width and any(columns[i].drop for i in shown):
         shown.remove(max(reversed(shown), key=lambda i: columns[i].drop))
     return shown
+
+
+def _parts(columns: Sequence[Column], widths: Mapping[int, int], width: int) -> list[list[int]]:
+    """The columns in as few parts as fit into `width`, in their order; those that say what a row is of are in each."""
+    names = [i for i in widths if columns[i].shared or columns[i].title == "method"]
+    room = width - sum(widths[i] + 2 for i in names)
+    parts = list[list[int]]([[]])
+    for i in (i for i in widths if i not in names):
+        if parts[-1] and sum(widths[j] + 2 for j in (*parts[-1], i)) > room:
+            parts.append([])
+        parts[-1].append(i)
+    return [sorted([*names, *part]) for part in parts]
 
 
 def _least(column: Column, texts: Sequence[str]) -> int:

@@ -26,6 +26,7 @@ from stlbench.report import (
     to_screen,
 )
 from stlbench.report.statistics.intervals import Interval
+from stlbench.report.tables.overview import overview
 from stlbench.report.tables.table import FirstFailed, Learned, Seeds
 
 TABLE = Table(
@@ -156,6 +157,18 @@ def test_a_wide_screen_shows_every_number():
     for shown in ("0.250", "[0.126, 0.374]", "83.3", "0.900", "0.800", "-0.300", "0 of 3, 3"):
         assert shown in text
     assert "Left out" not in text
+
+
+def test_a_table_that_cannot_be_narrower_comes_in_parts_each_with_the_rows_names():
+    methods = [f"method-{letter}" for letter in "abcdef"]
+    results = [result(method, task=task) for task in ("hold-disc", "other") for method in methods]
+    lines = screen(overview(condense(results), {}), 80).splitlines()
+    headers = [line.split() for line in lines if "method-" in line]
+    assert len(headers) > 1
+    assert [name for header in headers for name in header if name.startswith("method-")] == methods
+    assert all(header[0] == "task" for header in headers)
+    assert sum(line.startswith("hold-disc") for line in lines) == len(headers)
+    assert max(map(len, lines)) <= 80
 
 
 def test_a_narrow_screen_says_what_it_left_out():
