@@ -13,7 +13,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("stlbench", "plugins/stlbench_agents", "plugins/stlbench_executors", "plugins/stlbench_methods")
-EXTRAS = ("torch", "stable_baselines3", "mujoco", "dm_control", "gymnasium_robotics", "pettingzoo")
+EXTRAS = ("torch", "stable_baselines3", "mujoco", "dm_control", "gymnasium_robotics", "pettingzoo", "optuna")
 OWN = {"stlbench", "stlbench_agents", "stlbench_executors", "stlbench_methods", "stlbench_tasks"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 

@@ -319,7 +319,7 @@ class TestFindings:
         found = trial.run_cell(smoke("tau-mdp", "robot-nav"), tmp_path)
         assert (found.status, found.reason, found.measurement) == (
             "intractable",
-            "needs 4002 inputs: a replay of 0.19 GiB (limit 4), updates 16 times as long (limit 10)",
+            "needs 4002 inputs: a replay of 1.96 GiB (limit 4), updates 16 times as long (limit 10)",
             None,
         )
         assert list(tmp_path.iterdir()) == []

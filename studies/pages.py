@@ -1,0 +1,263 @@
+"""Write the tables of README.md and of docs/ that come from the committed study, each between its two markers.
+
+python studies/pages.py            write them, from results/reference and results/tuning
+python studies/pages.py --check    write nothing; exit code 1 where a page says something else
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+
+from stlbench import Results
+
+ROOT = Path(__file__).parents[1]
+RESULTS, TUNING = ROOT / "results" / "reference", ROOT / "results" / "tuning"
+
+METHODS = ("funnel", "funnel[variant=code]", "raw", "flag", "tau-mdp")
+"""Columns of the main table."""
+RIVALS = ("funnel", "raw", "flag")
+"""Methods that every track has."""
+SEEDS = 10
+"""Of the study: only where a row has another number, an entry says it."""
+
+Row = Mapping[str, str]
+
+
+def rows(name: str, folder: Path = RESULTS) -> list[Row]:
+    """Those of a table that the report wrote."""
+    with (folder / f"{name}.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def table(header: Sequence[str], body: Iterable[Sequence[str]], right: int = 1) -> str:
+    """As Markdown; `right` columns after the first are aligned to the right."""
+    rule = ["---", *["--:"] * right, *["---"] * (len(header) - 1 - right)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in (header, rule, *body))
+
+
+def learned_by(track: str) -> dict[tuple[str, str], Row]:
+    """Task and method -> its row of the table of robustness, of the tasks themselves by their own agents."""
+    return {
+        (row["task"], row["method"]): row
+        for row in rows("robustness")
+        if row["track"] == track and row["budget"] == "quick" and "[" not in row["task"] + row["agent"]
+    }
+
+
+def entry(row: Row | None, seeds: int = SEEDS) -> str:
+    """ "0.396 [0.395, 0.397] 10, 9 *": IQM, interval, seeds that learned it with the selected and the final policy."""
+    if row is None:
+        return ""
+    if not row["IQM robustness"]:
+        return row["seeds unfinished"].partition(" ")[2]
+    ends = (row["IQM 95 % interval low"], row["IQM 95 % interval high"])
+    shown = f"{number(row['IQM robustness'])} [{', '.join(map(number, ends))}] " if all(ends) else ""
+    of = "" if int(row["seeds done"]) == seeds else f" of {row['seeds done']}"
+    marks = row.get("mark", "").replace("~", "")
+    return f"{shown}{row['learned']}, {row['final learned']}{of}{f' {marks}' if marks else ''}"
+
+
+def number(text: str, digits: int = 3) -> str:
+    """Never "-0.000"."""
+    shown = f"{float(text):.{digits}f}"
+    return shown.lstrip("-") if float(shown) == 0 else shown
+
+
+def study() -> str:
+    """One row per task, one column per method."""
+    found = learned_by("shared")
+    by_hand = {row["task"]: row["mean robustness"] for row in rows("controllers")}
+    body = [
+        [f"`{task}`", number(by_hand[task]), *(entry(found.get((task, method))) for method in METHODS)]
+        for task in dict.fromkeys(task for task, _ in found)
+    ]
+    return table(["task", "by hand", *(f"`{method}`" for method in METHODS)], body)
+
+
+def tracks() -> str:
+    """One row per task and method that more than one track has, one column per track."""
+    found = {track: learned_by(track) for track in ("plain", "shared", "tuned")}
+    keys = [key for key in found["shared"] if key[1] in RIVALS and (key in found["plain"] or key in found["tuned"])]
+    body = [
+        [f"`{task}`", f"`{method}`", *(entry(found[track].get((task, method))) for track in found)]
+        for task, method in keys
+    ]
+    return table(["task", "method", *(f"`{track}`" for track in found)], body, right=0)
+
+
+def verdicts() -> str:
+    """One row per task: in words how each two of the rivals compare, the first against the second."""
+    said = {
+        (row["task"], row["method"], row["other"]): row["verdict"]
+        for row in rows("comparisons")
+        if row["track"] == "shared" and "[" not in row["task"] + row["agent"]
+    }
+    pairs = [("funnel", "raw"), ("flag", "funnel"), ("flag", "raw")]
+    tasks = dict.fromkeys(task for task, *_ in said)
+    body = [[f"`{task}`", *(said.get((task, *pair), "") for pair in pairs)] for task in tasks]
+    return table(["task", *(f"`{one}` against `{other}`" for one, other in pairs)], body, right=0)
+
+
+def across() -> str:
+    """One row per method: aggregates over all tasks of the track shared."""
+    found = [row for row in rows("aggregates") if row["track"] == "shared" and row["tasks"].startswith("all")]
+    body = [[f"`{row['method']}`", *(_estimate(row, name, digits) for name, digits in _ESTIMATES)] for row in found]
+    return table(["method", "IQM", "mean", "rank"], body, right=0)
+
+
+_ESTIMATES = (("IQM", 2), ("mean", 2), ("rank", 1))
+"""Columns, and how many decimals they have."""
+
+
+def _estimate(row: Row, name: str, digits: int) -> str:
+    low, high = row[f"{name} 95 % interval low"], row[f"{name} 95 % interval high"]
+    return f"{number(row[name], digits)} [{number(low, digits)}, {number(high, digits)}]"
+
+
+def recipes() -> str:
+    """One row per task and method: what tuning chose, and what it and the shared recipe got."""
+    found = rows("trials", TUNING)
+    tuned = [name for name in found[0] if name not in _OF_A_TRIAL]
+    body = []
+    for row in found:
+        if row["chosen"]:
+            first = next(one for one in found if _same(one, row) and one["trial"] == "0")
+            values = ", ".join(f"{name} {row[name]}" for name in tuned if row[name] != first[name])
+            body.append(
+                [f"`{row['task']}`", f"`{row['method']}`", values or "the shared recipe", _got(first), _got(row)]
+            )
+    return table(["task", "method", "chosen", "the shared recipe", "the chosen one"], body, right=0)
+
+
+_OF_A_TRIAL = ("task", "agent", "method", "trial", "status", "satisfaction", "robustness", "chosen")
+
+
+def _same(one: Row, other: Row) -> bool:
+    return all(one[name] == other[name] for name in ("task", "agent", "method"))
+
+
+def _got(row: Row) -> str:
+    return f"{100 * float(row['satisfaction']):.0f} %, {number(row['robustness'])}"
+
+
+def by_seed(*tasks: str) -> Callable[[], str]:
+    """One row per task and method: how many of the starts satisfy, seed by seed, with the selected and final policy."""
+
+    def block() -> str:
+        cells = [row for row in rows("cells") if row["track"] == "shared" and row["status"] == "done"]
+        found = learned_by("shared")
+        body = [
+            [
+                *_task(task, tasks),
+                f"`{method}`",
+                *(_by_seed(cells, task, method, name) for name in ("satisfaction", "final_satisfaction")),
+                *(_robustness(found[task, method], which) for which in ("", "final ")),
+            ]
+            for task in tasks
+            for method in ("funnel", "raw")
+        ]
+        header = ["method", "selected policy, satisfied [%]", "final policy", "robustness, selected", "final"]
+        return table([*(["task"] if len(tasks) > 1 else []), *header], body, right=0)
+
+    return block
+
+
+def _task(task: str, tasks: Sequence[str]) -> list[str]:
+    return [f"`{task}`"] if len(tasks) > 1 else []
+
+
+def _by_seed(cells: Sequence[Row], task: str, method: str, name: str) -> str:
+    own = [row for row in cells if (row["task"], row["method"]) == (task, method) and "[" not in row["agent"]]
+    return ", ".join(_percent(row[name]) for row in own)
+
+
+def _percent(share: str) -> str:
+    return f"{100 * float(share):.0f}"
+
+
+def _robustness(row: Row, which: str) -> str:
+    ends = [row[f"{which}IQM 95 % interval {end}"] for end in ("low", "high")]
+    return f"{number(row[f'{which}IQM robustness'])} [{', '.join(map(number, ends))}]"
+
+
+_MEASURES = (
+    ("the paper's, one start, steps 100..200", "paper", ("0.938", "0.102")),
+    ("steps 100..200, 64 starts", "tail", ("", "")),
+    ("the formula, from the centre, at most 1", "centre", ("", "")),
+    ("the formula, 1,000 random starts, at most .397", "random", ("", "")),
+)
+"""Text, protocol, and what the paper reports of funnel and flag."""
+
+
+def measures() -> str:
+    """The comparative study: one row per measure and sampling time, mean over the seeds, smallest and largest."""
+    scores = Results.load(RESULTS).robustness()
+    scores = scores[(scores["track"] == "shared") & (scores["policy"] == "selected") & (scores["agent"] == "dqn")]
+    body = []
+    for text, protocol, papers in _MEASURES:
+        for task, sampling in (("hold-disc-coarse", "0.1 s"), ("hold-disc", "0.01 s")):
+            own = scores[(scores["task"] == task) & (scores["protocol"] == protocol)]
+            values = {method: own[own["method"] == method]["robustness_mean"] for method in RIVALS}
+            shown = {method: f"{one.mean():.3f} [{one.min():.3f}, {one.max():.3f}]" for method, one in values.items()}
+            said = papers if sampling == "0.1 s" else ("", "")
+            body.append([text, sampling, said[0], shown["funnel"], said[1], shown["flag"], shown["raw"]])
+    header = ["measure", "sampling", "paper, funnel", "`funnel`", "paper, flag", "`flag`", "`raw`"]
+    return table(header, body, right=0)
+
+
+def cost() -> str:
+    """One row per task: CPU seconds of a cell, mean over rivals and seeds, and the share that is not training."""
+    body = []
+    for task in dict.fromkeys(task for task, _ in learned_by("shared")):
+        own = [row for row in rows("cells") if row["task"] == task and row["track"] == "shared" and row["cpu_seconds"]]
+        own = [row for row in own if row["method"] in RIVALS and "[" not in row["agent"]]
+        whole, training = (sum(float(row[name]) for row in own) for name in ("cpu_seconds", "training_cpu_seconds"))
+        body.append([f"`{task}`", f"{whole / len(own):.1f} s", f"{100 * (1 - training / whole):.0f} %"])
+    return table(["task", "a cell", "without training"], body, right=2)
+
+
+PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
+    "README.md": {"study": study},
+    "docs/reproduction.md": {
+        "tracks": tracks,
+        "verdicts": verdicts,
+        "across": across,
+        "recipes": recipes,
+        "pendulum": by_seed("pendulum"),
+        "measures": measures,
+        "overlap": by_seed("overlap"),
+        "arms": by_seed("fetch-reach", "cartpole", "ball-in-cup"),
+    },
+    "docs/performance.md": {"cost": cost},
+}
+
+
+def written(text: str, blocks: Mapping[str, Callable[[], str]]) -> str:
+    """The page with its tables as the results have them. `ValueError` where a marker is not there."""
+    for name, block in blocks.items():
+        begin, end = f"<!-- --8<-- [start:{name}] -->\n", f"<!-- --8<-- [end:{name}] -->"
+        head, tail = text.index(begin) + len(begin), text.index(end)
+        text = f"{text[:head]}{block()}\n{text[tail:]}"
+    return text
+
+
+def main(words: Sequence[str]) -> int:
+    """The exit code."""
+    different = 0
+    for name, blocks in PAGES.items():
+        page = ROOT / name
+        before = page.read_text(encoding="utf-8")
+        after = written(before, blocks)
+        if after != before:
+            different += 1
+            print(f"{name}: {'differs from the results' if '--check' in words else 'written'}")
+            if "--check" not in words:
+                page.write_text(after, encoding="utf-8")
+    return int(bool(different) and "--check" in words)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
