@@ -34,6 +34,9 @@ if not hasattr(signal, "pthread_sigmask"):
 START_SECONDS = 120.0
 """A worker that has not taken its item by then is replaced."""
 
+LOOK_SECONDS = 2.0
+"""How often it is looked at whether workers are stuck."""
+
 STARTS = 3
 """How many workers an item is offered to, where one after the other ends or hangs without taking it."""
 
@@ -69,7 +72,7 @@ def _outcomes(slots: list[_Slot], count: int) -> Generator[Outcome]:
         busy |= {slot.take(index): slot for slot, index in zip(idle, waiting, strict=False)}
         if not busy:
             return
-        ended, running = wait(busy, timeout=START_SECONDS / 4, return_when=FIRST_COMPLETED)
+        ended, running = wait(busy, timeout=min(LOOK_SECONDS, START_SECONDS / 4), return_when=FIRST_COMPLETED)
         idle = []
         for future in [*ended, *(future for future in running if busy[future].is_stuck)]:
             slot = busy.pop(future)
@@ -119,9 +122,9 @@ class _Slot:
 
     @property
     def is_stuck(self) -> bool:
-        """The worker has not taken the item for a long time."""
+        """The worker has not taken the item for a long time; or its pool broke, which pebble does not always tell."""
         untaken = not (self._future.running() or self._future.done())
-        return untaken and time.monotonic() - self._since > START_SECONDS
+        return untaken and (not self.pool.active or time.monotonic() - self._since > START_SECONDS)
 
     def outcome(self) -> Outcome | None:
         """How the item ended; None where no worker took it and it is to be offered again."""
