@@ -143,13 +143,19 @@ def check_cells(cells: Iterable[Cell]) -> tuple[str, ...]:
     planned, notes = tuple(cells), dict[str, None]()
     for method in dict.fromkeys(cell.id.method for cell in planned):
         plugins.check("methods", method)
-    for cell in {(cell.id.task, cell.id.agent, cell.id.track, str(cell.recipe)): cell for cell in planned}.values():
-        name, agent, track = cell.id.task, cell.id.agent, cell.id.track
-        task = load_task(name)
-        _check_agent(on_track(task, agent, track, cell.recipe), agent)
-        if agent.name not in task.file.agents and track != "plain":
-            notes[f"task {name} has no recipe for agent {agent}, which trains with its defaults"] = None
+    for cell, task in _trainings(planned):
+        agent = cell.id.agent
+        _check_agent(on_track(task, agent, cell.id.track, cell.recipe), agent)
+        if agent.name not in task.file.agents and cell.id.track != "plain":
+            notes[f"task {cell.id.task} has no recipe for agent {agent}, which trains with its defaults"] = None
     return tuple(notes)
+
+
+def _trainings(cells: Iterable[Cell]) -> Iterator[tuple[Cell, Task]]:
+    """One of the cells that train a task alike, whatever the method and the seed, and the task as its file says."""
+    alike = {(cell.id.task, cell.id.agent, cell.id.track, str(cell.recipe)): cell for cell in cells}
+    for cell in alike.values():
+        yield cell, load_task(cell.id.task)
 
 
 def uncompiled(cells: Iterable[Cell]) -> Iterator[tuple[Choice, Callable[[], None]]]:
@@ -157,8 +163,9 @@ def uncompiled(cells: Iterable[Cell]) -> Iterator[tuple[Choice, Callable[[], Non
 
     Otherwise each worker would compile it at the same time, in its first cell.
     """
-    for task, agent in dict.fromkeys((cell.id.task, cell.id.agent) for cell in cells):
-        work = build_agent(load_task(task), agent).uncompiled()
+    for cell, task in _trainings(cells):
+        agent = cell.id.agent
+        work = build_agent(on_track(task, agent, cell.id.track, cell.recipe), agent).uncompiled()
         if work is not None:
             yield agent, work
 

@@ -88,13 +88,11 @@ def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = No
         return replace(task, file=file.model_copy(update={"agents": {**file.agents, agent.name: {}}}))
     assert recipe is not None
     parameters: dict[str, Any] = {**task.recipe(agent.name), **recipe.agent}
-    changed: dict[str, Any] = {"agents": {**task.file.agents, agent.name: parameters}}
-    if recipe.hold is not None:
-        try:
-            return replace(task, file=task.file.model_copy(update=changed).held(recipe.hold))
-        except ValueError as error:
-            raise UsageError(f"the recipe for {task.name}: {error}") from error
-    return replace(task, file=task.file.model_copy(update=changed))
+    file = task.file.model_copy(update={"agents": {**task.file.agents, agent.name: parameters}})
+    try:
+        return replace(task, file=file if recipe.hold is None else file.held(recipe.hold))
+    except ValueError as error:
+        raise UsageError(f"the recipe for {task.name}: {error}") from error
 
 
 def write_recipes(path: Path, recipes: _Found, facts: Mapping[str, Any]) -> None:

@@ -116,9 +116,9 @@ def contests(study: Study) -> tuple[Contest, ...]:
         raise UsageError("what is tuned is the shared recipe; a track is said to `stlbench run`")
     return tuple(
         contest
-        for task in study.tasks
-        for agent in study.agents or (Choice(load_task(task).own_agent),)
-        for contest in _of_agent(load_task(task), agent, study.methods)
+        for task in map(load_task, study.tasks)
+        for agent in study.agents or (Choice(task.own_agent),)
+        for contest in _of_agent(task, agent, study.methods)
     )
 
 

@@ -49,5 +49,5 @@ class TrainingEpisodes(Entry):
     """Phase boundaries, steps at which the reward begins to ask for something else. A return stops there, with the
     value of going on as before: an agent that looks across leaves too early (anticipation)."""
     ends: tuple[Ending, ...] = ()
-    """Where episodes end early. Of two that hold at once, the first counts."""
+    """Where episodes end early."""
     exploring: Exploring | None = None
