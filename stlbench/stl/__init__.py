@@ -55,6 +55,7 @@ from stlbench.stl.recorded.robustness import (
     satisfied,
     satisfied_trace,
 )
+from stlbench.stl.recorded.witness import Link, Witness, witness
 from stlbench.stl.running.batch_monitor import BatchMonitor, Intervals
 from stlbench.stl.running.monitor import Monitor
 from stlbench.stl.running.monitor_source import Interval
@@ -75,6 +76,7 @@ __all__ = [
     "Implies",
     "Interval",
     "Intervals",
+    "Link",
     "Monitor",
     "Negative",
     "Not",
@@ -94,6 +96,7 @@ __all__ = [
     "UndefinedError",
     "UnknownSignalError",
     "Until",
+    "Witness",
     "bounds",
     "fragment",
     "holds",
@@ -118,5 +121,6 @@ __all__ = [
     "signals",
     "values",
     "weak_until",
+    "witness",
     "xor",
 ]

@@ -1,0 +1,133 @@
+"""The witness of a robustness: by hand, and the laws that it has on any formula and trace."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.generated_formulas import NAMES, SEEDS, formulas, told, traces
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from stlbench.stl import (
+    Always,
+    Eventually,
+    Formula,
+    ShortTraceError,
+    UndefinedError,
+    Until,
+    holds,
+    parse,
+    robustness,
+    satisfied,
+    witness,
+)
+
+quick = settings(max_examples=150, deadline=None)
+X = [[3.0], [1.0], [-2.0], [4.0], [0.0]]
+ANY = formulas(endless=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "predicate", "step", "robustness"),
+    [
+        ("x >= 1", "x >= 1", 0, 2),
+        ("!x >= 1", "x >= 1", 0, -2),
+        ("G[0,4] x >= 0", "x >= 0", 2, -2),
+        ("F[0,4] x >= 0", "x >= 0", 3, 4),
+        ("F[1,2] x >= 0", "x >= 0", 1, 1),
+        ("F[0,3] G[0,1] x >= 0", "x >= 0", 1, 1),  # min(3, 1) at 0, -2 at 1 and 2, min(4, 0) at 3
+        ("x >= 0 U[0,3] x >= 4", "x >= 4", 0, -1),
+        ("x >= 1 U[3,3] x >= 3", "x >= 1", 2, -3),  # the goal is met by 1 at step 3, x >= 1 is lost at step 2
+        ("x >= -5 U[0,3] x >= 3.5", "x >= 3.5", 3, 0.5),
+        ("x >= 5 -> x >= 9", "x >= 5", 0, 2),  # vacuous
+        ("x >= 1 -> x >= 9", "x >= 1", 0, -2),
+        ("G x >= -1 & F[0,1] x >= 3.5", "x >= -1", 2, -1),
+        ("G[0,4] (0 <= x <= 3)", "0 <= x", 2, -2),
+    ],
+)
+def test_by_hand(text: str, predicate: str, step: int, robustness: float) -> None:
+    found = witness(parse(text), X, ["x"])
+    assert (str(found.predicate), found.step, found.robustness) == (predicate, step, robustness)
+
+
+def test_the_path_and_the_conjunct() -> None:
+    formula = parse("G[0,1] x <= 9 & (G[1,2] !(x <= 0 | x >= 5) & F[0,4] x >= 4)")
+    found = witness(formula, X, ["x"])
+    texts = [(str(link.formula), link.step) for link in found.path[1:]]
+    assert texts == [
+        ("G[1,2] !(x <= 0 | x >= 5)", 0),
+        ("!(x <= 0 | x >= 5)", 2),
+        ("x <= 0 | x >= 5", 2),
+        ("x <= 0", 2),
+    ]
+    assert str(found.conjunct) == "G[1,2] !(x <= 0 | x >= 5)"
+    assert (found.margin, found.sign, found.robustness) == (2, -1, -2)
+
+
+def test_where_there_is_no_conjunction_the_conjunct_is_the_formula() -> None:
+    formula = parse("G[0,2] (x >= 0 & x <= 9)")
+    assert witness(formula, X, ["x"]).conjunct == formula
+
+
+def test_of_equals_the_first() -> None:
+    trace = [[1.0, 1.0], [1.0, 1.0], [2.0, 2.0]]
+    found = witness(parse("G[0,2] (y >= 0 & x >= 0)"), trace, ["x", "y"])
+    assert (str(found.predicate), found.step) == ("y >= 0", 0)
+
+
+def test_at_zero_it_is_one_that_decides() -> None:
+    """Both operands have the margin 0, and only the second is violated."""
+    found = witness(parse("x >= 0 & x > 0"), [[0.0]], ["x"])
+    assert (str(found.predicate), found.robustness) == ("x > 0", 0)
+
+
+def test_true_has_the_margin_inf() -> None:
+    found = witness(parse("False"), X, ["x"])
+    assert (str(found.predicate), found.margin, found.robustness) == ("True", np.inf, -np.inf)
+
+
+@quick
+@given(ANY, st.integers(1, 12), SEEDS)
+def test_the_margin_is_the_robustness_up_to_the_sign(formula: Formula, steps: int, seed: int) -> None:
+    assume(told(formula, steps - 1) >= 0)
+    trace = traces(steps, seed)
+    found = witness(formula, trace, NAMES)
+    assert found.robustness == robustness(formula, trace, NAMES)
+    assert found.margin == robustness(found.predicate, trace[found.step :], NAMES)
+
+
+@quick
+@given(ANY, st.integers(1, 12), SEEDS)
+def test_the_predicate_has_the_verdict(formula: Formula, steps: int, seed: int) -> None:
+    assume(told(formula, steps - 1) >= 0)
+    trace = traces(steps, seed)
+    found = witness(formula, trace, NAMES)
+    there = bool(np.asarray(holds(found.predicate, NAMES)(trace[found.step])))
+    assert satisfied(formula, trace, NAMES) == (there if found.sign > 0 else not there)
+
+
+@quick
+@given(ANY, st.integers(1, 12), SEEDS)
+def test_every_part_of_the_path_has_the_same_value(formula: Formula, steps: int, seed: int) -> None:
+    assume(told(formula, steps - 1) >= 0)
+    trace = traces(steps, seed)
+    found = witness(formula, trace, NAMES)
+    assert found.path[0] == (formula, 0)
+    for (above, at), (part, step) in zip(found.path, found.path[1:], strict=False):
+        assert part in above.operands
+        assert abs(robustness(part, trace[step:], NAMES)) == abs(found.robustness)
+        if isinstance(above, Always | Eventually):
+            assert at + above.a <= step <= at + above.b
+        elif isinstance(above, Until):
+            assert at <= step <= at + above.b
+        else:
+            assert step == at
+
+
+def test_what_is_refused() -> None:
+    with pytest.raises(ShortTraceError):
+        witness(parse("G[0,9] x >= 0"), X, ["x"])
+    with pytest.raises(ValueError, match=r"one trace \(T\+1, k\), got the shape \(1, 5, 1\)"):
+        witness(parse("x >= 0"), [X], ["x"])
+    with pytest.raises(UndefinedError, match="sqrt"):
+        witness(parse("G[0,4] sqrt(x) >= 0"), X, ["x"])
