@@ -42,6 +42,7 @@ __all__ = [
     "Actions",
     "Agent",
     "Array",
+    "Arrays",
     "Cost",
     "End",
     "Environment",
@@ -67,6 +68,8 @@ if _problem := origin.foreign():
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Truth = NDArray[np.bool_]
+Arrays = Mapping[str, NDArray[Any]]
+"""By name: numbers, or short texts, of any shape; no objects."""
 
 
 class Intractable(Exception):
@@ -371,6 +374,21 @@ class Policy(ABC):
     def act(self, observation: Array) -> Integers | Array:
         """The greedy actions, without any randomness: (N, D) -> indices (N,), or vectors (N, axes)."""
 
+    def arrays(self) -> Arrays | None:
+        """All that `Agent.restore` makes the same policy of, a few megabytes at most. None where it cannot be kept.
+
+        A policy without them, as by default, is scored like any other, and gone when its cell ends.
+        """
+        return None
+
+    def onnx(self) -> bytes | None:
+        """The policy as an ONNX model, for other programs; None, as by default, where it has no such form.
+
+        Its input is `observation`, float32 (N, D). Its output is what `act` returns: `index`, int64 (N,), of a grid, or
+        `action`, float64 (N, axes). Raises `Unsuitable` where a library is not installed.
+        """
+        return None
+
 
 class StatePolicy(ABC):
     """A policy that acts on the whole state, such as a planner's. Frozen, like every policy.
@@ -475,6 +493,15 @@ class Agent(ABC):
     @abstractmethod
     def train(self, training: Training) -> Policy | StatePolicy:
         """Spend the budget and return the final policy. The same `training.seed` gives the same policy, bit for bit."""
+
+    @classmethod
+    def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
+        """The policy that gave these `Policy.arrays`, for a task with these actions. It acts the same, bit for bit.
+
+        A method of the class: a policy can be used where, for want of a library, the agent cannot train. Raises
+        `Unsuitable` for arrays that are of none of its policies or of other actions, by default for all.
+        """
+        raise Unsuitable("it does not say how its policies are restored")
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost | None:
         """What training would take; None, as by default, where the agent cannot say, and is then never refused.

@@ -29,6 +29,7 @@ __all__ = [
     "Score",
     "Setting",
     "Status",
+    "StoredPolicies",
     "Summary",
     "Track",
     "find_cell",
@@ -237,6 +238,21 @@ class Planned:
 
 
 @dataclass(frozen=True)
+class StoredPolicies:
+    """That a cell's policies are stored, by which hashes they are known, and what it takes to use them."""
+
+    selected: str
+    """SHA-256 of the arrays (`saved_policies.digest`), 64 hex digits."""
+    final: str
+    observation_size: int
+    """D: numbers in the observations that they act on."""
+    agent: Mapping[str, str | int | float | bool] = field(default_factory=dict)
+    """On the track `tuned`, what the recipe says of the agent; empty on others, as the task says it."""
+    hold: int | None = None
+    """On the track `tuned`, the steps for which the recipe holds an action; None where that is the task's own."""
+
+
+@dataclass(frozen=True)
 class Measurement:
     """All that one finished cell measured."""
 
@@ -263,6 +279,8 @@ class Measurement:
     """None for policies that were learned, and so in all records of before there were others."""
     extension: str = ""
     """Why the task is outside the form that the method's source was published for; empty inside it."""
+    policies: StoredPolicies | None = None
+    """None where no policy is stored: a planner's, an agent's that keeps none, and those of older records."""
 
 
 @dataclass(frozen=True)

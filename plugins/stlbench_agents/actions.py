@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from stlbench.contract import ActionBox, ActionGrid, Environment, Unsuitable
+from stlbench.contract import ActionBox, ActionGrid, Actions, Unsuitable
 
 __all__ = ["box_of", "grid_of"]
 
 
-def grid_of(environment: Environment) -> ActionGrid:
-    """The task's grid of actions. Raises `Unsuitable` where its actions are continuous."""
-    actions = environment.actions
+def grid_of(actions: Actions) -> ActionGrid:
+    """A task's actions, which have to be a grid. Raises `Unsuitable` where its actions are continuous."""
     if not isinstance(actions, ActionGrid):
         raise Unsuitable(
             f"the task's actions {', '.join(actions.names)} are continuous, and this agent chooses from a grid; "
@@ -18,9 +17,8 @@ def grid_of(environment: Environment) -> ActionGrid:
     return actions
 
 
-def box_of(environment: Environment) -> ActionBox:
-    """The task's continuous actions. Raises `Unsuitable` where it has a grid."""
-    actions = environment.actions
+def box_of(actions: Actions) -> ActionBox:
+    """A task's actions, which have to be continuous. Raises `Unsuitable` where it has a grid."""
     if not isinstance(actions, ActionBox):
         raise Unsuitable(
             f"the task's actions {', '.join(actions.names)} are a grid, and this agent's are continuous; "

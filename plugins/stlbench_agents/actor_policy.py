@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.contract import ActionBox, Array, Policy
+from stlbench.contract import ActionBox, Array, Arrays, Policy, Unsuitable
 
 if TYPE_CHECKING:
     import torch
@@ -47,6 +47,38 @@ class ActorPolicy(Policy):
             return np.clip(output, self._low, self._high)
         vectors: Array = self._low + (np.tanh(output) + 1) / 2 * (self._high - self._low)
         return vectors
+
+    def arrays(self) -> Arrays:
+        """The layers, and what is between and after them."""
+        layers = {
+            f"{part}{i}": array
+            for i, layer in enumerate(self.layers)
+            for part, array in zip(("matrix", "bias"), layer, strict=True)
+        }
+        return {**layers, "activation": np.array(self.activation), "squashed": np.array(self.squashed)}
+
+    def onnx(self) -> bytes:
+        """One model of the layers and of what spans the box."""
+        from stlbench_agents.onnx_graph import Graph, double
+
+        graph, span = Graph(), self._high - self._low
+        output = graph.perceptron(self.layers, "Tanh" if self.activation == "tanh" else "Relu")
+        exact = graph.node("Cast", output, to=double())
+        if self.squashed:
+            share = graph.node("Mul", graph.node("Add", graph.node("Tanh", exact), np.array(1.0)), np.array(0.5))
+            action = graph.node("Add", graph.node("Mul", share, span), self._low)
+        else:
+            action = graph.node("Min", graph.node("Max", exact, self._low), self._high)
+        return graph.model(len(self.layers[0][0]), action, "action", len(span))
+
+    @classmethod
+    def of(cls, arrays: Arrays, box: ActionBox) -> ActorPolicy:
+        """The policy that gave these `arrays`, for these actions. Raises `Unsuitable` for others."""
+        count = sum(name.startswith("matrix") for name in arrays)
+        layers = [(arrays[f"matrix{i}"], arrays[f"bias{i}"]) for i in range(count)]
+        if not layers or len(layers[-1][1]) != len(box.names):
+            raise Unsuitable(f"the policy is for another number of actions than {len(box.names)}")
+        return cls(layers, box, "tanh" if arrays["activation"] == "tanh" else "relu", bool(arrays["squashed"]))
 
 
 def linear_layers(modules: Iterable[torch.nn.Module]) -> list[Layer]:

@@ -18,6 +18,7 @@ from stlbench.contract import (
     Actions,
     Agent,
     Array,
+    Arrays,
     Cost,
     Environment,
     Integers,
@@ -116,11 +117,20 @@ class DQN(Agent):
                 training.report(final, done * self.copies * environment.hold)
         return final
 
+    @classmethod
+    def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
+        """The greedy policy of a network."""
+        from stlbench_agents.network import GreedyPolicy  # imports Numba, which parameters do not need
+
+        return GreedyPolicy.of(arrays, grid_of(actions).shape)
+
     def learner(self, environment: Environment, seed: int, updates: int) -> Learner:
         """What is trained, with fresh networks, for as many updates in all."""
         from stlbench_agents.q_learner import QLearner  # imports Numba, which parameters do not need
 
-        return QLearner(self, environment.observation_size, environment.count, grid_of(environment), seed, updates)
+        return QLearner(
+            self, environment.observation_size, environment.count, grid_of(environment.actions), seed, updates
+        )
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost | None:
         """That of its network and its replay; None for actions that it cannot train."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stlbench.contract import ActionGrid, Array, Cost, Environment, Integers, Policy, Transition
+from stlbench.contract import ActionGrid, Actions, Array, Arrays, Cost, Environment, Integers, Policy, Transition
 from stlbench_agents.actions import grid_of
 from stlbench_agents.dqn import DQN, Learner
 
@@ -30,7 +30,7 @@ class DQNPerRobot(DQN):
 
     def learner(self, environment: Environment, seed: int, updates: int) -> Learner:
         """A learner for each robot, with its own weights, replay and exploration, and as many updates."""
-        grid = grid_of(environment)
+        grid = grid_of(environment.actions)
         if not grid.robots:
             return super().learner(environment, seed, updates)
         from stlbench_agents.q_learner import QLearner  # imports Numba, which parameters do not need
@@ -40,6 +40,12 @@ class DQNPerRobot(DQN):
             [QLearner(self, size, copies, part, [seed, 2 + i], updates) for i, part in enumerate(grid.parts)],
             [part.size for part in grid.parts],
         )
+
+    @classmethod
+    def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
+        """The policies of the robots; that of one network on a task with one robot."""
+        grid = grid_of(actions)
+        return TeamPolicy.of(arrays, grid) if grid.robots else super().restore(arrays, actions)
 
     def _cost(self, size: int, grid: ActionGrid, decisions: int) -> Cost:
         """The sum over the robots, each with its own network and replay."""
@@ -81,3 +87,27 @@ class TeamPolicy(Policy):
     def act(self, observation: Array) -> Integers:
         """The joint action's index: (N, D) -> (N,)."""
         return np.ravel_multi_index([robot.act(observation) for robot in self.robots], self.sizes)
+
+    def arrays(self) -> Arrays:
+        """Those of each robot, with its number before their names."""
+        return {f"{i}.{name}": part for i, robot in enumerate(self.robots) for name, part in robot.arrays().items()}
+
+    def onnx(self) -> bytes:
+        """One model of all robots' networks."""
+        from stlbench_agents.onnx_graph import Graph
+
+        graph = Graph()
+        index = graph.joined([robot.index_in(graph) for robot in self.robots], self.sizes)
+        return graph.model(self.robots[0].network.inputs, index, "index")
+
+    @classmethod
+    def of(cls, arrays: Arrays, grid: ActionGrid) -> TeamPolicy:
+        """The policy that gave these `arrays`, for the robots of a grid. Raises `Unsuitable` for others."""
+        from stlbench_agents.network import GreedyPolicy
+
+        own = [
+            {name.removeprefix(f"{i}."): part for name, part in arrays.items() if name.startswith(f"{i}.")}
+            for i in range(len(grid.parts))
+        ]
+        robots = [GreedyPolicy.of(part, each.shape) for part, each in zip(own, grid.parts, strict=True)]
+        return cls(robots, [each.size for each in grid.parts])

@@ -1,4 +1,4 @@
-"""Libraries that some agents train with and a plain installation lacks."""
+"""Libraries that some agents train with, or write policies with, and a plain installation lacks."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 from stlbench.contract import Unsuitable
 
-__all__ = ["need_sb3", "need_torch"]
+__all__ = ["need_onnx", "need_sb3", "need_torch"]
 
 
 def need_torch() -> None:
@@ -20,6 +20,11 @@ def need_sb3() -> None:
     _need("stable_baselines3", "Stable-Baselines3")
 
 
-def _need(module: str, title: str) -> None:
+def need_onnx() -> None:
+    """Raise `Unsuitable` where ONNX is not installed."""
+    _need("onnx", "ONNX", "onnx")
+
+
+def _need(module: str, title: str, extra: str = "sb3") -> None:
     if find_spec(module) is None:
-        raise Unsuitable(f"it needs {title}: pip install 'stlbench-rl[sb3]'")
+        raise Unsuitable(f"it needs {title}: pip install 'stlbench-rl[{extra}]'")

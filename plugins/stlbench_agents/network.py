@@ -12,14 +12,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.contract import Array, Integers, Policy
+from stlbench.contract import Array, Arrays, Integers, Policy, Unsuitable
 from stlbench_agents.engine import Network, greedy_actions
 from stlbench_agents.layers import layout, size_of, views
 from stlbench_agents.parameter_types import Head
+
+if TYPE_CHECKING:
+    from stlbench_agents.onnx_graph import Graph
 
 __all__ = ["GreedyPolicy", "QNetwork"]
 
@@ -35,6 +40,7 @@ class QNetwork:
 
     def __init__(self, inputs: int, net_arch: Sequence[int], grid: tuple[int, ...], head: Head) -> None:
         """Args: `inputs` D, `net_arch` hidden widths, `grid` actions an axis (their product is A)."""
+        self.inputs, self.net_arch, self.grid, self.head = inputs, tuple(net_arch), grid, head
         self.axes = (math.prod(grid),) if head == "joint" else grid
         layers = layout((inputs, *net_arch, sum(self.axes) + (head == "additive")))
         self.size = size_of(layers)
@@ -69,3 +75,44 @@ class GreedyPolicy(Policy):
     def act(self, observation: Array) -> Integers:
         """The greedy actions' indices: (N, D) -> (N,)."""
         return greedy_actions(self.flat, self.network.engine, observation)
+
+    def arrays(self) -> Arrays:
+        """The weights, and what they are the weights of."""
+        network = self.network
+        return {
+            "weights": self.flat,
+            "widths": np.array([network.inputs, *network.net_arch]),
+            "grid": np.array(network.grid),
+            "head": np.array(network.head),
+        }
+
+    def onnx(self) -> bytes:
+        """One model of the network and of the choice among its outputs."""
+        from stlbench_agents.onnx_graph import Graph
+
+        graph = Graph()
+        return graph.model(self.network.inputs, self.index_in(graph), "index")
+
+    def index_in(self, graph: Graph) -> str:
+        """Add the policy to a graph; the name of the actions' indices there."""
+        *hidden, matrix, bias = self.weights
+        layers = [*zip(hidden[::2], hidden[1::2], strict=True), (matrix.T, bias)]
+        values = graph.perceptron(layers, "Relu")
+        sizes = self.network.engine.axes.tolist()
+        ends = np.cumsum([int(self.network.engine.additive), *sizes]).tolist()
+        return graph.joined([graph.first_largest(values, *each) for each in pairwise(ends)], sizes)
+
+    @classmethod
+    def of(cls, arrays: Arrays, grid: tuple[int, ...]) -> GreedyPolicy:
+        """The policy that gave these `arrays`, for so many actions along each axis. Raises `Unsuitable` for others."""
+        if (own := tuple(arrays["grid"].tolist())) != grid:
+            raise Unsuitable(f"the policy chooses among {_times(own)} actions, the task has {_times(grid)}")
+        inputs, *hidden = arrays["widths"].tolist()
+        network = QNetwork(inputs, hidden, grid, "additive" if arrays["head"] == "additive" else "joint")
+        if arrays["weights"].shape != (network.size,):
+            raise Unsuitable(f"a network of these widths has {network.size} weights, got {arrays['weights'].shape}")
+        return cls(network, [arrays["weights"]])
+
+
+def _times(grid: tuple[int, ...]) -> str:
+    return " x ".join(map(str, grid))

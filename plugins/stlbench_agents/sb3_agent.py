@@ -7,7 +7,9 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Self
 
-from stlbench.contract import ActionGrid, Actions, Agent, Cost, Environment, Policy, Training
+from stlbench.contract import ActionGrid, Actions, Agent, Arrays, Cost, Environment, Policy, Training
+from stlbench_agents.actions import box_of
+from stlbench_agents.actor_policy import ActorPolicy
 from stlbench_agents.checkpoints import report_rounds
 from stlbench_agents.costs import cost_of
 from stlbench_agents.libraries import need_sb3
@@ -47,6 +49,11 @@ class SB3Agent(Agent):
     @abstractmethod
     def exported(self, model: Any, environment: Environment) -> Policy:
         """The model's deterministic policy as it is now. Raises `Unsuitable` where the actions are of another kind."""
+
+    @classmethod
+    def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
+        """The policy of an actor, which needs no SB3."""
+        return ActorPolicy.of(arrays, box_of(actions))
 
     def options(self, environment: Environment) -> dict[str, Any]:
         """The keyword arguments of SB3's class: the parameters, but for those that SB3 lacks or says otherwise."""

@@ -43,13 +43,13 @@ class SB3TD3(SB3OffPolicy):
         """As for all with a replay, and the noise. Raises `Unsuitable` where the task's actions are a grid."""
         from stable_baselines3.common.noise import NormalActionNoise
 
-        axes, options = len(box_of(environment).names), super().options(environment)
+        axes, options = len(box_of(environment.actions).names), super().options(environment)
         noise = NormalActionNoise(np.zeros(axes), np.full(axes, options.pop("exploration_noise")))
         return options | {"action_noise": noise}
 
     def exported(self, model: TD3, environment: Environment) -> Policy:
         """The actor."""
-        return ActorPolicy(linear_layers(model.actor.mu.children()), box_of(environment), "relu", squashed=True)
+        return ActorPolicy(linear_layers(model.actor.mu.children()), box_of(environment.actions), "relu", squashed=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,14 +67,14 @@ class SB3SAC(SB3OffPolicy):
 
     def options(self, environment: Environment) -> dict[str, Any]:
         """As for all with a replay. Raises `Unsuitable` where the task's actions are a grid."""
-        box_of(environment)
+        box_of(environment.actions)
         options = super().options(environment)
         return options | {"ent_coef": f"auto_{options.pop('ent_coef_initial')}"}
 
     def exported(self, model: SAC, environment: Environment) -> Policy:
         """The actor's mean."""
         layers = linear_layers([*model.actor.latent_pi.children(), model.actor.mu])
-        return ActorPolicy(layers, box_of(environment), "relu", squashed=True)
+        return ActorPolicy(layers, box_of(environment.actions), "relu", squashed=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,10 +123,10 @@ class SB3PPO(SB3Agent):
 
     def options(self, environment: Environment) -> dict[str, Any]:
         """As for all. Raises `Unsuitable` where the task's actions are a grid."""
-        box_of(environment)
+        box_of(environment.actions)
         return super().options(environment)
 
     def exported(self, model: PPO, environment: Environment) -> Policy:
         """The mean of the policy's distribution, clipped to the box."""
         layers = linear_layers([*model.policy.mlp_extractor.policy_net.children(), model.policy.action_net])
-        return ActorPolicy(layers, box_of(environment), "tanh", squashed=False)
+        return ActorPolicy(layers, box_of(environment.actions), "tanh", squashed=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from stlbench.contract import Environment, Policy
+from stlbench.contract import Actions, Arrays, Environment, Policy
 from stlbench_agents.actions import grid_of
 from stlbench_agents.parameter_types import Count, Positive, Share, Steps
 from stlbench_agents.sb3_agent import SB3OffPolicy
@@ -49,9 +49,16 @@ class SB3DQN(SB3OffPolicy):
 
         return DQN
 
+    @classmethod
+    def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
+        """The greedy policy of a network, which needs no SB3."""
+        from stlbench_agents.network import GreedyPolicy  # imports Numba, which parameters do not need
+
+        return GreedyPolicy.of(arrays, grid_of(actions).shape)
+
     def options(self, environment: Environment) -> dict[str, Any]:
         """As for all with a replay. Raises `Unsuitable` where the task's actions are continuous."""
-        grid_of(environment)
+        grid_of(environment.actions)
         rounded_up = max(self.target_update_interval, self.copies)  # SB3 does so too, but with a warning
         return super().options(environment) | {"target_update_interval": rounded_up}
 
@@ -59,4 +66,4 @@ class SB3DQN(SB3OffPolicy):
         """The greedy policy of the Q-network."""
         from stlbench_agents.sb3_bridge import greedy_policy
 
-        return greedy_policy(model.q_net.q_net, environment.observation_size, grid_of(environment).shape)
+        return greedy_policy(model.q_net.q_net, environment.observation_size, grid_of(environment.actions).shape)

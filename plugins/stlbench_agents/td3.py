@@ -13,8 +13,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from stlbench.contract import ActionBox, Actions, Agent, Array, Cost, Policy, Training
+from stlbench.contract import ActionBox, Actions, Agent, Array, Arrays, Cost, Policy, Training
 from stlbench_agents.actions import box_of
+from stlbench_agents.actor_policy import ActorPolicy
 from stlbench_agents.checkpoints import report_rounds
 from stlbench_agents.compiled_code import is_ready, note_ready
 from stlbench_agents.costs import cost_of
@@ -88,7 +89,7 @@ class TD3(Agent):
         from stlbench_agents.td3_learner import TD3Learner  # imports Numba
 
         environment = training.make(self.copies)
-        box, size = box_of(environment), environment.observation_size
+        box, size = box_of(environment.actions), environment.observation_size
         low = np.array(box.low)
         span = np.array(box.high) - low
         shape = (self.copies, len(box.names))
@@ -118,6 +119,11 @@ class TD3(Agent):
                 final = learner.policy(averaged=True)
                 training.report(final, done * self.copies * environment.hold)
         return final
+
+    @classmethod
+    def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
+        """The policy of an actor."""
+        return ActorPolicy.of(arrays, box_of(actions))
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost:
         """That of a critic, beside which the actor's is as long, and of the replay."""

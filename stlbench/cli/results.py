@@ -36,7 +36,7 @@ def remove(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Remove cells from the ledger, with their traces: `stlbench run` measures them again.
+    """Remove cells from the ledger, with their traces and policies: `stlbench run` measures them again.
 
     At least one of CELL, --status and --budget is needed; a cell is removed if all that are given fit. Prints the
     cells, and asks before it removes them. --json prints a list of them and needs --yes.
@@ -72,7 +72,7 @@ def merge(
     ],
     as_json: Json = False,
 ) -> None:
-    """Copy the cells of other folders of results, with their traces.
+    """Copy the cells of other folders of results, with their traces and policies.
 
     Of a cell that several folders have, the result that was measured last stays.
 

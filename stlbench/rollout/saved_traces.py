@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,18 +10,13 @@ import numpy as np
 from stlbench.contract import Array, Integers
 from stlbench.errors import UsageError
 from stlbench.result import MAIN, CellId, Result
+from stlbench.rollout import npz
 from stlbench.rollout.referee import Assessment
 
 __all__ = ["FOLDER", "Film", "SavedTraces", "read_cell", "read_saved", "save", "trace_file"]
 
 FOLDER = "traces"
 """Name of the folder of traces in a folder of results."""
-
-_DAMAGED = (
-    *(OSError, ValueError, TypeError, KeyError, EOFError, MemoryError, RuntimeError),
-    *(zipfile.BadZipFile, zlib.error),
-)
-"""What reading an .npz raises where it is damaged, encrypted, a pickle, or no .npz at all."""
 
 
 class Film(NamedTuple):
@@ -50,17 +43,15 @@ def trace_file(folder: Path, cell: CellId, key: str) -> Path:
     For films, `extremes` (2,) says which starts were the best and the worst, and `states` (2, decisions + 1, n) what
     states these went through.
     """
-    return folder / f"{cell.name.replace('/', '_')}_{key[:12]}.npz"
+    return npz.cell_file(folder, cell, key)
 
 
 def save(path: Path, assessment: Assessment, signals: tuple[str, ...]) -> None:
     """Write what the referee recorded of a policy."""
     robustness = assessment.scores[MAIN].robustness
     extremes = np.array([np.argmax(robustness), np.argmin(robustness)])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(
-        path, traces=assessment.traces, signals=np.array(signals), extremes=extremes, states=assessment.states[extremes]
-    )
+    named = {"traces": assessment.traces, "signals": np.array(signals)}
+    npz.write(path, {**named, "extremes": extremes, "states": assessment.states[extremes]})
 
 
 def read_cell(results: Path, result: Result) -> SavedTraces:
@@ -81,7 +72,7 @@ def read_saved(path: Path) -> SavedTraces:
         with np.load(path) as saved:
             samples, names = np.asarray(saved["traces"], dtype=np.float64), tuple(map(str, saved["signals"].tolist()))
             film = Film(saved["extremes"], saved["states"]) if "states" in saved else None
-    except _DAMAGED as error:
+    except npz.DAMAGED as error:
         raise UsageError(f"cannot read {path} as traces of stlbench: {str(error)[:200]}") from error
     if samples.ndim != 3 or 0 in samples.shape or samples.shape[2] != len(names):
         raise UsageError(f"{path}: traces have shape (starts, steps, {len(names)} signals), got {samples.shape}")

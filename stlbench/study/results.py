@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from stlbench.result import ACCIDENTS, IDENTITY, NOT_RUN, CellId, Measurement, Result, Score, find_cell
+from stlbench.rollout.saved_policies import Which
 from stlbench.rollout.saved_traces import SavedTraces, read_cell
 from stlbench.study import stored
+from stlbench.study.kept import Kept, load_policy
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["Results"]
 
 _NUMBERS = tuple(
-    part.name for part in fields(Measurement) if part.name not in ("selected", "final", "curve", "planned")
+    part.name for part in fields(Measurement) if part.name not in ("selected", "final", "curve", "planned", "policies")
 )
 _PLANNED = ("maximised", "grid_value")
 _COUNTS = ("selected_steps", "env_steps", "inputs_added")
@@ -152,6 +154,14 @@ class Results:
             UsageError: there is no such cell, or no file of its traces: a study that is kept as text has none.
         """
         return read_cell(self.folder, self.cell(cell, budget))
+
+    def policy(self, cell: str | CellId, budget: str | None = None, which: Which = "selected") -> Kept:
+        """A stored policy of a cell, with its task and its method: `policy.act(observation)`.
+
+        Raises:
+            UsageError: there is no such cell, or no policy of it that can be used (`kept.load_policy`).
+        """
+        return load_policy(self.folder, self.cell(cell, budget), which)
 
 
 def _table(rows: Iterable[tuple[CellId, Mapping[str, Any]]], columns: tuple[str, ...]) -> pd.DataFrame:

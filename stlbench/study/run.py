@@ -13,7 +13,6 @@ from stlbench.contract import Executor
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, choice_of
 from stlbench.result import CellId, Result
-from stlbench.rollout.saved_traces import FOLDER
 from stlbench.study import scheduler, trial
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.plan import Cell, check_cells, uncompiled
@@ -136,7 +135,7 @@ def run_cells(
 
     Args:
         cells: the whole plan (`plan_cells`).
-        folder: of results: the ledger and the traces.
+        folder: of results: the ledger, the traces and the policies.
         executor: runs the cells.
         retry: run cells again that raised, were stopped or killed.
         progress: called with its progress.
@@ -159,7 +158,7 @@ def run_cells(
         for agent, work in uncompiled(missing):
             told.note(f"compiling {agent}, once per machine")
             work()
-        work_on = partial(run_cell or trial.run_cell, folder=folder / FOLDER)
+        work_on = partial(run_cell or trial.run_cell, folder=folder)
         with closing(scheduler.run(missing, ledger, executor, work_on, collect(executor.jobs))) as results:
             for result in results:
                 told.ended(result)

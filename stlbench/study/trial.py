@@ -13,19 +13,19 @@ import numpy as np
 
 from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, StatePolicy, Training, Unsuitable
 from stlbench.registry import folders
-from stlbench.result import CurvePoint, Measurement, Planned, Result
+from stlbench.result import CurvePoint, Measurement, Planned, Result, StoredPolicies
+from stlbench.rollout import saved_policies, saved_traces
 from stlbench.rollout.cost import refuse_dear
 from stlbench.rollout.environment import BatchEnvironment, Simulator
 from stlbench.rollout.model import model_of
 from stlbench.rollout.referee import Assessment, Referee
 from stlbench.rollout.rehearsal import rehearse
-from stlbench.rollout.saved_traces import save, trace_file
 from stlbench.study.plan import Cell, derive_seed
-from stlbench.study.tracks import on_track
+from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.task.file import Budget
 
-__all__ = ["measure", "reward_time", "run_cell"]
+__all__ = ["Measured", "measure", "reward_time", "run_cell"]
 
 _REWARDED = 16
 """Copies that are stepped to measure the time of a reward."""
@@ -36,7 +36,7 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
 
     Args:
         cell: what to run.
-        folder: where the report's traces are saved, if anywhere (`trace_file`).
+        folder: of results, where the report's traces and the policies are saved, if anywhere.
 
     Returns:
         The cell's result; a method or agent that does not fit the task is a result, with its reason. Any other error
@@ -49,14 +49,37 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         method = build_method(task, cell.id.method)
         agent = build_agent(task, cell.id.agent)
         refuse_dear(task, method, agent, task.budget(cell.id.budget).steps)
-        measurement, assessment = measure(task, method, agent, cell)
+        measured = measure(task, method, agent, cell)
     except Intractable as reason:
         return cell.ended("intractable", str(reason))
     except Unsuitable as reason:
         return cell.ended("unsuitable", str(reason))
-    if folder is not None:
-        save(trace_file(folder, cell.id, cell.key), assessment, task.signals)
-    return cell.ended("done", measurement=measurement)
+    return cell.ended("done", measurement=measured.numbers if folder is None else _stored(measured, task, cell, folder))
+
+
+class Measured(NamedTuple):
+    """What came of a cell."""
+
+    numbers: Measurement
+    assessment: Assessment
+    """The selected policy's report."""
+    selected: Policy | StatePolicy
+    final: Policy | StatePolicy
+    observation_size: int
+    """D; 0 where no environment was made."""
+
+
+def _stored(measured: Measured, task: Task, cell: Cell, folder: Path) -> Measurement:
+    """Save traces and policies in a folder of results; the numbers, which say by what hashes policies are known."""
+    traces = saved_traces.trace_file(folder / saved_traces.FOLDER, cell.id, cell.key)
+    saved_traces.save(traces, measured.assessment, task.signals)
+    path = saved_policies.policy_file(folder, cell.id, cell.key)
+    digests = saved_policies.save(path, measured.selected, measured.final)
+    if digests is None:
+        return measured.numbers
+    recipe = cell.recipe or Recipe()
+    stored = StoredPolicies(*digests, measured.observation_size, dict(recipe.agent), recipe.hold)
+    return replace(measured.numbers, policies=stored)
 
 
 @dataclass
@@ -92,10 +115,11 @@ class _Trained(NamedTuple):
     """At least one: where an agent reported none, its final policy."""
     env_steps: int
     clock: _Clock
+    observation_size: int
 
 
-def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple[Measurement, Assessment]:
-    """Train, and score the selected and the final policy: the measurement and the selected policy's report."""
+def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> Measured:
+    """Train, and score the selected and the final policy."""
     whole = _Clock()
     referee = Referee(task, method, task.budget(cell.id.budget).random_starts)
     trained = _train(task, method, agent, cell)
@@ -119,7 +143,7 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> tuple
         planned=_planned(agent, selected.policy, assessment),
         extension=method.extension,
     )
-    return measurement, assessment
+    return Measured(measurement, assessment, selected.policy, trained.final, trained.observation_size)
 
 
 def _planned(agent: Agent, policy: Policy | StatePolicy, assessment: Assessment) -> Planned | None:
@@ -156,7 +180,8 @@ def _train(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> _Train
     taken = sum(environment.taken for environment in used)
     if taken > budget.steps:
         raise RuntimeError(f"agent {cell.id.agent} took {taken} environment steps, its budget is {budget.steps}")
-    return _Trained(final, reported or [_Reported(final, taken, clock.cpu)], taken, clock)
+    size = max((environment.observation_size for environment in used), default=0)
+    return _Trained(final, reported or [_Reported(final, taken, clock.cpu)], taken, clock, size)
 
 
 def _choose(referee: Referee, reported: Sequence[_Reported]) -> tuple[_Reported, tuple[CurvePoint, ...]]:

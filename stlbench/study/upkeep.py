@@ -10,6 +10,7 @@ from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.result import CellId, Result, Status
+from stlbench.rollout.saved_policies import policy_file
 from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import stored
 from stlbench.study.ledger import FILE, Ledger
@@ -65,11 +66,17 @@ def _pattern(name: str, known: Collection[str]) -> re.Pattern[str]:
 
 
 def remove(folder: Path, cells: Iterable[CellId]) -> None:
-    """Take cells out of a folder's ledger, with all that is recorded of them, and their traces."""
+    """Take cells out of a folder's ledger, with all that is recorded of them, their traces and policies."""
     with Ledger(folder / FILE, create=False) as ledger:
         for cell in cells:
             for key in ledger.remove(cell):
-                trace_file(folder / FOLDER, cell, key).unlink(missing_ok=True)
+                for file in _files(folder, cell, key):
+                    file.unlink(missing_ok=True)
+
+
+def _files(folder: Path, cell: CellId, key: str) -> tuple[Path, ...]:
+    """What is stored of a cell beside its row in the ledger, whether it is there or not."""
+    return trace_file(folder / FOLDER, cell, key), policy_file(folder, cell, key)
 
 
 class Merged(NamedTuple):
@@ -84,7 +91,7 @@ class Merged(NamedTuple):
 
 
 def merge(into: Path, source: Path) -> Merged:
-    """Copy the results of `source` into the ledger of `into`, and their traces.
+    """Copy the results of `source` into the ledger of `into`, and their traces and policies.
 
     Of two results of a cell the one stays whose run began later, and where both began together that of `into`.
 
@@ -105,7 +112,7 @@ def merge(into: Path, source: Path) -> Merged:
                 continue
             if before is not None:
                 remove(into, [before.id])
-            _copy_traces(incoming.folder, into, result)
+            _copy_files(incoming.folder, into, result)
             ledger.record(result)
             added, replaced = added + (before is None), replaced + (before is not None)
     return Merged(added, replaced, len(incoming) - added - replaced)
@@ -116,12 +123,12 @@ def _begun(result: Result) -> str:
     return result.provenance.get("time", "")
 
 
-def _copy_traces(source: Path, into: Path, result: Result) -> None:
-    recorded = trace_file(source / FOLDER, result.id, result.key)
-    if recorded.is_file():
-        copy = trace_file(into / FOLDER, result.id, result.key)
-        try:
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(recorded, copy)
-        except OSError as error:
-            raise UsageError(f"cannot copy the traces {recorded}: {error}") from error
+def _copy_files(source: Path, into: Path, result: Result) -> None:
+    pairs = zip(_files(source, result.id, result.key), _files(into, result.id, result.key), strict=True)
+    for recorded, copy in pairs:
+        if recorded.is_file():
+            try:
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(recorded, copy)
+            except OSError as error:
+                raise UsageError(f"cannot copy {recorded}: {error}") from error

@@ -43,7 +43,7 @@ def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
     The rules: `search_space` has parameters and values that fit them; `cost` grows with observations and decisions;
     training takes no more than its budget and reports policies that later training does not change; the same seed gives
     the same policies, bit for bit; a policy's actions are the task's, pure, and those of a batch are its rows' one by
-    one. An agent may refuse some of the tasks.
+    one; a policy that can be kept acts the same when it is restored. An agent may refuse some of the tasks.
 
     Args:
         agent: a class, made with its default parameters, or the name of an installed agent with parameters.
@@ -152,6 +152,25 @@ def _check_training(agent: Agent, task: Task, rules: Rules) -> None:
     same = [traces for *_, traces in once.reported] == [traces for *_, traces in again.reported]
     rules.keep(same, "the same seed gives the same reported policies, bit for bit", "others")
     rules.keep(behave(once.final) == behave(again.final), "the same seed gives the same final policy", "another")
+    _check_restored(agent, once.final, task.actions, behave, rules)
+
+
+def _check_restored(
+    agent: Agent,
+    policy: Policy | StatePolicy,
+    actions: Actions,
+    behave: Callable[[Policy | StatePolicy], bytes],
+    rules: Rules,
+) -> None:
+    """Where the policy says that it can be kept."""
+    arrays = policy.arrays() if isinstance(policy, Policy) else None
+    if arrays is None:
+        return
+    copies = {name: np.array(array) for name, array in arrays.items()}
+    objects = [name for name, array in copies.items() if array.dtype.hasobject]
+    rules.keep(not objects, "arrays of a policy are numbers or texts", f"objects in {objects}")
+    same = behave(type(agent).restore(copies, actions)) == behave(policy)
+    rules.keep(same, "a policy that is restored from its arrays acts the same, bit for bit", "otherwise")
 
 
 def _check_cost(agent: Agent, actions: Actions, rules: Rules) -> None:

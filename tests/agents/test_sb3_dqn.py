@@ -171,7 +171,7 @@ def test_continuous_actions_are_refused() -> None:
     task = line(actions={"v": {"low": -1, "high": 1}})
     environment = BatchEnvironment(task, Probe(task.specification), 1, seed=0)
     with pytest.raises(Unsuitable, match="the task's actions v are continuous, and this agent chooses from a grid"):
-        grid_of(environment)
+        grid_of(environment.actions)
 
 
 def test_the_learning_rate_falls_geometrically() -> None:

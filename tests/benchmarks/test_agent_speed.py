@@ -66,7 +66,7 @@ def _trained(agent: DQN) -> tuple[QLearner, Any]:
     """A learner with a thousand lock-steps of hold-disc in its replay, and an observation."""
     entry = load_task("hold-disc")
     environment = BatchEnvironment(entry, build_method(entry, "funnel"), COPIES, seed=0)
-    learner = QLearner(agent, environment.observation_size, COPIES, grid_of(environment), 0, 100_000)
+    learner = QLearner(agent, environment.observation_size, COPIES, grid_of(environment.actions), 0, 100_000)
     generator, observation = np.random.default_rng(0), environment.reset()
     for _ in range(1000):
         action = generator.integers(entry.actions.size, size=COPIES)

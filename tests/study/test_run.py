@@ -145,4 +145,4 @@ def test_cells_are_run_by_the_trial_with_a_folder_for_their_traces(tmp_path, mon
             return super().run(function, items, deadlines)
 
     run_cells(scripted_cells.cells("a"), tmp_path, Remembers())
-    assert seen == [(trial.run_cell, {"folder": tmp_path / "traces"})]
+    assert seen == [(trial.run_cell, {"folder": tmp_path})]

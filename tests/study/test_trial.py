@@ -18,7 +18,7 @@ from stlbench.contract import Array, Integers, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.registry.choices import parse_choices
 from stlbench.result import MAIN, CellId, Measurement, Planned, Result
-from stlbench.rollout.saved_traces import trace_file
+from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import trial
 from stlbench.study.plan import Cell, plan_cells
 from stlbench.task import build_agent, build_method, load_task, starts
@@ -31,7 +31,7 @@ def smoke(method: str = "flag", task: str = "hold-disc", agent: str = "dqn", see
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("traces")
+    return tmp_path_factory.mktemp("results")
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ class TestResult:
 
 class TestTraces:
     def test_scoring_them_again_gives_exactly_what_was_recorded(self, folder: Path, measured: Measurement) -> None:
-        with np.load(trace_file(folder, smoke().id, smoke().key)) as saved:
+        with np.load(trace_file(folder / FOLDER, smoke().id, smoke().key)) as saved:
             traces, names = saved["traces"], tuple(saved["signals"].tolist())
         assert (traces.shape, names) == ((64, 201, 2), ("x", "y"))
         task = load_task("hold-disc")
@@ -116,7 +116,7 @@ def test_the_same_cell_gives_the_same_bits(folder: Path, tmp_path: Path, measure
     assert [replace(point, cpu_seconds=0) for point in again.curve] == [
         replace(point, cpu_seconds=0) for point in measured.curve
     ]
-    files = [np.load(trace_file(place, smoke().id, smoke().key))["traces"] for place in (folder, tmp_path)]
+    files = [np.load(trace_file(place / FOLDER, smoke().id, smoke().key))["traces"] for place in (folder, tmp_path)]
     assert np.array_equal(*files)
 
 

@@ -11,6 +11,8 @@ from helpers import synthetic_results
 
 from stlbench.errors import UsageError
 from stlbench.result import Result
+from stlbench.rollout import saved_policies
+from stlbench.rollout.saved_policies import policy_file
 from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import stored
 from stlbench.study.ledger import FILE, Ledger
@@ -27,13 +29,13 @@ def result(*which, **more) -> Result:
 
 
 def folder_of(path: Path, *results: Result) -> Path:
-    """A ledger and a file of traces for each of the results; its content is the folder's name."""
+    """A ledger, and files of traces and of policies for each of the results; their content is the folder's name."""
     with Ledger(path / FILE) as ledger:
         for one in results:
             ledger.record(one)
-            traces = trace_file(path / FOLDER, one.id, one.key)
-            traces.parent.mkdir(exist_ok=True)
-            traces.write_text(path.name)
+            for file in (trace_file(path / FOLDER, one.id, one.key), policy_file(path, one.id, one.key)):
+                file.parent.mkdir(exist_ok=True)
+                file.write_text(path.name)
     return path
 
 
@@ -85,17 +87,17 @@ def test_choosing_nothing(folder, said, message):
         choose(folder, **said)
 
 
-def test_what_is_removed_is_gone_with_its_traces_and_older_results(folder):
+def test_what_is_removed_is_gone_with_its_files_and_older_results(folder):
     cell = result("funnel", 0).id
     with Ledger(folder / FILE) as ledger:
         ledger.record(replace(result("funnel", 0), key="of an older plugin"))
         ledger.plan({"planned": cell})
-    assert len(list((folder / FOLDER).iterdir())) == 5
+    assert [len(list((folder / kind).iterdir())) for kind in (FOLDER, saved_policies.FOLDER)] == [5, 5]
     remove(folder, [cell])
     loaded = Results.load(folder)
     assert "hold-disc/funnel/dqn/0" not in [one.id.name for one in loaded]
     assert (len(loaded), loaded.missing) == (4, ())
-    assert len(list((folder / FOLDER).iterdir())) == 4
+    assert [len(list((folder / kind).iterdir())) for kind in (FOLDER, saved_policies.FOLDER)] == [4, 4]
 
 
 def test_merging_counts_and_the_newest_wins(tmp_path):
@@ -110,6 +112,9 @@ def test_merging_counts_and_the_newest_wins(tmp_path):
     assert trace_file(into / FOLDER, a.id, "newer").read_text() == "source"
     assert trace_file(into / FOLDER, b.id, b.key).read_text() == "into"
     assert not trace_file(into / FOLDER, a.id, a.key).exists()
+    assert policy_file(into, a.id, "newer").read_text() == "source"
+    assert policy_file(into, b.id, b.key).read_text() == "into"
+    assert not policy_file(into, a.id, a.key).exists()
     assert merge(into, source) == Merged(added=0, replaced=0, kept=3)
     assert len(Results.load(source)) == 3
 

@@ -1,0 +1,77 @@
+"""A stored policy, ready to be used again: with its task, as its track has it, and its method."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple, cast
+
+from stlbench.contract import Agent, Arrays, Intractable, Policy, RewardMethod, Unsuitable
+from stlbench.errors import UsageError
+from stlbench.registry import plugins
+from stlbench.result import Result, StoredPolicies
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.saved_policies import Which, read
+from stlbench.study.tracks import Recipe, on_track
+from stlbench.task import Task, build_method, load_task
+
+__all__ = ["Kept", "load_policy"]
+
+
+class Kept(NamedTuple):
+    """What the referee needs to let a stored policy act: `record(kept.task, kept.method, kept.policy, states)`."""
+
+    task: Task
+    """As the cell's track and recipe have it."""
+    method: RewardMethod
+    """Gives the policy the inputs that it was trained with."""
+    policy: Policy
+
+
+def load_policy(folder: Path, result: Result, which: Which = "selected") -> Kept:
+    """The stored policy of a cell; it acts as it did when it was scored, bit for bit.
+
+    A tuned recipe is not read again: what of it matters is in the result. Neither is a library that the agent trains
+    with needed, unless its policies do.
+
+    Args:
+        folder: of results.
+        result: of the cell, from that folder's ledger or its `cells.jsonl`.
+        which: the checkpoint that was selected, or the policy at the end of training.
+
+    Raises:
+        UsageError: no policy is stored, or it is not what was recorded; its task, method or agent is not installed, or
+            gives other observations or takes other actions now than it did when the policy was trained.
+    """
+    arrays, name = read(folder, result, which), result.id.name
+    assert result.measurement is not None
+    assert result.measurement.policies is not None
+    stored, cell = result.measurement.policies, result.id
+    recipe = Recipe(stored.agent, stored.hold) if cell.track == "tuned" else None
+    task = on_track(load_task(cell.task), cell.agent, cell.track, recipe)
+    try:
+        method = build_method(task, cell.method)
+        policy = _restored(cell.agent.name, arrays, task)
+    except (Intractable, Unsuitable) as error:
+        raise UsageError(f"{name}: its policy cannot be used: {error}") from error
+    _check_size(name, task, method, stored)
+    return Kept(task, method, policy)
+
+
+def _restored(agent: str, arrays: Arrays, task: Task) -> Policy:
+    plugin = plugins.find("agents", agent)
+    kind = cast(type[Agent], plugin.load())
+    try:
+        return kind.restore(arrays, task.actions)
+    except Unsuitable:
+        raise
+    except Exception as error:
+        said = " ".join(f"{type(error).__name__}: {error}".split())
+        raise Unsuitable(f"{plugin} cannot restore it: {said}") from error
+
+
+def _check_size(name: str, task: Task, method: RewardMethod, stored: StoredPolicies) -> None:
+    """Networks do not check what they are given; some would read what lies beside it in memory."""
+    size = BatchEnvironment(task, method, 1, 0).observation_size
+    if size != stored.observation_size:
+        rule = f"acts on {stored.observation_size} numbers, the task now shows {size}"
+        raise UsageError(f"{name}: its policy {rule}; the task or the method was changed since it was trained")

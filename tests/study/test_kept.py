@@ -1,0 +1,143 @@
+"""A stored policy does what it did when it was scored."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import line_task
+
+from stlbench.errors import UsageError
+from stlbench.registry.choices import parse_choices
+from stlbench.result import MAIN, CellId, Result, from_json, to_json
+from stlbench.rollout import referee
+from stlbench.study import trial
+from stlbench.study.kept import load_policy
+from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.plan import Cell, plan_cells
+from stlbench.study.results import Results
+from stlbench.study.tracks import Recipe, Recipes
+
+
+def cell(track: str = "shared", recipe: Recipe | None = None) -> Cell:
+    recipes = None if recipe is None else Recipes({"integrator-or": {"dqn": {"raw": recipe}}}, "a test")
+    (planned,) = plan_cells(
+        parse_choices("integrator-or"), parse_choices("raw"), parse_choices("dqn"), [0], "smoke", track, recipes
+    )
+    return planned
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("results")
+
+
+@pytest.fixture(scope="module")
+def result(folder: Path) -> Result:
+    found = trial.run_cell(cell(), folder)
+    with Ledger(folder / FILE) as ledger:
+        ledger.record(found)
+    return found
+
+
+def test_the_referee_scores_it_as_it_did(folder: Path, result: Result) -> None:
+    assert result.measurement is not None
+    for which, scores in (("selected", result.measurement.selected), ("final", result.measurement.final)):
+        task, method, policy = load_policy(folder, result, which)
+        budget = task.budget("smoke")
+        again = referee.Referee(task, method, budget.random_starts).assess(policy)
+        assert again.scores == scores
+    assert np.array_equal(again.traces, Results.load(folder).traces(result.id.name).samples) == (
+        result.measurement.policies is not None
+        and result.measurement.policies.selected == result.measurement.policies.final
+    )
+
+
+def test_from_the_ledger_by_name(folder: Path, result: Result) -> None:
+    kept = Results.load(folder).policy("integrator-or/raw/dqn/0")
+    direct = load_policy(folder, result).policy
+    observation = np.random.default_rng(0).uniform(-1, 1, (50, kept.method.input_size + 4))
+    assert np.array_equal(kept.policy.act(observation), direct.act(observation))
+
+
+def test_a_tuned_recipe_is_not_asked_for_again(tmp_path: Path) -> None:
+    """Its width and its hold are another than the task's; the file of recipes is not there."""
+    found = trial.run_cell(cell("tuned", Recipe({"net_arch": "16", "n_steps": 1}, 2)), tmp_path)
+    assert found.measurement is not None
+    found = from_json(to_json(found))
+    task, method, policy = load_policy(tmp_path, found)
+    assert task.file.hold == 2
+    assert task.recipe("dqn")["n_steps"] == 1
+    assert found.measurement is not None
+    assert referee.Referee(task, method).assess(policy).scores[MAIN] == found.measurement.selected[MAIN]
+
+
+def test_a_result_of_before_policies_were_stored_is_read(result: Result) -> None:
+    text = to_json(replace(result, measurement=replace(result.measurement, policies=None)))
+    assert '"policies": null, ' in text or '"policies": null}' in text
+    old = from_json(text.replace(', "policies": null', ""))
+    assert old.measurement is not None
+    assert old.measurement.policies is None
+
+
+def test_another_observation_is_refused(folder: Path, result: Result) -> None:
+    """The network itself would read what lies beside its input."""
+    assert result.measurement is not None
+    assert result.measurement.policies is not None
+    wrong = replace(result.measurement.policies, observation_size=2)
+    changed = replace(result, measurement=replace(result.measurement, policies=wrong))
+    with pytest.raises(UsageError, match=r"its policy acts on 2 numbers, the task now shows [0-9]+; the task or the"):
+        load_policy(folder, changed)
+
+
+ENTRIES = "[stlbench.tasks]\nzz-line = zz_kept.system:Line\n[stlbench.agents]\nzz-kept = zz_kept.agent:Kept\n"
+SYSTEM = """
+from stlbench.contract import System
+class Line(System):
+    state = ("x",)
+    def step(self, state, action): return state + self.dt * action
+    def signals(self, state): return state
+    def features(self, state, t): return state
+"""
+AGENT = """
+import numpy as np
+from stlbench.contract import Agent, Policy
+class Constant(Policy):
+    def __init__(self, action): self.action = action
+    def act(self, observation): return np.full(len(observation), self.action)
+    def arrays(self): return {"action": np.array(self.action)}
+class Kept(Agent):
+    def train(self, training):
+        training.make(2)
+        return Constant(2)
+class Restores(Kept):
+    @classmethod
+    def restore(cls, arrays, actions): return Constant(int(arrays["action"]))
+"""
+
+
+class TestOtherAgents:
+    @pytest.fixture
+    def stored(self, site: Callable[..., Path], tmp_path: Path) -> Callable[[str], Result]:
+        def train(agent: str) -> Result:
+            files = {"__init__.py": "", "system.py": SYSTEM, "agent.py": AGENT, "task.yaml": line_task.text()}
+            entries = ENTRIES.replace("agent:Kept", f"agent:{agent}")
+            site("zz-kept", entries, {f"zz_kept/{name}": content for name, content in files.items()})
+            importlib.invalidate_caches()
+            planned = Cell(CellId.parse("zz-line/raw/zz-kept/0", "smoke"), 32 * "0", 60)
+            return trial.run_cell(planned, tmp_path / "results")
+
+        return train
+
+    def test_one_that_restores(self, stored: Callable[[str], Result], tmp_path: Path) -> None:
+        policy = load_policy(tmp_path / "results", stored("Restores")).policy
+        assert policy.act(np.zeros((3, 2))).tolist() == [2, 2, 2]
+
+    def test_one_that_does_not(self, stored: Callable[[str], Result], tmp_path: Path) -> None:
+        found = stored("Kept")
+        with pytest.raises(UsageError, match="policy cannot be used: it does not say how its policies are"):
+            load_policy(tmp_path / "results", found)
