@@ -35,6 +35,7 @@ from stlbench.contract_parts import origin
 from stlbench.contract_parts.actions import ActionBox, ActionGrid, Actions
 from stlbench.contract_parts.executor import Executor, Outcome
 from stlbench.contract_parts.stepwise import along_by_steps, complete
+from stlbench.contract_parts.texts import cause
 
 __all__ = [
     "ActionBox",
@@ -60,6 +61,7 @@ __all__ = [
     "Transition",
     "Truth",
     "Unsuitable",
+    "cause",
 ]
 
 if _problem := origin.foreign():

@@ -11,6 +11,7 @@ from typing import Annotated, Literal, Self, cast, get_args
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, PlainSerializer, TypeAdapter
 
+from stlbench.contract_parts.texts import one_line, printable
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry.choices import Choice, choice_of, parse_choice
 
@@ -282,10 +283,13 @@ class Measurement:
     policies: StoredPolicies | None = None
     """None where no policy is stored: a planner's, an agent's that keeps none, and those of older records."""
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "extension", one_line(self.extension))
+
 
 @dataclass(frozen=True)
 class Result:
-    """One row of the ledger."""
+    """One row of the ledger. Its texts, which plugins wrote, are safe for any file and any terminal."""
 
     id: CellId
     key: str
@@ -299,6 +303,12 @@ class Result:
     """Present exactly where status is `done`."""
     provenance: Mapping[str, str] = field(default_factory=dict)
     """Versions, machine, jobs beside it, time: what might explain a result without being part of its key."""
+
+    def __post_init__(self) -> None:
+        provenance = {printable(name): printable(text) for name, text in self.provenance.items()}
+        safe = {"reason": one_line(self.reason), "details": printable(self.details), "provenance": provenance}
+        for name, value in safe.items():
+            object.__setattr__(self, name, value)
 
 
 @lru_cache

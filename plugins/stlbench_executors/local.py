@@ -21,7 +21,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from stlbench.contract import Executor, Outcome
+from stlbench.contract import Executor, Outcome, cause
 
 __all__ = ["LocalExecutor"]
 
@@ -171,8 +171,7 @@ def _ended(index: int, answer: bytes, reason: str, details: str) -> Outcome:
 
 def _described(error: BaseException) -> tuple[str, str]:
     """The exception being handled, in one line and in full."""
-    reason = " ".join(f"{type(error).__name__}: {error}".split())
-    return reason[:500].removesuffix(":"), traceback.format_exc()
+    return cause(error), traceback.format_exc()
 
 
 def _death(code: int) -> str:

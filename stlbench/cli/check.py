@@ -107,8 +107,10 @@ def _raised(error: Exception) -> str:
     """The exception, and the line of the plugin's source, or of what it called, that raised it."""
     import traceback
 
+    from stlbench.contract import cause
+
     last = traceback.extract_tb(error.__traceback__)[-1]
-    return " ".join(f"{type(error).__name__}: {error} ({Path(last.filename).name}, line {last.lineno})".split())
+    return f"{cause(error)} ({Path(last.filename).name}, line {last.lineno})"
 
 
 def _print(plugin: Plugin, rules: Rules, broken: str) -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 import typer
 from typer.core import TyperGroup
 
+from stlbench.contract_parts.texts import one_line, printable
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ class Commands(TyperGroup):
 
 def refuse(message: str) -> int:
     """Print what is wrong as one line on stderr; return the exit code."""
-    typer.echo(f"error: {message}", err=True)
+    typer.echo(f"error: {printable(message)}", err=True)
     return 2
 
 
@@ -84,7 +85,7 @@ def _show_warning(
 
 def warn(message: str) -> None:
     """One line on stderr."""
-    typer.echo(f"warning: {message}", err=True)
+    typer.echo(f"warning: {one_line(message)}", err=True)
 
 
 def print_json(value: Any) -> None:

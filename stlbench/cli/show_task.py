@@ -10,6 +10,7 @@ import typer
 from stlbench.cli.common import Json, print_json, warn
 from stlbench.cli.completion import names
 from stlbench.cli.show_task_text import print_task
+from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ def _terms(task: Task) -> list[dict[str, Any]] | str:
     try:
         terms = task.specification.terms
     except Unsuitable as reason:
-        return str(reason)
+        return one_line(reason)
     ranges = [task.specification.range(term.psi) for term in terms]
     return [
         {"formula": str(term.formula), "rho_min": low, "rho_max": high}
@@ -146,8 +147,8 @@ def _method(task: Task, name: str) -> dict[str, Any]:
     except plugins.PluginError:
         raise
     except Intractable as reason:
-        return {"status": "intractable", "reason": str(reason)}
+        return {"status": "intractable", "reason": one_line(reason)}
     except (Unsuitable, UsageError) as reason:
-        return {"status": "unsuitable", "reason": str(reason)}
+        return {"status": "unsuitable", "reason": one_line(reason)}
     described = dict(method.describe()) if isinstance(method, Described) else {}
     return {"status": "suitable", "inputs_added": method.input_size, "scale": method.scale} | described

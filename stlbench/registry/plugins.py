@@ -13,6 +13,7 @@ from typing import Any
 
 from stlbench import contract
 from stlbench.contract_parts import origin
+from stlbench.contract_parts.texts import cause, one_line
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import choices
 from stlbench.registry.choices import Choice
@@ -75,7 +76,7 @@ class Plugin:
         try:
             loaded = self._imported()
         except (Exception, SystemExit) as error:
-            raise self._error(f"{type(error).__name__}: {error}") from error
+            raise self._error(cause(error)) from error
         base = _CONTRACTS[self.kind]
         if not (isinstance(loaded, type) and issubclass(loaded, base)):
             raise self._error(f"it must be a subclass of stlbench.contract.{base.__name__}")
@@ -92,8 +93,8 @@ class Plugin:
         lines = (inspect.getdoc(self.load()) or "").splitlines()
         return lines[0] if lines else ""
 
-    def _error(self, cause: str) -> PluginError:
-        return PluginError(f"{self} ({self.entry_point.value}): {' '.join(cause.split())}")
+    def _error(self, problem: str) -> PluginError:
+        return PluginError(f"{self} ({self.entry_point.value}): {one_line(problem)}")
 
 
 def available(kind: str) -> dict[str, Plugin]:
@@ -138,7 +139,7 @@ def _installed(kind: str) -> Iterator[Plugin]:
                 raise ValueError("it has no name")
             entries = tuple(distribution.entry_points.select(group=group))
         except Exception as error:
-            _warn(f"{distribution.locate_file('')}: a distribution with {group} cannot be read: {error}")
+            _warn(f"{distribution.locate_file('')}: a distribution with {group} cannot be read: {one_line(error)}")
             continue
         if name not in seen:  # the first on the path shadows others of its name
             seen.add(name)

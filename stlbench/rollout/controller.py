@@ -9,7 +9,7 @@ import warnings
 
 import numpy as np
 
-from stlbench.contract import ActionGrid, Array, Integers, RewardMethod
+from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, cause
 from stlbench.registry.plugins import PluginWarning
 from stlbench.result import Score
 from stlbench.rollout import referee
@@ -71,8 +71,7 @@ def score_at_random(task: Task) -> Score | None:
 
 def warn(task: str, error: Exception, what: str = "its controller") -> None:
     """Say, as a `PluginWarning`, why something of a task cannot be scored."""
-    reason = " ".join(f"{type(error).__name__}: {error}".split())
-    warnings.warn(f"task {task}: {what} cannot be scored: {reason}", PluginWarning, stacklevel=3)
+    warnings.warn(f"task {task}: {what} cannot be scored: {cause(error)}", PluginWarning, stacklevel=3)
 
 
 class _Unpaid(RewardMethod):

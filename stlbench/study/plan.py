@@ -11,7 +11,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from stlbench.contract import Unsuitable
+from stlbench.contract import Unsuitable, cause
+from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
@@ -176,8 +177,8 @@ def _check_agent(task: Task, agent: Choice) -> None:
     except UsageError:
         raise
     except Exception as error:
-        cause = str(error) if isinstance(error, Unsuitable) else f"{type(error).__name__}: {error}"
-        raise UsageError(f"agent {agent}: {' '.join(cause.split())}") from error
+        said = one_line(error) if isinstance(error, Unsuitable) else cause(error)
+        raise UsageError(f"agent {agent}: {said}") from error
 
 
 def derive_seed(*parts: str | int) -> int:

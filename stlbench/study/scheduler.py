@@ -6,8 +6,9 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 
-from stlbench.contract import Executor, Outcome
-from stlbench.result import Result
+from stlbench.contract import Executor, Outcome, cause
+from stlbench.contract_parts.texts import one_line
+from stlbench.result import Result, from_json, to_json
 from stlbench.study.ledger import Ledger
 from stlbench.study.plan import Cell
 from stlbench.study.provenance import TASK_FOLDER
@@ -46,6 +47,20 @@ def run(
 def _result(cell: Cell, outcome: Outcome) -> Result:
     if outcome.status != "done":
         return cell.ended(outcome.status, outcome.reason, outcome.details)
-    if isinstance(outcome.value, Result) and outcome.value.key == cell.key:
-        return outcome.value
-    return cell.ended("raised", f"the cell's function returned no result of this cell but {outcome.value!r:.200}")
+    if not (isinstance(outcome.value, Result) and outcome.value.key == cell.key):
+        said = one_line(_Shown(outcome.value))[:200]
+        return cell.ended("raised", f"the cell's function returned no result of this cell but {said}")
+    try:
+        return from_json(to_json(outcome.value))
+    except (TypeError, ValueError) as error:  # a plugin's value of a wrong type somewhere in it
+        return cell.ended("raised", f"the cell's result cannot be written: {cause(error)}")
+
+
+class _Shown:
+    """Something of a plugin, whose text is its `repr`."""
+
+    def __init__(self, value: object) -> None:
+        self._value = value
+
+    def __str__(self) -> str:
+        return repr(self._value)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, StatePolicy, Training, Unsuitable
+from stlbench.contract_parts.texts import one_line
 from stlbench.registry import folders
 from stlbench.result import CurvePoint, Measurement, Planned, Result, StoredPolicies
 from stlbench.rollout import saved_policies, saved_traces
@@ -51,9 +52,9 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         refuse_dear(task, method, agent, task.budget(cell.id.budget).steps)
         measured = measure(task, method, agent, cell)
     except Intractable as reason:
-        return cell.ended("intractable", str(reason))
+        return cell.ended("intractable", one_line(reason))
     except Unsuitable as reason:
-        return cell.ended("unsuitable", str(reason))
+        return cell.ended("unsuitable", one_line(reason))
     return cell.ended("done", measurement=measured.numbers if folder is None else _stored(measured, task, cell, folder))
 
 

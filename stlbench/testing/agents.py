@@ -20,6 +20,7 @@ from stlbench.contract import (
     StatePolicy,
     Training,
     Unsuitable,
+    cause,
 )
 from stlbench.errors import UsageError
 from stlbench.registry import choices, plugins
@@ -75,8 +76,7 @@ def _refusal(agent: Agent, form: Form, rules: Rules) -> Unsuitable | None:
     except RuleBroken:
         raise
     except Exception as error:
-        said = " ".join(f"{type(error).__name__}: {error}".split())
-        raise RuleBroken(f"rule broken: {rule}; got {said}") from error
+        raise RuleBroken(f"rule broken: {rule}; got {cause(error)}") from error
     rules.keep(True, rule, None)
     return None
 
