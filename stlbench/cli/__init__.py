@@ -8,10 +8,12 @@ from typing import Annotated
 import typer
 
 from stlbench import __version__
+from stlbench.cli.certify import certify
 from stlbench.cli.check import check
 from stlbench.cli.common import Commands, refuse
 from stlbench.cli.compare import compare
 from stlbench.cli.export import export
+from stlbench.cli.falsify import falsify
 from stlbench.cli.gate import gate
 from stlbench.cli.listing import list_plugins
 from stlbench.cli.monitor import monitor
@@ -47,6 +49,8 @@ app.add_typer(results, name="results")
 app.command("report")(report)
 app.command("plot", short_help="Draw a run: learning, robustness in time, trajectories.")(plot)
 app.command("render", short_help="Film the best and the worst start of a cell.")(render)
+app.command("falsify", short_help="Search for a start from which a policy fails.")(falsify)
+app.command("certify", short_help="With which probability does a policy satisfy its formula?")(certify)
 app.command("compare")(compare)
 app.command("gate", short_help="Measure the cells of a reference again: are they worse?")(gate)
 app.command("monitor")(monitor)

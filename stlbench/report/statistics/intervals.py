@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 __all__ = ["LEVEL", "Interval", "interval", "iqm", "share_interval"]
 
 LEVEL = 0.95
-"""Confidence of every interval."""
+"""Confidence of every interval in tables and figures."""
 QUARTER = 0.25
 """What an interquartile mean leaves out at either end; a quarter of n is rounded down."""
 
@@ -68,16 +68,16 @@ def _squared_error(values: Sequence[float], cut: float = QUARTER) -> float:
     return (len(data) - 1) * squares / (kept * (kept - 1))
 
 
-def share_interval(successes: int, trials: int) -> Interval | None:
-    """Exact 95 % interval of a share (Clopper and Pearson 1934), in [0, 1]; None without any trial."""
-    return _exact(successes, trials) if trials else None
+def share_interval(successes: int, trials: int, level: float = LEVEL) -> Interval | None:
+    """Exact interval of a share (Clopper and Pearson 1934), in [0, 1]; None without any trial."""
+    return _exact(successes, trials, level) if trials else None
 
 
 @lru_cache(maxsize=4096)
-def _exact(successes: int, trials: int) -> Interval:
+def _exact(successes: int, trials: int, level: float) -> Interval:
     from scipy import stats
 
-    found = stats.binomtest(successes, trials).proportion_ci(LEVEL, method="exact")
+    found = stats.binomtest(successes, trials).proportion_ci(level, method="exact")
     return Interval(float(found.low), float(found.high))
 
 

@@ -1,0 +1,98 @@
+"""`stlbench certify`: the probability that a policy satisfies its task's formula, with a confidence that is kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from stlbench.cli.common import Json, console, print_json
+from stlbench.cli.subjects import All, Budget, Cells, Controller, Final, RunFolder, subjects
+
+if TYPE_CHECKING:
+    from stlbench.search.certify import Certificate
+
+
+def certify(
+    cells: Cells = None,
+    results: RunFolder = Path("results"),
+    controller: Controller = None,
+    every: All = False,
+    budget: Budget = None,
+    final: Final = False,
+    confidence: Annotated[float, typer.Option(metavar="C", help="With which the answer is right.")] = 0.99,
+    starts: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Random starts.", show_default="1000; with a rule to stop 100,000 at most"),
+    ] = None,
+    at_least: Annotated[
+        float | None,
+        typer.Option(metavar="P", help="Stop when it is shown that the probability is at least P, or that it is less."),
+    ] = None,
+    until: Annotated[
+        float | None, typer.Option(metavar="WIDTH", help="Stop when the interval is no wider than this.")
+    ] = None,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the random starts.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Say with which probability a policy satisfies its task's formula from a random start.
+
+    The starts are others than those of training, of selection and of the report. With a fixed number of them the
+    interval is that of Clopper and Pearson. With --at-least or --until the test looks after every batch and stops
+    early, by an interval that is valid at any time. The exit code is 0 whatever is found.
+
+    \b
+    Examples:
+      stlbench certify hold-disc/funnel/dqn/0 --confidence .99
+      stlbench certify hold-disc/funnel/dqn/0 --at-least .95
+      stlbench certify --controller robot-nav --until .02
+    """
+    from stlbench.cli.counter import Counter
+    from stlbench.report import to_screen
+    from stlbench.search import certify as search
+    from stlbench.search.tables import certificates
+
+    claim = search.Claim(confidence, starts, at_least, until, seed)
+    search.check(claim)
+    named = subjects(cells, results, budget, every, final, controller)
+    found = list[search.Certificate]()
+    with Counter(len(named), claim.most) as counter:
+        for subject in named:
+            counter.begin(subject.name)
+            found.append(search.certify(subject, claim, lambda count, _: counter.count(count)))
+            counter.ended(_line(found[-1]))
+    if as_json:
+        print_json([_facts(one) for one in found])
+        return
+    if len(found) > 1:
+        to_screen(certificates(found), console())
+        return
+    typer.echo(_line(found[0]))
+
+
+def _line(one: Certificate) -> str:
+    """One certificate in words."""
+    low, high = one.interval
+    told = (
+        f"{one.subject.name}: satisfied from {one.satisfied} of {one.starts} random starts; with confidence "
+        f"{one.claim.confidence:g} the probability is in [{low:.4f}, {high:.4f}]"
+    )
+    return told if one.verdict is None else f"{told}; that it is at least {one.claim.at_least:g} is {one.verdict}"
+
+
+def _facts(one: Certificate) -> dict[str, Any]:
+    """One certificate as plain values."""
+    return {
+        "certified": one.subject.name,
+        "confidence": one.claim.confidence,
+        "starts": one.starts,
+        "satisfied": one.satisfied,
+        "probability": one.satisfied / one.starts,
+        "low": one.interval.low,
+        "high": one.interval.high,
+        "at_least": one.claim.at_least,
+        "verdict": one.verdict,
+        "seed": one.claim.seed,
+        "cpu_seconds": one.cpu_seconds,
+    }

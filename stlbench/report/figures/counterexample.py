@@ -1,0 +1,121 @@
+"""One trace and why it has its robustness: signals against time, the margin that decides, and the plane."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from stlbench import stl
+from stlbench.contract import Array
+from stlbench.report.figures import layout, plane
+from stlbench.report.figures.palette import TRACE
+from stlbench.report.figures.regions import heading, terms
+from stlbench.report.figures.signals import signals_in_time
+from stlbench.report.figures.units import robustness_unit, signal_label, time_label
+from stlbench.task.task import Task
+
+__all__ = ["counterexample"]
+
+_HERE = "#A00000"
+"""The colour of where the robustness comes from, which no term has."""
+_PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1}
+"""Behind a text that would else be crossed by lines."""
+_LETTERS = 90
+"""Of a line in the legend."""
+_CLOSE = 8
+"""The row of the margin shows at most so many times the margin that decides; what is beyond leaves the picture."""
+
+
+class _Place(NamedTuple):
+    """Where the robustness comes from."""
+
+    witness: stl.Witness
+    text: str
+    """The predicate's margin and step, in words."""
+
+
+def counterexample(task: Task, trace: Array, witness: stl.Witness, title: str) -> Figure:
+    """Draw a trace (T + 1, k) with the predicate and the step that its robustness comes from.
+
+    One row per signal, with the regions of the terms; below, the margin of the predicate at every step. Where the task
+    names a plane, it is drawn beside them.
+    """
+    dt = task.file.sampling_time
+    here = _Place(witness, f"{witness.margin:.3g} at step {witness.step} ({witness.step * dt:.3g} s)")
+    rows, wide = len(task.signals) + 1, task.file.plane is not None
+    figure = Figure(figsize=(12.5 if wide else 9.0, max(4.5, 1.6 + 1.7 * rows)), layout="constrained")
+    grid = figure.add_gridspec(rows, 2 if wide else 1)
+    in_time = [figure.add_subplot(grid[0, 0])]
+    in_time += [figure.add_subplot(grid[row, 0], sharex=in_time[0]) for row in range(1, rows)]
+    drawn = set(_signals(in_time[:-1], task, trace, here))
+    _margin(in_time[-1], task, trace, here)
+    if wide:
+        drawn |= set(_plane(figure.add_subplot(grid[:, 1]), task, trace, here))
+    layout.title(figure, title)
+    keys = _keys(task, sorted(drawn), here)
+    figure.legend(handles=keys, loc="outside lower center", ncols=2, fontsize=9, frameon=False)
+    return figure
+
+
+def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: _Place) -> list[int]:
+    """The rows of the signals; which terms have a region there."""
+    drawn = signals_in_time(rows, task)
+    read, step = stl.signals(here.witness.predicate), here.witness.step
+    for axes, name, values in zip(rows, task.signals, trace.T, strict=True):
+        axes.plot(values, "-", color=TRACE, linewidth=1.3, zorder=4)
+        axes.axvline(step, color=_HERE, linewidth=0.9, linestyle="--", zorder=3)
+        if name in read:
+            axes.plot(step, values[step], "o", color=_HERE, markersize=7, zorder=6)
+        axes.set_ylabel(signal_label(task, name))
+        axes.set_xlabel("")
+        axes.tick_params(labelbottom=False)
+    return drawn
+
+
+def _margin(axes: Axes, task: Task, trace: Array, here: _Place) -> None:
+    """The row of the predicate's margin, with the one that decides."""
+    predicate, step, margin = here.witness.predicate, here.witness.step, here.witness.margin
+    if isinstance(predicate, stl.TrueFormula):
+        axes.set_axis_off()
+        return
+    with np.errstate(all="ignore"):
+        margins = np.broadcast_to(stl.margin(predicate, task.signals)(trace), len(trace))
+    axes.axhline(0, color=layout.LEVEL, linewidth=0.9)
+    axes.plot(margins, "-", color=TRACE, linewidth=1.3)
+    axes.vlines(step, min(0.0, margin), max(0.0, margin), color=_HERE, linewidth=2.5, zorder=5)
+    axes.plot(step, margin, "o", color=_HERE, markersize=7, zorder=6)
+    early = step < task.file.steps / 2
+    text = axes.annotate(here.text, (step, margin), (6 if early else -6, 6), textcoords="offset points")
+    text.set(ha="left" if early else "right", color=_HERE, fontsize=9, bbox=_PAPER, zorder=7)
+    axes.margins(y=0.25)
+    if 0 < _CLOSE * abs(margin) < np.abs(margins).max():
+        axes.set_ylim(-_CLOSE * abs(margin), _CLOSE * abs(margin))
+    axes.grid(alpha=0.25)
+    axes.set_title(f"margin of {predicate}", fontsize=9, loc="left", family="monospace")
+    axes.set(ylabel=f"margin\n[{robustness_unit(task, predicate)}]", xlabel=time_label(task))
+
+
+def _plane(axes: Axes, task: Task, trace: Array, here: _Place) -> tuple[int, ...]:
+    """The plane; which terms have a region there."""
+    view = plane.lay_out(axes, task, trace[None])
+    plane.draw_traces(axes, task, view, trace[None])
+    axes.plot(*trace[here.witness.step, list(view.columns)], "o", color=_HERE, markersize=9, zorder=8, clip_on=False)
+    return view.drawn
+
+
+def _keys(task: Task, drawn: Sequence[int], here: _Place) -> list[Artist]:
+    found = here.witness
+    told = f"{'not ' if found.sign < 0 else ''}{found.predicate}: margin {here.text}, in {found.conjunct}"
+    told = textwrap.fill(told, _LETTERS)
+    keys: list[Artist] = [Line2D([], [], linestyle="", marker="o", color=_HERE, markersize=7, label=told)]
+    named = terms(task)
+    for i in drawn:
+        keys.append(layout.term_patch(i, f"{heading(named[i])} {named[i].psi}"))
+    return keys

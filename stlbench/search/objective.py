@@ -1,0 +1,102 @@
+"""What is minimised: the robustness of the task's formula, from points of the space of starts, counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from stlbench.contract import Array
+from stlbench.search.space import Space
+from stlbench.search.subject import Subject
+
+__all__ = ["Enough", "Objective", "Worst"]
+
+FAR = 1e6
+"""The value of a point outside the region of starts, to which comes how far outside it is: worse than all inside."""
+_OUTSIDE = 20
+"""So many times the evaluations may points be asked for, those outside among them, which are not simulated."""
+
+
+class Enough(Exception):
+    """The search is over: a counterexample was found, all evaluations are used, or a simulation failed."""
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The least robust start so far."""
+
+    point: Array
+    """(n,), of the region of initial states."""
+    trace: Array
+    """(T + 1, k), as it was recorded."""
+    robustness: float
+    satisfied: bool
+
+
+class Objective:
+    """Robustness from points, in batches; keeps the worst, and says by `Enough` when to stop.
+
+    Args:
+        subject: what acts.
+        space: of its task.
+        evaluations: how many episodes may be simulated.
+        least: go on after a counterexample, for the least robustness.
+        told: is called after each batch with the evaluations and the least robustness so far.
+    """
+
+    def __init__(
+        self, subject: Subject, space: Space, evaluations: int, least: bool, told: Callable[[int, float], None]
+    ) -> None:
+        self.subject, self.space, self.evaluations, self.least, self._told = subject, space, evaluations, least, told
+        self.count = self._asked = 0
+        self.worst: Worst | None = None
+        self.first: int | None = None
+        """Which evaluation, from 1, was the first that violated the formula."""
+        self.failure: Exception | None = None
+        """What a simulation raised; kept here, as SciPy takes some errors for its own."""
+
+    def of_cube(self, unit: Array) -> Array:
+        """Values (N,) at points (N, size) of the unit cube: those outside the region are worse than all inside.
+
+        Raises:
+            Enough: the search is over.
+        """
+        points = self.space.points(unit)
+        inside = self.space.inside(points)
+        values = np.empty(len(points))
+        if not inside.all():
+            values[~inside] = FAR + self.space.violation(points[~inside])
+        self._asked += len(points)
+        if inside.any():
+            values[inside] = np.minimum(self.of_points(points[inside]), FAR)
+        if self._asked >= _OUTSIDE * self.evaluations:
+            raise Enough
+        return values
+
+    def of_points(self, points: Array) -> Array:
+        """Robustness (N,) from points (N, n) of the region. Raises `Enough` as `of_cube` does."""
+        parts = []
+        for first in range(0, len(points), self.subject.rows):
+            part = points[first : first + self.subject.rows][: self.evaluations - self.count]
+            try:
+                parts.append(self._simulate(part))
+            except Exception as error:
+                self.failure = error
+                raise Enough from error
+            if self.count >= self.evaluations or (self.first is not None and not self.least):
+                raise Enough
+        return np.concatenate(parts)
+
+    def _simulate(self, points: Array) -> Array:
+        traces, robustness, satisfied = self.subject.play(self.space.starts(points))
+        least = int(np.lexsort((satisfied, robustness))[0])
+        found = Worst(points[least], traces[least].copy(), float(robustness[least]), bool(satisfied[least]))
+        if self.worst is None or (found.robustness, found.satisfied) < (self.worst.robustness, self.worst.satisfied):
+            self.worst = found
+        if self.first is None and not satisfied.all():
+            self.first = self.count + int(np.argmin(satisfied)) + 1
+        self.count += len(points)
+        self._told(self.count, self.worst.robustness)
+        return robustness

@@ -1,0 +1,72 @@
+"""What searches found, as tables: one row for each subject."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stlbench.report.statistics.intervals import Interval
+from stlbench.report.tables.table import Column, Table
+from stlbench.search.certify import Certificate
+from stlbench.search.falsify import Falsification
+
+__all__ = ["certificates", "falsifications"]
+
+
+def falsifications(found: Sequence[Falsification]) -> Table:
+    """What was searched, how long, the least robustness, and the counterexample where there is one."""
+    columns = (
+        Column("searched", right=False),
+        Column("optimiser", right=False, shared=True),
+        Column("evaluations"),
+        Column("least robustness", "least"),
+        Column("counterexample", right=False),
+        Column("first counterexample", "first", drop=1),
+        Column("failed", right=False, drop=2),
+        Column("CPU", unit="s", digits=1),
+    )
+    rows = tuple(
+        (
+            *(one.subject.name, one.how.optimiser, one.evaluations, one.worst.robustness),
+            _start(one) if one.found else None,
+            one.first,
+            str(one.witness.conjunct) if one.found else None,
+            one.cpu_seconds,
+        )
+        for one in found
+    )
+    count = sum(one.found for one in found)
+    return Table("Falsification", columns, rows, (f"{count} of {len(found)} have a counterexample.",))
+
+
+def _start(found: Falsification) -> str:
+    return ", ".join(f"{name} = {value:.6g}" for name, value in found.start.items())
+
+
+def certificates(found: Sequence[Certificate]) -> Table:
+    """The shares of satisfied starts with their intervals."""
+    columns = (
+        Column("certified", right=False),
+        Column("confidence", right=False, shared=True),
+        Column("starts"),
+        Column("satisfied"),
+        Column("probability", digits=4),
+        Column("interval", digits=4, kind=Interval),
+        Column("claim", right=False, shared=True),
+        Column("verdict", right=False),
+        Column("CPU", unit="s", digits=1),
+    )
+    rows = tuple(
+        (
+            *(one.subject.name, f"{one.claim.confidence:g}", one.starts, one.satisfied, one.satisfied / one.starts),
+            *(one.interval, _claim(one), one.verdict, one.cpu_seconds),
+        )
+        for one in found
+    )
+    return Table("Certificates", columns, rows)
+
+
+def _claim(found: Certificate) -> str | None:
+    claim = found.claim
+    if claim.at_least is not None:
+        return f"at least {claim.at_least:g}"
+    return None if claim.width is None else f"known to {claim.width:g}"

@@ -1,1 +1,0 @@
-"""Gymnasium's CartPole-v1, to be kept slow, in the middle and upright."""

@@ -1,1 +1,0 @@
-"""One of two regions to reach and to stay in, by a robot that noise disturbs."""

@@ -1,1 +1,0 @@
-"""stlpy's scenario: one of two targets, then the goal, off the obstacle."""

@@ -1,1 +1,0 @@
-"""Two regions to visit again and again, by a robot that noise disturbs."""

@@ -1,0 +1,133 @@
+"""`stlbench falsify` and `stlbench certify`, on made-up plugins, from the words to the answer."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import Result
+
+RUN = ("run", "--tasks", "toy-line", "--methods", "toy-raw", "--executor", "toy-here", "--seeds", "1", "--agents")
+STILL, UP = "toy-line/toy-raw/toy-agent/0", "toy-line/toy-raw/toy-agent[action=2]/0"
+"""From x_0 in [-1, 0.9] the robustness is 1 - x_0 of the one, and 1 - x_0 - 2 of the other."""
+
+
+@pytest.fixture
+def cells(say: Callable[..., Result], toy: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
+    """Train both cells, with policies that are kept; what says commands."""
+    agents: Any = importlib.import_module("toy_plugins.agents")
+    monkeypatch.setattr(agents.Always, "arrays", lambda self: {"action": np.array(self.action)}, raising=False)
+    restore = classmethod(lambda cls, arrays, actions: agents.Always(int(arrays["action"])))
+    monkeypatch.setattr(agents.Still, "restore", restore, raising=False)
+    assert say(*RUN, "toy-agent,toy-agent[action=2]").exit_code == 0
+    return say
+
+
+def refused(done: Result) -> str:
+    assert (done.exit_code, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    return str(line)
+
+
+@pytest.mark.parametrize("command", ["falsify", "certify"])
+def test_help_has_an_example(say: Callable[..., Result], command: str) -> None:
+    done = say(command, "--help")
+    assert done.exit_code == 0
+    assert f"stlbench {command} hold-disc" in done.stdout.partition("Examples")[2]
+
+
+def test_a_counterexample_with_its_files(cells: Callable[..., Result]) -> None:
+    done = cells("falsify", UP, "--least", "--evaluations", 400)
+    assert (done.exit_code, done.stderr) == (0, "")
+    told, start, robustness, failed, because, *paths = done.stdout.splitlines()
+    assert told.startswith(f"{UP}: counterexample, the first in evaluation ")
+    assert float(start.partition("x = ")[2]) == pytest.approx(0.9, abs=0.02)
+    assert float(robustness.split()[1].rstrip(",")) == pytest.approx(-1.9, abs=0.02)
+    assert failed == "failed:     G[0,4] x <= 1"
+    assert because.startswith("because:    x <= 1 at step 4 (2 s): margin -1.")
+    stem = "results/falsified/counterexample-toy-line-toy-raw-toy-agent[action=2]-0-quick"
+    assert paths == [f"{stem}.{end}" for end in ("npz", "csv", "png", "svg")]
+    judged = cells("monitor", "G[0,4] x <= 1", paths[0], "--json").stdout
+    assert json.loads(judged)[0]["robustness"] == pytest.approx(-1.9, abs=0.02)
+    assert "violated" in cells("monitor", "G[0,2] x <= 1", paths[1], "--dt", 0.5).stdout
+
+
+def test_without_a_counterexample_nothing_is_written(cells: Callable[..., Result]) -> None:
+    done = cells("falsify", STILL, "--evaluations", 300)
+    assert done.stdout.startswith(f"{STILL}: no counterexample (differential-evolution, 300 evaluations, ")
+    assert not Path("results/falsified").exists()
+    cells("falsify", STILL, "--evaluations", 300, "--least", "--out", "least")
+    assert len(list(Path("least").iterdir())) == 4
+
+
+def test_all_cells_are_a_table(cells: Callable[..., Result]) -> None:
+    done = cells("falsify", "--all", "--evaluations", 200, "--optimiser", "random")
+    assert "1 of 2 have a counterexample." in done.stdout
+    assert "4 files in results/falsified" in done.stdout
+    assert [line[:5] for line in done.stderr.splitlines()] == ["[1/2]", "[2/2]"]
+
+
+def test_json(cells: Callable[..., Result]) -> None:
+    first, second = json.loads(cells("falsify", STILL, UP, "--evaluations", 200, "--json").stdout)
+    assert (first["counterexample"], first["first"], first["files"]) == (False, None, [])
+    assert (second["searched"], second["counterexample"], second["predicate"]) == (UP, True, "x <= 1")
+    assert second["step"] == 4
+
+
+def test_the_final_policy(cells: Callable[..., Result]) -> None:
+    done = cells("falsify", UP, "--final", "--evaluations", 200, "--json")
+    assert json.loads(done.stdout)[0]["searched"] == f"{UP}, final"
+
+
+def test_a_controller_by_hand(say: Callable[..., Result], down: list[int]) -> None:
+    (found,) = json.loads(say("falsify", "--controller", "toy-line", "--evaluations", 300, "--json").stdout)
+    assert found["searched"] == "toy-line, by hand"
+    assert found["robustness"] == pytest.approx(0.1, abs=0.02)
+
+
+def test_a_cell_that_cannot_be_used_is_left_out_of_all(cells: Callable[..., Result]) -> None:
+    next(Path("results/policies").glob("*action=2*")).unlink()
+    done = cells("falsify", "--all", "--evaluations", 100)
+    assert done.stdout.startswith(f"{STILL}: no counterexample")
+    assert done.stderr.startswith(f"warning: {UP} has no policy at ")
+    assert "has no policy at" in refused(cells("falsify", UP))
+
+
+@pytest.mark.parametrize("command", ["falsify", "certify"])
+def test_what_is_no_subject(cells: Callable[..., Result], command: str) -> None:
+    assert refused(cells(command)).startswith("error: name a cell, --all ")
+    assert "not both" in refused(cells(command, UP, "--all"))
+    assert "there is no cell" in refused(cells(command, "toy-line/toy-raw/toy-agent/7"))
+    assert "has no controller by hand" in refused(cells(command, "--controller", "toy-line"))
+    assert "has no budget 'paper'" in refused(cells(command, UP, "--budget", "paper"))
+    assert "that can be used and the budget paper" in refused(cells(command, "--all", "--budget", "paper"))
+
+
+def test_bad_rules_are_refused_before_anything_is_loaded(say: Callable[..., Result]) -> None:
+    assert "no optimiser 'newton'" in refused(say("falsify", "x", "--optimiser", "newton"))
+    assert "at least one evaluation" in refused(say("falsify", "x", "--evaluations", 0))
+    assert "a confidence is between 0 and 1" in refused(say("certify", "x", "--confidence", 99))
+    assert "not by both" in refused(say("certify", "x", "--at-least", 0.9, "--until", 0.1))
+
+
+def test_a_certificate(cells: Callable[..., Result]) -> None:
+    done = cells("certify", STILL, "--starts", 300)
+    assert done.stdout.startswith(f"{STILL}: satisfied from 300 of 300 random starts; with confidence 0.99 ")
+    assert done.stdout.endswith("the probability is in [0.9825, 1.0000]\n")
+    claimed = cells("certify", UP, "--at-least", 0.5)
+    assert claimed.stdout.endswith("that it is at least 0.5 is refuted\n")
+
+
+def test_certificates_of_several(cells: Callable[..., Result]) -> None:
+    done = cells("certify", "--all", "--until", 0.1, "--json")
+    still, up = json.loads(done.stdout)
+    assert still["high"] == 1
+    assert up["low"] == 0
+    assert max(still["high"] - still["low"], up["high"] - up["low"]) <= 0.1
+    table = cells("certify", "--all", "--starts", 50).stdout
+    assert table.startswith("Certificates: confidence 0.99")

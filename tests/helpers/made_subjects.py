@@ -1,0 +1,24 @@
+"""Subjects whose least robustness is known: their signals stay where they start, so a formula is one of the start."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from helpers.pair_task import pair
+from stlbench.contract import Array
+from stlbench.search.subject import Subject
+
+WELL = "G[0,8] norm(a + 0.7, b - 0.3) >= 0.05"
+"""Violated in a disc that is 0.8 % of the box a in [-1, 0], b in [0, 1]; least robustness -0.05, at its centre."""
+
+
+def still(formula: str = WELL, **changes: Any) -> Subject:
+    """On the task of two robots; every trace has its start at all of its samples."""
+    task = pair(formula=formula, **changes)
+
+    def record(starts: Array) -> Array:
+        return np.repeat(starts[:, None], task.file.steps + 1, axis=1)
+
+    return Subject("still", ("still",), task, record)

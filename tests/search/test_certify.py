@@ -1,0 +1,104 @@
+"""Certificates of subjects whose probability of satisfaction is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.made_subjects import still
+from scipy import stats
+
+from stlbench.errors import UsageError
+from stlbench.rollout.referee import start_states
+from stlbench.search.certify import Claim, certify
+from stlbench.study.plan import derive_seed
+from stlbench.task import starts
+
+NINE_TENTHS = "G[0,8] a <= -0.1"
+"""a is uniform in [-1, 0]."""
+
+
+def test_a_fixed_number_of_starts_has_the_exact_interval() -> None:
+    found = certify(still(NINE_TENTHS), Claim(0.95, starts=500))
+    assert found.starts == 500
+    exact = stats.binomtest(found.satisfied, 500).proportion_ci(0.95, method="exact")
+    assert found.interval == pytest.approx((exact.low, exact.high))
+    assert found.interval.low < 0.9 < found.interval.high
+    assert found.verdict is None
+
+
+def test_more_confidence_is_a_wider_interval() -> None:
+    low, high = (certify(still(NINE_TENTHS), Claim(level, starts=300)).interval for level in (0.9, 0.999))
+    assert high.low < low.low < low.high < high.high
+
+
+@pytest.mark.parametrize(("claimed", "verdict"), [(0.7, "shown"), (0.99, "refuted")])
+def test_a_claim_far_from_the_truth_is_decided_soon(claimed: float, verdict: str) -> None:
+    found = certify(still(NINE_TENTHS), Claim(0.99, at_least=claimed))
+    assert found.verdict == verdict
+    assert found.starts < 1000
+
+
+def test_a_claim_at_the_truth_stays_undecided() -> None:
+    found = certify(still(NINE_TENTHS), Claim(0.999, starts=2000, at_least=0.9))
+    assert (found.verdict, found.starts) == ("undecided", 2000)
+
+
+def test_until_a_width() -> None:
+    found = certify(still(NINE_TENTHS), Claim(0.9, width=0.1))
+    assert found.interval.high - found.interval.low <= 0.1
+    assert 100 < found.starts < 1000
+
+
+def test_one_that_always_satisfies_is_shown_early() -> None:
+    found = certify(still("G[0,8] a <= 1"), Claim(0.99, at_least=0.95))
+    assert (found.verdict, found.satisfied) == ("shown", found.starts)
+    assert found.starts <= 256
+
+
+def test_the_starts_are_new() -> None:
+    """None of them is one of the grids, of the report's random starts or of training."""
+    subject, met = still(NINE_TENTHS), list[np.ndarray]()
+    task = subject.task
+
+    def record(begun: np.ndarray) -> np.ndarray:
+        met.append(begun)
+        return subject.record(begun)
+
+    watched = replace(subject, record=record)
+    certify(watched, Claim(starts=200))
+    own = {state.tobytes() for state in np.concatenate(met)}
+    training = derive_seed("pair", "initial states", 0)
+    others = [
+        *start_states(task),
+        *(starts.sample(task.file.initial, np.random.default_rng(seed), 200) for seed in (12031981, training)),
+    ]
+    assert len(own) == 200
+    assert not own & {state.tobytes() for state in np.concatenate(others)}
+
+
+def test_another_seed_has_other_starts_and_the_same_has_the_same() -> None:
+    counts = [certify(still("G[0,8] a <= -0.5"), Claim(starts=400, seed=seed)).satisfied for seed in (0, 0, 1, 2)]
+    assert counts[0] == counts[1]
+    assert len(set(counts)) > 1
+
+
+@pytest.mark.parametrize(
+    ("claim", "message"),
+    [
+        (Claim(1.0), "a confidence is between 0 and 1, got 1"),
+        (Claim(at_least=1.5), "a probability is between 0 and 1, got 1.5"),
+        (Claim(width=0.0), "a width is between 0 and 1, got 0"),
+        (Claim(at_least=0.5, width=0.1), "not by both"),
+        (Claim(starts=0), "at least one start, got 0"),
+    ],
+)
+def test_bad_claims(claim: Claim, message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        certify(still(), claim)
+
+
+def test_a_single_start_has_no_probability() -> None:
+    with pytest.raises(UsageError, match="pair has a single start; `stlbench falsify`"):
+        certify(still(initial={"box": {"a": -1, "b": 0}}))
