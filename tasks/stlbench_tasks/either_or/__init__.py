@@ -1,0 +1,1 @@
+"""stlpy's scenario: one of two targets, then the goal, off the obstacle."""

@@ -1,0 +1,1 @@
+"""Two regions to visit again and again, by a robot that noise disturbs."""
