@@ -48,27 +48,31 @@ def certify(
       stlbench certify hold-disc/funnel/dqn/0 --at-least .95
       stlbench certify --controller robot-nav --until .02
     """
-    from stlbench.cli.counter import Counter
-    from stlbench.report import to_screen
+    from stlbench.cli.counter import one_by_one
     from stlbench.search import certify as search
-    from stlbench.search.tables import certificates
 
     claim = search.Claim(confidence, starts, at_least, until, seed)
     search.check(claim)
     named = subjects(cells, results, budget, every, final, controller)
-    found = list[search.Certificate]()
-    with Counter(len(named), claim.most) as counter:
-        for subject in named:
-            counter.begin(subject.name)
-            found.append(search.certify(subject, claim, lambda count, _: counter.count(count)))
-            counter.ended(_line(found[-1]))
+    one_by_one(
+        named,
+        claim.most,
+        lambda subject, told: search.certify(subject, claim, told),
+        _line,
+        lambda found: _show(found, as_json),
+    )
+
+
+def _show(found: list[Certificate], as_json: bool) -> None:
+    from stlbench.report import to_screen
+    from stlbench.search.tables import certificates
+
     if as_json:
         print_json([_facts(one) for one in found])
-        return
-    if len(found) > 1:
+    elif len(found) == 1:
+        typer.echo(_line(found[0]))
+    else:
         to_screen(certificates(found), console())
-        return
-    typer.echo(_line(found[0]))
 
 
 def _line(one: Certificate) -> str:

@@ -1,45 +1,55 @@
-"""How far a search is: a bar on stderr where that is a terminal, and of several subjects a line for each."""
+"""One subject of a search after the other: a bar on stderr where that is a terminal, and of several a line for each."""
 
 from __future__ import annotations
 
-from types import TracebackType
-from typing import Self
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
+import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-__all__ = ["Counter"]
+if TYPE_CHECKING:
+    from stlbench.search.subject import Subject
+
+__all__ = ["one_by_one"]
+
+Found = TypeVar("Found")
 
 
-class Counter:
-    """Counts the episodes of each subject in turn; as a context manager it takes the bar away at the end."""
+def one_by_one(
+    subjects: Sequence[Subject],
+    episodes: int,
+    work: Callable[[Subject, Callable[[int, float], None]], Found],
+    line: Callable[[Found], str],
+    show: Callable[[list[Found]], None],
+) -> None:
+    """Work on each of the subjects, and show what was found; where someone interrupts, so far, and exit with code 130.
 
-    def __init__(self, subjects: int, episodes: int) -> None:
-        """Args: how many subjects, and how many episodes each takes at most."""
-        self._subjects, self._episodes, self._done = subjects, episodes, 0
-        self._console = Console(stderr=True, highlight=False, soft_wrap=True)
-        columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-        self._bar = Progress(*columns, console=self._console, disable=not self._console.is_terminal, transient=True)
-        self._task = self._bar.add_task("", total=episodes)
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._bar.stop()
-
-    def begin(self, name: str) -> None:
-        """Say which subject comes."""
-        self._bar.reset(self._task, total=self._episodes, description=Text(name).plain.replace("[", r"\["))
-
-    def count(self, episodes: int) -> None:
-        """Say how many of its episodes were simulated."""
-        self._bar.update(self._task, completed=episodes)
-
-    def ended(self, line: str) -> None:
-        """Say what came of a subject, where it is one of several."""
-        self._done += 1
-        if self._subjects > 1:
-            self._console.print(Text(f"[{self._done}/{self._subjects}] {line}"))
+    Args:
+        subjects: what is searched.
+        episodes: how many each takes at most.
+        work: on one subject; is given what to call with the number of its episodes so far, and a second number.
+        line: what was found, in short.
+        show: all that was found, at least one.
+    """
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+    found, interrupted = list[Found](), False
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+        counted = bar.add_task("", total=episodes)
+        try:
+            for subject in subjects:
+                bar.reset(counted, total=episodes, description=escape(subject.name))
+                found.append(work(subject, lambda count, _: bar.update(counted, completed=count)))
+                if len(subjects) > 1:
+                    console.print(Text(f"[{len(found)}/{len(subjects)}] {line(found[-1])}"))
+        except KeyboardInterrupt:
+            interrupted = True
+    if found:
+        show(found)
+    if interrupted:
+        typer.echo(f"interrupted: {len(found)} of {len(subjects)} were searched", err=True)
+        raise typer.Exit(130)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -11,7 +11,10 @@ from stlbench.cli.common import Json, console, print_json
 from stlbench.cli.subjects import All, Budget, Cells, Controller, Final, RunFolder, subjects
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from stlbench.search.falsify import Falsification
+    from stlbench.search.subject import Subject
 
 
 def falsify(
@@ -49,38 +52,42 @@ def falsify(
       stlbench falsify --all --results study --evaluations 2000
       stlbench falsify --controller hold-disc,robot-nav --least
     """
-    from stlbench.cli.counter import Counter
+    from stlbench.cli.counter import one_by_one
     from stlbench.search import falsify as search
     from stlbench.search.files import write
 
     how = search.How(optimiser, evaluations, least, seed)
     search.check(how)
     named = subjects(cells, results, budget, every, final, controller)
-    found, paths = list[search.Falsification](), list[list[Path]]()
-    with Counter(len(named), evaluations) as counter:
-        for subject in named:
-            counter.begin(subject.name)
-            one = search.falsify(subject, how, lambda count, _: counter.count(count))
-            found.append(one)
-            paths.append(write(one, out or results / "falsified") if one.found or least else [])
-            counter.ended(_line(one))
-    _show(found, paths, as_json)
+
+    def work(subject: Subject, told: Callable[[int, float], None]) -> _Written:
+        found = search.falsify(subject, how, told)
+        return _Written(found, write(found, out or results / "falsified") if found.found or least else [])
+
+    one_by_one(named, evaluations, work, lambda one: _line(one.found), lambda found: _show(found, as_json))
 
 
-def _show(found: list[Falsification], paths: list[list[Path]], as_json: bool) -> None:
+class _Written(NamedTuple):
+    """What was found, and the files that it was written to."""
+
+    found: Falsification
+    files: list[Path]
+
+
+def _show(searched: list[_Written], as_json: bool) -> None:
     from stlbench.report import to_screen
     from stlbench.search.tables import falsifications
 
     if as_json:
-        print_json([_facts(one, files) for one, files in zip(found, paths, strict=True)])
+        print_json([_facts(one.found, one.files) for one in searched])
         return
-    if len(found) == 1:
-        for line in [*_lines(found[0]), *map(str, paths[0])]:
+    if len(searched) == 1:
+        for line in [*_lines(searched[0].found), *map(str, searched[0].files)]:
             typer.echo(line)
-    else:
-        to_screen(falsifications(found), console())
-        if files := [path for several in paths for path in several]:
-            typer.echo(f"{len(files)} files in {files[0].parent}")
+        return
+    to_screen(falsifications([one.found for one in searched]), console())
+    if files := [path for one in searched for path in one.files]:
+        typer.echo(f"{len(files)} files in {files[0].parent}")
 
 
 def _line(one: Falsification) -> str:

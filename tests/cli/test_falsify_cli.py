@@ -72,6 +72,22 @@ def test_all_cells_are_a_table(cells: Callable[..., Result]) -> None:
     assert [line[:5] for line in done.stderr.splitlines()] == ["[1/2]", "[2/2]"]
 
 
+def test_an_interruption_shows_what_was_found_so_far(cells: Callable[..., Result], monkeypatch: Any) -> None:
+    search = importlib.import_module("stlbench.search.falsify")
+    falsify, times = search.falsify, iter([False, True])
+
+    def once(*words: Any) -> Any:
+        if next(times):
+            raise KeyboardInterrupt
+        return falsify(*words)
+
+    monkeypatch.setattr(search, "falsify", once)
+    done = cells("falsify", UP, STILL, "--evaluations", 100)
+    assert done.exit_code == 130
+    assert done.stdout.startswith(f"{UP}: counterexample")
+    assert done.stderr.endswith("interrupted: 1 of 2 were searched\n")
+
+
 def test_json(cells: Callable[..., Result]) -> None:
     first, second = json.loads(cells("falsify", STILL, UP, "--evaluations", 200, "--json").stdout)
     assert (first["counterexample"], first["first"], first["files"]) == (False, None, [])
