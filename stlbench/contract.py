@@ -4,7 +4,8 @@
 Four kinds of plugin, each found by its entry-point group and named by its entry point:
 
 - `stlbench.methods`, a `RewardMethod` subclass: the reward of a transition, and its own memory;
-- `stlbench.tasks`, a `System` subclass: dynamics, beside a `task.yaml` in its package;
+- `stlbench.tasks`, a `System` subclass: dynamics, beside a `task.yaml` in its package; or a `GymTask` or
+  `WorldTask` subclass, where starts are seeds;
 - `stlbench.agents`, an `Agent` subclass: training, environment in, policy out;
 - `stlbench.executors`, an `Executor` subclass: cells run in processes, here or on a cluster.
 
@@ -33,9 +34,11 @@ from numpy.typing import NDArray
 from stlbench import stl
 from stlbench.contract_parts import origin
 from stlbench.contract_parts.actions import ActionBox, ActionGrid, Actions
+from stlbench.contract_parts.environment_tasks import GymTask, WorldTask
 from stlbench.contract_parts.executor import Executor, Outcome
 from stlbench.contract_parts.stepwise import along_by_steps, complete
 from stlbench.contract_parts.texts import cause
+from stlbench.contract_parts.world import World
 
 __all__ = [
     "ActionBox",
@@ -48,6 +51,7 @@ __all__ = [
     "End",
     "Environment",
     "Executor",
+    "GymTask",
     "Integers",
     "Intractable",
     "Model",
@@ -61,6 +65,8 @@ __all__ = [
     "Transition",
     "Truth",
     "Unsuitable",
+    "World",
+    "WorldTask",
     "cause",
 ]
 

@@ -10,7 +10,8 @@ Gymnasium 1.x looks for no plugins by itself. Without the second import, the mod
 
 Actions are indices into the task's grid, or vectors where a task's actions are continuous. Observations are what every
 agent of stlbench sees, as float32, unbounded though about in [-1, 1]. An episode has a fixed length and is truncated at
-its end, never terminated: no state of a task is terminal, and a learner may bootstrap there. Of what a task file says
+its end, never terminated: no state of a task is terminal, and a learner may bootstrap there. A task on an environment
+of Gymnasium that ends an episode by itself stands still from then on. Of what a task file says
 under `training`, only where episodes start is done here; the rest is for the agents of stlbench.
 
 `info["signals"]` has the samples of the trace that a step added, and `info["t"]` the time in steps. All of an
@@ -36,7 +37,7 @@ from stlbench.errors import UsageError, did_you_mean
 from stlbench.presentation import Drawn, Pixels
 from stlbench.registry import plugins
 from stlbench.rollout.environment import Simulator
-from stlbench.task import build_method, load_task, starts
+from stlbench.task import build_method, load_task
 
 __all__ = ["StlEnv", "StlVectorEnv", "register_all"]
 
@@ -65,7 +66,7 @@ class _Copies:
 
     def __init__(self, task: str, method: str, scaled: bool, render_mode: str | None) -> None:
         self.task = load_task(task)
-        drawn = isinstance(self.task.system, Drawn)
+        drawn = isinstance(self.task.dynamics, Drawn)
         decisions_per_second = 1 / (self.task.file.sampling_time * self.task.file.hold)
         self.metadata: Info = {
             "render_modes": ["rgb_array"] if drawn else [],
@@ -114,16 +115,16 @@ class _Copies:
 
     def pictures(self) -> tuple[Pixels, ...] | None:
         """Each copy's state as a picture (height, width, 3); None without a render mode."""
-        system = self.task.system
-        if self.render_mode is None or not isinstance(system, Drawn):
+        drawn = self.task.dynamics
+        if self.render_mode is None or not isinstance(drawn, Drawn):
             return None
-        return tuple(system.frame(state) for state in self._simulator.state)
+        return tuple(drawn.frame(state) for state in self._simulator.state)
 
     def _info(self, samples: Array) -> Info:
         return {"signals": samples, "t": self._simulator.t.copy()}
 
     def _draw(self, generator: np.random.Generator) -> Array:
-        return self.task.system.initial_states(starts.sample(self.task.file.training_starts, generator, 1))
+        return self.task.starts.of_training(generator, 1)
 
     def _checked(self, state: Any, count: int) -> Array:
         names = self.task.system.state

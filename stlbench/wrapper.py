@@ -28,11 +28,12 @@ from gymnasium.spaces import Space
 from gymnasium.vector import VectorEnv
 
 from stlbench import stl
+from stlbench.environments.entries import Names, entries_of
 from stlbench.errors import UsageError, did_you_mean
-from stlbench.wrapping.entries import Names, entries_of
+from stlbench.task.file import EarlyEnd
 from stlbench.wrapping.limits import steps_of, steps_of_copies
 from stlbench.wrapping.reading import Expressions, Function, Reader, SignalsOf
-from stlbench.wrapping.scoring import EarlyEnd, MethodOf, Ranges, Scoring, make_method, specify
+from stlbench.wrapping.scoring import MethodOf, Ranges, Scoring, make_method, specify
 from stlbench.wrapping.single import StlWrapper
 from stlbench.wrapping.vector import StlVectorWrapper, autoreset_of
 

@@ -261,7 +261,7 @@ def test_rewards_memory_and_robustness_are_those_of_the_simulator(method: str) -
         np.testing.assert_array_equal(ours, simulator.observe()[0])
         assert reward == held.reward[0]
         trace.append(held.samples[:, 0])
-    score = referee.score(task.formula, np.stack(trace, axis=1), task.signals)
+    score = referee.score(task, np.stack(trace, axis=1))
     assert (info["robustness"], info["satisfied"]) == (score.robustness[0], score.satisfied[0])
 
 

@@ -65,12 +65,13 @@ def facts(task: Task) -> dict[str, Any]:
         "hold": file.hold,
         "starts": file.starts,
         "features": file.features,
-        "beyond_state": task.system.beyond_state if file.features == "engineered" else (),
+        "environment": None if file.environment is None else file.environment.id,
+        "beyond_state": _beyond_state(task),
         "controller": _scored(controller.score(task)),
         "best_possible": None if file.best_possible is None else file.best_possible.model_dump(),
         "signals": {name: signal.model_dump() for name, signal in file.signals.items()},
         "terms": _terms(task),
-        "actions": {name: axis.model_dump(exclude_none=True) for name, axis in file.actions.items()},
+        "actions": _actions(task),
         "robots": file.robots,
         "training": file.training.model_dump(exclude_none=True),
         "budgets": {name: budget.model_dump() for name, budget in file.budgets.items()},
@@ -87,6 +88,20 @@ def facts(task: Task) -> dict[str, Any]:
         "methods": _methods(task),
         "equal_rewards": [dict(vars(difference)) for difference in equal_rewards(fitting_methods(task))],
     }
+
+
+def _beyond_state(task: Task) -> tuple[str, ...]:
+    """What policies see beyond the state; nothing where they see an observation, or the state alone."""
+    from stlbench.contract import System
+
+    dynamics, engineered = task.dynamics, task.file.features == "engineered"
+    return dynamics.beyond_state if isinstance(dynamics, System) and engineered else ()
+
+
+def _actions(task: Task) -> dict[str, dict[str, Any]]:
+    """Name -> ends, count and unit; those of the environment where the file has none."""
+    declared = {name: axis.model_dump(exclude_none=True) for name, axis in task.file.actions.items()}
+    return declared or {axis.name: axis.ends for axis in task.source.axes}
 
 
 def _scored(score: Score | None) -> dict[str, float] | None:

@@ -1,5 +1,7 @@
 """Tasks that are a folder and no distribution: a `task.yaml` and a `system.py`, named by the folder's path.
 
+The second is not needed where the first names an environment of Gymnasium.
+
 A path that is named is known to this process from then on, by the folder's name. Nothing of a task depends on where its
 folder is: it is loaded as a package whose name is made from the folder's, so its fingerprint is the same anywhere.
 """
@@ -10,13 +12,14 @@ import inspect
 import os
 import sys
 from dataclasses import dataclass
+from importlib import import_module
 from importlib.machinery import ModuleSpec
 from importlib.metadata import EntryPoint
 from importlib.util import module_from_spec
 from pathlib import Path
 from types import ModuleType
 
-from stlbench.contract import System
+from stlbench.contract import GymTask, System, WorldTask
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import NAME, Choice, parse_choice, split
@@ -37,21 +40,25 @@ class FolderTask(plugins.Plugin):
         return f"task '{self.name}' in {self.folder}"
 
     def _imported(self) -> object:
-        """The one class of a system in the folder's `system.py`."""
+        """The one class of a task in the folder's `system.py`."""
+        if not (self.folder / f"{_MODULE}.py").is_file():
+            return plugins.written_alone(import_module(self.entry_point.module.rpartition(".")[0]))
         module = self.entry_point.load()
-        found = _systems(module)
+        found = _tasks(module)
         if len(found) != 1:
             names = ", ".join(kind.__name__ for kind in found) or "none"
-            raise ImportError(f"{_MODULE}.py should have one subclass of stlbench.contract.System, it has {names}")
+            kinds = "System, GymTask or WorldTask"
+            raise ImportError(f"{_MODULE}.py should have one subclass of stlbench.contract.{kinds}, it has {names}")
         return found[0]
 
 
-def _systems(module: ModuleType) -> list[type]:
+def _tasks(module: ModuleType) -> list[type]:
     """Those that a module defines itself, without the bases of others."""
+    bases = System, GymTask, WorldTask
     own = [
         kind
         for kind in vars(module).values()
-        if inspect.isclass(kind) and issubclass(kind, System) and kind.__module__ == module.__name__
+        if inspect.isclass(kind) and issubclass(kind, bases) and kind.__module__ == module.__name__
     ]
     return [kind for kind in dict.fromkeys(own) if not any(kind in other.__mro__[1:] for other in own)]
 
@@ -110,12 +117,11 @@ def know(path: Path) -> FolderTask:
 
 def _check(path: Path, folder: Path) -> None:
     if not folder.is_dir():
-        raise UsageError(f"{path}: there is no such folder; a task is a folder with {_FILE} and {_MODULE}.py")
+        raise UsageError(f"{path}: there is no such folder; a task is a folder with {_FILE}, and often {_MODULE}.py")
     if not NAME.fullmatch(folder.name):
         raise UsageError(f"{path}: the folder's name is the task's, and consists of a-z, 0-9 and -, as in my-task")
-    for file, what in ((_FILE, "the task file"), (f"{_MODULE}.py", "a subclass of stlbench.contract.System")):
-        if not (folder / file).is_file():
-            raise UsageError(f"{path}: there is no {file}, {what}; a task has {_FILE} and {_MODULE}.py")
+    if not (folder / _FILE).is_file():
+        raise UsageError(f"{path}: there is no {_FILE}; a task is a folder with {_FILE}, and often {_MODULE}.py")
 
 
 def _package(folder: Path) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import EntryPoint, distributions
+from types import ModuleType
 from typing import Any
 
 from stlbench import contract
@@ -30,13 +31,14 @@ __all__ = [
     "find",
     "loadable",
     "parameters",
+    "written_alone",
 ]
 
-_CONTRACTS: Mapping[str, type] = {
-    "methods": contract.RewardMethod,
-    "tasks": contract.System,
-    "agents": contract.Agent,
-    "executors": contract.Executor,
+_CONTRACTS: Mapping[str, tuple[type, ...]] = {
+    "methods": (contract.RewardMethod,),
+    "tasks": (contract.System, contract.GymTask, contract.WorldTask),
+    "agents": (contract.Agent,),
+    "executors": (contract.Executor,),
 }
 
 KINDS = tuple(_CONTRACTS)
@@ -77,15 +79,17 @@ class Plugin:
             loaded = self._imported()
         except (Exception, SystemExit) as error:
             raise self._error(cause(error)) from error
-        base = _CONTRACTS[self.kind]
-        if not (isinstance(loaded, type) and issubclass(loaded, base)):
-            raise self._error(f"it must be a subclass of stlbench.contract.{base.__name__}")
+        bases = _CONTRACTS[self.kind]
+        if not (isinstance(loaded, type) and issubclass(loaded, bases)):
+            raise self._error(f"it must be a subclass of stlbench.contract.{_either(bases)}")
         if missing := getattr(loaded, "__abstractmethods__", None):
+            base = next(base for base in bases if issubclass(loaded, base))
             raise self._error(f"it lacks {', '.join(sorted(missing))} of stlbench.contract.{base.__name__}")
         return loaded
 
     def _imported(self) -> object:
-        return self.entry_point.load()
+        loaded = self.entry_point.load()
+        return written_alone(loaded) if self.kind == "tasks" and isinstance(loaded, ModuleType) else loaded
 
     @property
     def summary(self) -> str:
@@ -95,6 +99,16 @@ class Plugin:
 
     def _error(self, problem: str) -> PluginError:
         return PluginError(f"{self} ({self.entry_point.value}): {one_line(problem)}")
+
+
+def written_alone(package: ModuleType) -> type:
+    """The class of a task that has none: a package with a `task.yaml` that names an environment."""
+    return type("Environment", (contract.GymTask,), {"__doc__": package.__doc__, "__module__": f"{package.__name__}."})
+
+
+def _either(bases: tuple[type, ...]) -> str:
+    *others, last = (base.__name__ for base in bases)
+    return f"{', '.join(others)} or {last}" if others else last
 
 
 def available(kind: str) -> dict[str, Plugin]:

@@ -19,20 +19,22 @@ from stlbench.task import Task
 __all__ = ["record", "score", "score_at_random", "warn"]
 
 
-def record(task: Task, states: Array) -> Array | None:
-    """The traces (N, T + 1, k) when the controller acts from `states` (N, n); None where the task has none.
+def record(task: Task, begun: Array) -> Array | None:
+    """The traces (N, T + 1, k) when the controller acts from the starts (N, s); None where the task has none.
 
     It does only what an agent could do: its actions are clipped, and on a grid the nearest of each axis is taken.
     """
-    control, actions = task.system.controller, task.actions
-    if control(states, np.zeros(len(states), dtype=np.int64)) is None:
+    actions, unpaid = task.actions, _Unpaid(task.specification)
+    first = Simulator(task, unpaid)
+    first.reset(begun[:1])
+    if first.world.by_hand(first.t) is None:
         return None
 
     def act(simulator: Simulator) -> Integers | Array:
-        vectors = np.asarray(control(simulator.state, simulator.t), dtype=np.float64)
+        vectors = np.asarray(simulator.world.by_hand(simulator.t), dtype=np.float64)
         return _nearest(actions, vectors) if isinstance(actions, ActionGrid) else vectors
 
-    return referee.follow(task, _Unpaid(task.specification), act, states)
+    return referee.follow(task, unpaid, act, begun)
 
 
 def score(task: Task) -> Score | None:
@@ -41,11 +43,11 @@ def score(task: Task) -> Score | None:
     None where the task has none, or where it fails, and then with a `PluginWarning`.
     """
     try:
-        traces = record(task, referee.start_states(task)[0])
+        traces = record(task, task.starts.report_and_selection()[0])
     except Exception as error:
         warn(task.name, error)
         return None
-    return None if traces is None else referee.score(task.formula, traces, task.signals)
+    return None if traces is None else referee.score(task, traces)
 
 
 def score_at_random(task: Task) -> Score | None:
@@ -62,11 +64,11 @@ def score_at_random(task: Task) -> Score | None:
         return generator.uniform(actions.low, actions.high, (count, len(actions.low)))
 
     try:
-        traces = referee.follow(task, _Unpaid(task.specification), act, referee.start_states(task)[0])
+        traces = referee.follow(task, _Unpaid(task.specification), act, task.starts.report_and_selection()[0])
     except Exception as error:
         warn(task.name, error, "actions at random")
         return None
-    return referee.score(task.formula, traces, task.signals)
+    return referee.score(task, traces)
 
 
 def warn(task: str, error: Exception, what: str = "its controller") -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from stlbench.contract import Agent, Intractable, RewardMethod
-from stlbench.task import starts
+from stlbench.rollout.worlds import make_world
 from stlbench.task.task import Task
 
 __all__ = ["REPLAY_LIMIT", "UPDATE_LIMIT", "refuse_dear"]
@@ -49,6 +49,7 @@ def refuse_dear(task: Task, method: RewardMethod, agent: Agent, steps: int) -> N
 
 def _inputs_without(task: Task) -> int:
     """Features and the time. No environment is made, as some methods import a compiler for their first memory."""
-    state = task.system.initial_states(starts.grid(task.file.initial, 1))
-    features: int = task.features(state, np.zeros(1, dtype=np.int64)).shape[1]
+    world = make_world(task, 1)
+    world.restart(np.zeros(1, dtype=np.int64), task.starts.report_and_selection()[0][:1])
+    features: int = world.features(np.zeros(1, dtype=np.int64)).shape[1]
     return features + 1

@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Transition
+from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Transition, Truth, World
 from stlbench.rollout.clock import scaled_times
+from stlbench.rollout.early_ends import remainder
 from stlbench.rollout.endings import ends_of, first_end
-from stlbench.task import starts
+from stlbench.rollout.worlds import make_world
 from stlbench.task.task import Task
 
 __all__ = ["BatchEnvironment", "Simulator", "Steps"]
@@ -35,24 +36,33 @@ class Simulator:
         """Args: `rewarded` whether rewards are wanted; without, those of a method without memory are NaN."""
         self.task, self.method = task, method
         self._rewarded = rewarded or method.memory_size > 0
-        self.system, self.horizon, self.hold = task.system, task.file.steps, task.file.hold
+        self.horizon, self.hold = task.file.steps, task.file.hold
         actions = task.actions
         self._vectors = actions.vectors if isinstance(actions, ActionGrid) else np.empty((0, len(actions.names)))
         self._low, self._high = np.array(actions.low), np.array(actions.high)
         self._times = scaled_times(self.horizon)
 
-    def reset(self, states: Array) -> Array:
-        """Start an episode from each of the states (N, n). Returns the first observation (N, D)."""
-        self.state = np.array(states, dtype=np.float64)
-        self.signals = self.system.signals(self.state)
-        self.t: Integers = np.zeros(len(states), dtype=np.int64)
+    @property
+    def state(self) -> Array:
+        """The states (N, n) of the copies; (N, 0) where they cannot be read."""
+        return self.world.state
+
+    @property
+    def signals(self) -> Array:
+        """The newest sample of each copy, (N, k)."""
+        return self.world.signals
+
+    def reset(self, begun: Array) -> Array:
+        """Begin an episode at each of the starts (N, s), states or seeds. Returns the first observation (N, D)."""
+        self.world: World = make_world(self.task, len(begun))
+        self.world.restart(np.arange(len(begun)), begun)
+        self.t: Integers = np.zeros(len(begun), dtype=np.int64)
         self.memory = self.method.initial_memory(self.signals, self.t)
         return self.observe()
 
-    def reset_rows(self, rows: Integers, states: Array, t: Integers) -> None:
-        """Start new episodes in the given rows, from the states (len(rows), n) at steps t (len(rows),)."""
-        self.state[rows] = states
-        self.signals[rows] = self.system.signals(states)
+    def reset_rows(self, rows: Integers, begun: Array, t: Integers) -> None:
+        """Begin new episodes in the given rows (r,), increasing, at the starts (r, s) and at steps t (r,)."""
+        self.world.restart(rows, begun)
         self.t[rows] = t
         if self.method.memory_size:
             self.memory = self.memory.copy()
@@ -64,7 +74,7 @@ class Simulator:
         `t` (N,) stands in place of the copies' own time where it is given.
         """
         t = self.t if t is None else t
-        parts = [self.task.features(self.state, t), self._times[t]]
+        parts = [self.world.features(t), self._times[t]]
         if self.method.memory_size:
             parts.append(self.method.inputs(self.memory))
         return np.concatenate(parts, axis=1)
@@ -72,13 +82,9 @@ class Simulator:
     def advance(self, action: Integers | Array) -> Steps:
         """Hold actions for `hold` steps: indices (N,) of the grid, or vectors (N, axes), clipped to their ends."""
         vectors: Array = self._vectors[action] if action.dtype.kind == "i" else np.clip(action, self._low, self._high)
-        states = np.empty((self.hold + 1, *self.state.shape))
-        states[0] = state = self.state
-        for i in range(self.hold):
-            states[i + 1] = state = self.system.step(state, vectors)
-        samples = self.system.signals(states)
+        samples, self.last_action = self.world.advance(vectors, self.hold), vectors
         reward = self._reward(samples, vectors) if self._rewarded else np.full(len(vectors), np.nan)
-        self.state, self.signals, self.t = state, samples[-1].copy(), self.t + self.hold
+        self.t = self.t + self.hold
         return Steps(reward, samples[1:].transpose(1, 0, 2))
 
     def _reward(self, samples: Array, vectors: Array) -> Array:
@@ -128,6 +134,9 @@ class BatchEnvironment:
             over, paid = first_end(self._ends, held.samples, t)
             reward[over] = paid[over]
             ended, discount = ended | over, np.where(over, 0.0, 1.0)
+        if simulator.world.can_end and (stopped := simulator.world.ended & (t < simulator.horizon) & ~ended).any():
+            discount = self._stop(stopped, reward, discount, simulator.last_action)
+            ended = ended | stopped
         cut = self._cut[t] | ended
         observation = simulator.observe()
         if not np.count_nonzero(cut):
@@ -140,28 +149,35 @@ class BatchEnvironment:
             observation = simulator.observe()
         return Transition(observation, reward, arrived, discount, cut, ended)
 
+    def _stop(self, stopped: Truth, reward: Array, discount: Array, action: Array) -> Array:
+        """Pay those copies that the world has ended, in place; returns the discounts."""
+        if self.task.file.terminated == "interval":
+            return discount  # nobody knows what would follow: it is worth what going on would be
+        simulator = self.simulator
+        for row in np.flatnonzero(stopped):
+            t, last, memory = int(simulator.t[row]), simulator.signals[row], simulator.memory[[row]]
+            left = remainder(simulator.method, self.task.file.terminated, last, action[[row]], t, memory)
+            reward[row] = left / (simulator.horizon - t) / simulator.method.scale
+        return np.where(stopped, 0.0, discount)
+
     def _reset_rows(self, rows: Integers) -> None:
         """New episodes in the given rows, some of them at a random time."""
         simulator, exploring = self.simulator, self._training.exploring
-        states, t = self._draw(len(rows)), np.zeros(len(rows), dtype=np.int64)
+        begun, t = self._draw(len(rows)), np.zeros(len(rows), dtype=np.int64)
         self._broken_off[rows] = simulator.horizon
         if exploring is not None:
             chosen = np.flatnonzero(self._generator.random(len(rows)) < exploring.share)
             decisions = simulator.horizon // self.hold
             t[chosen] = self._generator.integers(decisions, size=len(chosen)) * self.hold
             kept = self._generator.random(len(chosen)) < exploring.kept
-            states[chosen[kept]] = simulator.state[rows[chosen[kept]]]
+            begun[chosen[kept]] = simulator.state[rows[chosen[kept]]]
             if exploring.states is not None:
                 drawn = chosen[~kept]
-                states[drawn] = simulator.system.initial_states(
-                    starts.sample(exploring.states, self._generator, len(drawn))
-                )
+                begun[drawn] = self.task.starts.of_exploring(self._generator, len(drawn))
             if exploring.length is not None:
                 length = self._generator.integers(1, 2 * exploring.length, size=len(chosen)) * self.hold
                 self._broken_off[rows[chosen]] = np.minimum(t[chosen] + length, simulator.horizon)
-        simulator.reset_rows(rows, states, t)
+        simulator.reset_rows(rows, begun, t)
 
     def _draw(self, count: int) -> Array:
-        return self.simulator.system.initial_states(
-            starts.sample(self.task.file.training_starts, self._generator, count)
-        )
+        return self.task.starts.of_training(self._generator, count)

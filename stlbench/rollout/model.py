@@ -6,7 +6,6 @@ import numpy as np
 
 from stlbench.contract import Model, RewardMethod
 from stlbench.rollout.endings import ends_of
-from stlbench.task import starts
 from stlbench.task.task import Task
 
 __all__ = ["model_of"]
@@ -26,5 +25,5 @@ def model_of(task: Task, method: RewardMethod) -> Model:
         hold=file.hold,
         cuts=file.training.cuts,
         ends=ends_of(task, method),
-        starts=task.system.initial_states(starts.sample(file.training_starts, generator, _STARTS)),
+        starts=task.starts.of_training(generator, _STARTS),
     )

@@ -14,54 +14,63 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Policy, RewardMethod, StatePolicy, Truth
+from stlbench.contract import Array, GymTask, Integers, Policy, RewardMethod, StatePolicy, Truth
 from stlbench.result import MAIN, RANDOM, Score
+from stlbench.rollout.early_ends import judge, without_end
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.selection import Race, race
-from stlbench.task import starts
 from stlbench.task.task import Task
 
-__all__ = ["Assessment", "Evaluation", "Referee", "follow", "record", "score", "start_states"]
-
-_REPORTED = 12031981
-"""Seed of the report's random starts, and of nothing else."""
-
-_COPIES = 1024
-"""The most that checkpoints are simulated in at a time: their traces fill memory, and more are hardly faster."""
-
-
-def start_states(task: Task) -> tuple[Array, Array]:
-    """The states (starts, n) behind the main score of the report, and those on which checkpoints are selected.
-
-    The two sets share no state.
-    """
-    return starts.grid_apart(task.file.initial, task.file.starts, task.system.initial_states)
+__all__ = ["Assessment", "Evaluation", "Referee", "follow", "record", "score"]
 
 
 def record(
-    task: Task, method: RewardMethod, policy: Policy | StatePolicy, states: Array, visited: list[Array] | None = None
+    task: Task, method: RewardMethod, policy: Policy | StatePolicy, begun: Array, visited: list[Array] | None = None
 ) -> Array:
-    """The traces (N, T + 1, k) of the signals when `policy` acts from `states` (N, n) to the end of the episode.
+    """The traces (N, T + 1, k) of the signals when `policy` acts from the starts (N, s) to the end of the episode.
 
     The states at each decision and at the end, (N, n) each, are appended to `visited`, where it is given.
     """
+    few = len(begun) <= _at_once(task) or not isinstance(task.dynamics, GymTask)
+    parts = [begun] if few else np.array_split(begun, -(-len(begun) // _at_once(task)))
+    each: list[list[Array]] = [[] for _ in parts]
+    traces = [follow(task, method, _acting(policy), part, seen) for part, seen in zip(parts, each, strict=True)]
+    if visited is not None:
+        visited += [np.concatenate(seen) for seen in zip(*each, strict=True)]
+    return np.concatenate(traces) if len(traces) > 1 else traces[0]
+
+
+def _acting(policy: Policy | StatePolicy) -> Callable[[Simulator], Integers | Array]:
+    """What acts in one batch of episodes."""
     if isinstance(policy, StatePolicy):
         act = policy.episode()
-        return follow(task, method, lambda at: act(at.state, at.t, at.memory), states, visited)
-    return follow(task, method, lambda at: policy.act(at.observe()), states, visited)
+        return lambda at: act(at.state, at.t, at.memory)
+    return lambda at: policy.act(at.observe())
+
+
+def _at_once(task: Task) -> int:
+    """In how many copies policies are simulated at a time.
+
+    More of a system are hardly faster, and their traces fill memory; each copy of an environment is a simulation of its
+    own, which has to be made.
+    """
+    return 64 if isinstance(task.dynamics, GymTask) else 1024
 
 
 def follow(
     task: Task,
     method: RewardMethod,
     act: Callable[[Simulator], Integers | Array],
-    states: Array,
+    begun: Array,
     visited: list[Array] | None = None,
 ) -> Array:
-    """As `record`, where `act` says at each decision what to do: indices (N,) of the grid, or vectors (N, axes)."""
+    """As `record`, where `act` says at each decision what to do: indices (N,) of the grid, or vectors (N, axes).
+
+    After an early end the last sample stays, or there is NaN, as the task's `terminated` says.
+    """
     simulator = Simulator(task, method, rewarded=False)
-    simulator.reset(states)
-    trace = np.empty((len(states), task.file.steps + 1, len(task.signals)))
+    simulator.reset(begun)
+    trace = np.empty((len(begun), task.file.steps + 1, len(task.signals)))
     trace[:, 0] = simulator.signals
     if visited is not None:
         visited.append(simulator.state)
@@ -69,17 +78,33 @@ def follow(
         trace[:, t + 1 : t + 1 + simulator.hold] = simulator.advance(act(simulator)).samples
         if visited is not None:
             visited.append(simulator.state)
+    world = simulator.world
+    if world.can_end and task.file.terminated != "hold":
+        return without_end(trace, np.where(world.ended, world.lived, task.file.steps))
     return trace
 
 
-def score(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -> Score:
-    """Robustness and Boolean satisfaction of a formula on traces (N, T + 1, k) at t = 0."""
-    satisfied = stl.satisfied(formula, traces, names)
+def score(task: Task, traces: Array, formula: stl.Formula | None = None) -> Score:
+    """Robustness and Boolean satisfaction of the task's or another formula on traces (N, T + 1, k) at t = 0.
+
+    Where the verdict on a trace that ended early is an interval, its lower end counts, and satisfied is what every
+    continuation satisfies.
+    """
+    formula = task.formula if formula is None else formula
+    found = judge(formula, traces, task.specification, task.file.terminated)
+    satisfied, open_ = found.satisfied[:, 0], found.satisfied[:, 0] != found.satisfied[:, 1]
+    failed = _first_failed(formula, traces[~satisfied & ~found.early], task.signals)
+    failed[_ENDED] = int((found.early & ~satisfied & ~open_).sum())
+    failed[_OPEN] = int(open_.sum())
     return Score(
-        robustness=tuple(float(value) for value in stl.robustness(formula, traces, names)),
-        satisfied=tuple(bool(value) for value in satisfied),
-        first_failed=_first_failed(formula, traces[~satisfied], names),
+        robustness=tuple(found.robustness[:, 0].tolist()),
+        satisfied=tuple(satisfied.tolist()),
+        first_failed={part: count for part, count in failed.items() if count},
     )
+
+
+_ENDED, _OPEN = "ended early", "ended early, verdict open"
+"""In the place of the conjunct that failed first."""
 
 
 def _first_failed(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -> dict[str, int]:
@@ -112,10 +137,10 @@ def lost_at(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -> NDAr
 
 @dataclass(frozen=True)
 class Evaluation:
-    """One protocol, ready: the formula in steps and the states that policies start from."""
+    """One protocol, ready: the formula in steps and where policies start."""
 
     formula: stl.Formula
-    states: Array
+    starts: Array
 
 
 class Assessment(NamedTuple):
@@ -165,18 +190,13 @@ class Referee:
 
     def __init__(self, task: Task, method: RewardMethod, random_starts: int = 0) -> None:
         self.task, self.method = task, method
-        file = task.file
-        reported, self._selection = start_states(task)
+        reported, self._selection = task.starts.report_and_selection()
         self._protocols = {MAIN: Evaluation(task.formula, reported)}
         if random_starts:
-            drawn = starts.sample(file.initial, np.random.default_rng(_REPORTED), random_starts)
-            self._protocols[RANDOM] = Evaluation(task.formula, task.system.initial_states(drawn))
-        for name, protocol in file.protocols.items():
+            self._protocols[RANDOM] = Evaluation(task.formula, task.starts.at_random(random_starts))
+        for name, protocol in task.file.protocols.items():
             formula = protocol.formula or task.formula
-            region = protocol.initial or file.initial
-            self._protocols[name] = Evaluation(
-                formula, task.system.initial_states(starts.grid(region, protocol.starts))
-            )
+            self._protocols[name] = Evaluation(formula, task.starts.of_protocol(protocol))
 
     def select(self, policy: Policy | StatePolicy) -> tuple[float, float]:
         """Satisfaction and mean robustness of the task's formula from all of the starts kept for selection.
@@ -204,23 +224,24 @@ class Referee:
 
     def _verdicts(self, policies: Sequence[Policy | StatePolicy], states: Array) -> tuple[Truth, Array]:
         """Satisfaction and robustness when each of the policies (k,) acts from each of the states (n, ...): (k, n)."""
-        formula, names, together = self.task.formula, self.task.signals, max(1, _COPIES // len(states))
+        together = max(1, _at_once(self.task) // len(states))
         satisfied, robustness = [], []
         for crowd, count in _crowds(policies, together):
             traces = record(self.task, self.method, crowd, np.tile(states, (count, 1)))
-            satisfied.append(stl.satisfied(formula, traces, names))
-            robustness.append(stl.robustness(formula, traces, names))
+            found = judge(self.task.formula, traces, self.task.specification, self.task.file.terminated)
+            satisfied.append(found.satisfied[:, 0])
+            robustness.append(found.robustness[:, 0])
         shape = len(policies), len(states)
         return np.concatenate(satisfied).reshape(shape), np.concatenate(robustness).reshape(shape)
 
     def assess(self, policy: Policy | StatePolicy) -> Assessment:
-        """Every protocol's score, from the report's starts; all of them are simulated side by side."""
+        """Every protocol's score, from the report's starts."""
         visited, evaluations = list[Array](), self._protocols.values()
-        counts = np.cumsum([len(evaluation.states) for evaluation in evaluations])
-        states = np.concatenate([evaluation.states for evaluation in evaluations])
-        traces = np.split(record(self.task, self.method, policy, states, visited), counts[:-1])
+        counts = np.cumsum([len(evaluation.starts) for evaluation in evaluations])
+        begun = np.concatenate([evaluation.starts for evaluation in evaluations])
+        traces = np.split(record(self.task, self.method, policy, begun, visited), counts[:-1])
         scores = {
-            name: score(evaluation.formula, part, self.task.signals)
+            name: score(self.task, part, evaluation.formula)
             for (name, evaluation), part in zip(self._protocols.items(), traces, strict=True)
         }
         if RANDOM in scores:

@@ -11,7 +11,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from stlbench.contract import Unsuitable, cause
+from stlbench.contract import GymTask, System, Unsuitable, cause
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 from stlbench.registry import folders, plugins
@@ -25,8 +25,12 @@ from stlbench.task.task import Task
 __all__ = ["Cell", "check_cells", "derive_seed", "plan_cells", "uncompiled"]
 
 
-_NO_PART = {"title", "source", "notes", "plane", "best_possible", "agents", "budgets"}
+_NO_PART: dict[str, Any] = dict.fromkeys(
+    ("title", "source", "notes", "plane", "best_possible", "agents", "budgets"), True
+)
 """What a task file says that changes no result, or is in the key of a cell by itself."""
+_NO_SYSTEM: dict[str, Any] = {"environment": True, "terminated": True, "signals": {"__all__": {"expression"}}}
+"""What it says of environments alone."""
 
 
 @dataclass(frozen=True)
@@ -190,10 +194,15 @@ def derive_seed(*parts: str | int) -> int:
 
 
 def _task_part(task: Task, budget: str) -> str:
-    """Words and pictures for people change no result, nor do other budgets, deadlines, recipes of other agents."""
-    content = task.file.model_dump(mode="json", exclude=_NO_PART)
+    """Words and pictures for people change no result, nor do other budgets, deadlines, recipes of other agents.
+
+    The versions of the software of an environment belong to it.
+    """
+    left_out = _NO_PART | _NO_SYSTEM if isinstance(task.dynamics, System) else _NO_PART
+    content = task.file.model_dump(mode="json", exclude=left_out)
     numbers = task.budget(budget).model_dump(mode="json", include={"steps", "checkpoints", "random_starts"})
-    return _digest([task.choice.name, content, numbers, _plugin_part("tasks", task.choice.name)])
+    software = [task.source.software] if isinstance(task.dynamics, GymTask) else []
+    return _digest([task.choice.name, content, numbers, _plugin_part("tasks", task.choice.name), *software])
 
 
 def _agent_part(task: Task, choice: Choice) -> str:

@@ -17,10 +17,11 @@ from stlbench.registry import folders
 from stlbench.result import CurvePoint, Measurement, Planned, Result, StoredPolicies
 from stlbench.rollout import saved_policies, saved_traces
 from stlbench.rollout.cost import refuse_dear
-from stlbench.rollout.environment import BatchEnvironment, Simulator
+from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.model import model_of
 from stlbench.rollout.referee import Assessment, Referee
 from stlbench.rollout.rehearsal import rehearse
+from stlbench.rollout.worlds import make_world
 from stlbench.study.plan import Cell, derive_seed
 from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_agent, build_method, load_task
@@ -218,20 +219,15 @@ def reward_time(task: Task, method: RewardMethod, rows: int = 1024, repeats: int
     only make a round slower. Few copies are stepped, and their signals repeated to `rows`: to step a simulator as often
     would take longer.
     """
-    generator = np.random.default_rng(0)
-    simulator = Simulator(task, method)
-    region, actions = task.file.initial, task.actions
-    points = generator.uniform(region.low, region.high, (_REWARDED, len(region.low)))
+    generator, actions, world = np.random.default_rng(0), task.actions, make_world(task, _REWARDED)
     action = generator.uniform(actions.low, actions.high, (_REWARDED, len(actions.names)))
-    states = [task.system.initial_states(points)]
-    for _ in range(task.file.hold):
-        states.append(task.system.step(states[-1], action))
-    repeated = np.arange(rows) % _REWARDED
-    simulator.reset(states[0][repeated])
-    signals = task.system.signals(np.stack(states))[:, repeated]
-    along = partial(method.along, signals, action[repeated], simulator.t)
-    along(simulator.memory)
-    least = min(_repeated(along, simulator.memory, repeats) for _ in range(rounds))
+    world.restart(np.arange(_REWARDED), task.starts.of_training(generator, _REWARDED))
+    repeated, t = np.arange(rows) % _REWARDED, np.zeros(rows, dtype=np.int64)
+    signals = world.advance(action, task.file.hold)[:, repeated]
+    memory = method.initial_memory(signals[0], t)
+    along = partial(method.along, signals, action[repeated], t)
+    along(memory)
+    least = min(_repeated(along, memory, repeats) for _ in range(rounds))
     return least / (rows * repeats * task.file.hold)
 
 

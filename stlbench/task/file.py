@@ -12,7 +12,18 @@ from stlbench.task.entry import Count, Entry, Finite, Formula, Positive
 from stlbench.task.region import Region
 from stlbench.task.training import TrainingEpisodes
 
-__all__ = ["OPTIONAL", "Axis", "BestPossible", "Budget", "Protocol", "Range", "TaskFile"]
+__all__ = [
+    "OPTIONAL",
+    "Axis",
+    "BestPossible",
+    "Budget",
+    "EarlyEnd",
+    "Environment",
+    "Protocol",
+    "Range",
+    "Signal",
+    "TaskFile",
+]
 
 
 class Range(Entry):
@@ -21,6 +32,32 @@ class Range(Entry):
     low: Finite
     high: Finite
     unit: str = ""
+
+
+class Signal(Range):
+    """A signal, and on an environment what it is there."""
+
+    expression: str | None = None
+    """Over named entries of the observation and entries of the info, in the grammar of formulas: atan2(y, x). Where
+    left out, the entry of the signal's own name."""
+
+
+class Environment(Entry):
+    """An environment of Gymnasium."""
+
+    id: str
+    """As `gymnasium.make` takes it: "CartPole-v1", or "module:Id-v0" where a module registers it."""
+    kwargs: dict[str, Any] = Field(default_factory=dict)
+    """What it is made with."""
+    names: tuple[str, ...] | dict[str, tuple[str, ...]] | None = None
+    """Of all entries of the observation, in their order; of a Dict observation {key: names of its entries}."""
+    scale: dict[str, Positive] = Field(default_factory=dict)
+    """Named entry -> about its largest magnitude, by which policies see it divided. Entries whose space has ends go
+    from -1 to 1 without it."""
+
+
+EarlyEnd = Literal["hold", "violated", "interval"]
+"""What it means that an environment ends an episode before the last step."""
 
 
 class Axis(Range):
@@ -99,16 +136,27 @@ class TaskFile(Entry):
     """T, transitions in an episode."""
     hold: Count = 1
     """Steps for which an agent's action is held."""
-    signals: Annotated[dict[str, Range], Field(min_length=1)]
+    environment: Environment | None = None
+    """What the task is made on, where it is no system."""
+    terminated: EarlyEnd = "hold"
+    """Of an environment that ends an episode before the last step.
+
+    `hold`: the last sample stays to the end. `violated`: the formula is violated, by as much as is possible within the
+    ranges. `interval`: nothing is known, and the lower end of what is possible counts. In training the episode is over.
+    What follows is worth what the method would pay on average while the last sample stays; its floor; or what going on
+    would be worth.
+    """
+    signals: Annotated[dict[str, Signal], Field(min_length=1)]
     plane: tuple[str, str] | None = None
     """The two signals, across and up, in whose plane figures and films show trajectories."""
     parameters: dict[str, Any] = Field(default_factory=dict)
     """Keyword arguments of the system."""
-    actions: Annotated[dict[str, Axis], Field(min_length=1)]
+    actions: dict[str, Axis] = Field(default_factory=dict)
+    """Of an environment, all that it has where left out."""
     robots: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(default_factory=dict)
     """Robot -> its actions, where there is more than one robot; together all actions, in their order."""
-    initial: Region
-    """Where the referee's starts lie."""
+    initial: Region | None = None
+    """Where the referee's starts lie. None on an environment, where they are seeds."""
     features: Literal["engineered", "state"] = "engineered"
     """What policies see of the system's state: `System.features`, or `System.scaled_state`, the state alone."""
     training: TrainingEpisodes = TrainingEpisodes()
@@ -120,11 +168,6 @@ class TaskFile(Entry):
     agents: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
     """Agent -> recipe, the same for every method. The first is the task's own agent."""
     budgets: Annotated[dict[str, Budget], Field(min_length=1)]
-
-    @property
-    def training_starts(self) -> Region:
-        """Where training episodes start."""
-        return self.training.starts or self.initial
 
     def without(self, part: str) -> TaskFile:
         """This file without one of OPTIONAL, for an ablation. Raises `ValueError` where it is without it already."""

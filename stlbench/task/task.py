@@ -2,23 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from stlbench import stl
-from stlbench.contract import ActionBox, ActionGrid, Actions, Array, Integers, Specification, System
+from stlbench.contract import (
+    ActionBox,
+    ActionGrid,
+    Actions,
+    GymTask,
+    Specification,
+    System,
+    Unsuitable,
+    WorldTask,
+)
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
 from stlbench.task.checks import check_regions
-from stlbench.task.file import Budget, TaskFile
+from stlbench.task.file import Axis, Budget, TaskFile
+from stlbench.task.kinds import check_system, check_world
 from stlbench.task.parts import Parts
 from stlbench.task.reading import errors_of, read
+from stlbench.task.start_sets import SeedStarts, StartSets, StateStarts
 
-__all__ = ["Task", "load_task"]
+if TYPE_CHECKING:
+    from stlbench.environments.source import GymSource
+
+__all__ = ["Dynamics", "Task", "load_task"]
+
+Dynamics = System | GymTask | WorldTask
 
 
 @dataclass(frozen=True)
@@ -28,7 +44,22 @@ class Task:
     choice: Choice
     """The plugin, and for an ablation what it is without: overlap[without=cuts]."""
     file: TaskFile
-    system: System
+    dynamics: Dynamics
+    """What moves: a system, whose state can be set, or an environment or a world, whose starts are seeds."""
+
+    @property
+    def system(self) -> System:
+        """The system. Raises `Unsuitable` where the task is none, for what needs a state that can be set."""
+        if isinstance(self.dynamics, System):
+            return self.dynamics
+        raise Unsuitable(f"task {self.name} is no system: its state cannot be set, its starts are seeds")
+
+    @cached_property
+    def starts(self) -> StartSets:
+        """Where episodes begin."""
+        if isinstance(self.dynamics, System):
+            return StateStarts(self.file, self.dynamics)
+        return SeedStarts(self.file)
 
     @property
     def name(self) -> str:
@@ -47,12 +78,21 @@ class Task:
 
     @cached_property
     def actions(self) -> Actions:
-        """The grid of actions, or their box."""
-        names, axes = tuple(self.file.actions), self.file.actions.values()
+        """The grid of actions, or their box; those of the environment where the file has none."""
+        declared = self.file.actions or {axis.name: Axis(**axis.ends) for axis in self.source.axes}
+        names, axes = tuple(declared), declared.values()
         if any(axis.count is None for axis in axes):
             return ActionBox(names, tuple(axis.low for axis in axes), tuple(axis.high for axis in axes))
         robots = tuple(len(owned) for owned in self.file.robots.values())
         return ActionGrid(names, tuple(axis.values for axis in axes), robots)
+
+    @cached_property
+    def source(self) -> GymSource:
+        """The environment that the task is made on. Raises `UsageError` where the file does not fit it."""
+        from stlbench.task.gym_source import source_of  # imports Gymnasium, which most tasks do without
+
+        assert isinstance(self.dynamics, GymTask)
+        return source_of(self.name, self.file, self.dynamics)
 
     @cached_property
     def specification(self) -> Specification:
@@ -67,13 +107,6 @@ class Task:
             dt=self.file.sampling_time,
             nested=self.file.nested,
         )
-
-    def features(self, state: Array, t: Integers) -> Array:
-        """What every policy sees of states (N, n) at steps t (N,): the system's features, or its state alone, (N, d).
-
-        Which of the two the task file says. About in [-1, 1].
-        """
-        return self.system.scaled_state(state) if self.file.features == "state" else self.system.features(state, t)
 
     @property
     def own_agent(self) -> str:
@@ -108,19 +141,21 @@ def load_task(choice: Choice | str) -> Task:
     kind = plugin.load()
     reading = read(_text(name, kind), name)
     errors = list(reading.errors)
-    system = None
+    dynamics = None
     try:
-        system = _system(plugin, reading.parts)
+        dynamics = _dynamics(plugin, reading.parts)
     except ImportError as error:
         if not errors:
             raise UsageError(f"task {name} cannot be loaded: {error}") from error
     except ValueError as error:
         errors.append(str(error))
-    errors += check_regions(reading.parts, _coordinates(system or kind))
-    if errors or reading.file is None or system is None:
+    errors += _misfits(dynamics or kind, reading.parts)
+    if errors or reading.file is None or dynamics is None:
         raise errors_of(name, errors)
-    file = _varied(reading.file, choice)
-    return Task(choice, file, system)
+    task = Task(choice, _varied(reading.file, choice), dynamics)
+    if isinstance(dynamics, GymTask):
+        _ = task.source  # what of the file does not fit the environment is said now
+    return task
 
 
 def _varied(file: TaskFile, choice: Choice) -> TaskFile:
@@ -158,19 +193,26 @@ def _text(name: str, kind: type) -> str:
         raise UsageError(f"task {name}: there is no task.yaml in the package {package}") from error
 
 
-def _system(plugin: plugins.Plugin, parts: Parts) -> System | None:
-    """The system with the file's parameters; None where what it is made of is wrong. Raises `ValueError`."""
+def _dynamics(plugin: plugins.Plugin, parts: Parts) -> Dynamics | None:
+    """What moves, with the file's parameters; None where what it is made of is wrong. Raises `ValueError`."""
     if "parameters" not in parts:
         return None
+    kind = plugin.load()
     try:
         keywords = plugins.check("tasks", Choice(plugin.name), parts["parameters"], origin="")
-        if "sampling_time" not in parts:
-            return None
-        return cast(System, plugin.load()(parts["sampling_time"], **keywords))
+        if not issubclass(kind, System):
+            return cast(Dynamics, kind(**keywords))
+        return None if "sampling_time" not in parts else cast(Dynamics, kind(parts["sampling_time"], **keywords))
     except (TypeError, ValueError) as error:
         raise ValueError(f"parameters: {str(error).removeprefix(f'{plugin.name}: ')}") from error
 
 
-def _coordinates(system: System | type[System]) -> tuple[str, ...]:
-    """The names that boxes of initial states use."""
-    return system.state if system.coordinates is None else system.coordinates
+def _misfits(dynamics: Dynamics | type[Dynamics], parts: Parts) -> Iterator[str]:
+    """What of the file is for another kind of task; boxes of initial states use the names of the system's states."""
+    kind = dynamics if isinstance(dynamics, type) else type(dynamics)
+    if issubclass(kind, System):
+        system = cast(System | type[System], dynamics)
+        yield from check_system(parts)
+        yield from check_regions(parts, system.state if system.coordinates is None else system.coordinates)
+    else:
+        yield from check_world(parts, on_gymnasium=issubclass(kind, GymTask))

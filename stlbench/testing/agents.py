@@ -27,7 +27,7 @@ from stlbench.registry import choices, plugins
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.model import model_of
-from stlbench.rollout.referee import record, start_states
+from stlbench.rollout.referee import record
 from stlbench.task import Task
 from stlbench.testing.line import FORMS, Form, Nearness, line_task
 from stlbench.testing.rules import RuleBroken, Rules
@@ -132,7 +132,7 @@ def _train(agent: Agent, task: Task, behave: Callable[[Policy | StatePolicy], by
 
 
 def _check_training(agent: Agent, task: Task, rules: Rules) -> None:
-    method, states = Nearness(task.specification), start_states(task)[0]
+    method, states = Nearness(task.specification), task.starts.report_and_selection()[0]
 
     def behave(policy: Policy | StatePolicy) -> bytes:
         if isinstance(policy, Policy):

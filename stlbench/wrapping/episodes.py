@@ -8,7 +8,8 @@ import numpy as np
 
 from stlbench.contract import Array, Integers
 from stlbench.rollout.clock import scaled_times
-from stlbench.wrapping.ends import remainder, verdicts
+from stlbench.rollout.early_ends import remainder
+from stlbench.wrapping.ends import verdicts
 from stlbench.wrapping.scoring import Scoring
 
 __all__ = ["Episodes"]
@@ -49,9 +50,10 @@ class Episodes:
 
     def left_out(self, row: int, action: Array) -> float:
         """What is paid at an early end beside its own step; `action` (1, axes) is the last one."""
-        t = int(self.t[row])
-        paid = remainder(self._scoring, self._samples[row, t], action, t, self._memory[[row]])
-        return paid / self._scoring.scale
+        t, scoring = int(self.t[row]), self._scoring
+        last, memory = self._samples[row, t], self._memory[[row]]
+        paid = remainder(self._method, scoring.terminated, last, action, t, memory, scoring.discount)
+        return paid / scoring.scale
 
     def verdicts(self, rows: Integers) -> dict[str, Any]:
         """`robustness` and `satisfied` of episodes that are over, see `ends.verdicts`."""

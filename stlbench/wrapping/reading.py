@@ -12,8 +12,8 @@ from gymnasium.vector.utils import iterate
 
 from stlbench import stl
 from stlbench.contract import Array, Integers
+from stlbench.environments.entries import Entries
 from stlbench.errors import UsageError
-from stlbench.wrapping.entries import Entries
 from stlbench.wrapping.rows import has, row_of
 
 __all__ = ["Expressions", "Function", "Reader", "SignalsOf"]

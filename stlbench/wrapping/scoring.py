@@ -6,19 +6,18 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, cast
+from typing import TypeAlias, cast
 
 from stlbench import stl
 from stlbench.contract import Intractable, RewardMethod, Specification, Unsuitable
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import plugins
 from stlbench.registry.choices import choice_of
+from stlbench.task.file import EarlyEnd
 from stlbench.wrapping.reading import Reader
 
-__all__ = ["EarlyEnd", "MethodOf", "Ranges", "Scoring", "make_method", "specify"]
+__all__ = ["MethodOf", "Ranges", "Scoring", "make_method", "specify"]
 
-EarlyEnd: TypeAlias = Literal["hold", "violated", "interval"]
-"""What an episode that ends before the last step means; see `stlbench.wrapper.wrap`."""
 MethodOf: TypeAlias = str | Callable[[Specification], RewardMethod]
 """A method by name, or a class, or anything else that makes one for a specification."""
 Ranges: TypeAlias = Mapping[str, tuple[float, float]]

@@ -7,7 +7,6 @@ from unittest.mock import patch
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers
-from stlbench.rollout import referee
 from stlbench.rollout.controller import record
 from stlbench.task.task import Task
 
@@ -34,4 +33,4 @@ def trace(task: Task, states: Array) -> Array:
 
 def all_starts(task: Task) -> Array:
     """The starts of the report and those of the selection: (2 * starts, n)."""
-    return np.concatenate(referee.start_states(task))
+    return np.concatenate(task.starts.report_and_selection())

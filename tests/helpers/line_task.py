@@ -65,7 +65,7 @@ def steered(control: Callable[[Array, Integers], Any], **changes: Any) -> Task:
             return found
 
     task = line(**changes)
-    return replace(task, system=Steered(task.system.dt))
+    return replace(task, dynamics=Steered(task.system.dt))
 
 
 class Probe(RewardMethod):

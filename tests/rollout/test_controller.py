@@ -11,7 +11,7 @@ from helpers.line_task import Line, Probe, Rule, line, steered
 from stlbench.contract import Array, Integers
 from stlbench.registry.plugins import PluginWarning
 from stlbench.result import MAIN
-from stlbench.rollout import controller, referee
+from stlbench.rollout import controller
 from stlbench.rollout.referee import Referee
 from stlbench.task.task import Task
 
@@ -57,7 +57,7 @@ def test_each_axis_of_a_grid_is_rounded_by_itself() -> None:
         def controller(self, state: Array, t: Integers) -> Array:
             return np.array([[0.8, 0.9], [-0.8, 0.1]])
 
-    assert [row[1] for row in trace(replace(task, system=Sum(0.5)), 0, 0)] == [1, -0.5]
+    assert [row[1] for row in trace(replace(task, dynamics=Sum(0.5)), 0, 0)] == [1, -0.5]
 
 
 def test_continuous_actions_are_clipped_and_not_rounded() -> None:
@@ -73,7 +73,7 @@ def test_the_score_is_the_one_of_a_policy_that_does_the_same() -> None:
         policy = Rule(lambda seen: np.where(seen[:, 1] < 3, 2, 0))
         report = Referee(task, Probe(task.specification)).assess(policy)
         assert controller.score(task) == report.scores[MAIN]
-        assert np.array_equal(controller.record(task, referee.start_states(task)[0]), report.traces)
+        assert np.array_equal(controller.record(task, task.starts.report_and_selection()[0]), report.traces)
 
 
 def test_a_task_without_a_controller() -> None:
@@ -91,7 +91,7 @@ def test_actions_at_random_are_even_and_the_same_at_every_call() -> None:
                 seen.append(action)
                 return super().step(state, action)
 
-        watched = replace(task, system=Watched(0.5))
+        watched = replace(task, dynamics=Watched(0.5))
         first = controller.score_at_random(watched)
         speeds = np.concatenate(seen)
         assert abs(speeds.mean()) < 4 * speeds.std() / np.sqrt(speeds.size)
@@ -105,4 +105,4 @@ def test_a_task_that_cannot_be_simulated_is_a_warning() -> None:
             raise ValueError("no luck")
 
     with pytest.warns(PluginWarning, match="task line: actions at random cannot be scored: ValueError: no luck"):
-        assert controller.score_at_random(replace(line(), system=Torn(0.5))) is None
+        assert controller.score_at_random(replace(line(), dynamics=Torn(0.5))) is None

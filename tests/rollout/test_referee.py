@@ -13,14 +13,14 @@ from hypothesis import given, settings
 from stlbench import stl
 from stlbench.contract import Array, Integers
 from stlbench.result import MAIN, RANDOM, Score, Summary, reported
-from stlbench.rollout.referee import Referee, lost_at, record, score, start_states
+from stlbench.rollout.referee import Referee, lost_at, record, score
 from stlbench.task import starts
 
 THREE = "G[0,2] x <= 1 & F[0,3] x >= 5 & G[4,6] x <= 3"
 
 
 def scored(formula: str, *traces: list[float]) -> Score:
-    return score(stl.parse(formula), np.array(traces, dtype=float)[..., None], ("x",))
+    return score(line(), np.array(traces, dtype=float)[..., None], stl.parse(formula))
 
 
 class TestScore:
@@ -133,7 +133,7 @@ class TestReferee:
     def test_selection_is_on_other_starts_than_the_report(self) -> None:
         task = line(starts=8)
         referee, policy = Referee(task, Probe(task.specification)), Rule(lambda seen: UP)
-        own, others = (states[:, 0] for states in start_states(task))
+        own, others = (states[:, 0] for states in task.starts.report_and_selection())
         assert not set(others.round(9)) & set(own.round(9))
         # robustness is -1 - x_0 here
         assert referee.select(policy) == (0.0, pytest.approx(-1 - others.mean()))
@@ -157,7 +157,7 @@ class TestReferee:
         task = line(starts=16)
         referee = Referee(task, Probe(task.specification))
         found = referee.choose([Rule(lambda seen: UP), Rule(lambda seen: 0)])  # robustness -1 - x_0 and 1 - x_0
-        others = start_states(task)[1][:, 0]
+        others = task.starts.report_and_selection()[1][:, 0]
         assert (found.best, found.starts.tolist()) == (1, [8, 16])  # the best goes on to the others
         assert found.robustness_mean == pytest.approx([-1 - others[:8].mean(), 1 - others.mean()])
         # a first part is as even as the whole

@@ -47,7 +47,7 @@ def test_plain_has_no_part_that_helps_and_no_recipe() -> None:
             task.file.without(part)
     assert task.recipe("dqn") == {}
     assert task.formula == load_task("overlap").formula
-    assert task.file.training_starts == load_task("overlap").file.training_starts
+    assert task.file.training.starts == load_task("overlap").file.training.starts
 
 
 def test_tuned_has_the_method_s_recipe_over_the_shared_one() -> None:

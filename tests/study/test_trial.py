@@ -298,7 +298,7 @@ def test_the_time_of_a_reward_is_measured_without_simulating_as_many_copies() ->
         return along(signals, action, t, memory)
 
     method.along = counted  # type: ignore[method-assign]
-    counting = replace(task, system=Counted(task.file.sampling_time))
+    counting = replace(task, dynamics=Counted(task.file.sampling_time))
     assert trial.reward_time(counting, method) > 0
     assert set(rewarded) == {1024}
     assert max(stepped) < 100

@@ -27,7 +27,7 @@ class TestRead:
     def test_defaults(self) -> None:
         file = read_task_file(text(), "line")
         assert (file.steps, file.hold, file.starts, file.time) == (8, 1, 4, "steps")
-        assert file.training_starts is file.initial
+        assert (file.training.starts, file.environment, file.terminated) == (None, None, "hold")
         assert file.formula == stl.parse("G[0,4] x <= 1")
         assert file.budgets["smoke"].steps == 40
 

@@ -8,7 +8,6 @@ from scipy.stats import qmc
 
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
-from stlbench.rollout import referee
 from stlbench.task import load_task, starts
 from stlbench.task.region import Region
 
@@ -106,7 +105,7 @@ class TestGridApart:
     def test_no_task_selects_on_states_that_it_reports_on(self, name: str) -> None:
         """Of `fetch-reach`, several points lead to one state: where no action is taken, the action does not matter."""
         task = load_task(name)
-        report, selection = referee.start_states(task)
+        report, selection = task.starts.report_and_selection()
         assert report.shape == selection.shape == (task.file.starts, len(task.system.state))
         reported = {tuple(state) for state in report}
         assert not reported & {tuple(state) for state in selection}

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from helpers.line_task import line, text
 
@@ -67,10 +66,7 @@ class TestWithout:
 
 
 class TestTask:
-    def test_policies_see_the_features_or_the_state_alone(self) -> None:
-        state, t = np.array([[0.5], [-1.0]]), np.array([3, 4])
-        assert line().features(state, t).tolist() == [[0.5, 3], [-1, 4]]
-        assert line(features="state").features(state, t).tolist() == [[0.5], [-1]]
+    def test_without_features_the_file_says_so(self) -> None:
         assert load_task("hold-disc[without=features]").file.features == "state"
 
     def test_methods_are_told_the_rewarded_form(self) -> None:

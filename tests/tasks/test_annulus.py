@@ -74,7 +74,7 @@ def test_the_controller_by_hand() -> None:
 
 def test_the_controller_satisfies_from_every_start_and_from_the_corners() -> None:
     corners = np.array([[15.0, 15.0, -math.pi / 4], [0.0, 15.0, 0.0], [5.0, 5.0, 0.0]])
-    score = referee.score(TASK.formula, trace(TASK, np.concatenate([all_starts(TASK), corners])), TASK.signals)
+    score = referee.score(TASK, trace(TASK, np.concatenate([all_starts(TASK), corners])))
     assert all(score.satisfied)
     assert min(score.robustness) > 1.45  # of at most 1.5
 

@@ -103,7 +103,7 @@ def test_features_by_hand() -> None:
 
 def test_the_controller_satisfies_from_every_start() -> None:
     """A ball at rest in the cup is 0.068 below its rim: 0.032 is the most."""
-    score = referee.score(TASK.formula, trace(TASK, referee.start_states(TASK)[0]), TASK.signals)
+    score = referee.score(TASK, trace(TASK, TASK.starts.report_and_selection()[0]))
     assert all(score.satisfied)
     assert min(score.robustness) > 0.02
     assert max(score.robustness) < 0.033

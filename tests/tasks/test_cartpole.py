@@ -86,7 +86,7 @@ def test_features_by_hand() -> None:
 
 
 def test_the_controller_satisfies_from_every_start() -> None:
-    score = referee.score(TASK.formula, trace(TASK, referee.start_states(TASK)[0]), TASK.signals)
+    score = referee.score(TASK, trace(TASK, TASK.starts.report_and_selection()[0]))
     assert all(score.satisfied)
     assert min(score.robustness) > 0.099  # of 0.1, at rest at the place
 

@@ -125,7 +125,7 @@ def test_the_controller_by_hand() -> None:
 def test_the_controller_satisfies_from_every_start() -> None:
     """Within .18 m of every goal; the start of the first and the last robot may leave less than the goals do."""
     states = all_starts(TASK)
-    score = referee.score(TASK.formula, trace(TASK, states), TASK.signals)
+    score = referee.score(TASK, trace(TASK, states))
     assert all(score.satisfied)
     possible = np.minimum(3 - np.hypot(states[:, 0] - states[:, 4], states[:, 1] - states[:, 5]), 0.32)
     assert (np.array(score.robustness) >= possible - 0.1).all()

@@ -135,7 +135,7 @@ def test_the_controller_by_hand() -> None:
 
 def test_the_controller_satisfies_from_every_start() -> None:
     """The passages are .5 m wide, so at most .25; a start at (1.3, 1) has .2."""
-    score = referee.score(TASK.formula, trace(TASK, all_starts(TASK)), TASK.signals)
+    score = referee.score(TASK, trace(TASK, all_starts(TASK)))
     assert all(score.satisfied)
     assert min(score.robustness) > 0.19
     assert np.mean(score.robustness) > 0.22

@@ -113,7 +113,7 @@ def test_the_controller_by_hand() -> None:
 
 
 def test_the_controller_satisfies_from_every_start() -> None:
-    score = referee.score(TASK.formula, trace(TASK, all_starts(TASK)), TASK.signals)
+    score = referee.score(TASK, trace(TASK, all_starts(TASK)))
     assert all(score.satisfied)
     assert min(score.robustness) > 0.035  # a torque's step leaves omega up to .0133 off: .05 - .0133 - .0003
 

@@ -81,7 +81,7 @@ def test_the_controller_turns_then_drives() -> None:
 
 def test_the_controller_satisfies_from_every_start() -> None:
     traces = trace(TASK, all_starts(TASK))
-    score = referee.score(TASK.formula, traces, TASK.signals)
+    score = referee.score(TASK, traces)
     assert all(score.satisfied)
     assert min(score.robustness) > 0.95  # of at most 1
     assert (np.hypot(*(traces[:, 450:] - 10).transpose(2, 0, 1)) <= 1).all()  # which leaves 150 steps of choice

@@ -56,7 +56,7 @@ def test_the_controller_heads_for_the_region_of_now() -> None:
 
 
 def test_the_controller_satisfies_from_every_start() -> None:
-    score = referee.score(TASK.formula, trace(TASK, all_starts(TASK)), TASK.signals)
+    score = referee.score(TASK, trace(TASK, all_starts(TASK)))
     assert all(score.satisfied)
     assert min(score.robustness) > 1.95  # of at most 2
 

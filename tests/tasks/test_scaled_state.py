@@ -13,7 +13,6 @@ import pytest
 from helpers.task_lists import TASKS
 
 from stlbench.contract import Array
-from stlbench.rollout import referee
 from stlbench.task import load_task
 from stlbench_tasks.differential_drive import DifferentialDrive
 
@@ -35,7 +34,7 @@ WRAPPED = dict.fromkeys((*ROBOTS, "patrol", "dwell"), "heading") | {"cartpole": 
 def states(name: str) -> Array:
     """The states (M, n) at the decisions of four episodes under the controller."""
     task = load_task(name)
-    found = [referee.start_states(task)[0][:32:8]]
+    found = [task.starts.report_and_selection()[0][:32:8]]
     for t in range(task.file.steps):
         if t % task.file.hold == 0:
             action = task.system.controller(found[-1], np.full(len(found[-1]), t))

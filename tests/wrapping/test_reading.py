@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete
 
+from stlbench.environments.entries import entries_of
 from stlbench.errors import UsageError
-from stlbench.wrapping.entries import entries_of
 from stlbench.wrapping.reading import Expressions, Function
 
 LINE = Box(-1, 1, (2,), np.float32)

@@ -115,20 +115,20 @@ def scene(task: Task, recording: Recording, robustness: tuple[float, ...]) -> Sc
         f"{which} start: robustness {robustness[i]:.3g}" for which, i in zip(("best", "worst"), chosen, strict=True)
     ]
     picture, remark = _first_picture(task, recording)
-    if picture is not None and recording.film is not None and isinstance(task.system, Drawn):
-        return _pictures(task.system, task.file.hold, recording.film, picture, names)
+    if picture is not None and recording.film is not None and isinstance(task.dynamics, Drawn):
+        return _pictures(task.dynamics, task.file.hold, recording.film, picture, names)
     drawn = _plane if task.file.plane else _signals
     return drawn(task, recording.traces[chosen], names)._replace(remark=remark)
 
 
 def _first_picture(task: Task, recording: Recording) -> tuple[Pixels | None, str]:
     """The system's picture of the best start's first state, or none and why, where the system draws itself."""
-    if not isinstance(task.system, Drawn):
+    if not isinstance(task.dynamics, Drawn):
         return None, ""
     if recording.film is None:
         return None, "no pictures of the system, as the cell's file of traces has no states; it is of an older version"
     try:
-        return task.system.frame(recording.film.states[0, 0]), ""
+        return task.dynamics.frame(recording.film.states[0, 0]), ""
     except RuntimeError as error:
         return None, f"no pictures of the system, {error}"
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 
 from stlbench import stl
 from stlbench.contract import Specification
-from stlbench.wrapping.ends import greatest_and_least
+from stlbench.rollout.early_ends import greatest_and_least
 
 
 @pytest.mark.parametrize(

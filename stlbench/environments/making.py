@@ -1,0 +1,67 @@
+"""Environments by the name that Gymnasium has for them, and which software they consist of."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from types import ModuleType
+from typing import Any, TypeAlias
+
+import gymnasium
+
+from stlbench.errors import UsageError, did_you_mean
+
+__all__ = ["Gym", "made", "software"]
+
+Gym: TypeAlias = gymnasium.Env[Any, Any]
+
+_OURS = frozenset({"numpy", "stlbench"})
+"""What every task is computed with, and whose version is in no key."""
+
+
+def made(identifier: str, keywords: Mapping[str, Any]) -> Gym:
+    """The environment of an id, "CartPole-v1" or "a_module_that_registers_it:Id-v0", without its time limit.
+
+    Raises `UsageError`: an unknown id, a library that is missing, keywords that the environment does not take.
+    """
+    try:
+        return gymnasium.make(identifier, max_episode_steps=-1, disable_env_checker=True, **keywords)
+    except gymnasium.error.NameNotFound as error:
+        name = identifier.rpartition(":")[2]
+        raise UsageError(f"no environment '{identifier}'{did_you_mean(name, gymnasium.registry)}") from error
+    except Exception as error:  # an environment is code of others, and may raise anything
+        raise UsageError(f"environment {identifier} cannot be made: {_text(error)}") from error
+
+
+def _text(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def software(env: Gym) -> tuple[tuple[str, str], ...]:
+    """Distribution -> version, of the modules that define the environment and of those that these import."""
+    tops = {name.partition(".")[0] for name in _modules(type(env.unwrapped))} - _OURS
+    found = {each for top in tops for each in _distributions().get(top, ())}
+    return tuple(sorted((name, _version(name)) for name in found))
+
+
+def _modules(kind: type) -> Iterator[str]:
+    for base in kind.__mro__:
+        module = sys.modules.get(base.__module__)
+        yield base.__module__
+        for value in vars(module).values() if module else ():
+            if isinstance(value, ModuleType):
+                yield value.__name__
+
+
+@cache
+def _distributions() -> Mapping[str, list[str]]:
+    return packages_distributions()
+
+
+def _version(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return ""

@@ -1,0 +1,102 @@
+"""One environment of Gymnasium as a task uses it: how its samples become signals, and where its copies come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from stlbench import stl
+from stlbench.contract import Array
+from stlbench.environments.acting import ActionAxis, action_axes
+from stlbench.environments.entries import Names, entries_of
+from stlbench.environments.making import Gym, software
+from stlbench.environments.observing import Observed
+from stlbench.errors import UsageError
+
+__all__ = ["GymSource", "SignalsOf"]
+
+SignalsOf: TypeAlias = Callable[[Any, Mapping[str, Any]], Sequence[float] | None]
+"""Observation and info of one copy -> the k signals; None where expressions give them."""
+
+
+class GymSource:
+    """How one kind of environment is made, read and acted on. Copies that nobody uses are used again."""
+
+    def __init__(
+        self,
+        make: Callable[[], Gym],
+        texts: Mapping[str, str],
+        names: Names | None = None,
+        scale: Mapping[str, float] | None = None,
+        signals: SignalsOf | None = None,
+    ) -> None:
+        """Makes one copy, to see what it is.
+
+        Args:
+            make: makes a copy, without a time limit.
+            texts: signal -> expression over named entries of the observation and over entries of the info.
+            names: of the entries of the observation (`entries`).
+            scale: named entry -> about its largest magnitude, where its space has no ends.
+            signals: in place of the expressions.
+
+        Raises:
+            UsageError: it cannot be made, or names, expressions, scale or actions do not fit it.
+        """
+        self._make, self.signals, self._texts = make, tuple(texts), texts
+        first = make()
+        self.action_space = first.action_space
+        self.entries = entries_of(first.observation_space, names)
+        self.observed = Observed(first.observation_space, self.entries, scale or {})
+        self.software = software(first)
+        self.function = signals
+        self.from_info: tuple[str, ...] = ()
+        """What expressions use of the info."""
+        self.values: Callable[[Array], Array]
+        """Samples (..., e + i), named entries and then `from_info`, to signals (..., k); not there with a function."""
+        if signals is None:
+            self.from_info, self.values = self._expressions()
+        self._idle = [first]
+
+    @property
+    def axes(self) -> tuple[ActionAxis, ...]:
+        """The numbers of an action. Raises `UsageError` where the action space is none of numbers."""
+        return action_axes(self.action_space)
+
+    def borrow(self, count: int) -> list[Gym]:
+        """That many copies, which `give_back` takes."""
+        taken, self._idle = self._idle[:count], self._idle[count:]
+        return taken + [self._make() for _ in range(count - len(taken))]
+
+    def give_back(self, copies: list[Gym]) -> None:
+        """For others to use: a copy that is reset by a seed does not know what it did before."""
+        self._idle += copies
+
+    def _expressions(self) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
+        """Which names are those of the info, and what reads the signals."""
+        nodes = {name: _parsed(name, text) for name, text in self._texts.items()}
+        used = dict.fromkeys(each for node in nodes.values() for each in stl.signals(node))
+        from_info = tuple(name for name in used if name not in self.entries.names)
+        try:
+            return from_info, stl.values(tuple(nodes.values()), (*self.entries.names, *from_info))
+        except stl.UndefinedError as error:
+            raise UsageError(f"signals: {error}") from error
+
+
+def _parsed(name: str, text: str) -> stl.Expression:
+    try:
+        return stl.parse_expression(text)
+    except (TypeError, stl.StlSyntaxError) as error:
+        raise UsageError(f"signals.{name}: {error}") from error
+
+
+def numbers(given: Any, count: int) -> Array:
+    """What a task's class returned as `count` signals. Raises `UsageError`."""
+    try:
+        signals = np.array([float(value) for value in given])
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"signals: expected {count} numbers, got {given!r}") from error
+    if len(signals) != count:
+        raise UsageError(f"signals: expected {count} numbers, got {len(signals)}")
+    return signals

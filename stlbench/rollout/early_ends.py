@@ -1,0 +1,120 @@
+"""What it means that an environment ends an episode before its last step, in a verdict and in a reward.
+
+Where it means more than that the last sample stays, traces have NaN after that sample: nothing was recorded there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from stlbench import stl
+from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
+from stlbench.task.file import EarlyEnd
+
+__all__ = ["Verdicts", "greatest_and_least", "judge", "remainder", "without_end"]
+
+
+class Verdicts(NamedTuple):
+    """Of n traces. The two ends of an interval are equal wherever a trace is complete."""
+
+    robustness: Array
+    """(n, 2): the least and the greatest over all continuations."""
+    satisfied: Truth
+    """(n, 2): whether all continuations satisfy, and whether some do."""
+    early: Truth
+    """(n,): which ended early, and are not taken as if their last sample stayed."""
+
+
+def judge(formula: stl.Formula, traces: Array, specification: Specification, terminated: EarlyEnd) -> Verdicts:
+    """The verdicts on traces (n, T + 1, k) by a formula over the specification's signals.
+
+    Args:
+        formula: intervals in steps.
+        traces: NaN after an early end.
+        specification: the ranges of the signals.
+        terminated: `violated` makes the formula violated, by as much as is possible within the ranges; `interval` has
+            both ends of what is possible.
+    """
+    early: Truth = np.zeros(len(traces), dtype=np.bool_)
+    if terminated != "hold":
+        early |= np.isnan(traces[:, -1]).any(axis=1)
+    names = specification.signals
+    robustness, satisfied = np.empty((len(traces), 2)), np.empty((len(traces), 2), dtype=np.bool_)
+    complete = traces[~early] if early.any() else traces  # without a copy of what can be large
+    robustness[~early] = stl.robustness(formula, complete, names)[:, None]
+    satisfied[~early] = stl.satisfied(formula, complete, names)[:, None]
+    if terminated == "violated":
+        robustness[early], satisfied[early] = greatest_and_least(specification, formula)[1], False
+        return Verdicts(robustness, satisfied, early)
+    rows = np.flatnonzero(early)
+    t = (~np.isnan(traces[rows]).any(axis=2)).sum(axis=1) - 1
+    for last in np.unique(t):
+        alike = rows[t == last]
+        known = traces[alike, : last + 1]
+        robustness[alike] = np.stack(stl.robustness_bounds(formula, known, names), axis=-1)
+        satisfied[alike] = np.stack(stl.satisfaction_bounds(formula, known, names), axis=-1)
+    return Verdicts(robustness, satisfied, early)
+
+
+def greatest_and_least(specification: Specification, node: stl.Formula) -> tuple[float, float]:
+    """Sound bounds of a formula's robustness over all traces whose signals stay in their ranges."""
+    match node:
+        case stl.Predicate():
+            low, high = specification.range(node)
+            return high, low
+        case stl.Not(arg):
+            high, low = greatest_and_least(specification, arg)
+            return -low, -high
+        case stl.Implies(left, right):
+            return greatest_and_least(specification, stl.Or((stl.Not(left), right)))
+        case stl.Always(_, _, arg) | stl.Eventually(_, _, arg):
+            return greatest_and_least(specification, arg)
+        case stl.Until(_, _, left, right):
+            both = greatest_and_least(specification, stl.And((left, right)))
+            return greatest_and_least(specification, right)[0], both[1]
+        case stl.And(args) | stl.Or(args):
+            pick = min if isinstance(node, stl.And) else max
+            highs, lows = zip(*(greatest_and_least(specification, arg) for arg in args), strict=True)
+            return pick(highs), pick(lows)
+        case _:
+            return np.inf, np.inf
+
+
+def remainder(
+    method: RewardMethod,
+    terminated: EarlyEnd,
+    last: Array,
+    action: Array,
+    t: int,
+    memory: Array,
+    discount: float = 1.0,
+) -> float:
+    """What an end at step t is paid beside its own step, in the method's unit; 0 at the last step.
+
+    Args:
+        method: what pays.
+        terminated: `hold` pays what the method pays while the last sample stays, `violated` its floor for each step
+            that is left, `interval` nothing.
+        last: the sample (k,) at t.
+        action: the last one, (1, axes).
+        t: step of the sample, in 1..T.
+        memory: at t, (1, m).
+        discount: by which later rewards count.
+    """
+    left = method.specification.steps - t
+    if left == 0 or terminated == "interval":
+        return 0.0
+    weights = discount ** np.arange(1.0, left + 1)
+    if terminated == "violated":
+        return float(method.floor * weights.sum())
+    samples = np.tile(last, (left + 1, 1, 1))
+    rewards, _ = method.along(samples, action, np.array([t]), memory)
+    return float(weights @ rewards[:, 0])
+
+
+def without_end(traces: Array, last: Integers) -> Array:
+    """Traces (n, T + 1, k) of which nothing counts after the samples at steps `last` (n,): NaN, in place."""
+    traces[np.arange(traces.shape[1]) > last[:, None]] = np.nan
+    return traces

@@ -1,0 +1,111 @@
+"""The world of an environment of Gymnasium, copy by copy: it may be random, stateful, and written in any language."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from stlbench.contract import Array, GymTask, Integers, World
+from stlbench.environments.acting import as_action
+from stlbench.environments.source import GymSource, numbers
+from stlbench.errors import UsageError
+
+__all__ = ["GymWorld"]
+
+
+class GymWorld(World):
+    """N copies of an environment. Their starts are seeds (r, 1).
+
+    A copy has ended once the environment says that it is terminated or truncated.
+    """
+
+    def __init__(self, task: GymTask, source: GymSource, count: int) -> None:
+        self._task, self._source = task, source
+        self._copies = source.borrow(count)
+        weakref.finalize(self, source.give_back, self._copies)
+        self._seen = np.zeros((count, source.observed.size))
+        self._last: list[tuple[Any, Mapping[str, Any]]] = [(None, {})] * count
+        self.signals = np.zeros((count, len(source.signals)))
+        self.ended, self.lived = np.ones(count, dtype=np.bool_), np.zeros(count, dtype=np.int64)
+
+    def restart(self, rows: Integers, starts: Array) -> None:
+        """See `World`. Raises `UsageError` as `advance`."""
+        for row, seed in zip(rows.tolist(), starts[:, 0].tolist(), strict=True):
+            self._last[row] = self._copies[row].reset(seed=int(seed))
+        self.ended[rows], self.lived[rows] = False, 0
+        self.signals[rows] = self._read(rows)
+
+    def advance(self, action: Array, steps: int) -> Array:
+        """See `World`. Raises `UsageError` where a signal or an observation is none, with the copy and its step."""
+        samples = np.empty((steps + 1, *self.signals.shape))
+        samples[0] = self.signals
+        taken = [as_action(self._source.action_space, vector) for vector in action]
+        for i in range(1, steps + 1):
+            rows = np.flatnonzero(~self.ended)
+            for row in rows.tolist():
+                observation, _, terminated, truncated, info = self._copies[row].step(taken[row])
+                self._last[row] = observation, info
+                self.ended[row] = terminated or truncated
+            self.lived[rows] += 1
+            samples[i] = samples[i - 1]
+            if len(rows):
+                samples[i, rows] = self._read(rows)
+        self.signals = samples[-1].copy()
+        return samples
+
+    def features(self, t: Integers) -> Array:
+        """See `World`: the observation, scaled."""
+        return self._source.observed.scaled(self._seen)
+
+    def by_hand(self, t: Integers) -> Array | None:
+        """See `World`."""
+        each = zip(self._last, t.tolist(), strict=True)
+        actions = [self._task.controller(observation, info, at) for (observation, info), at in each]
+        return None if any(action is None for action in actions) else np.array(actions, dtype=np.float64)
+
+    def _read(self, rows: Integers) -> Array:
+        """The signals (r, k) of the newest observations of these rows, which are kept for `features` too."""
+        source, last = self._source, [self._last[row] for row in rows.tolist()]
+        try:
+            self._seen[rows] = [source.observed.flat(observation) for observation, _ in last]
+        except (TypeError, ValueError) as error:
+            raise UsageError(f"the environment returned an observation outside its space: {error}") from error
+        signals = self._by_function(last) if source.function else source.values(self._named(rows, last))
+        self._check(rows, signals)
+        return signals
+
+    def _by_function(self, last: list[tuple[Any, Mapping[str, Any]]]) -> Array:
+        assert self._source.function is not None
+        count = len(self._source.signals)
+        return np.stack([numbers(self._source.function(*sample), count) for sample in last])
+
+    def _named(self, rows: Integers, last: list[tuple[Any, Mapping[str, Any]]]) -> Array:
+        """The named entries, and those of the info that expressions use, (r, e + i)."""
+        entries = self._source.entries
+        named = [self._seen[rows]] if entries.keys is None else [entries.read(seen, 1) for seen, _ in last]
+        parts = [np.concatenate(named) if entries.keys is not None else named[0]]
+        if not entries.names:
+            parts = [np.empty((len(rows), 0))]
+        for name in self._source.from_info:
+            parts.append(np.array([[self._number(name, info)] for _, info in last]))
+        return np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
+
+    def _number(self, name: str, info: Mapping[str, Any]) -> float:
+        if name not in info:
+            known, there = ", ".join(self._source.entries.names) or "no names", ", ".join(info) or "nothing"
+            raise UsageError(f"signals: no '{name}': the observation has {known}, the info {there}")
+        try:
+            return float(info[name])
+        except (TypeError, ValueError) as error:
+            raise UsageError(f"signals: '{name}' of the info is no number, but {info[name]!r}") from error
+
+    def _check(self, rows: Integers, signals: Array) -> None:
+        for what, values in (("signal", signals), ("entry of the observation", self._seen[rows])):
+            if np.isfinite(values).all():
+                continue
+            row, column = np.argwhere(~np.isfinite(values))[0].tolist()
+            name = f" {self._source.signals[column]}" if what == "signal" else f" {column}"
+            raise UsageError(f"the environment's {what}{name} is {values[row, column]} at step {self.lived[rows[row]]}")

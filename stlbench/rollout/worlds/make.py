@@ -1,0 +1,20 @@
+"""The world of a task, whatever the task is."""
+
+from __future__ import annotations
+
+from stlbench.contract import GymTask, System, World
+from stlbench.rollout.worlds.gym_world import GymWorld
+from stlbench.rollout.worlds.system_world import SystemWorld
+from stlbench.task.task import Task
+
+__all__ = ["make_world"]
+
+
+def make_world(task: Task, count: int) -> World:
+    """That many copies, none of them begun."""
+    dynamics = task.dynamics
+    if isinstance(dynamics, System):
+        return SystemWorld(dynamics, count, engineered=task.file.features == "engineered")
+    if isinstance(dynamics, GymTask):
+        return GymWorld(dynamics, task.source, count)
+    return dynamics.world(count)

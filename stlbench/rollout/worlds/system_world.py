@@ -1,0 +1,56 @@
+"""The world of a pure, batched system: what can be set to any state, planned for, and stepped thousands at a time."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from stlbench.contract import Array, Integers, System, World
+
+__all__ = ["SystemWorld"]
+
+
+class SystemWorld(World):
+    """N copies of a system. Their starts are states (r, n); none of them ever ends by itself."""
+
+    can_end: ClassVar[bool] = False
+
+    def __init__(self, system: System, count: int, engineered: bool = True) -> None:
+        """Args: `engineered` whether policies see `System.features`, or else `System.scaled_state`."""
+        self.system, self._engineered = system, engineered
+        self._state = np.empty((count, len(system.state)))
+        self.ended = np.zeros(count, dtype=np.bool_)
+
+    @property
+    def state(self) -> Array:
+        """The states (N, n)."""
+        return self._state
+
+    def restart(self, rows: Integers, starts: Array) -> None:
+        """See `World`."""
+        if len(rows) == len(self._state):  # at the first time there is nothing to keep
+            self._state = np.array(starts, dtype=np.float64)
+            self.signals = self.system.signals(self._state)
+            return
+        self._state[rows] = starts
+        self.signals[rows] = self.system.signals(starts)
+
+    def advance(self, action: Array, steps: int) -> Array:
+        """See `World`."""
+        states = np.empty((steps + 1, *self._state.shape))
+        states[0] = state = self._state
+        for i in range(steps):
+            states[i + 1] = state = self.system.step(state, action)
+        samples = self.system.signals(states)
+        self._state, self.signals = state, samples[-1].copy()
+        return samples
+
+    def features(self, t: Integers) -> Array:
+        """See `World`."""
+        system = self.system
+        return system.features(self._state, t) if self._engineered else system.scaled_state(self._state)
+
+    def by_hand(self, t: Integers) -> Array | None:
+        """See `World`."""
+        return self.system.controller(self._state, t)

@@ -1,0 +1,99 @@
+"""The rules of an environment or a world, whose starts are seeds and whose state nobody can set."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stlbench.contract import ActionGrid, Array, Integers, World
+from stlbench.rollout import controller, referee
+from stlbench.rollout.worlds import make_world
+from stlbench.task import Task
+from stlbench.testing.rules import Rules
+
+__all__ = ["check_controller", "random_traces"]
+
+_COPIES = 4
+_STEPS = 200
+"""The most of an episode that is run again to compare."""
+
+
+def random_traces(task: Task, rules: Rules) -> Array:
+    """Traces (N, T + 1, k) under random actions, along which the rules of worlds are checked."""
+    actions = _actions(task, np.random.default_rng(0))
+    begun, world = task.starts.report_and_selection()[0], make_world(task, _COPIES)
+    begun = np.resize(begun, (_COPIES, begun.shape[1]))
+    trace = _episode(task, rules, world, begun, actions)
+    few = max(1, _STEPS // task.file.hold)
+    again = _episode(task, rules, world, begun, actions[:few])
+    same = np.array_equal(again, trace[:, : again.shape[1]])
+    rules.keep(same, "the same seeds and actions give the same episodes", "another episode in the same copies")
+    alone = _episode(task, rules, make_world(task, 1), begun[-1:], actions[:few, -1:])
+    same = np.array_equal(alone[0], again[-1])
+    rules.keep(same, "an episode is the same in another copy", "another episode in a copy of its own")
+    _check_restart(task, rules, world, begun)
+    return trace
+
+
+def _actions(task: Task, generator: np.random.Generator) -> Array:
+    """Random ones of a whole episode: (decisions, N, axes)."""
+    actions, shape = task.actions, (task.file.steps // task.file.hold, _COPIES)
+    if isinstance(actions, ActionGrid):
+        return actions.vectors[generator.integers(actions.size, size=shape)]
+    return generator.uniform(actions.low, actions.high, (*shape, len(actions.names)))
+
+
+def _episode(task: Task, rules: Rules, world: World, begun: Array, actions: Array) -> Array:
+    """The trace of one episode in each copy."""
+    k, hold, count = len(task.signals), task.file.hold, len(begun)
+    low, high = np.array(task.specification.low), np.array(task.specification.high)
+    world.restart(np.arange(count), begun)
+    rules.keep(world.signals.shape == (count, k), f"signals has shape (N, {k})", world.signals.shape)
+    within = bool(np.all((low <= world.signals) & (world.signals <= high)))
+    rules.keep(within, "the first samples lie in the signals' ranges", world.signals)
+    trace = [world.signals[None].copy()]
+    for i, action in enumerate(actions):
+        ended, before = world.ended.copy(), world.signals.copy()
+        samples = world.advance(action, hold)
+        _check_samples(rules, samples, before, (hold + 1, count, k))
+        if world.can_end:
+            rules.keep(bool((samples[:, ended] == before[ended]).all()), "a copy that has ended stands still", samples)
+        _check_features(rules, world, np.full(count, (i + 1) * hold), (low, high))
+        trace.append(samples[1:])
+    return np.concatenate(trace).transpose(1, 0, 2)
+
+
+def _check_samples(rules: Rules, samples: Array, before: Array, shape: tuple[int, ...]) -> None:
+    rules.keep(samples.shape == shape, "advance has shape (steps + 1, N, k)", samples.shape)
+    rules.keep(np.array_equal(samples[0], before), "advance begins with the sample before it", samples[0])
+    rules.keep(bool(np.isfinite(samples).all()), "samples are finite", samples)
+
+
+def _check_features(rules: Rules, world: World, t: Integers, box: tuple[Array, Array]) -> None:
+    features = world.features(t)
+    rules.keep(features.ndim == 2 and len(features) == len(t), "features has shape (N, d)", features.shape)
+    rules.keep(bool(np.isfinite(features).all()), "features is finite", features)
+    inside = np.all((box[0] <= world.signals) & (world.signals <= box[1]), axis=1)
+    most = np.abs(features[inside]).max(initial=0.0)
+    rules.keep(bool(most <= 5), "features are about in [-1, 1]", f"{most:.3g}; a scale would help")
+
+
+def _check_restart(task: Task, rules: Rules, world: World, begun: Array) -> None:
+    """One row begins anew, and the others stay as they are."""
+    world.restart(np.arange(_COPIES), begun)
+    first = world.signals.copy()
+    world.advance(np.tile(task.actions.low, (_COPIES, 1)).astype(np.float64), task.file.hold)
+    others = world.signals[1:].copy()
+    world.restart(np.array([0]), begun[:1])
+    rules.keep(np.array_equal(world.signals[0], first[0]), "a row begins where its start says", world.signals[0])
+    rules.keep(np.array_equal(world.signals[1:], others), "the other rows go on", world.signals[1:])
+
+
+def check_controller(task: Task, rules: Rules) -> None:
+    """The rules of a controller by hand, for a task that has one."""
+    traces = controller.record(task, task.starts.report_and_selection()[0][:8])
+    if traces is None:
+        return
+    rules.keep(bool(np.isfinite(traces[:, 0]).all()), "the controller's samples are finite", traces[:, 0])
+    score = referee.score(task, traces)
+    rule = "the controller satisfies the formula from some starts"
+    rules.keep(any(score.satisfied), rule, f"robustness {score.robustness}")
