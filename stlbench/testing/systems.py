@@ -43,7 +43,8 @@ def random_traces(task: Task, rules: Rules) -> Array:
 def check_controller(task: Task, rules: Rules) -> None:
     """The rules of `System.controller`, for a task that has one."""
     control, hold = task.system.controller, task.file.hold
-    state = task.starts.report_and_selection()[0][:8]
+    assert isinstance(task.starts, StateStarts)
+    state = task.system.initial_states(starts.grid(task.starts.initial, 8))
     if control(state, np.zeros(len(state), dtype=np.int64)) is None:
         return
 

@@ -94,12 +94,7 @@ def test_a_file_without_the_one_system_says_what_it_has(folder: Callable[..., Pa
 @pytest.mark.parametrize(
     ("name", "changes", "said"),
     [
-        (
-            "zz-line",
-            {"task_yaml": None},
-            "there is no task.yaml; a task is a folder with task.yaml, and often system.py",
-        ),
-        ("zz-line", {"system_py": None}, "there is no system.py, a subclass of stlbench.contract.System"),
+        ("zz-line", {"task_yaml": None}, "there is no task.yaml; a task is a folder with task.yaml, and often"),
         ("Line_2", {}, "the folder's name is the task's, and consists of a-z, 0-9 and -"),
         ("hold-disc", {}, r"the name 'hold-disc' is taken by task 'hold-disc' of stlbench-rl .*; rename the folder"),
     ],
