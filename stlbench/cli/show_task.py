@@ -69,7 +69,7 @@ def facts(task: Task) -> dict[str, Any]:
         "beyond_state": _beyond_state(task),
         "controller": _scored(controller.score(task)),
         "best_possible": None if file.best_possible is None else file.best_possible.model_dump(),
-        "signals": {name: signal.model_dump() for name, signal in file.signals.items()},
+        "signals": {name: signal.model_dump(exclude_none=True) for name, signal in file.signals.items()},
         "terms": _terms(task),
         "actions": _actions(task),
         "robots": file.robots,
