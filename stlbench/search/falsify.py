@@ -103,7 +103,7 @@ def falsify(
     if objective.failure is not None:
         raise objective.failure
     if objective.worst is None:
-        condition = subject.task.file.initial.where
+        condition = space.region.where
         raise UsageError(f"{how.optimiser} met no start: the condition '{condition}' holds (almost) nowhere in the box")
     spent = time.process_time() - began
     return Falsification(subject, how, objective.count, objective.first, objective.worst, spent)

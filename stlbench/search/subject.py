@@ -73,6 +73,6 @@ def of_controller(task: Task) -> Subject:
         assert traces is not None
         return traces
 
-    if controller.record(task, referee.start_states(task)[0][:1]) is None:
+    if controller.record(task, task.starts.report_and_selection()[0][:1]) is None:
         raise UsageError(f"task {task.name} has no controller by hand")
     return Subject(f"{task.name}, by hand", (task.name, "by-hand"), task, record)

@@ -10,7 +10,6 @@ from helpers.made_subjects import still
 from scipy import stats
 
 from stlbench.errors import UsageError
-from stlbench.rollout.referee import start_states
 from stlbench.search.certify import Claim, certify
 from stlbench.study.plan import derive_seed
 from stlbench.task import starts
@@ -71,7 +70,7 @@ def test_the_starts_are_new() -> None:
     own = {state.tobytes() for state in np.concatenate(met)}
     training = derive_seed("pair", "initial states", 0)
     others = [
-        *start_states(task),
+        *task.starts.report_and_selection(),
         *(starts.sample(task.file.initial, np.random.default_rng(seed), 200) for seed in (12031981, training)),
     ]
     assert len(own) == 200
