@@ -26,11 +26,13 @@ def falsify(
     final: Final = False,
     evaluations: Annotated[int, typer.Option(metavar="N", help="Episodes that are simulated at most.")] = 10_000,
     optimiser: Annotated[
-        str,
+        str | None,
         typer.Option(
-            metavar="NAME", help="differential-evolution, dual-annealing, direct, shgo, or random to compare with."
+            metavar="NAME",
+            help="differential-evolution, dual-annealing, direct, shgo, or random to compare with.",
+            show_default="differential-evolution; random where starts are seeds",
         ),
-    ] = "differential-evolution",
+    ] = None,
     least: Annotated[
         bool, typer.Option("--least", help="Go on after a counterexample, for the least robustness.")
     ] = False,
@@ -99,15 +101,17 @@ def _line(one: Falsification) -> str:
 
 def _lines(one: Falsification) -> list[str]:
     """One search in full."""
-    witness, task = one.witness, one.subject.task
-    at = f"step {witness.step} ({witness.step * task.file.sampling_time:.6g} s)"
-    return [
+    lines = [
         _line(one),
         f"start:      {', '.join(f'{name} = {value:.9g}' for name, value in one.start.items())}",
         f"robustness: {one.worst.robustness:.6g}, {'violated' if one.found else 'satisfied'}",
-        f"{'failed:' if one.found else 'least:':<11} {witness.conjunct}",
-        f"because:    {'not ' if witness.sign < 0 else ''}{witness.predicate} at {at}: margin {witness.margin:.6g}",
+        f"{'failed:' if one.found else 'least:':<11} {one.failed}",
     ]
+    if (witness := one.witness) is not None:
+        predicate = f"{'not ' if witness.sign < 0 else ''}{witness.predicate}"
+        at = f"step {witness.step} ({witness.step * one.subject.task.file.sampling_time:.6g} s)"
+        lines.append(f"because:    {predicate} at {at}: margin {witness.margin:.6g}")
+    return lines
 
 
 def _facts(one: Falsification, files: list[Path]) -> dict[str, Any]:
@@ -122,10 +126,10 @@ def _facts(one: Falsification, files: list[Path]) -> dict[str, Any]:
         "first": one.first,
         "start": one.start,
         "robustness": one.worst.robustness,
-        "conjunct": str(witness.conjunct),
-        "predicate": str(witness.predicate),
-        "step": witness.step,
-        "margin": witness.margin,
+        "failed": one.failed if one.found else None,
+        "predicate": None if witness is None else str(witness.predicate),
+        "step": one.steps if witness is None else witness.step,
+        "margin": None if witness is None else witness.margin,
         "cpu_seconds": one.cpu_seconds,
         "files": [str(path) for path in files],
     }

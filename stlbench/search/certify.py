@@ -12,7 +12,7 @@ import numpy as np
 from stlbench.errors import UsageError
 from stlbench.report.statistics.intervals import Interval, share_interval
 from stlbench.report.statistics.sequence import share_sequence
-from stlbench.search.space import Space
+from stlbench.search.space import space_of
 from stlbench.search.subject import Subject
 from stlbench.study.plan import derive_seed
 
@@ -104,10 +104,11 @@ def certify(
     """
     claim = claim or Claim()
     check(claim)
-    if Space(subject.task).size == 0:
+    space = space_of(subject.task)
+    if space.single:
         raise UsageError(f"task {subject.task.name} has a single start; `stlbench falsify` says whether it satisfies")
     began, most = time.process_time(), claim.most
-    space, generator = Space(subject.task), np.random.default_rng(_seed(subject, claim))
+    generator = np.random.default_rng(_seed(subject, claim))
     starts = satisfied = 0
     interval = Interval(0.0, 1.0)
     while starts < most and not (claim.sequential and _decided(claim, interval)):

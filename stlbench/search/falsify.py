@@ -5,16 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Array
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.search.objective import Enough, Objective, Worst
-from stlbench.search.optimisers import DEFAULT, OPTIMISERS
-from stlbench.search.space import Space
+from stlbench.search.optimisers import DEFAULT, OF_SEEDS, OPTIMISERS
+from stlbench.search.space import Box, Seeds, space_of
 from stlbench.search.subject import Subject
 from stlbench.study.plan import derive_seed
 
@@ -27,8 +27,8 @@ EVALUATIONS = 10_000
 class How:
     """By what rules is searched."""
 
-    optimiser: str = DEFAULT
-    """One of `OPTIMISERS`."""
+    optimiser: str | None = None
+    """One of `OPTIMISERS`; None for `DEFAULT`, and where starts are seeds for `OF_SEEDS`."""
     evaluations: int = EVALUATIONS
     """How many episodes are simulated at most."""
     least: bool = False
@@ -38,22 +38,22 @@ class How:
 
 @dataclass(frozen=True)
 class Falsification:
-    """What a search found: the least robust start, which is a counterexample where it violates the formula."""
+    """What a search found: the least robust start, which is a counterexample where it does not satisfy the formula."""
 
     subject: Subject
     how: How
+    """With the optimiser that searched."""
     evaluations: int
     """Episodes that were simulated."""
     first: int | None
-    """Which of them, from 1, was the first to violate the formula; None where none did."""
+    """Which of them, from 1, was the first not to satisfy the formula; None where all did."""
     worst: Worst
     cpu_seconds: float
 
     @property
     def start(self) -> dict[str, float]:
-        """The initial state by the names of its coordinates."""
-        names = Space(self.subject.task).names
-        return dict(zip(names, self.worst.point.tolist(), strict=True))
+        """The initial state by the names of its coordinates, or the seed."""
+        return dict(zip(space_of(self.subject.task).names, self.worst.point.tolist(), strict=True))
 
     @property
     def found(self) -> bool:
@@ -61,15 +61,27 @@ class Falsification:
         return not self.worst.satisfied
 
     @property
-    def witness(self) -> stl.Witness:
-        """Which predicate, at which step, the least robustness comes from."""
+    def steps(self) -> int:
+        """The last step of the least robust trace that was recorded: T, but after some early ends."""
+        return int(np.flatnonzero(~np.isnan(self.worst.trace).any(axis=1))[-1])
+
+    @cached_property
+    def witness(self) -> stl.Witness | None:
+        """Which predicate, at which step, the least robustness comes from; None after an early end that decides it."""
         task = self.subject.task
+        if self.steps < task.file.steps:
+            return None
         return stl.witness(task.formula, self.worst.trace, task.signals)
+
+    @property
+    def failed(self) -> str:
+        """The conjunct that the least robustness comes from, or the early end."""
+        return f"ended early, at step {self.steps}" if self.witness is None else str(self.witness.conjunct)
 
 
 def check(how: How) -> None:
     """Raises `UsageError` where these are no rules to search by."""
-    if how.optimiser not in OPTIMISERS:
+    if how.optimiser is not None and how.optimiser not in OPTIMISERS:
         raise UsageError(f"no optimiser '{how.optimiser}'{did_you_mean(how.optimiser, OPTIMISERS)}")
     if how.evaluations < 1:
         raise UsageError(f"a search needs at least one evaluation, got {how.evaluations}")
@@ -89,26 +101,37 @@ def falsify(
         told: is called after each batch of episodes with their number and the least robustness so far.
 
     Raises:
-        UsageError: no such optimiser, no evaluation, or a robustness that has no value.
+        UsageError: no such optimiser, none that fits, no evaluation, or a robustness that has no value.
     """
-    how = how or How()
-    check(how)
-    began, space = time.process_time(), Space(subject.task)
+    began, space = time.process_time(), space_of(subject.task)
+    how = _resolved(subject, how or How(), space)
     objective = Objective(subject, space, how.evaluations, how.least, told)
-    with suppress(Enough):
-        if space.size == 0:
-            objective.of_points(_only(space))
-        else:
-            OPTIMISERS[how.optimiser](objective, derive_seed("falsify", subject.task.choice.name, how.seed))
+    _search(objective, how)
     if objective.failure is not None:
         raise objective.failure
     if objective.worst is None:
-        condition = space.region.where
-        raise UsageError(f"{how.optimiser} met no start: the condition '{condition}' holds (almost) nowhere in the box")
+        assert isinstance(space, Box)
+        rule = f"the condition '{space.region.where}' holds (almost) nowhere in the box"
+        raise UsageError(f"{how.optimiser} met no start: {rule}")
     spent = time.process_time() - began
     return Falsification(subject, how, objective.count, objective.first, objective.worst, spent)
 
 
-def _only(space: Space) -> Array:
-    """The task's single start, (1, n)."""
-    return space.draw(np.random.default_rng(0), 1)
+def _resolved(subject: Subject, how: How, space: Box | Seeds) -> How:
+    """With an optimiser that fits."""
+    check(how)
+    ordered = isinstance(space, Box)
+    if not ordered and how.optimiser not in (None, OF_SEEDS):
+        rule = f"its starts are seeds, which have no order to search by; --optimiser {OF_SEEDS} draws them"
+        raise UsageError(f"{how.optimiser} cannot search task {subject.task.name}: {rule}")
+    return replace(how, optimiser=how.optimiser or (DEFAULT if ordered else OF_SEEDS))
+
+
+def _search(objective: Objective, how: How) -> None:
+    with suppress(Enough):
+        if objective.space.single:
+            objective.of_points(objective.space.draw(np.random.default_rng(0), 1))
+        else:
+            assert how.optimiser is not None
+            seed = derive_seed("falsify", objective.subject.task.choice.name, how.seed)
+            OPTIMISERS[how.optimiser](objective, seed)

@@ -31,7 +31,8 @@ def write(found: Falsification, folder: Path) -> list[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         paths = [_npz(found, folder / f"{name}.npz"), _csv(found, folder / f"{name}.csv")]
-        figure = counterexample(found.subject.task, found.worst.trace, found.witness, _title(found))
+        recorded = found.worst.trace[: found.steps + 1]
+        figure = counterexample(found.subject.task, recorded, found.witness, _title(found))
         return [*paths, *save(figure, folder, name)]
     except OSError as error:
         raise UsageError(f"cannot write the counterexample: {error}") from error

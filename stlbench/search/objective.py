@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stlbench.contract import Array
-from stlbench.search.space import Space
+from stlbench.search.space import Box, Seeds
 from stlbench.search.subject import Subject
 
 __all__ = ["Enough", "Objective", "Worst"]
@@ -47,7 +47,7 @@ class Objective:
     """
 
     def __init__(
-        self, subject: Subject, space: Space, evaluations: int, least: bool, told: Callable[[int, float], None]
+        self, subject: Subject, space: Box | Seeds, evaluations: int, least: bool, told: Callable[[int, float], None]
     ) -> None:
         self.subject, self.space, self.evaluations, self.least, self._told = subject, space, evaluations, least, told
         self.count = self._asked = 0
@@ -57,17 +57,24 @@ class Objective:
         self.failure: Exception | None = None
         """What a simulation raised; kept here, as SciPy takes some errors for its own."""
 
+    @property
+    def box(self) -> Box:
+        """The space, which an optimiser can search."""
+        assert isinstance(self.space, Box)
+        return self.space
+
     def of_cube(self, unit: Array) -> Array:
         """Values (N,) at points (N, size) of the unit cube: those outside the region are worse than all inside.
 
         Raises:
             Enough: the search is over.
         """
-        points = self.space.points(unit)
-        inside = self.space.inside(points)
+        box = self.box
+        points = box.points(unit)
+        inside = box.inside(points)
         values = np.empty(len(points))
         if not inside.all():
-            values[~inside] = FAR + self.space.violation(points[~inside])
+            values[~inside] = FAR + box.violation(points[~inside])
         self._asked += len(points)
         if inside.any():
             values[inside] = np.minimum(self.of_points(points[inside]), FAR)

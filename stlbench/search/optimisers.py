@@ -16,7 +16,7 @@ import numpy as np
 from stlbench.search.abreast import Scalar, abreast
 from stlbench.search.objective import Objective
 
-__all__ = ["DEFAULT", "OPTIMISERS", "Optimiser"]
+__all__ = ["DEFAULT", "OF_SEEDS", "OPTIMISERS", "Optimiser"]
 
 Optimiser = Callable[[Objective, int], None]
 """Minimises an objective until it raises `Enough`, or ends before; all that is random comes from the seed."""
@@ -40,7 +40,7 @@ def differential_evolution(objective: Objective, seed: int) -> None:
     from scipy import optimize
 
     minimise: Any = optimize.differential_evolution  # its annotations know no batches
-    size = objective.space.size
+    size = objective.box.size
     for generator in _generators(seed):
         minimise(
             lambda points: objective.of_cube(points.T),
@@ -62,7 +62,7 @@ def dual_annealing(objective: Objective, seed: int) -> None:
 
     def chain(own: int, value: Scalar) -> None:
         for generator in _generators(own):
-            optimize.dual_annealing(value, [(0.0, 1.0)] * objective.space.size, rng=generator)
+            optimize.dual_annealing(value, [(0.0, 1.0)] * objective.box.size, rng=generator)
 
     own_seeds = np.random.SeedSequence(seed).generate_state(_COPIES).tolist()
     abreast([partial(chain, own) for own in own_seeds], objective.of_cube)
@@ -96,7 +96,7 @@ def _bounded(search: Callable[..., object], bounds: Any, options: dict[str, Any]
 
 def _parts(objective: Objective) -> list[list[tuple[float, float]]]:
     """A grid of about `_COPIES` parts of the cube: the bounds of each."""
-    size = objective.space.size
+    size = objective.box.size
     edges = np.linspace(0.0, 1.0, max(1, round(_COPIES ** (1 / size))) + 1).tolist()
     return [list(part) for part in product(pairwise(edges), repeat=size)]
 
@@ -114,4 +114,5 @@ OPTIMISERS: dict[str, Optimiser] = {
     "random": at_random,
 }
 """By the names that users say."""
-DEFAULT = "differential-evolution"
+DEFAULT, OF_SEEDS = "differential-evolution", "random"
+"""The optimiser where none is named, of states and of seeds."""

@@ -8,28 +8,30 @@ from functools import partial
 from typing import NamedTuple
 
 from stlbench import stl
-from stlbench.contract import Array, Policy, RewardMethod, StatePolicy, Truth
+from stlbench.contract import Array, Policy, RewardMethod, StatePolicy, System, Truth
 from stlbench.errors import UsageError
 from stlbench.rollout import controller, referee
+from stlbench.rollout.early_ends import judge
 from stlbench.task.task import Task
 
 __all__ = ["Played", "Subject", "of_controller", "of_policy"]
 
 _NUMBERS = 2**22
 """The most numbers in the traces that are simulated at a time."""
-_ROWS = 1024
-"""The most episodes that are simulated at a time: more are hardly faster."""
+_ROWS, _COPIES = 1024, 64
+"""The most episodes that are simulated at a time, of a system, and of what has no settable state: more are hardly
+faster."""
 
 
 class Played(NamedTuple):
     """What came of N episodes."""
 
     traces: Array
-    """(N, T + 1, k)."""
+    """(N, T + 1, k); NaN after an early end, where that means more than that the last sample stays."""
     robustness: Array
-    """(N,), of the task's formula."""
+    """(N,), of the task's formula; after an early end the least that is possible."""
     satisfied: Truth
-    """(N,)."""
+    """(N,): by every continuation."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +49,15 @@ class Subject:
     @property
     def rows(self) -> int:
         """How many episodes are simulated at a time, at most."""
-        return max(1, min(_ROWS, _NUMBERS // ((self.task.file.steps + 1) * len(self.task.signals))))
+        most = _ROWS if isinstance(self.task.dynamics, System) else _COPIES
+        return max(1, min(most, _NUMBERS // ((self.task.file.steps + 1) * len(self.task.signals))))
 
     def play(self, starts: Array) -> Played:
         """Act from each of the starts (N, n). Raises `UsageError` where the formula has no value on a trace."""
-        formula, names, traces = self.task.formula, self.task.signals, self.record(starts)
+        task, traces = self.task, self.record(starts)
         try:
-            return Played(traces, stl.robustness(formula, traces, names), stl.satisfied(formula, traces, names))
+            found = judge(task.formula, traces, task.specification, task.file.terminated)
+            return Played(traces, found.robustness[:, 0], found.satisfied[:, 0])
         except stl.UndefinedError as error:
             raise UsageError(f"{self.name}: {error}") from error
 

@@ -29,7 +29,7 @@ def falsifications(found: Sequence[Falsification]) -> Table:
             *(one.subject.name, one.how.optimiser, one.evaluations, one.worst.robustness),
             _start(one) if one.found else None,
             one.first,
-            str(one.witness.conjunct) if one.found else None,
+            one.failed if one.found else None,
             one.cpu_seconds,
         )
         for one in found

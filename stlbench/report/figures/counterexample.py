@@ -36,26 +36,37 @@ _CLOSE = 8
 class _Place(NamedTuple):
     """Where the robustness comes from."""
 
-    witness: stl.Witness
+    step: int
     text: str
-    """The predicate's margin and step, in words."""
+    """The margin and the step, in words."""
+    told: str
+    """For the legend."""
+    witness: stl.Witness | None
 
 
-def counterexample(task: Task, trace: Array, witness: stl.Witness, title: str) -> Figure:
-    """Draw a trace (T + 1, k) with the predicate and the step that its robustness comes from.
+def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title: str) -> Figure:
+    """Draw a trace with the predicate and the step that its robustness comes from.
 
     One row per signal, with the regions of the terms; below, the margin of the predicate at every step. Where the task
     names a plane, it is drawn beside them.
+
+    Args:
+        task: what was tried.
+        trace: (t + 1, k), as far as it was recorded: T + 1 samples, or fewer after an early end.
+        witness: of the robustness; None where the early end decides it.
+        title: of the figure.
     """
-    dt = task.file.sampling_time
-    here = _Place(witness, f"{witness.margin:.3g} at step {witness.step} ({witness.step * dt:.3g} s)")
-    rows, wide = len(task.signals) + 1, task.file.plane is not None
+    here, wide = _place(task, trace, witness), task.file.plane is not None
+    rows = len(task.signals) + (_predicate(here) is not None)
     figure = Figure(figsize=(12.5 if wide else 9.0, max(4.5, 1.6 + 1.7 * rows)), layout="constrained")
     grid = figure.add_gridspec(rows, 2 if wide else 1)
     in_time = [figure.add_subplot(grid[0, 0])]
     in_time += [figure.add_subplot(grid[row, 0], sharex=in_time[0]) for row in range(1, rows)]
-    drawn = set(_signals(in_time[:-1], task, trace, here))
-    _margin(in_time[-1], task, trace, here)
+    drawn = set(_signals(in_time[: len(task.signals)], task, trace, here))
+    if rows > len(task.signals):
+        _margin(in_time[-1], task, trace, here)
+    in_time[-1].set_xlabel(time_label(task))
+    in_time[-1].tick_params(labelbottom=True)
     if wide:
         drawn |= set(_plane(figure.add_subplot(grid[:, 1]), task, trace, here))
     layout.title(figure, title)
@@ -64,15 +75,31 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness, title: str) -
     return figure
 
 
+def _place(task: Task, trace: Array, witness: stl.Witness | None) -> _Place:
+    step = len(trace) - 1 if witness is None else witness.step
+    at = f"at step {step} ({step * task.file.sampling_time:.3g} s)"
+    if witness is None:
+        return _Place(step, at, f"ended early, {at}", None)
+    predicate = f"{'not ' if witness.sign < 0 else ''}{witness.predicate}"
+    text = f"{witness.margin:.3g} {at}"
+    return _Place(step, text, f"{predicate}: margin {text}, in {witness.conjunct}", witness)
+
+
+def _predicate(here: _Place) -> stl.Predicate | None:
+    """Whose margin it is; none where it is that of `True`, or of an early end."""
+    found = None if here.witness is None else here.witness.predicate
+    return found if isinstance(found, stl.Predicate) else None
+
+
 def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: _Place) -> list[int]:
     """The rows of the signals; which terms have a region there."""
-    drawn = signals_in_time(rows, task)
-    read, step = stl.signals(here.witness.predicate), here.witness.step
+    drawn, predicate = signals_in_time(rows, task), _predicate(here)
+    read = task.signals if predicate is None else stl.signals(predicate)
     for axes, name, values in zip(rows, task.signals, trace.T, strict=True):
         axes.plot(values, "-", color=TRACE, linewidth=1.3, zorder=4)
-        axes.axvline(step, color=_HERE, linewidth=0.9, linestyle="--", zorder=3)
+        axes.axvline(here.step, color=_HERE, linewidth=0.9, linestyle="--", zorder=3)
         if name in read:
-            axes.plot(step, values[step], "o", color=_HERE, markersize=7, zorder=6)
+            axes.plot(here.step, values[here.step], "o", color=_HERE, markersize=7, zorder=6)
         axes.set_ylabel(signal_label(task, name))
         axes.set_xlabel("")
         axes.tick_params(labelbottom=False)
@@ -81,10 +108,8 @@ def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: _Place) -> li
 
 def _margin(axes: Axes, task: Task, trace: Array, here: _Place) -> None:
     """The row of the predicate's margin, with the one that decides."""
-    predicate, step, margin = here.witness.predicate, here.witness.step, here.witness.margin
-    if isinstance(predicate, stl.TrueFormula):
-        axes.set_axis_off()
-        return
+    assert here.witness is not None
+    predicate, step, margin = here.witness.predicate, here.step, here.witness.margin
     with np.errstate(all="ignore"):
         margins = np.broadcast_to(stl.margin(predicate, task.signals)(trace), len(trace))
     axes.axhline(0, color=layout.LEVEL, linewidth=0.9)
@@ -99,23 +124,18 @@ def _margin(axes: Axes, task: Task, trace: Array, here: _Place) -> None:
         axes.set_ylim(-_CLOSE * abs(margin), _CLOSE * abs(margin))
     axes.grid(alpha=0.25)
     axes.set_title(f"margin of {predicate}", fontsize=9, loc="left", family="monospace")
-    axes.set(ylabel=f"margin\n[{robustness_unit(task, predicate)}]", xlabel=time_label(task))
+    axes.set_ylabel(f"margin\n[{robustness_unit(task, predicate)}]")
 
 
 def _plane(axes: Axes, task: Task, trace: Array, here: _Place) -> tuple[int, ...]:
     """The plane; which terms have a region there."""
     view = plane.lay_out(axes, task, trace[None])
     plane.draw_traces(axes, task, view, trace[None])
-    axes.plot(*trace[here.witness.step, list(view.columns)], "o", color=_HERE, markersize=9, zorder=8, clip_on=False)
+    axes.plot(*trace[here.step, list(view.columns)], "o", color=_HERE, markersize=9, zorder=8, clip_on=False)
     return view.drawn
 
 
 def _keys(task: Task, drawn: Sequence[int], here: _Place) -> list[Artist]:
-    found = here.witness
-    told = f"{'not ' if found.sign < 0 else ''}{found.predicate}: margin {here.text}, in {found.conjunct}"
-    told = textwrap.fill(told, _LETTERS)
-    keys: list[Artist] = [Line2D([], [], linestyle="", marker="o", color=_HERE, markersize=7, label=told)]
-    named = terms(task)
-    for i in drawn:
-        keys.append(layout.term_patch(i, f"{heading(named[i])} {named[i].psi}"))
-    return keys
+    told, named = textwrap.fill(here.told, _LETTERS), terms(task)
+    mark = Line2D([], [], linestyle="", marker="o", color=_HERE, markersize=7, label=told)
+    return [mark, *(layout.term_patch(i, f"{heading(named[i])} {named[i].psi}") for i in drawn)]

@@ -1,0 +1,113 @@
+"""Search over seeds, on an environment of Gymnasium that ends early: CartPole, pushed to one side all the time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from helpers.line_task import Rule
+from helpers.made_subjects import still
+
+from stlbench.contract import Array, Integers, RewardMethod
+from stlbench.errors import UsageError
+from stlbench.rollout.saved_traces import read_saved
+from stlbench.search.certify import Claim, certify
+from stlbench.search.falsify import How, falsify
+from stlbench.search.files import write
+from stlbench.search.space import Seeds, space_of
+from stlbench.search.subject import Subject, of_controller, of_policy
+from stlbench.task import load_task
+
+STEPS = 30
+
+
+class Unpaid(RewardMethod):
+    def step(
+        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
+    ) -> tuple[Array, Array]:
+        return np.zeros(len(t)), memory
+
+
+@pytest.fixture(scope="module")
+def pushed(tmp_path_factory: pytest.TempPathFactory) -> Subject:
+    """One direction for ever: the pole falls within some ten steps."""
+    return subject(tmp_path_factory.mktemp("tasks"), f"G[0,{STEPS}] abs(theta) <= 0.2", "violated")
+
+
+def subject(folder: Path, formula: str, terminated: str) -> Subject:
+    place = folder / f"pole-{terminated}"
+    place.mkdir()
+    content = {
+        "title": "A pole",
+        "source": "made up",
+        "formula": formula,
+        "sampling_time": 0.02,
+        "steps": STEPS,
+        "environment": {"id": "CartPole-v1", "names": ["x", "v", "theta", "omega"], "scale": {"v": 3, "omega": 3}},
+        "terminated": terminated,
+        "signals": {"theta": {"low": -0.5, "high": 0.5, "unit": "rad"}, "x": {"low": -3, "high": 3}},
+        "starts": 4,
+        "agents": {"dqn": {}},
+        "budgets": {"smoke": {"steps": 100}},
+    }
+    (place / "task.yaml").write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    task = load_task(str(place))
+    return of_policy("pushed", ("pushed",), task, Unpaid(task.specification), Rule(lambda observation: 1))
+
+
+def test_a_counterexample_is_a_seed_that_plays_the_same_again(pushed: Subject) -> None:
+    found = falsify(pushed, How(evaluations=40))
+    assert (found.how.optimiser, found.found, found.first) == ("random", True, 1)
+    assert list(found.start) == ["seed"]
+    again = pushed.record(np.array([[found.start["seed"]]]))
+    assert np.array_equal(again[0], found.worst.trace, equal_nan=True)
+
+
+def test_an_early_end_is_what_failed(pushed: Subject, tmp_path: Path) -> None:
+    found = falsify(pushed, How(evaluations=5))
+    assert found.witness is None
+    assert 5 < found.steps < STEPS
+    assert found.failed == f"ended early, at step {found.steps}"
+    paths = write(found, tmp_path)
+    assert all(path.stat().st_size for path in paths)
+    assert read_saved(paths[0]).samples.shape == (1, STEPS + 1, 2)
+
+
+def test_where_the_last_sample_stays_there_is_a_witness(tmp_path: Path) -> None:
+    found = falsify(subject(tmp_path, f"G[0,{STEPS}] abs(theta) <= 0.2", "hold"), How(evaluations=5))
+    assert found.witness is not None
+    assert (str(found.witness.predicate), found.steps) == ("abs(theta) <= 0.2", STEPS)
+
+
+def test_no_optimiser_searches_seeds(pushed: Subject) -> None:
+    rule = r"direct cannot search task pole-violated: its starts are seeds, .* --optimiser random"
+    with pytest.raises(UsageError, match=rule):
+        falsify(pushed, How("direct"))
+
+
+def test_a_certificate_over_seeds(pushed: Subject) -> None:
+    found = certify(pushed, Claim(at_least=0.5))
+    assert (found.verdict, found.satisfied, found.starts) == ("refuted", 0, 64)
+
+
+def test_the_seeds_are_new(pushed: Subject) -> None:
+    space = space_of(pushed.task)
+    assert isinstance(space, Seeds)
+    assert not space.single
+    generator = np.random.default_rng(0)
+    drawn = {seed for _ in range(5) for seed in space.draw(generator, 50)[:, 0].tolist()}
+    assert len(drawn) == 250
+    sets = pushed.task.starts
+    others = [*sets.report_and_selection(), sets.at_random(500), sets.of_training(generator, 500)]
+    assert not drawn & set(np.concatenate(others)[:, 0].tolist())
+
+
+def test_no_controller_by_hand(pushed: Subject) -> None:
+    with pytest.raises(UsageError, match="no controller by hand"):
+        of_controller(pushed.task)
+
+
+def test_of_a_system_many_more_are_simulated_at_a_time(pushed: Subject) -> None:
+    assert pushed.rows < still().rows
