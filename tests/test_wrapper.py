@@ -85,7 +85,7 @@ def test_seconds_and_operators_without_an_interval() -> None:
     [
         ("hold", -0.5 + 3 * -0.5, -0.5, False),
         ("violated", -0.5 + 3 * -9, -9.0, False),
-        ("interval", -0.5, [-np.inf, -0.5], [False, False]),
+        ("interval", -0.5, [-9.0, -0.5], [False, False]),
     ],
 )
 def test_an_early_end_has_the_declared_meaning(terminated: str, paid: float, robustness: Any, satisfied: Any) -> None:

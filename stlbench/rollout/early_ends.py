@@ -45,15 +45,19 @@ def judge(formula: stl.Formula, traces: Array, specification: Specification, ter
     complete = traces[~early] if early.any() else traces  # without a copy of what can be large
     robustness[~early] = stl.robustness(formula, complete, names)[:, None]
     satisfied[~early] = stl.satisfied(formula, complete, names)[:, None]
+    if not early.any():
+        return Verdicts(robustness, satisfied, early)
+    greatest, least = greatest_and_least(specification, formula)
     if terminated == "violated":
-        robustness[early], satisfied[early] = greatest_and_least(specification, formula)[1], False
+        robustness[early], satisfied[early] = least, False
         return Verdicts(robustness, satisfied, early)
     rows = np.flatnonzero(early)
     t = (~np.isnan(traces[rows]).any(axis=2)).sum(axis=1) - 1
     for last in np.unique(t):
         alike = rows[t == last]
         known = traces[alike, : last + 1]
-        robustness[alike] = np.stack(stl.robustness_bounds(formula, known, names), axis=-1)
+        bounds = np.stack(stl.robustness_bounds(formula, known, names), axis=-1)
+        robustness[alike] = np.clip(bounds, least, greatest)  # where nothing is known, the ranges are
         satisfied[alike] = np.stack(stl.satisfaction_bounds(formula, known, names), axis=-1)
     return Verdicts(robustness, satisfied, early)
 

@@ -43,10 +43,12 @@ class Signal(Range):
 
 
 class Environment(Entry):
-    """An environment of Gymnasium."""
+    """An environment of Gymnasium, or a parallel one of PettingZoo, whose agents act jointly."""
 
     id: str
-    """As `gymnasium.make` takes it: "CartPole-v1", or "module:Id-v0" where a module registers it."""
+    """As `gymnasium.make` takes it: "CartPole-v1", or "module:Id-v0" where a module registers it. Of PettingZoo, a
+    module with `parallel_env`."""
+    api: Literal["gymnasium", "pettingzoo"] = "gymnasium"
     kwargs: dict[str, Any] = Field(default_factory=dict)
     """What it is made with."""
     names: tuple[str, ...] | dict[str, tuple[str, ...]] | None = None

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from functools import lru_cache, partial
+from typing import Any
 
 from stlbench.contract import GymTask
 from stlbench.environments.acting import ActionAxis
+from stlbench.environments.joint import parallel
 from stlbench.environments.making import Gym, made
 from stlbench.environments.source import GymSource
 from stlbench.errors import UsageError
-from stlbench.task.file import Axis, TaskFile
+from stlbench.task.file import Axis, Environment, TaskFile
 
 __all__ = ["source_of"]
+
+_NONE = "there is no environment: give its id in task.yaml, or a class of GymTask with make()"
 
 
 def source_of(name: str, file: TaskFile, task: GymTask) -> GymSource:
@@ -23,7 +28,7 @@ def source_of(name: str, file: TaskFile, task: GymTask) -> GymSource:
         UsageError: in one line, what cannot be made, or what of the file does not fit it.
     """
     try:
-        source = _of_class(file, task) if _is_written(task) else _of_file(*_content(file))
+        source = _of_class(file, task) if _is_written(task) else _of_file(file)
         _check_actions(file.actions, source.axes)
     except UsageError as error:
         raise UsageError(f"task {name}: {error}") from error
@@ -37,9 +42,15 @@ def _is_written(task: GymTask) -> bool:
 
 
 def _of_class(file: TaskFile, task: GymTask) -> GymSource:
-    _, _, texts, names, scale = _content(file)
+    entry = file.environment or Environment(id="")
     function = None if type(task).signals is GymTask.signals else task.signals
-    return GymSource(partial(_made, file, task), json.loads(texts), json.loads(names), json.loads(scale), function)
+    return GymSource(partial(_made, file, task), _expressions(file), entry.names, entry.scale, function)
+
+
+def _of_file(file: TaskFile) -> GymSource:
+    if file.environment is None:
+        raise UsageError(_NONE)
+    return _of_text(file.environment.model_dump_json(), json.dumps(_expressions(file)))
 
 
 def _made(file: TaskFile, task: GymTask) -> Gym:
@@ -47,28 +58,24 @@ def _made(file: TaskFile, task: GymTask) -> Gym:
     if env is not None:
         return env
     if file.environment is None:
-        raise UsageError("there is no environment: give its id in task.yaml, or a class of GymTask with make()")
-    return made(file.environment.id, file.environment.kwargs)
+        raise UsageError(_NONE)
+    return _by_id(file.environment.api, file.environment.id, file.environment.kwargs)
 
 
-def _content(file: TaskFile) -> tuple[str, str, str, str, str]:
-    """Id, keywords, expressions, names and scale: what copies are made and read with, as values that are compared."""
-    texts = {name: signal.expression or name for name, signal in file.signals.items()}
-    if file.environment is None:
-        return "", "{}", json.dumps(texts), "null", "{}"
-    entry = file.environment
-    parts = entry.kwargs, texts, entry.names, entry.scale
-    keywords, written, names, scale = map(json.dumps, parts)
-    return entry.id, keywords, written, names, scale
+def _by_id(api: str, identifier: str, keywords: Mapping[str, Any]) -> Gym:
+    return made(identifier, keywords) if api == "gymnasium" else parallel(identifier, keywords)
+
+
+def _expressions(file: TaskFile) -> dict[str, str]:
+    return {name: signal.expression or name for name, signal in file.signals.items()}
 
 
 @lru_cache(maxsize=8)
-def _of_file(identifier: str, keywords: str, texts: str, names: str, scale: str) -> GymSource:
-    """The tasks of a process that differ in other things share their copies."""
-    if not identifier:
-        raise UsageError("there is no environment: give its id in task.yaml, or a class of GymTask with make()")
-    make = partial(made, identifier, json.loads(keywords))
-    return GymSource(make, json.loads(texts), json.loads(names), json.loads(scale))
+def _of_text(environment: str, texts: str) -> GymSource:
+    """By JSON of the entry and of the expressions: tasks that differ in other things share their copies."""
+    entry = Environment.model_validate_json(environment)
+    make = partial(_by_id, entry.api, entry.id, entry.kwargs)
+    return GymSource(make, json.loads(texts), entry.names, entry.scale)
 
 
 def _check_actions(declared: dict[str, Axis], axes: tuple[ActionAxis, ...]) -> None:

@@ -1,4 +1,4 @@
-"""The robustness of what is counted as violated."""
+"""Episodes that an environment ends early: what they are paid in training, and how the referee judges them."""
 
 from __future__ import annotations
 
@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 from helpers.episodes import specification
 from helpers.generated_formulas import NAMES, SEEDS, formulas, traces
+from helpers.line_task import Probe, Rule
+from helpers.walk_task import WalkTask, walk
 from hypothesis import given, settings
 
 from stlbench import stl
 from stlbench.contract import Specification
+from stlbench.result import MAIN
 from stlbench.rollout.early_ends import greatest_and_least
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.referee import Referee
 
 
 @pytest.mark.parametrize(
@@ -38,3 +43,75 @@ def test_no_trace_within_the_ranges_is_outside(formula: stl.Formula, seed: int) 
     high, low = greatest_and_least(box, formula)
     found = stl.robustness(formula, traces(steps + 1, seed), NAMES)
     assert low - 1e-9 <= found <= high + 1e-9
+
+
+# --------------------------------------------------------------------------------------------------------- training
+
+WALL = WalkTask(wall=1.0)
+"""It ends at x = 1, which from x = 0 is two steps to the right."""
+RIGHT_INDEX = 2
+
+
+@pytest.mark.parametrize(
+    ("terminated", "reward", "discount"),
+    [
+        ("hold", 461.0, 0.0),  # 100 t + 10 + 1 on average at t = 2..7, where x stays 1
+        ("violated", -0.5, 0.0),  # the floor
+        ("interval", 110.5, 1.0),  # its own, 100 + 10 + .5, and what follows is worth what going on would be
+    ],
+)
+def test_what_training_is_paid_at_an_early_end(terminated: str, reward: float, discount: float) -> None:
+    task = walk(WALL, terminated=terminated)
+    environment = BatchEnvironment(task, Probe(task.specification), 2, seed=0)
+    environment.reset()
+    first = environment.step(np.array([RIGHT_INDEX, 1]))
+    assert (first.reward.tolist(), first.ended.tolist(), first.cut.tolist()) == ([5, 0], [False] * 2, [False] * 2)
+    second = environment.step(np.array([RIGHT_INDEX, 1]))
+    assert second.reward.tolist() == [reward, 100]
+    assert second.discount.tolist() == [discount, 1]
+    assert (second.ended.tolist(), second.cut.tolist()) == ([True, False], [True, False])
+    assert second.arrived[0].tolist() == [1 / 50, -1 / 50, -0.5]
+    assert second.observation[0].tolist() == [0, 0, -1]
+
+
+def test_an_end_at_the_last_step_is_the_time_limit() -> None:
+    task = walk(WalkTask(wall=1.0), steps=2, formula="G[0,2] x <= 5")
+    environment = BatchEnvironment(task, Probe(task.specification), 1, seed=0)
+    environment.reset()
+    environment.step(np.array([RIGHT_INDEX]))
+    last = environment.step(np.array([RIGHT_INDEX]))
+    assert (last.reward.tolist(), last.discount.tolist(), last.ended.tolist()) == ([110.5], [1], [True])
+
+
+# ---------------------------------------------------------------------------------------------------------- verdicts
+
+
+@pytest.mark.parametrize(
+    ("terminated", "formula", "robustness", "satisfied", "failed"),
+    [
+        ("hold", "G[0,4] x <= 0.75", -0.25, False, {"G[0,4] x <= 0.75": 4}),
+        ("hold", "G[0,4] x <= 2", 1.0, True, {}),
+        ("violated", "G[0,4] x <= 2", -8.0, False, {"ended early": 4}),  # x may be 10
+        ("interval", "G[0,4] x <= 0.75", -9.25, False, {"ended early": 4}),  # violated whatever follows
+        ("interval", "G[0,4] x <= 2", -8.0, False, {"ended early, verdict open": 4}),
+        ("interval", "F[0,4] x >= 1", 0.0, True, {}),  # satisfied whatever follows
+    ],
+)
+def test_how_an_early_end_is_judged(
+    terminated: str, formula: str, robustness: float, satisfied: bool, failed: dict[str, int]
+) -> None:
+    task = walk(WALL, terminated=terminated, formula=formula)
+    report = Referee(task, Probe(task.specification)).assess(Rule(lambda seen: RIGHT_INDEX))
+    score = report.scores[MAIN]
+    assert score.robustness == pytest.approx((robustness,) * 4)
+    assert score.satisfied == (satisfied,) * 4
+    assert score.first_failed == failed
+    assert np.isnan(report.traces[:, 3:]).all() == (terminated != "hold")
+    assert np.isfinite(report.traces[:, :3]).all()
+
+
+def test_selection_judges_as_the_report_does() -> None:
+    task = walk(WALL, terminated="violated", formula="G[0,4] x <= 2")
+    referee = Referee(task, Probe(task.specification))
+    assert referee.select(Rule(lambda seen: RIGHT_INDEX)) == (0.0, pytest.approx(-8.0))
+    assert referee.select(Rule(lambda seen: 1)) == (1.0, 2.0)

@@ -1,0 +1,142 @@
+"""Task files on environments: what is refused, which starts there are, and what is in the keys of cells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from helpers.walk_task import walk
+
+from stlbench.contract import ActionBox, ActionGrid, Unsuitable
+from stlbench.environments import making
+from stlbench.errors import UsageError
+from stlbench.registry import plugins
+from stlbench.registry.choices import Choice
+from stlbench.study.plan import plan_cells
+from stlbench.task import load_task
+
+POLE: dict[str, Any] = {
+    "title": "A pole",
+    "source": "Gymnasium",
+    "formula": "G[0,20] (abs(theta) <= 0.1)",
+    "sampling_time": 0.02,
+    "steps": 20,
+    "environment": {"id": "CartPole-v1", "names": ["x", "v", "theta", "omega"]},
+    "signals": {"theta": {"low": -0.21, "high": 0.21, "unit": "rad"}},
+    "starts": 4,
+    "agents": {"dqn": {}},
+    "budgets": {"smoke": {"steps": 40, "seeds": 1, "deadline": 60, "checkpoints": 2, "random_starts": 5}},
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """A function that writes a task's folder without code and returns its path."""
+    monkeypatch.setitem(plugins._ADDED, "tasks", {})
+
+    def write(code: str | None = None, **changes: Any) -> str:
+        place = tmp_path / "zz-pole"
+        place.mkdir(exist_ok=True)
+        content = {key: value for key, value in (POLE | changes).items() if value is not None}
+        (place / "task.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+        if code is not None:
+            (place / "system.py").write_text(code, encoding="utf-8")
+        return f"{place}"
+
+    return write
+
+
+def environment(**changes: Any) -> dict[str, Any]:
+    return {"environment": POLE["environment"] | changes}
+
+
+def test_a_folder_with_a_task_file_is_a_task(folder: Callable[..., str]) -> None:
+    task = load_task(folder())
+    assert task.actions == ActionGrid(("action",), ((0.0, 1.0),))
+    assert task.starts.report_and_selection()[0].tolist() == [[0], [1], [2], [3]]
+
+
+def test_a_box_is_continuous_unless_the_file_counts_values(folder: Callable[..., str]) -> None:
+    on = {"environment": {"id": "Pendulum-v1", "names": ["x", "theta", "omega"]}}
+    assert load_task(folder(**on)).actions == ActionBox(("action",), (-2.0,), (2.0,))
+    counted = load_task(folder(**on, actions={"torque": {"low": -1, "high": 1, "count": 3}}))
+    assert counted.actions == ActionGrid(("torque",), ((-1.0, 0.0, 1.0),))
+
+
+def test_the_sets_of_seeds_are_apart() -> None:
+    starts = walk().starts
+    generator = np.random.default_rng(0)
+    sets = [
+        *starts.report_and_selection(),
+        starts.at_random(1000),
+        starts.of_training(generator, 1000),
+        starts.fresh(0, 1000),
+    ]
+    seeds = [set(each[:, 0].tolist()) for each in sets]
+    assert all(not one & other for i, one in enumerate(seeds) for other in seeds[:i])
+    assert all(seed == int(seed) and 0 <= seed < 2**31 for each in seeds for seed in each)
+    assert np.array_equal(starts.fresh(3, 5), starts.fresh(3, 5))
+    assert not np.array_equal(starts.fresh(3, 5), starts.fresh(4, 5))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (environment(id="CartPoel-v1"), "no environment 'CartPoel-v1'"),
+        (environment(names=["x", "v", "theta"]), "names: 3 for the observation, which has 4 entries"),
+        (environment(scale={"speed": 2}), "scale: no entry 'speed'"),
+        ({"signals": {"theta": {"low": -1, "high": 1, "expression": "theta +"}}}, "signals.theta: "),
+        (
+            {"actions": {"push": {"low": -1, "high": 1}}},
+            "actions.push: the environment takes whole numbers",
+        ),
+        ({"actions": {"a": {"low": 0, "high": 1}, "b": {"low": 0, "high": 1}}}, "actions: 2 are declared, the env.* 1"),
+        ({"initial": {"box": {"x": 0}}}, "initial: the state of this task cannot be set, its starts are seeds"),
+        ({"training": {"exploring": {"share": 0.5}}}, "training.exploring: the state of this task cannot be set"),
+        ({"environment": None}, "there is no environment: give its id in task.yaml, or a class of GymTask"),
+        ({"terminated": "crashed"}, "terminated: Input should be 'hold', 'violated' or 'interval'"),
+    ],
+)
+def test_what_does_not_fit_is_said(folder: Callable[..., str], changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(UsageError, match=said) as caught:
+        load_task(folder(**changes))
+    assert "zz-pole" in str(caught.value)
+
+
+def test_a_system_has_no_environment_and_needs_starts(folder: Callable[..., str]) -> None:
+    code = (
+        "from stlbench.contract import System\nclass Pole(System):\n    state = ('theta',)\n"
+        "    def step(self, state, action): return state\n    def signals(self, state): return state\n"
+        "    def features(self, state, t): return state\n"
+    )
+    with pytest.raises(UsageError) as caught:
+        load_task(folder(code))
+    lines = str(caught.value).splitlines()[1:]
+    assert [line.split(":")[0].strip() for line in lines] == ["initial", "actions", "environment"]
+
+
+def test_what_needs_a_state_says_that_there_is_none() -> None:
+    with pytest.raises(Unsuitable, match=r"^task walk is no system: its state cannot be set, its starts are seeds$"):
+        _ = walk().system
+
+
+def test_the_versions_of_an_environments_software_are_in_the_keys(
+    folder: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def key(**changes: Any) -> str:
+        task = load_task(folder(**changes)).choice
+        return plan_cells([task], [Choice("raw")], None, [0], "smoke")[0].key
+
+    before = key()
+    assert key() == before
+    assert key(terminated="violated") != before
+    from stlbench.task import gym_source
+
+    gym_source._of_text.cache_clear()
+    monkeypatch.setattr(making, "_version", lambda name: "0.0")
+    assert key() != before
+    gym_source._of_text.cache_clear()
