@@ -12,10 +12,12 @@ from typing import Any
 
 import pytest
 import typer
+import yaml
 
 from stlbench.cli import app
 from stlbench.contract import Outcome
 from stlbench.registry import choices, plugins
+from stlbench.registry.choices import Choice
 from stlbench.study.plan import plan_cells
 from stlbench.study.trial import run_cell
 from stlbench.task import load_task
@@ -171,6 +173,25 @@ def test_the_examples_of_task_and_agent_run_together(site: Callable[..., Path], 
         assert result.measurement.env_steps == 3200
         assert [point.steps for point in result.measurement.curve][-1] == 3200
         assert set(result.measurement.selected) == {"formula", "rest"}
+
+
+def test_the_examples_on_an_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(plugins._ADDED, "tasks", {})
+    page = DOCS / "howto/environment.md"
+    steady, held, several = blocks(page, "yaml")
+    for name, files in {
+        "steady-pole": {"task.yaml": steady},
+        "held-pole": {"task.yaml": held, "system.py": blocks(page, "python")[0]},
+    }.items():
+        (tmp_path / name).mkdir()
+        for file, text in files.items():
+            (tmp_path / name / file).write_text(text, encoding="utf-8")
+        check_task(str(tmp_path / name))
+        (cell,) = plan_cells([Choice(name)], choices.parse_choices("raw"), None, [0], "smoke")
+        result = run_cell(cell)
+        assert result.measurement is not None
+        assert set(result.measurement.selected) == {"formula", "random"}
+    assert TaskFile.model_validate(yaml.safe_load(steady) | yaml.safe_load(several)).environment
 
 
 def test_the_example_of_an_executor(site: Callable[..., Path]) -> None:
