@@ -35,7 +35,7 @@ from stlbench import stl
 from stlbench.contract_parts import origin
 from stlbench.contract_parts.actions import ActionBox, ActionGrid, Actions
 from stlbench.contract_parts.environment_tasks import GymTask, WorldTask
-from stlbench.contract_parts.executor import Executor, Outcome
+from stlbench.contract_parts.executor import Executor, Outcome, Work
 from stlbench.contract_parts.stepwise import along_by_steps, complete
 from stlbench.contract_parts.texts import cause
 from stlbench.contract_parts.world import World
@@ -65,6 +65,7 @@ __all__ = [
     "Transition",
     "Truth",
     "Unsuitable",
+    "Work",
     "World",
     "WorldTask",
     "cause",
@@ -525,6 +526,14 @@ class Agent(ABC):
         """What compiles the agent's code, where it is compiled and this machine has not done so yet; None elsewhere.
 
         The harness calls it before the first cell, and says that it does. Without it, what is compiled at first use
-        takes its time in the first cell of each worker.
+        takes its time in every cell, unless it is kept on disk.
         """
         return None
+
+    def preload(self) -> None:  # noqa: B027 - most have nothing to load
+        """Import the libraries that training needs, and load compiled code, for many cells at once.
+
+        It is called in the process from which those of cells are forked, so it starts no threads and changes nothing
+        that another agent could see. Of other distributions than stlbench's it is not called: what their import changes
+        stays in their own cells.
+        """

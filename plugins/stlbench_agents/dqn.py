@@ -144,6 +144,10 @@ class DQN(Agent):
         """The updates of its head, where this machine has not compiled them."""
         return None if is_ready(f"dqn-{self.head}") else self._compile
 
+    def preload(self) -> None:
+        """The same, from the disk."""
+        self._compile()
+
     def _compile(self) -> None:
         from stlbench_agents.q_learner import QLearner
 

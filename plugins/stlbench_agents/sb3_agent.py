@@ -94,6 +94,11 @@ class SB3Agent(Agent):
         model.set_logger(Logger(folder=None, output_formats=[]))
         return model
 
+    def preload(self) -> None:
+        """Stable-Baselines3 and PyTorch."""
+        self.algorithm()
+        import stlbench_agents.sb3_bridge  # noqa: F401
+
     def train(self, training: Training) -> Policy:
         """Spend the budget; return the deterministic policy at its end.
 

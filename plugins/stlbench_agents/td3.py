@@ -134,6 +134,10 @@ class TD3(Agent):
         """The updates, where this machine has not compiled them."""
         return None if is_ready("td3") else self._compile
 
+    def preload(self) -> None:
+        """The same, from the disk."""
+        self._compile()
+
     def _compile(self) -> None:
         from stlbench_agents.td3_learner import TD3Learner
 

@@ -82,6 +82,14 @@ def run(
         Path | None, typer.Option(metavar="FILE", help="Recipes of the track tuned, as `stlbench tune` writes them.")
     ] = None,
     jobs: Jobs = None,
+    memory: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SIZE",
+            help="The most memory that a cell may take, as in 4G.",
+            show_default="a share of nine tenths of the machine's",
+        ),
+    ] = None,
     results: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of ledger, traces, tables.", show_default="results")
     ] = None,
@@ -113,6 +121,7 @@ def run(
         "track": track,
         "recipes": recipes,
         "jobs": jobs,
+        "memory": memory,
         "results": results,
         "executor": executor,
         "retry": retry or None,

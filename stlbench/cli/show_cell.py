@@ -32,13 +32,16 @@ def cell(
       stlbench show cell "overlap[without=cuts]/funnel/dqn/1" results/ablation --json
     """
     from stlbench.report import to_screen
+    from stlbench.study.logs import log_file
     from stlbench.study.results import Results
 
-    result = Results.load(folder).cell(name, budget)
+    results = Results.load(folder)
+    result = results.cell(name, budget)
+    log = log_file(results.folder, result.id, result.key)
     if as_json:
-        print_json(facts(result))
+        print_json(facts(result, log))
         return
-    for line in _lines(result):
+    for line in _lines(result, log):
         typer.echo(line)
     if result.measurement is not None:
         typer.echo()
@@ -46,28 +49,35 @@ def cell(
             to_screen(table, console())
 
 
-def facts(result: Result) -> dict[str, Any]:
-    """All that is recorded of a cell, as plain values."""
+def facts(result: Result, log: Path) -> dict[str, Any]:
+    """All that is recorded of a cell, as plain values; `log` is the file of what it wrote, where there is one."""
     import json
 
     from stlbench.result import to_json
 
     content: dict[str, Any] = json.loads(to_json(result))
-    return {"name": result.id.name, **content}
+    return {"name": result.id.name, **content, "log": str(log) if log.is_file() else None}
 
 
-def _lines(result: Result) -> list[str]:
+def _lines(result: Result, log: Path) -> list[str]:
+    """What is recorded; of a cell that failed also the end of its log."""
+    from stlbench.result import ACCIDENTS
+    from stlbench.study.logs import end_of
+
     parts = {
         "cell": result.id.name,
         "budget": result.id.budget,
         "status": result.status,
         "reason": result.reason,
         "key": result.key,
+        "log": str(log) if log.is_file() else "",
         **result.provenance,
     }
     width = max(map(len, parts)) + 1
     lines = [f"{name + ':':{width}} {text}" for name, text in parts.items() if text]
-    return [*lines, "", result.details.rstrip()] if result.details else lines
+    details = ["", result.details.rstrip()] if result.details else []
+    written = end_of(log) if result.status in ACCIDENTS else []
+    return [*lines, *details, *(["", "the end of its log:", *written] if written else [])]
 
 
 def _scores(measurement: Measurement) -> Table:

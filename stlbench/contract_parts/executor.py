@@ -5,9 +5,31 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
-__all__ = ["Executor", "Outcome"]
+__all__ = ["Executor", "Outcome", "Work"]
+
+
+def _nothing() -> None:
+    """Nothing is to be prepared."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """A function for an executor, and what an executor may do for it. It is called as the function itself is."""
+
+    function: Callable[[Any], Any]
+    """Importable, of one item."""
+    prepare: Callable[[], None] = _nothing
+    """Importable. It imports and loads what the function needs for many items, and changes nothing else: an executor
+    may call it once in a process from which those of items are forked. What it raises, the function raises again."""
+    log: Callable[[Any], Path] | None = None
+    """Where what an item writes to standard output and error may be kept; the folder need not be there."""
+
+    def __call__(self, item: Any) -> Any:
+        """What the function returns."""
+        return self.function(item)
 
 
 @dataclass(frozen=True)
@@ -38,7 +60,7 @@ class Executor(ABC):
         """Yield one outcome per item, as they end, `jobs` at a time.
 
         Args:
-            function: an importable function of one item.
+            function: an importable function of one item; stlbench gives a `Work`.
             items: what it is called with, picklable.
             deadlines: seconds of wall time after which each item is stopped with status `timeout`.
 

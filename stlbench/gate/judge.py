@@ -160,8 +160,8 @@ def _decide(family: Sequence[_Test]) -> list[Comparison]:
 
 
 def _tamed(pool: Sequence[_Test]) -> list[_Test]:
-    """Times with each gain within three times the scatter of its setting's median: the first cell of a worker may be
-    twice as slow as the others, and says nothing of them. Other metrics as they are: there a bad seed is a result."""
+    """Times with each gain within three times the scatter of its setting's median: a cell beside which something began
+    may be twice as slow, and says nothing of the others. Other metrics as they are: there a bad seed is a result."""
     if not pool or not pool[0].metric.timing:
         return list(pool)
     medians = [float(np.median(test.gains)) for test in pool]

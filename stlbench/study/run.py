@@ -9,16 +9,18 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol, cast
 
-from stlbench.contract import Executor
+from stlbench.contract import Executor, Work
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, choice_of
 from stlbench.result import CellId, Result
 from stlbench.study import scheduler, trial
 from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.logs import log_of
 from stlbench.study.plan import Cell, check_cells, uncompiled
 from stlbench.study.provenance import collect
 from stlbench.study.results import Results
 from stlbench.study.study import Study
+from stlbench.study.warm import examples, warm
 
 __all__ = ["Progress", "build_executor", "run_cells", "run_study"]
 
@@ -44,14 +46,19 @@ class _Silent:
     def ended(self, result: Result) -> None: ...
 
 
-def build_executor(choice: Choice | str = "local", jobs: int | None = None) -> Executor:
+def build_executor(choice: Choice | str = "local", jobs: int | None = None, memory: str | None = None) -> Executor:
     """The chosen executor, with so many cells at a time; two where a machine has more than one core and none is said.
+
+    `memory` is the most that a cell may take, as in "4G"; what the executor chooses where it is not said.
 
     Raises:
         UsageError: there is no such executor, or a parameter is wrong.
     """
+    chosen = choice_of(choice)
+    if memory is not None:
+        chosen = Choice(chosen.name, tuple({"memory": memory, **dict(chosen.parameters)}.items()))
     defaults = {"jobs": jobs or min(2, os.cpu_count() or 1)}
-    return cast(Executor, plugins.build("executors", choice_of(choice), defaults=defaults))
+    return cast(Executor, plugins.build("executors", chosen, defaults=defaults))
 
 
 def run_study(
@@ -65,6 +72,7 @@ def run_study(
     track: str | None = None,
     recipes: str | Path | None = None,
     jobs: int | None = None,
+    memory: str | None = None,
     results: str | Path | None = None,
     executor: str | None = None,
     retry: bool | None = None,
@@ -85,6 +93,8 @@ def run_study(
         track: by which rules: `shared` where left out, `plain` or `tuned` (`stlbench.result.Track`).
         recipes: file of recipes of the track `tuned`, as `stlbench tune` writes it.
         jobs: cells at a time; two, or one on a single core, where left out.
+        memory: the most that a cell's processes may take together, as in "4G"; the cells' share of nine tenths of the
+            machine's where left out.
         results: folder of ledger, traces and tables; `results` where left out.
         executor: where cells run; `local` where left out.
         retry: run cells again that raised, ran out of time or were killed.
@@ -106,13 +116,14 @@ def run_study(
         "track": track,
         "recipes": recipes,
         "jobs": jobs,
+        "memory": memory,
         "results": results,
         "executor": executor,
         "retry": retry,
     }
     described = Study.of({name: value for name, value in options.items() if value is not None}, study)
     cells = described.cells()
-    place = build_executor(described.executor, described.jobs)
+    place = build_executor(described.executor, described.jobs, described.memory)
     run_cells(cells, described.results, place, retry=described.retry, progress=progress)
     with Ledger(described.results / FILE, create=False) as ledger:
         return Results.of(ledger.results({cell.key for cell in cells}), described.results)
@@ -158,7 +169,8 @@ def run_cells(
         for agent, work in uncompiled(missing):
             told.note(f"compiling {agent}, once per machine")
             work()
-        work_on = partial(run_cell or trial.run_cell, folder=folder)
+        in_folder = partial(run_cell or trial.run_cell, folder=folder)
+        work_on = Work(in_folder, partial(warm, examples(missing)), partial(log_of, folder))
         with closing(scheduler.run(missing, ledger, executor, work_on, collect(executor.jobs))) as results:
             for result in results:
                 told.ended(result)

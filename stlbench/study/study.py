@@ -104,6 +104,8 @@ class Study(BaseModel):
     """The file of recipes of the track `tuned`, as `stlbench tune` writes it."""
     jobs: Annotated[int, Field(ge=1)] | None = None
     """Cells at a time; None is two, or one on a single core."""
+    memory: str | None = None
+    """The most that a cell's processes may take together, as in 4G; None leaves it to the executor."""
     results: Path = Path("results")
     """Folder of ledger, traces and tables."""
     executor: Annotated[Choice, BeforeValidator(choice_of)] = Choice("local")

@@ -14,6 +14,7 @@ from stlbench.rollout.saved_policies import policy_file
 from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import stored
 from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.logs import log_file
 from stlbench.study.results import Results
 
 __all__ = ["Merged", "choose", "merge", "remove"]
@@ -66,7 +67,7 @@ def _pattern(name: str, known: Collection[str]) -> re.Pattern[str]:
 
 
 def remove(folder: Path, cells: Iterable[CellId]) -> None:
-    """Take cells out of a folder's ledger, with all that is recorded of them, their traces and policies."""
+    """Take cells out of a folder's ledger, with all that is recorded of them, their traces, policies and logs."""
     with Ledger(folder / FILE, create=False) as ledger:
         for cell in cells:
             for key in ledger.remove(cell):
@@ -76,7 +77,7 @@ def remove(folder: Path, cells: Iterable[CellId]) -> None:
 
 def _files(folder: Path, cell: CellId, key: str) -> tuple[Path, ...]:
     """What is stored of a cell beside its row in the ledger, whether it is there or not."""
-    return trace_file(folder / FOLDER, cell, key), policy_file(folder, cell, key)
+    return trace_file(folder / FOLDER, cell, key), policy_file(folder, cell, key), log_file(folder, cell, key)
 
 
 class Merged(NamedTuple):
@@ -91,7 +92,7 @@ class Merged(NamedTuple):
 
 
 def merge(into: Path, source: Path) -> Merged:
-    """Copy the results of `source` into the ledger of `into`, and their traces and policies.
+    """Copy the results of `source` into the ledger of `into`, and their traces, policies and logs.
 
     Of two results of a cell the one stays whose run began later, and where both began together that of `into`.
 

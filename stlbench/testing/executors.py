@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Sequence
 from contextlib import closing
@@ -22,12 +24,14 @@ _PATIENCE = 600.0
 _SHORT = 3.0
 """Deadline of the one that would not, for far longer."""
 _LONG = 60.0
+_MARK = "STLBENCH_CHECK_EXECUTOR"
+"""A variable of the environment that no one sets."""
 
 Place = tuple[str, int]
 
 
 class _Item(NamedTuple):
-    """What a worker is to do: "return", "raise", "sleep" or "exit"."""
+    """What a worker is to do: "return", "raise", "sleep", "exit", "change", "look" or "leave"."""
 
     what: str
     number: int = 0
@@ -38,7 +42,8 @@ def check_executor(executor: type[Executor] | str, rules: Rules | None = None) -
 
     The rules: each item has one outcome, with its value; with one job they come in order; an item that raises, passes
     its deadline or ends its process is told as that, in one line, and leaves the others alone; items run in another
-    process than this one; closing the iterator stops what runs.
+    process than this one, and see nothing that another has changed in its own; a process that an item starts ends with
+    it; closing the iterator stops what runs.
 
     Args:
         executor: a class, or the name of an installed executor with parameters other than `jobs`.
@@ -53,6 +58,8 @@ def check_executor(executor: type[Executor] | str, rules: Rules | None = None) -
     _check_values(one, two, rules)
     _check_raise(two, rules)
     _check_apart(one, rules)
+    _check_changes(one, rules)
+    _check_left(one, rules)
     _check_accidents(two, rules)
     _check_close(two, rules)
 
@@ -67,12 +74,19 @@ def _work(item: _Item, home: Place = ("", 0)) -> Any:
     """What a worker does. Nothing that would harm this process is done in it."""
     if item.what == "raise":
         raise ValueError(f"item {item.number}\nof two lines")
-    if item.what == "place" or (item.what in ("sleep", "exit") and home == _place()):
+    if item.what == "place" or (item.what in ("sleep", "exit", "change", "leave") and home == _place()):
         return _place()
     if item.what == "sleep":
         time.sleep(_LONG)
     if item.what == "exit":
-        os._exit(3)
+        os._exit(item.number)
+    if item.what == "change":
+        os.environ[_MARK] = "changed"
+    if item.what == "look":
+        return os.environ.get(_MARK)
+    if item.what == "leave":
+        left = subprocess.Popen([sys.executable, "-c", f"import time; time.sleep({_LONG})"])  # noqa: S603
+        return socket.gethostname(), left.pid
     return item.number
 
 
@@ -111,12 +125,34 @@ def _check_apart(executor: Executor, rules: Rules) -> None:
     rules.keep(tuple(outcome.value) != _place(), "items run in another process than the caller's", outcome.value)
 
 
+def _check_changes(executor: Executor, rules: Rules) -> None:
+    *_, seen = _run(executor, [_Item("change"), _Item("look")])
+    rules.keep(seen.value is None, "what an item changes in its process, the next one does not see", seen.value)
+
+
+def _check_left(executor: Executor, rules: Rules) -> None:
+    """Looked at where the processes are this machine's."""
+    (outcome,) = _run(executor, [_Item("leave")])
+    host, process = outcome.value
+    over = host != socket.gethostname() or _has_ended(process)
+    rules.keep(over, "a process that an item has started ends with it", f"process {process} goes on")
+
+
+def _has_ended(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
 def _check_accidents(executor: Executor, rules: Rules) -> None:
-    items = [_Item("exit"), _Item("sleep"), *[_Item("return", 1)] * 3]
-    ended = sorted(_run(executor, items, [_PATIENCE, _SHORT, *[_PATIENCE] * 3]), key=lambda o: o.index)
+    items = [_Item("exit", 3), _Item("sleep"), _Item("exit", 0), *[_Item("return", 1)] * 3]
+    ended = sorted(_run(executor, items, [_PATIENCE, _SHORT, *[_PATIENCE] * 4]), key=lambda o: o.index)
     rules.keep(len(ended) == len(items), "each item has one outcome", ended)
-    killed, late, *others = ended
-    rules.keep(killed.status == "killed" and killed.reason != "", "an item that ends its process is killed", killed)
+    killed, late, quiet, *others = ended
+    for gone in (killed, quiet):
+        rules.keep(gone.status == "killed" and gone.reason != "", "an item that ends its process is killed", gone)
     rules.keep(late.status == "timeout", "an item is stopped at its deadline, as timeout", late)
     rules.keep(_done(others, 3), "such accidents leave the other items alone", others)
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import re
 import sqlite3
+from pathlib import Path
 
 import pytest
 
 METHODS = '''
 import os
+import time
 from pathlib import Path
 from stlbench.contract import Intractable, Unsuitable
 from toy_plugins.methods import Raw
@@ -48,14 +52,48 @@ class Extended(Raw):
     extension = "\\x1b[31m\\udcff" + 1000 * "x"
 
 
+class Eats(Raw):
+    """Keeps more and more."""
+    kept = []
+    def step(self, *arguments):
+        while len(self.kept) < 20:
+            self.kept.append(bytearray(b"x") * 2**26)
+        time.sleep(60)
+
+
 class Typed(Raw):
     """An extension that is no text."""
     extension = {"a": object}
 '''
 
-ENTRIES = "[stlbench.methods]\n" + "".join(
+LEAKS = '''
+import os, subprocess, sys, threading, time
+import numpy as np
+from toy_plugins.methods import Raw
+
+np.seterr(all="raise")
+
+
+class Leaks(Raw):
+    """Changes all that it can reach, and is gone."""
+    def step(self, *arguments):
+        from stlbench.rollout import referee
+        os.chdir("/")
+        os.umask(0o777)
+        os.environ["HOME"] = "/nowhere"
+        np.mean = lambda *_, **__: 99.0
+        time.perf_counter = lambda: -2187.0
+        referee.score = lambda *_: None
+        threading.Thread(target=time.sleep, args=(600,)).start()
+        subprocess.Popen(["sleep", "600"])
+        print("it \\x1b[31m leaks")
+        print("and says so", file=sys.stderr)
+        os._exit(0)
+'''
+
+ENTRIES = "[stlbench.methods]\nbad-leaks = bad_plugins.leaks:Leaks\n" + "".join(
     f"bad-{name} = bad_plugins.methods:{name.capitalize()}\n"
-    for name in ("mutes", "bytes", "escapes", "refuses", "unfit", "extended", "typed")
+    for name in ("mutes", "bytes", "escapes", "refuses", "unfit", "extended", "typed", "eats")
 )
 
 SAID = {
@@ -71,7 +109,8 @@ SAID = {
 
 @pytest.fixture
 def bad(site, toy):
-    return site("bad-plugins", ENTRIES, {"bad_plugins/__init__.py": "", "bad_plugins/methods.py": METHODS})
+    files = {"__init__": "", "methods": METHODS, "leaks": LEAKS}
+    return site("bad-plugins", ENTRIES, {f"bad_plugins/{name}.py": text for name, text in files.items()})
 
 
 def test_texts_that_nothing_can_show_are_rows_and_the_next_run_goes_on(bad, say):
@@ -93,3 +132,46 @@ def test_texts_that_nothing_can_show_are_rows_and_the_next_run_goes_on(bad, say)
         assert "\x1b" not in text
         assert "\x07" not in text
     assert "ValueError: \\x1b[2J" in shown.stdout
+
+
+def measured(folder):
+    with sqlite3.connect(f"{folder}/ledger.sqlite") as ledger:
+        rows = ledger.execute("SELECT result FROM cells WHERE method = 'toy-raw' ORDER BY seed").fetchall()
+    return [
+        {name: json.loads(row)["measurement"][name] for name in ("selected", "final", "env_steps")} for (row,) in rows
+    ]
+
+
+def test_what_a_method_does_to_its_process_is_not_in_the_results_of_another(bad, say):
+    words = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--seeds", 2, "--jobs", 1)
+    say(*words, "--methods", "toy-raw", "--results", "alone")
+    done = say(*words, "--methods", "bad-leaks,toy-raw")
+    assert "toy-line/bad-leaks/toy-agent/1 killed: the process ended with exit code 0" in done.stderr
+    assert measured("results") == measured("alone")
+    assert len(list(Path("results/traces").iterdir())) == 2
+    shown = say("show", "cell", "toy-line/bad-leaks/toy-agent/0").stdout
+    (log,) = Path("results/logs").glob("toy-line_bad-leaks_toy-agent_0_*.log")
+    assert re.search(rf"log: +{log}\n", shown)
+    assert shown.endswith("the end of its log:\nit \\x1b[31m leaks\nand says so\n")
+    assert json.loads(say("show", "cell", "toy-line/bad-leaks/toy-agent/0", "--json").stdout)["log"] == str(log)
+    say("results", "remove", "results", "toy-line/bad-leaks/*", "--yes")
+    assert not list(Path("results/logs").iterdir())
+
+
+def test_a_cell_that_takes_too_much_memory_is_killed_and_its_reason_says_so(bad, say):
+    done = say(
+        "run",
+        "--tasks",
+        "toy-line",
+        "--agents",
+        "toy-agent",
+        "--seeds",
+        1,
+        "--methods",
+        "toy-raw,bad-eats",
+        "--memory",
+        "600M",
+    )
+    assert done.exit_code == 1
+    assert re.search(r"toy-line/bad-eats/toy-agent/0 killed: it took .* of memory, its limit is 600 MiB", done.stderr)
+    assert "toy-line/toy-raw/toy-agent/0 done" in done.stderr

@@ -82,14 +82,14 @@ def test_each_item_has_its_own_deadline():
     assert found == {0: "no result after 0.5 s", 1: "no result after 1.5 s"}
 
 
-def test_a_worker_is_used_again_and_there_are_as_many_as_jobs():
-    assert len({outcome.value for outcome in outcomes(victims.pid, range(5)).values()}) == 1
-    assert len({outcome.value for outcome in outcomes(victims.slow_pid, range(6), jobs=2).values()}) == 2
+def test_each_item_has_a_process_of_its_own_below_as_many_keepers_as_jobs():
+    assert len({outcome.value for outcome in outcomes(victims.pid, range(5)).values()}) == 5
+    assert len({outcome.value for outcome in outcomes(victims.slow_parent, range(6), jobs=2).values()}) == 2
     assert outcomes(victims.pid, [0])[0].value != os.getpid()
 
 
-def test_an_idle_worker_that_is_killed_is_replaced():
-    running = LocalExecutor().run(victims.pid, range(2), [60.0, 60.0])
+def test_an_idle_keeper_that_is_killed_is_replaced():
+    running = LocalExecutor().run(victims.slow_parent, range(2), [60.0, 60.0])
     first = next(running).value
     os.kill(first, signal.SIGKILL)
     assert until(lambda: not alive(first))

@@ -11,6 +11,7 @@ from stlbench.registry.choices import choice_of
 from stlbench.study import run, trial
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.run import build_executor, run_cells
+from stlbench.study.warm import warm
 
 
 class Here(Executor):
@@ -136,13 +137,27 @@ def test_an_executor_by_name():
         build_executor("locale")
 
 
-def test_cells_are_run_by_the_trial_with_a_folder_for_their_traces(tmp_path, monkeypatch):
+def test_cells_are_run_by_the_trial_and_the_executor_is_told_what_to_load_and_where_logs_go(tmp_path):
     seen = []
 
     class Remembers(Here):
         def run(self, function, items, deadlines):
-            seen.append((function.func, function.keywords))
+            seen.append(function)
             return super().run(function, items, deadlines)
 
-    run_cells(scripted_cells.cells("a"), tmp_path, Remembers())
-    assert seen == [(trial.run_cell, {"folder": tmp_path})]
+    cells = scripted_cells.cells("a", "a")
+    run_cells(cells, tmp_path, Remembers())
+    (work,) = seen
+    assert (work.function.func, work.function.keywords) == (trial.run_cell, {"folder": tmp_path})
+    assert (work.prepare.func, work.prepare.args) == (warm, (cells[:1],))
+    assert work.log(cells[1]) == tmp_path / "logs" / "task_a_agent_1_key-1.log"
+
+
+def test_memory_is_a_parameter_of_the_executor_and_what_is_in_brackets_goes_first():
+    assert build_executor(memory="4G").memory == 4 * 2**30
+    assert build_executor("local[memory=512M]", memory="4G").memory == 512 * 2**20
+    assert build_executor(jobs=4).memory == build_executor(jobs=1).memory // 4
+    with pytest.raises(UsageError, match=r"local\[memory=lots\]: memory should be"):
+        build_executor(memory="lots")
+    with pytest.raises(UsageError, match=r"memory .*greater than or equal to 1048576"):
+        build_executor(memory="4K")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from typing import Any
 
 import pytest
 
-from stlbench.contract import Executor, Outcome
+from stlbench.contract import Executor, Outcome, cause
 from stlbench.errors import UsageError
 from stlbench.testing import Rules, check_executor
 
@@ -39,6 +41,28 @@ class Inline(Executor):
         return Outcome(index, "raised", reason=reason, details="in _work")
 
 
+class Reusing(Executor):
+    """A process for each job, used again and again."""
+
+    def run(
+        self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
+    ) -> Generator[Outcome]:
+        with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=self.reused) as pool:
+            for index, item in enumerate(items):
+                try:
+                    yield Outcome(index, "done", pool.submit(function, item).result())
+                except Exception as error:
+                    yield Outcome(index, "raised", reason=cause(error), details="in _work")
+
+    reused: int | None = None
+
+
+class Forgetful(Reusing):
+    """A new process each time, whose children go on."""
+
+    reused = 1
+
+
 def broken(**parts: Any) -> type[Executor]:
     return type("Broken", (Inline,), parts)
 
@@ -47,6 +71,8 @@ def broken(**parts: Any) -> type[Executor]:
     ("executor", "rule"),
     [
         (Inline, "items run in another process than the caller's"),
+        (Reusing, "what an item changes in its process, the next one does not see"),
+        (Forgetful, "a process that an item has started ends with it"),
         (broken(changed=lambda self, o: replace(o, index=3 - o.index)), "with one job, items end in their order"),
         (broken(changed=lambda self, o: replace(o, value=1)), "an outcome has the value of its own item"),
         (broken(changed=lambda self, o: replace(o, status="killed")), "an item that returns is done"),

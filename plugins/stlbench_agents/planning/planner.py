@@ -45,6 +45,10 @@ class _OnGrid(Agent):
         """The loops, where this machine has not compiled them."""
         return None if is_ready("planning") else self._compile
 
+    def preload(self) -> None:
+        """The same, from the disk."""
+        self._compile()
+
     def _compile(self) -> None:
         from stlbench_agents.planning.kernels import compile_all
 

@@ -1,0 +1,168 @@
+"""The process that watches over items: it forks one for each, and ends it with all that it started.
+
+It is forked from a process that has imported everything (`server`), so that the one of an item begins within
+milliseconds, with all modules loaded and nothing that another item has changed.
+"""
+
+from __future__ import annotations
+
+import os
+import selectors
+import signal
+import tempfile
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, nullcontext, suppress
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import IO, Literal, NamedTuple
+
+from stlbench_executors import cell, tree
+from stlbench_executors.log import Log
+from stlbench_executors.memory import text_of
+
+__all__ = ["Ended", "Task", "keep"]
+
+LOOK_SECONDS = 0.1
+"""How often, at most, it is looked at how much memory is taken."""
+LOOK_SHARE = 0.02
+"""Of a core, that looking may take."""
+
+
+class Task(NamedTuple):
+    """An item to run."""
+
+    work: bytes
+    """Pickled: a function and what to call it with."""
+    deadline: float
+    """Wall seconds."""
+    log: Path | None
+    """File for what it writes to standard output and error."""
+
+
+class Ended(NamedTuple):
+    """How an item's process ended."""
+
+    status: Literal["answered", "timeout", "killed"]
+    answer: bytes = b""
+    """Pickled: a `cell.Answer`, where it answered."""
+    reason: str = ""
+
+
+class _Closed(Exception):
+    """The harness wants no more, or has ended."""
+
+
+def keep(link: Connection, limit: int) -> None:
+    """Run items, one after the other, until the other end of the link says None or is closed.
+
+    Args:
+        link: gives each `Task` and takes its `Ended`; first it takes this process' number.
+        limit: bytes of memory that an item's processes may take together.
+    """
+    tree.adopt()
+    link.send(os.getpid())
+    with suppress(EOFError, OSError, _Closed):
+        while (task := link.recv()) is not None:
+            link.send(_run(task, link, limit))
+
+
+def _run(task: Task, link: Connection, limit: int) -> Ended:
+    with tempfile.TemporaryFile() as answer, closing(Log(task.log)) if task.log else nullcontext() as log:
+        process = os.fork()
+        if process == 0:
+            link.close()
+            _become_cell(task, answer, log)
+        try:
+            return _Watch(process, task, link, log, limit).ended(answer)
+        finally:
+            tree.end_below(process)
+
+
+def _become_cell(task: Task, answer: IO[bytes], log: Log | None) -> None:
+    """Never returns."""
+    try:
+        cell.run(task.work, os.getppid(), answer.fileno(), log.writing if log else None)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        os._exit(1)
+
+
+class _Watch:
+    """What is looked at while an item runs: its process, its output, the link, the clock and the memory."""
+
+    def __init__(self, process: int, task: Task, link: Connection, log: Log | None, limit: int) -> None:
+        self._process, self._task, self._link, self._log, self._limit = process, task, link, log, limit
+        self._end = time.monotonic() + task.deadline
+        self._look = time.monotonic() + LOOK_SECONDS
+        self._exit: int | None = None
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(link, selectors.EVENT_READ)
+        if log:
+            self._selector.register(log.reading, selectors.EVENT_READ)
+
+    def ended(self, answer: IO[bytes]) -> Ended:
+        """Wait until the item's process ends, or is to be ended."""
+        with self._selector, _notice_of(self._process, self._selector):
+            while not self._has_ended():
+                if time.monotonic() >= self._end:
+                    return Ended("timeout", reason=f"no result after {self._task.deadline:g} s")
+                if used := self._excess():
+                    return Ended(
+                        "killed", reason=f"it took {text_of(used)} of memory, its limit is {text_of(self._limit)}"
+                    )
+                self._wait()
+        answer.seek(0)
+        said = answer.read()
+        return Ended("answered", said) if said and self._exit == 0 else Ended("killed", reason=_death(self._exit or 0))
+
+    def _has_ended(self) -> bool:
+        ended, status = os.waitpid(self._process, os.WNOHANG)
+        if ended:
+            self._exit = os.waitstatus_to_exitcode(status)
+        return bool(ended)
+
+    def _wait(self) -> None:
+        until = min(self._end, self._look) - time.monotonic()
+        for key, _ in self._selector.select(max(0.0, until)):
+            if key.fileobj is self._link:
+                raise _Closed
+            if self._log and key.fd == self._log.reading and not self._log.take():
+                self._selector.unregister(key.fileobj)
+
+    def _excess(self) -> int:
+        """Bytes of memory that are taken, where they are more than the limit; else 0."""
+        now = time.monotonic()
+        if now < self._look:
+            return 0
+        begin = time.process_time()
+        used = tree.memory_below(self._limit)
+        self._look = now + max(LOOK_SECONDS, (time.process_time() - begin) / LOOK_SHARE)
+        return used if used > self._limit else 0
+
+
+@contextmanager
+def _notice_of(process: int, selector: selectors.BaseSelector) -> Iterator[None]:
+    """The selector wakes when a process ends, and not only when the pipes of all that have inherited them do. Where the
+    system has no such thing, its end is seen at the next look."""
+    try:
+        descriptor = os.pidfd_open(process)
+    except (AttributeError, OSError):
+        yield
+        return
+    selector.register(descriptor, selectors.EVENT_READ)
+    try:
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _death(code: int) -> str:
+    if code >= 0:
+        return f"the process ended with exit code {code}"
+    try:
+        return f"killed by signal {-code} ({signal.Signals(-code).name})"
+    except ValueError:
+        return f"killed by signal {-code}"

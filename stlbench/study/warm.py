@@ -1,0 +1,57 @@
+"""What the cells of a study need, imported and loaded once: in a process from which those of the cells are forked.
+
+Only plugins that come with stlbench are loaded: to import another may change what the cells of its rivals see. It is
+imported in each cell that it belongs to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from stlbench.registry import plugins
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.study.plan import Cell
+from stlbench.study.tracks import on_track
+from stlbench.task import Task, build_agent, build_method, load_task
+
+__all__ = ["examples", "warm"]
+
+
+def examples(cells: Iterable[Cell]) -> tuple[Cell, ...]:
+    """A few of the cells, with each task, method and agent at least once."""
+    seen, chosen = set[tuple[str, str]](), list[Cell]()
+    for cell in cells:
+        if parts := set(_parts(cell).items()) - seen:
+            seen |= parts
+            chosen.append(cell)
+    return tuple(chosen)
+
+
+def _parts(cell: Cell) -> dict[str, str]:
+    return {"tasks": str(cell.id.task), "methods": str(cell.id.method), "agents": str(cell.id.agent)}
+
+
+def warm(cells: Sequence[Cell]) -> None:
+    """Load what these cells need, as far as it comes with stlbench; what cannot be loaded is passed over."""
+    for cell in cells:
+        if _is_own("tasks", cell.id.task.name):
+            with suppress(Exception):
+                task = on_track(load_task(cell.id.task), cell.id.agent, cell.id.track, cell.recipe)
+                _warm(task, cell)
+
+
+def _warm(task: Task, cell: Cell) -> None:
+    if _is_own("methods", cell.id.method.name):
+        with suppress(Exception):  # a method that does not fit
+            environment = BatchEnvironment(task, build_method(task, cell.id.method), 2, 0)
+            environment.reset()
+            environment.step(np.tile(environment.actions.low, (2, 1)))
+    if _is_own("agents", cell.id.agent.name):
+        build_agent(task, cell.id.agent).preload()
+
+
+def _is_own(kind: str, name: str) -> bool:
+    return plugins.find(kind, name).distribution == plugins.OWN
