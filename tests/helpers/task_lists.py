@@ -1,4 +1,4 @@
-"""Which of the tasks that come with stlbench are the paper's, and which come from the field."""
+"""Which of the tasks that come with stlbench are the paper's, which come from the field, and which are systems."""
 
 from __future__ import annotations
 
@@ -6,4 +6,6 @@ from stlbench.registry import plugins
 
 TASKS = sorted(name for name, plugin in plugins.available("tasks").items() if plugin.distribution == plugins.OWN)
 FIELD = ("cartpole-steady", "dwell", "either-or", "hopper", "lane", "lunar-lander", "patrol", "walker")
+ON_ENVIRONMENTS = ("hopper", "lane", "lunar-lander", "walker")
+SYSTEMS = [name for name in TASKS if name not in ON_ENVIRONMENTS]
 PAPER = [name for name in TASKS if name not in FIELD]

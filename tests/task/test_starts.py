@@ -106,7 +106,8 @@ class TestGridApart:
         """Of `fetch-reach`, several points lead to one state: where no action is taken, the action does not matter."""
         task = load_task(name)
         report, selection = task.starts.report_and_selection()
-        assert report.shape == selection.shape == (task.file.starts, len(task.system.state))
+        width = 1 if task.file.initial is None else len(task.system.state)  # seeds, or states
+        assert report.shape == selection.shape == (task.file.starts, width)
         reported = {tuple(state) for state in report}
         assert not reported & {tuple(state) for state in selection}
         assert len({tuple(state) for state in selection}) == len(selection)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.task_lists import TASKS
+from helpers.task_lists import SYSTEMS
 
 from stlbench.contract import Array
 from stlbench.task import load_task
@@ -49,7 +49,7 @@ def columns(name: str) -> list[int]:
     return [system.state.index(column) for column in SHOWN.get(name, system.state)]
 
 
-@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("name", SYSTEMS)
 def test_what_features_have_beyond_the_state_is_declared(name: str) -> None:
     beyond = load_task(name).system.beyond_state
     assert beyond
@@ -58,7 +58,7 @@ def test_what_features_have_beyond_the_state_is_declared(name: str) -> None:
     assert re.search(rf"^\| .*`{name}`.* \| {re.escape('; '.join(beyond))} \|$", page, re.MULTILINE)
 
 
-@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("name", SYSTEMS)
 def test_it_is_finite_and_about_in_its_range_under_the_controller(name: str) -> None:
     scaled = load_task(name).system.scaled_state(states(name))
     assert np.isfinite(scaled).all()
@@ -66,7 +66,7 @@ def test_it_is_finite_and_about_in_its_range_under_the_controller(name: str) -> 
     assert np.abs(scaled).max(axis=0).min() > 0.1  # no column is so small that it says nothing
 
 
-@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("name", SYSTEMS)
 def test_it_is_a_function_of_what_it_shows_alone(name: str) -> None:
     """The time is no argument; the columns that are not shown change nothing."""
     system, some = load_task(name).system, states(name)[::7]
@@ -76,7 +76,7 @@ def test_it_is_a_function_of_what_it_shows_alone(name: str) -> None:
     assert np.array_equal(system.scaled_state(other), system.scaled_state(some))
 
 
-@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("name", SYSTEMS)
 def test_different_states_are_seen_as_different(name: str) -> None:
     """Of any two states, what is shown differs about as much as the states do, angles up to whole turns."""
     system, generator = load_task(name).system, np.random.default_rng(0)

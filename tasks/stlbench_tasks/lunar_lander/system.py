@@ -1,0 +1,54 @@
+"""The lander of Gymnasium, whose crash is an entry of the info, with a controller written by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+
+from stlbench.contract import GymTask
+
+__all__ = ["LunarLander"]
+
+
+class LunarLander(GymTask):
+    """Lander that reaches its pad, stays there and does not crash, F[0,500] G[0,100]; needs the extra field."""
+
+    def make(self) -> gymnasium.Env[Any, Any]:
+        """The environment, with whether the body has touched the ground in the info."""
+        return Crashes(gymnasium.make("LunarLanderContinuous-v3", max_episode_steps=-1, disable_env_checker=True))
+
+    def controller(self, observation: Any, info: Mapping[str, Any], t: int) -> Sequence[float]:
+        """Lean against the way to the pad, and fall the slower the nearer: throttle and side engines in [-1, 1]."""
+        x, y, v_x, v_y, angle, omega, left, right = map(float, observation)
+        if left and right:
+            return -1.0 if v_y > -0.05 else 0.0, 0.0
+        if left or right:
+            return _within(-10 * v_y - 1), 0.0
+        lean = max(-0.4, min(0.4, 0.55 * x + v_x))
+        height = 0.55 * abs(x)
+        return _within(10 * (height - y - v_y) - 1), _within(10 * (angle - lean) + 20 * omega)
+
+
+def _within(number: float) -> float:
+    """The nearest number in [-1, 1]."""
+    return max(-1.0, min(1.0, number))
+
+
+class Crashes(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """Adds `collision` to the info: 1 once the body has touched the ground, else 0."""
+
+    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
+        """As the environment's."""
+        observation, info = self.env.reset(**options)
+        return observation, info | {"collision": self._collision()}
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """As the environment's."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        return observation, reward, terminated, truncated, info | {"collision": self._collision()}
+
+    def _collision(self) -> float:
+        crashed: Any = getattr(self.env.unwrapped, "game_over", False)
+        return float(crashed)
