@@ -21,8 +21,9 @@ __all__ = ["DEFAULT", "OF_SEEDS", "OPTIMISERS", "Optimiser"]
 Optimiser = Callable[[Objective, int], None]
 """Minimises an objective until it raises `Enough`, or ends before; all that is random comes from the seed."""
 
-_POPULATION = 96
-"""Points in a generation of differential evolution, about."""
+_POPULATION = 32
+"""Points in a generation of differential evolution, about. Few, so that it comes together and begins anew often:
+robustness has many local minima."""
 _COPIES = 32
 """Searches side by side, about."""
 
@@ -48,7 +49,7 @@ def differential_evolution(objective: Objective, seed: int) -> None:
             maxiter=objective.evaluations,
             popsize=max(5, -(-_POPULATION // size)),
             init="halton",
-            tol=1e-3,
+            tol=1e-2,
             polish=False,
             updating="deferred",
             vectorized=True,
