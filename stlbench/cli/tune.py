@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from stlbench.result import CellId, Result
     from stlbench.study.plan import Cell
     from stlbench.study.study import Study
-    from stlbench.study.tuning import Contest
+    from stlbench.study.tuning import Entrant
 
 __all__ = ["tune"]
 
@@ -76,12 +76,12 @@ def tune(
     from stlbench.cli.common import console
     from stlbench.report import to_screen
     from stlbench.study.study import Study
-    from stlbench.study.tuning import contests, search
+    from stlbench.study.tuning import entrants, search
 
     said: dict[str, Any] = {"tasks": tasks, "methods": methods, "agents": agents, "seeds": seeds, "budget": budget}
     said |= {"jobs": jobs, "results": results, "executor": executor, "retry": retry}
     study = Study.of({name: value for name, value in said.items() if value is not None})
-    found = contests(study)
+    found = entrants(study)
     planned: dict[CellId, Cell] = {}
     total = len(found) * trials * len(study.seeds or ())
     with interruptible(lambda: tuple(planned.values()), results), _Rounds(total) as progress:
@@ -123,26 +123,26 @@ def _run(
         return {result.id: result for result in ledger.results({cell.key for cell in cells})}
 
 
-def _write(found: Sequence[Contest], study: Study, trials: int) -> None:
+def _write(found: Sequence[Entrant], study: Study, trials: int) -> None:
     """Recipes and trials, into the folder of results."""
     from stlbench.report import to_csv
     from stlbench.study.tracks import Recipe, write_recipes
 
     recipes: dict[str, dict[str, dict[str, Recipe]]] = {}
-    for contest in found:
-        by_agent = recipes.setdefault(str(contest.task), {})
-        by_agent.setdefault(str(contest.agent), {})[str(contest.method)] = contest.recipe()
+    for entrant in found:
+        by_agent = recipes.setdefault(str(entrant.task), {})
+        by_agent.setdefault(str(entrant.agent), {})[str(entrant.method)] = entrant.recipe()
     facts: dict[str, Any] = {"trials": trials, "seeds": list(study.seeds or ()), "budget": study.budget}
     write_recipes(study.results / "recipes.yaml", recipes, facts)
     (study.results / "trials.csv").write_text(to_csv(_table(found)), encoding="utf-8")
     typer.echo(f"{study.results / 'recipes.yaml'}\n{study.results / 'trials.csv'}")
 
 
-def _table(found: Sequence[Contest]) -> Table:
+def _table(found: Sequence[Entrant]) -> Table:
     """One row per trial."""
     from stlbench.report import Column, Table
 
-    tuned = list(dict.fromkeys(name for contest in found for name in contest.space))
+    tuned = list(dict.fromkeys(name for entrant in found for name in entrant.space))
     columns = (
         Column("task", right=False, shared=True),
         Column("agent", right=False, shared=True),
@@ -156,12 +156,12 @@ def _table(found: Sequence[Contest]) -> Table:
     )
     rows = tuple(
         (
-            *(str(contest.task), str(contest.agent), str(contest.method), number),
+            *(str(entrant.task), str(entrant.agent), str(entrant.method), number),
             *(trial.values.get(name) for name in tuned),
-            *(trial.status, trial.satisfaction, trial.robustness, "yes" if trial is contest.best else None),
+            *(trial.status, trial.satisfaction, trial.robustness, "yes" if trial is entrant.best else None),
         )
-        for contest in found
-        for number, trial in enumerate(contest.trials)
+        for entrant in found
+        for number, trial in enumerate(entrant.trials)
     )
     notes = (
         "Satisfaction and robustness from the starts that are kept for selection, mean over the seeds. The first trial "

@@ -26,7 +26,7 @@ from stlbench.task.task import Task
 if TYPE_CHECKING:
     import optuna
 
-__all__ = ["FIRST_SEED", "HOLD", "Contest", "Trial", "contests", "search"]
+__all__ = ["FIRST_SEED", "HOLD", "Entrant", "Trial", "entrants", "search"]
 
 FIRST_SEED = 100
 """Of tuning. Those below are reported."""
@@ -35,7 +35,7 @@ HOLD = "hold"
 """In a search space, the steps for which the task holds an action; everything else is a parameter of the agent."""
 
 _AT_ONCE = 2
-"""Trials of one contest that are chosen before the results of either are known, so that two cores have work."""
+"""Trials of one entrant that are chosen before the results of either are known, so that two cores have work."""
 
 _AT_RANDOM = 6
 """Trials before the search begins to choose by what came of them."""
@@ -64,8 +64,8 @@ class Trial(NamedTuple):
 
 
 @dataclass
-class Contest:
-    """One method on one task with one agent: what may be chosen for it, and the trials so far."""
+class Entrant:
+    """What is tuned: one method on one task with one agent, what may be chosen for it, and the trials so far."""
 
     task: Choice
     agent: Choice
@@ -104,7 +104,7 @@ class Contest:
         return {name: value for name, value in values.items() if value != self.shared[name]}
 
 
-def contests(study: Study) -> tuple[Contest, ...]:
+def entrants(study: Study) -> tuple[Entrant, ...]:
     """What there is to tune: each task, method and agent of a study, with the same space for all methods.
 
     Raises:
@@ -115,14 +115,14 @@ def contests(study: Study) -> tuple[Contest, ...]:
     if study.track != "shared":
         raise UsageError("what is tuned is the shared recipe; a track is said to `stlbench run`")
     return tuple(
-        contest
+        entrant
         for task in map(load_task, study.tasks)
         for agent in study.agents or (Choice(task.own_agent),)
-        for contest in _of_agent(task, agent, study.methods)
+        for entrant in _of_agent(task, agent, study.methods)
     )
 
 
-def _of_agent(task: Task, agent: Choice, methods: Sequence[Choice]) -> Iterator[Contest]:
+def _of_agent(task: Task, agent: Choice, methods: Sequence[Choice]) -> Iterator[Entrant]:
     if HOLD in dict(task.choice.parameters):
         raise UsageError(f"{task.name}: {HOLD} is tuned; name the task without it")
     kind = cast(type[Agent], plugins.find("agents", agent.name).load())
@@ -133,7 +133,7 @@ def _of_agent(task: Task, agent: Choice, methods: Sequence[Choice]) -> Iterator[
     shared = {name: _shared(task, agent, name) for name in declared}
     space = {name: _candidates(task, name, values, shared[name]) for name, values in declared.items()}
     for method in methods:
-        yield Contest(task.choice, agent, method, space, shared)
+        yield Entrant(task.choice, agent, method, space, shared)
 
 
 def _shared(task: Task, agent: Choice, name: str) -> Value:
@@ -164,15 +164,15 @@ def _holds(task: Task, steps: int) -> bool:
 
 
 def search(
-    found: Sequence[Contest],
+    found: Sequence[Entrant],
     study: Study,
     trials: int,
     run: Callable[[Sequence[Cell]], Mapping[CellId, Result]],
 ) -> None:
-    """Give each contest so many trials, and append them to it.
+    """Give each entrant so many trials, and append them to it.
 
     Args:
-        found: what is tuned (`contests`).
+        found: what is tuned (`entrants`).
         study: budget and seeds of the trials.
         trials: of each; a method that does not fit its task has no more than the first ones.
         run: runs cells, those that are missing, and gives back the results of all of them.
@@ -180,9 +180,9 @@ def search(
     Raises:
         UsageError: Optuna is not installed.
     """
-    searches = [_Search(contest) for contest in found]
+    searches = [_Search(entrant) for entrant in found]
     for begin in range(0, trials, _AT_ONCE):
-        going = [one for one in searches if not one.contest.hopeless]
+        going = [one for one in searches if not one.entrant.hopeless]
         asked = [(one, one.ask(study)) for one in going for _ in range(min(_AT_ONCE, trials - begin))]
         results = run(tuple({cell.id: cell for _, (_, cells) in asked for cell in cells}.values()))
         for one, (trial, cells) in asked:
@@ -190,27 +190,27 @@ def search(
 
 
 class _Search:
-    """Chooses the trials of one contest: the shared recipe, some at random, then by tree-structured Parzen estimators
+    """Chooses the trials of one entrant: the shared recipe, some at random, then by tree-structured Parzen estimators
     (Bergstra et al. 2011), as Optuna has them. What is random is the same for every method."""
 
-    def __init__(self, contest: Contest) -> None:
-        self.contest = contest
+    def __init__(self, entrant: Entrant) -> None:
+        self.entrant = entrant
         optuna = _optuna()
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         sampler = optuna.samplers.TPESampler(seed=FIRST_SEED, n_startup_trials=_AT_RANDOM)
         self.study = optuna.create_study(direction="maximize", sampler=sampler)
-        self.study.enqueue_trial(dict(contest.shared))
+        self.study.enqueue_trial(dict(entrant.shared))
 
     def ask(self, study: Study) -> tuple[optuna.trial.Trial, tuple[Cell, ...]]:
         """The next trial, and its cells."""
         trial = self.study.ask()
-        values = {name: trial.suggest_categorical(name, among) for name, among in self.contest.space.items()}
-        return trial, self.contest.cells(cast(Values, values), study)
+        values = {name: trial.suggest_categorical(name, among) for name, among in self.entrant.space.items()}
+        return trial, self.entrant.cells(cast(Values, values), study)
 
     def tell(self, trial: optuna.trial.Trial, results: Sequence[Result]) -> None:
         """What came of it."""
         ended = _ended(cast(Values, trial.params), results)
-        self.contest.trials.append(ended)
+        self.entrant.trials.append(ended)
         if ended.satisfaction is None or ended.robustness is None:
             self.study.tell(trial, state=_optuna().trial.TrialState.FAIL)
             return

@@ -13,7 +13,7 @@ from stlbench.result import CellId, CurvePoint, Result
 from stlbench.study.plan import Cell
 from stlbench.study.study import Study
 from stlbench.study.tracks import Recipe
-from stlbench.study.tuning import Contest, contests, search
+from stlbench.study.tuning import Entrant, entrants, search
 from stlbench.task import load_task
 
 Rule = Callable[[CellId], tuple[float, float] | str]
@@ -55,11 +55,11 @@ class Made:
         return cell.ended("done", measurement=replace(measured, curve=curve))
 
 
-def tuned(rule: Rule, trials: int = 12, **words) -> tuple[dict[str, Contest], Made]:
+def tuned(rule: Rule, trials: int = 12, **words) -> tuple[dict[str, Entrant], Made]:
     said, made = study(**words), Made(rule)
-    found = contests(said)
+    found = entrants(said)
     search(found, said, trials, made)
-    return {str(contest.method): contest for contest in found}, made
+    return {str(entrant.method): entrant for entrant in found}, made
 
 
 def test_each_method_finds_what_it_needs() -> None:
@@ -82,7 +82,7 @@ def test_the_first_trial_is_the_shared_recipe_and_random_ones_are_the_same_for_a
 
 def test_every_method_has_the_same_number_of_trials_on_every_seed() -> None:
     found, made = tuned(late, 7)
-    assert [len(contest.trials) for contest in found.values()] == [7, 7]
+    assert [len(entrant.trials) for entrant in found.values()] == [7, 7]
     assert {cell.seed for cell in made.ran} == {100, 101}
 
 
@@ -99,9 +99,9 @@ def test_satisfaction_goes_before_robustness() -> None:
 
 def test_what_a_trial_holds_is_a_variant_of_the_task_and_of_the_agent() -> None:
     said = study(methods="raw")
-    (contest,) = contests(said)
-    values = {**contest.shared, "gamma": 0.98, "hold": 20}
-    cells = contest.cells(values, said)
+    (entrant,) = entrants(said)
+    values = {**entrant.shared, "gamma": 0.98, "hold": 20}
+    cells = entrant.cells(values, said)
     assert [cell.id.name for cell in cells] == [
         "robot-nav[hold=20]/raw/dqn[gamma=0.98]/100",
         "robot-nav[hold=20]/raw/dqn[gamma=0.98]/101",
@@ -130,15 +130,15 @@ def test_a_method_that_does_not_fit_is_given_up_after_the_first_trials() -> None
 
 
 def test_values_of_hold_that_do_not_fit_are_left_out_and_the_task_s_own_is_there() -> None:
-    (contest,) = contests(study(tasks="pendulum", methods="raw"))
-    assert contest.space["hold"] == (1, 5, 10, 20, 50)
-    (contest,) = contests(study(tasks="formation", methods="raw"))
-    assert contest.space["hold"] == (5, 10)  # of 130 steps, with cuts at 50 and 90
+    (entrant,) = entrants(study(tasks="pendulum", methods="raw"))
+    assert entrant.space["hold"] == (1, 5, 10, 20, 50)
+    (entrant,) = entrants(study(tasks="formation", methods="raw"))
+    assert entrant.space["hold"] == (5, 10)  # of 130 steps, with cuts at 50 and 90
 
 
 def test_what_the_user_fixes_is_not_tuned() -> None:
-    (contest,) = contests(study(methods="raw", agents="dqn[gamma=0.9]"))
-    assert "gamma" not in contest.space
+    (entrant,) = entrants(study(methods="raw", agents="dqn[gamma=0.9]"))
+    assert "gamma" not in entrant.space
 
 
 @pytest.mark.parametrize(
@@ -153,4 +153,4 @@ def test_what_the_user_fixes_is_not_tuned() -> None:
 )
 def test_bad_input_is_refused(words: dict[str, str], message: str) -> None:
     with pytest.raises(UsageError, match=message):
-        contests(study(**words))
+        entrants(study(**words))
