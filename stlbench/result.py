@@ -21,6 +21,7 @@ __all__ = [
     "IDENTITY",
     "MAIN",
     "NOT_RUN",
+    "OUTSIDE",
     "RANDOM",
     "CellId",
     "CurvePoint",
@@ -48,10 +49,13 @@ MAIN = "formula"
 RANDOM = "random"
 """Name of the protocol that budgets may ask for: the task's own formula, from many starts drawn at random."""
 
-Track = Literal["shared", "plain", "tuned"]
+Track = Literal["shared", "plain", "tuned", "outside"]
 """By which rules a cell was trained. `shared`: by the task's one recipe for all methods. `plain`: on the state and the
 time alone, without any part of the task that is there to help, with the agent's defaults. `tuned`: by a recipe that was
-found for this method, with the same budget of tuning for each."""
+found for this method, with the same budget of tuning for each. `outside`: stlbench did not train it, and scored it."""
+
+OUTSIDE: Literal["outside"] = "outside"
+"""The track of what stlbench did not train (`stlbench score`): no comparison and no statistic has it."""
 
 Status = Literal["done", "raised", "timeout", "killed", "intractable", "unsuitable"]
 """How a cell ended. `intractable` and `unsuitable` are findings about a method; the three before them are accidents."""

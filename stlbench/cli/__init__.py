@@ -13,6 +13,7 @@ from stlbench.cli.check import check
 from stlbench.cli.common import Commands, refuse
 from stlbench.cli.compare import compare
 from stlbench.cli.export import export
+from stlbench.cli.export_policy import export_policy
 from stlbench.cli.falsify import falsify
 from stlbench.cli.gate import gate
 from stlbench.cli.listing import list_plugins
@@ -24,6 +25,7 @@ from stlbench.cli.render import render
 from stlbench.cli.report import report
 from stlbench.cli.results import app as results
 from stlbench.cli.run import run
+from stlbench.cli.score import score
 from stlbench.cli.show import app as show
 from stlbench.cli.tune import tune
 from stlbench.contract_parts import origin
@@ -51,6 +53,8 @@ app.command("plot", short_help="Draw a run: learning, robustness in time, trajec
 app.command("render", short_help="Film the best and the worst start of a cell.")(render)
 app.command("falsify", short_help="Search for a start from which a policy fails.")(falsify)
 app.command("certify", short_help="With which probability does a policy satisfy its formula?")(certify)
+app.command("score", short_help="Score any policy: a function, an SB3 or ONNX file, traces, a cell.")(score)
+app.command("export-policy", short_help="Write a stored policy as an ONNX file.")(export_policy)
 app.command("compare")(compare)
 app.command("gate", short_help="Measure the cells of a reference again: are they worse?")(gate)
 app.command("monitor")(monitor)

@@ -71,7 +71,7 @@ def _content(groups: Sequence[Group], known: Mapping[str, Standard]) -> dict[str
     learned, best = report.split(groups)[0], report.best_possible(groups, known)
     found = report.fields(learned, known, best)
     tables = {
-        "robustness": report.robustness_table(learned, best, known),
+        "robustness": report.robustness_table(learned, best, known, report.outside(groups)),
         "comparisons": report.comparisons_table(report.compare(learned, known, best)),
         "aggregates": report.aggregates_table(found),
         "improvement": report.improvement_table(found),

@@ -10,8 +10,10 @@ import typer
 from stlbench.cli.common import Json, console, print_json
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from stlbench.report import Table
-    from stlbench.result import Measurement, Result
+    from stlbench.result import Measurement, Result, Score
 
 
 def cell(
@@ -32,6 +34,7 @@ def cell(
       stlbench show cell "overlap[without=cuts]/funnel/dqn/1" results/ablation --json
     """
     from stlbench.report import to_screen
+    from stlbench.result import OUTSIDE
     from stlbench.study.logs import log_file
     from stlbench.study.results import Results
 
@@ -45,7 +48,11 @@ def cell(
         typer.echo(line)
     if result.measurement is not None:
         typer.echo()
-        for table in (_scores(result.measurement), _cost(result.measurement)):
+        measured = result.measurement
+        if result.id.track == OUTSIDE:
+            to_screen(scores_table({"": measured.selected}), console())
+            return
+        for table in (scores_table({"selected": measured.selected, "final": measured.final}), _cost(measured)):
             to_screen(table, console())
 
 
@@ -80,13 +87,13 @@ def _lines(result: Result, log: Path) -> list[str]:
     return [*lines, *details, *(["", "the end of its log:", *written] if written else [])]
 
 
-def _scores(measurement: Measurement) -> Table:
-    """One row per protocol and policy."""
+def scores_table(policies: Mapping[str, Mapping[str, Score]]) -> Table:
+    """One row per protocol and policy, from the scores of policies by name; of a single one without a name no name."""
     from stlbench.report import Column, Table
 
     columns = (
         Column("protocol", right=False),
-        Column("policy", right=False),
+        *([Column("policy", right=False)] if any(policies) else []),
         Column("mean robustness", "mean", digits=3),
         Column("worst start", digits=3),
         Column("satisfied", unit="%", digits=1),
@@ -95,14 +102,14 @@ def _scores(measurement: Measurement) -> Table:
     )
     rows = tuple(
         (
-            *(protocol, policy, score.mean, score.minimum, 100 * score.satisfaction, score.starts),
+            protocol,
+            *([policy] if any(policies) else []),
+            *(score.mean, score.minimum, 100 * score.satisfaction, score.starts),
             "\n".join(f"{formula}: {count}" for formula, count in score.first_failed.items()) or None,
         )
-        for protocol in measurement.selected
-        for policy, score in (
-            ("selected", measurement.selected[protocol]),
-            ("final", measurement.final[protocol]),
-        )
+        for protocol in next(iter(policies.values()))
+        for policy, scores in policies.items()
+        for score in [scores[protocol]]
     )
     return Table("Scores", columns, rows)
 

@@ -19,7 +19,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from stlbench.errors import UsageError
 from stlbench.gate.snapshot import Sample, Snapshot, gather
-from stlbench.result import IDENTITY, NOT_RUN, CellId
+from stlbench.result import IDENTITY, NOT_RUN, OUTSIDE, CellId
 from stlbench.study import stored
 from stlbench.study.ledger import FILE, is_sqlite
 
@@ -95,7 +95,7 @@ def _table(path: Path) -> Snapshot:
     try:
         with path.open(newline="", encoding="utf-8") as file:
             for line, row in enumerate(csv.DictReader(file, strict=True), start=2):
-                if row.get("status") == NOT_RUN:
+                if row.get("status") == NOT_RUN or row.get("track") == OUTSIDE:
                     continue
                 sample = _row(row, f"{path}, line {line}")
                 if samples.setdefault(sample.id, sample) is not sample:

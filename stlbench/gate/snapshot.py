@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from stlbench.gate.calibration import CALIBRATIONS
-from stlbench.result import CellId, Result, Status, reported
+from stlbench.result import OUTSIDE, CellId, Result, Status, reported
 from stlbench.study.provenance import TASK_FOLDER
 
 __all__ = ["Pair", "Sample", "Snapshot", "gather", "pair", "sample"]
@@ -68,10 +68,12 @@ def sample(result: Result) -> Sample:
 
 
 def gather(results: Iterable[Result]) -> Snapshot:
-    """A snapshot of results, one per cell, as `Ledger.results` gives them."""
+    """A snapshot of results, one per cell, as `Ledger.results` gives them, without those that nobody measures again."""
     samples: dict[CellId, Sample] = {}
     provenance: dict[str, set[str]] = {}
     for result in results:
+        if result.id.track == OUTSIDE:
+            continue
         samples[result.id] = sample(result)
         for name in result.provenance.keys() - _PER_CELL:
             provenance.setdefault(name, set()).add(result.provenance[name])

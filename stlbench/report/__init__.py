@@ -15,6 +15,7 @@ from stlbench.report.tables.circumstances import circumstances
 from stlbench.report.tables.comparisons import Comparison, compare, comparisons_table
 from stlbench.report.tables.formats import to_csv, to_latex, to_markdown, to_records, to_screen
 from stlbench.report.tables.hand_controllers import controllers_table
+from stlbench.report.tables.outside import outside, trained
 from stlbench.report.tables.planned import best_possible, split
 from stlbench.report.tables.robustness import robustness_table
 from stlbench.report.tables.rows import Group, Row, group, missing_row, row
@@ -47,6 +48,7 @@ __all__ = [
     "group",
     "improvement_table",
     "only",
+    "outside",
     "robustness_table",
     "row",
     "show",
@@ -110,14 +112,14 @@ def _texts(groups: Sequence[Group], standards: Mapping[str, Standard], rows: Seq
     learned, best = split(groups)[0], best_possible(groups, standards)
     found = fields(learned, standards, best)
     tables = {
-        "robustness": robustness_table(learned, best, standards),
+        "robustness": robustness_table(learned, best, standards, outside(groups)),
         "comparisons": comparisons_table(compare(learned, standards, best)),
         **({"aggregates": aggregates_table(found), "improvement": improvement_table(found)} if found else {}),
         "controllers": controllers_table(standards),
         **({"alignment": alignment_table(rows)} if rows else {}),
         "time": time_table(learned),
     }
-    text = "\n".join(map(to_markdown, (*summary(groups, standards), circumstances(groups))))
+    text = "\n".join(map(to_markdown, (*summary(groups, standards), circumstances(trained(groups)))))
     files = {"report.md": f"# stlbench report\n\n{text}"}
     for name, table in tables.items():
         files |= {f"{name}.csv": to_csv(table), f"{name}.tex": to_latex(table)}

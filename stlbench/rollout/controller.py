@@ -16,7 +16,7 @@ from stlbench.rollout import referee
 from stlbench.rollout.environment import Simulator
 from stlbench.task import Task
 
-__all__ = ["record", "score", "score_at_random", "warn"]
+__all__ = ["Unpaid", "nearest", "record", "score", "score_at_random", "warn"]
 
 
 def record(task: Task, begun: Array) -> Array | None:
@@ -24,7 +24,7 @@ def record(task: Task, begun: Array) -> Array | None:
 
     It does only what an agent could do: its actions are clipped, and on a grid the nearest of each axis is taken.
     """
-    actions, unpaid = task.actions, _Unpaid(task.specification)
+    actions, unpaid = task.actions, Unpaid(task.specification)
     first = Simulator(task, unpaid)
     first.reset(begun[:1])
     if first.world.by_hand(first.t) is None:
@@ -32,7 +32,7 @@ def record(task: Task, begun: Array) -> Array | None:
 
     def act(simulator: Simulator) -> Integers | Array:
         vectors = np.asarray(simulator.world.by_hand(simulator.t), dtype=np.float64)
-        return _nearest(actions, vectors) if isinstance(actions, ActionGrid) else vectors
+        return nearest(actions, vectors) if isinstance(actions, ActionGrid) else vectors
 
     return referee.follow(task, unpaid, act, begun)
 
@@ -64,7 +64,7 @@ def score_at_random(task: Task) -> Score | None:
         return generator.uniform(actions.low, actions.high, (count, len(actions.low)))
 
     try:
-        traces = referee.follow(task, _Unpaid(task.specification), act, task.starts.report_and_selection()[0])
+        traces = referee.follow(task, Unpaid(task.specification), act, task.starts.report_and_selection()[0])
     except Exception as error:
         warn(task.name, error, "actions at random")
         return None
@@ -76,7 +76,7 @@ def warn(task: str, error: Exception, what: str = "its controller") -> None:
     warnings.warn(f"task {task}: {what} cannot be scored: {cause(error)}", PluginWarning, stacklevel=3)
 
 
-class _Unpaid(RewardMethod):
+class Unpaid(RewardMethod):
     """No reward and no memory: a controller needs neither."""
 
     def step(
@@ -86,7 +86,7 @@ class _Unpaid(RewardMethod):
         return np.zeros(len(t)), memory
 
 
-def _nearest(grid: ActionGrid, vectors: Array) -> Integers:
+def nearest(grid: ActionGrid, vectors: Array) -> Integers:
     """The index (N,) of the action that is nearest to each of the vectors (N, axes), axis by axis."""
     axes = zip(vectors.T, grid.axes, strict=True)
     places = [np.abs(np.subtract.outer(column, axis)).argmin(axis=1) for column, axis in axes]

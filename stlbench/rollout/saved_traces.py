@@ -13,19 +13,19 @@ from stlbench.result import MAIN, CellId, Result
 from stlbench.rollout import npz
 from stlbench.rollout.referee import Assessment
 
-__all__ = ["FOLDER", "Film", "SavedTraces", "read_cell", "read_saved", "save", "trace_file"]
+__all__ = ["FOLDER", "Film", "SavedTraces", "read_cell", "read_saved", "save", "save_samples", "trace_file"]
 
 FOLDER = "traces"
 """Name of the folder of traces in a folder of results."""
 
 
 class Film(NamedTuple):
-    """The states that the best and the worst start of a cell went through."""
+    """The states that the best and the worst start of a cell went through, or those of the only one."""
 
     starts: Integers
-    """(2,): which starts they are."""
+    """(2,) or (1,): which starts they are."""
     states: Array
-    """(2, decisions + 1, n): at each decision and at the end."""
+    """(2 or 1, decisions + 1, n): at each decision and at the end."""
 
 
 class SavedTraces(NamedTuple):
@@ -52,6 +52,11 @@ def save(path: Path, assessment: Assessment, signals: tuple[str, ...]) -> None:
     extremes = np.array([np.argmax(robustness), np.argmin(robustness)])
     named = {"traces": assessment.traces, "signals": np.array(signals)}
     npz.write(path, {**named, "extremes": extremes, "states": assessment.states[extremes]})
+
+
+def save_samples(path: Path, samples: Array, signals: tuple[str, ...]) -> None:
+    """Write traces (N, T + 1, k) of which no more is known."""
+    npz.write(path, {"traces": samples, "signals": np.array(signals)})
 
 
 def read_cell(results: Path, result: Result) -> SavedTraces:

@@ -76,7 +76,7 @@ class TraceTable:
         for i, time in enumerate(times):
             due = times[0] + i * dt
             if abs(time - due) > _JITTER * dt:
-                rule = f"with --dt {dt:g} it should be {due:g}; rows are one sampling time apart"
+                rule = f"{due:g} is expected with a sampling time of {dt:g} s; rows are one sampling time apart"
                 raise UsageError(f"{self.source}: row {i + 2} has time {time:g}, {rule}")
 
 

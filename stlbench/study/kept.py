@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import NamedTuple, cast
 
 from stlbench.contract import Agent, Arrays, Intractable, Policy, RewardMethod, Unsuitable
+from stlbench.contract_parts.texts import cause
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
-from stlbench.result import Result, StoredPolicies
+from stlbench.result import CellId, Result, StoredPolicies
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.saved_policies import Which, read
 from stlbench.study.tracks import Recipe, on_track
@@ -27,7 +28,7 @@ class Kept(NamedTuple):
     policy: Policy
 
 
-def load_policy(folder: Path, result: Result, which: Which = "selected") -> Kept:
+def load_policy(folder: Path, result: Result, which: Which = "selected", on: Task | None = None) -> Kept:
     """The stored policy of a cell; it acts as it did when it was scored, bit for bit.
 
     A tuned recipe is not read again: what of it matters is in the result. Neither is a library that the agent trains
@@ -37,6 +38,7 @@ def load_policy(folder: Path, result: Result, which: Which = "selected") -> Kept
         folder: of results.
         result: of the cell, from that folder's ledger or its `cells.jsonl`.
         which: the checkpoint that was selected, or the policy at the end of training.
+        on: another task than its own, with the same observation and the same actions; its own where left out.
 
     Raises:
         UsageError: no policy is stored, or it is not what was recorded; its task, method or agent is not installed, or
@@ -46,8 +48,7 @@ def load_policy(folder: Path, result: Result, which: Which = "selected") -> Kept
     assert result.measurement is not None
     assert result.measurement.policies is not None
     stored, cell = result.measurement.policies, result.id
-    recipe = Recipe(stored.agent, stored.hold) if cell.track == "tuned" else None
-    task = on_track(load_task(cell.task), cell.agent, cell.track, recipe)
+    task = _own_task(cell, stored) if on is None else on
     try:
         method = build_method(task, cell.method)
         policy = _restored(cell.agent.name, arrays, task)
@@ -55,6 +56,11 @@ def load_policy(folder: Path, result: Result, which: Which = "selected") -> Kept
         raise UsageError(f"{name}: its policy cannot be used: {error}") from error
     _check_size(name, task, method, stored)
     return Kept(task, method, policy)
+
+
+def _own_task(cell: CellId, stored: StoredPolicies) -> Task:
+    recipe = Recipe(stored.agent, stored.hold) if cell.track == "tuned" else None
+    return on_track(load_task(cell.task), cell.agent, cell.track, recipe)
 
 
 def _restored(agent: str, arrays: Arrays, task: Task) -> Policy:
@@ -65,13 +71,12 @@ def _restored(agent: str, arrays: Arrays, task: Task) -> Policy:
     except Unsuitable:
         raise
     except Exception as error:
-        said = " ".join(f"{type(error).__name__}: {error}".split())
-        raise Unsuitable(f"{plugin} cannot restore it: {said}") from error
+        raise Unsuitable(f"{plugin} cannot restore it: {cause(error)}") from error
 
 
 def _check_size(name: str, task: Task, method: RewardMethod, stored: StoredPolicies) -> None:
     """Networks do not check what they are given; some would read what lies beside it in memory."""
     size = BatchEnvironment(task, method, 1, 0).observation_size
     if size != stored.observation_size:
-        rule = f"acts on {stored.observation_size} numbers, the task now shows {size}"
-        raise UsageError(f"{name}: its policy {rule}; the task or the method was changed since it was trained")
+        rule = f"acts on {stored.observation_size} numbers, and task {task.name} shows {size}"
+        raise UsageError(f"{name}: its policy {rule}; it is another task, or one was changed since it was trained")

@@ -12,10 +12,11 @@ from stlbench.result import ACCIDENTS, IDENTITY, NOT_RUN, CellId, Measurement, R
 from stlbench.rollout.saved_policies import Which
 from stlbench.rollout.saved_traces import SavedTraces, read_cell
 from stlbench.study import stored
-from stlbench.study.kept import Kept, load_policy
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from stlbench.study.kept import Kept
 
 __all__ = ["Results"]
 
@@ -161,6 +162,8 @@ class Results:
         Raises:
             UsageError: there is no such cell, or no policy of it that can be used (`kept.load_policy`).
         """
+        from stlbench.study.kept import load_policy  # all that simulates, which tables do without
+
         return load_policy(self.folder, self.cell(cell, budget), which)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -13,7 +13,6 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import folders
 from stlbench.registry.choices import Choice, choice_of, parse_choices
-from stlbench.result import Track
 from stlbench.study.plan import Cell, plan_cells
 from stlbench.study.tracks import read_recipes
 
@@ -97,7 +96,7 @@ class Study(BaseModel):
     """A count n for 0..n-1, or a list; None is as many as the task's budget says."""
     budget: str = "quick"
     """How much training; `stlbench show task NAME` lists a task's budgets."""
-    track: Track = "shared"
+    track: Literal["shared", "plain", "tuned"] = "shared"
     """By which rules: `shared`, one recipe per task for every method; `plain`, the state and the time alone, without
     any help; `tuned`, a recipe for each method."""
     recipes: Path | None = None

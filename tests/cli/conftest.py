@@ -91,10 +91,13 @@ interrupt_after = None
 class Always(Policy):
     def __init__(self, action): self.action = action
     def act(self, observation): return np.full(len(observation), self.action)
+    def arrays(self): return {"action": np.array(self.action)}
 
 class Still(Agent):
     """Learns nothing: its policy takes one action."""
     def __init__(self, *, action: int = 0): self.action = action
+    @classmethod
+    def restore(cls, arrays, actions): return Always(int(arrays["action"]))
     def train(self, training):
         global interrupt_after
         if interrupt_after is not None:

@@ -168,14 +168,17 @@ def test_the_time_column_is_checked_against_dt(say):
     Path("trace.csv").write_text("time,x\n5.00,1\n5.33,2\n5.67,3\n")
     assert say("monitor", "F[0,0] x > 0", "trace.csv", "--dt", "0.33333").exit_code == 0
     done = say("monitor", "F[0,0] x > 0", "trace.csv", "--dt", "0.1")
-    rule = "row 3 has time 5.33, with --dt 0.1 it should be 5.1; rows are one sampling time apart"
+    rule = "row 3 has time 5.33, 5.1 is expected with a sampling time of 0.1 s; rows are one sampling time apart"
     assert (done.exit_code, done.stderr) == (2, f"error: trace.csv: {rule}\n")
     assert say("monitor", "x > 0", "trace.csv").exit_code == 0  # intervals in rows: no rule about times
 
 
 def test_a_gap_in_time_is_an_error(say):
     Path("trace.csv").write_text("time,x\n0,1\n1,2\n3,3\n")
-    assert "row 4 has time 3, with --dt 1 it should be 2" in say("monitor", "x > 0", "trace.csv", "--dt", "1").stderr
+    assert (
+        "row 4 has time 3, 2 is expected with a sampling time of 1 s"
+        in say("monitor", "x > 0", "trace.csv", "--dt", "1").stderr
+    )
 
 
 def test_times_that_are_no_numbers_are_not_checked_and_said_so(say):

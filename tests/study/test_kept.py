@@ -90,7 +90,9 @@ def test_another_observation_is_refused(folder: Path, result: Result) -> None:
     assert result.measurement.policies is not None
     wrong = replace(result.measurement.policies, observation_size=2)
     changed = replace(result, measurement=replace(result.measurement, policies=wrong))
-    with pytest.raises(UsageError, match=r"its policy acts on 2 numbers, the task now shows [0-9]+; the task or the"):
+    with pytest.raises(
+        UsageError, match=r"its policy acts on 2 numbers, and task integrator-or shows [0-9]+; it is another"
+    ):
         load_policy(folder, changed)
 
 

@@ -90,7 +90,7 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
                 if member.setting in learners:
                     learned.append(member)
                     shown.append(None if recording is None else recording.evenly(TRACES_PER_PANEL))
-                elif recording is not None:
+                elif recording is not None and member.setting.agent.name in planners and not member.outside:
                     plans += _plan(member, recording, planners[member.setting.agent.name])
                 setting = member.setting
                 job.tell(f"[{count}/{len(groups)}] {setting.name} {setting.budget}: {len(files)} files")

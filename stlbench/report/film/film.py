@@ -32,6 +32,8 @@ __all__ = ["Pace", "Scene", "pace", "scene", "write"]
 SHORTEST, LONGEST = 4.0, 12.0
 """Seconds that a film lasts, whatever the episode does: 150 frames at most."""
 _DPI = 80
+_WIDTHS = {1: 7.2, 2: 10.0}
+"""Inches, of one start and of two."""
 _PAUSE = 8
 """Frames for which the end is held."""
 
@@ -109,11 +111,10 @@ def _heading(title: str, task: Task, sample: int, speed: float) -> str:
 
 
 def scene(task: Task, recording: Recording, robustness: tuple[float, ...]) -> Scene:
-    """The figure that a film moves: the best start on the left, the worst on the right."""
-    chosen = np.array([np.argmax(robustness), np.argmin(robustness)])
-    names = [
-        f"{which} start: robustness {robustness[i]:.3g}" for which, i in zip(("best", "worst"), chosen, strict=True)
-    ]
+    """The figure that a film moves: the best start on the left, the worst on the right; a single one alone."""
+    chosen = np.array([np.argmax(robustness), np.argmin(robustness)])[: len(robustness)]
+    which = ("best start: ", "worst start: ") if len(chosen) > 1 else ("",)
+    names = [f"{said}robustness {robustness[i]:.3g}" for said, i in zip(which, chosen, strict=True)]
     picture, remark = _first_picture(task, recording)
     if picture is not None and recording.film is not None and isinstance(task.dynamics, Drawn):
         return _pictures(task.dynamics, task.file.hold, recording.film, picture, names)
@@ -135,9 +136,10 @@ def _first_picture(task: Task, recording: Recording) -> tuple[Pixels | None, str
 
 def _pictures(system: Drawn, hold: int, film: Film, first: Pixels, names: list[str]) -> Scene:
     height, width = first.shape[:2]
-    figure = Figure(figsize=(10.0, 0.9 + 5.0 * height / width), dpi=_DPI, layout="constrained")
+    wide = _WIDTHS[len(names)]
+    figure = Figure(figsize=(wide, 0.9 + wide / len(names) * height / width), dpi=_DPI, layout="constrained")
     images = []
-    for axes, name in zip(figure.subplots(1, 2), names, strict=True):
+    for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
         images.append(axes.imshow(first))
         axes.set_title(name, fontsize=10)
         axes.set_axis_off()
@@ -150,9 +152,9 @@ def _pictures(system: Drawn, hold: int, film: Film, first: Pixels, names: list[s
 
 
 def _plane(task: Task, traces: Array, names: list[str]) -> Scene:
-    figure = Figure(figsize=(10.0, 5.6), dpi=_DPI, layout="constrained")
+    figure = Figure(figsize=(_WIDTHS[len(names)], 5.6), dpi=_DPI, layout="constrained")
     drawn = []
-    for axes, trace, name in zip(figure.subplots(1, 2), traces, names, strict=True):
+    for axes, trace, name in zip(figure.subplots(1, len(names), squeeze=False)[0], traces, names, strict=True):
         view = plane.lay_out(axes, task, traces)
         away = ", leaves the picture" if plane.leaving(view, trace[None]).any() else ""
         axes.set_title(name + away, fontsize=10)
@@ -172,8 +174,8 @@ def _plane(task: Task, traces: Array, names: list[str]) -> Scene:
 
 def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
     count = len(task.signals)
-    figure = Figure(figsize=(10.0, 1.4 + 2.2 * count), dpi=_DPI, layout="constrained")
-    table = figure.subplots(count, 2, sharex=True, sharey="row", squeeze=False)
+    figure = Figure(figsize=(_WIDTHS[len(names)], 1.4 + 2.2 * count), dpi=_DPI, layout="constrained")
+    table = figure.subplots(count, len(names), sharex=True, sharey="row", squeeze=False)
     drawn = []
     for column, trace, name in zip(table.T, traces, names, strict=True):
         signals_in_time(column, task)

@@ -11,6 +11,7 @@ import numpy as np
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
+from stlbench.report.tables.outside import trained
 from stlbench.report.tables.rows import Group
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ _Of = tuple[str, bool]
 
 def maximised(groups: Iterable[Group]) -> dict[str, Maximised]:
     """Agent that plans -> what it makes the most of: as its cells say, or, where none is done, the installed agent."""
-    known = dict[str, Maximised | None]()
+    known, groups = dict[str, Maximised | None](), trained(groups)
     for group in groups:
         said = next((numbers.planned.maximised for numbers in group.done if numbers.planned), None)
         if group.done:
@@ -48,10 +49,10 @@ def _installed(agent: str) -> Maximised | None:
 
 
 def split(groups: Sequence[Group]) -> tuple[tuple[Group, ...], tuple[Group, ...]]:
-    """The groups of agents that learn, and those of agents that plan."""
-    planners = maximised(groups)
-    learned = tuple(group for group in groups if group.setting.agent.name not in planners)
-    return learned, tuple(group for group in groups if group.setting.agent.name in planners)
+    """The groups of agents that learn, and those of agents that plan; policies from outside are in neither."""
+    planners, own = maximised(groups), trained(groups)
+    learned = tuple(group for group in own if group.setting.agent.name not in planners)
+    return learned, tuple(group for group in own if group.setting.agent.name in planners)
 
 
 def reached(group: Group) -> float | None:
@@ -68,7 +69,7 @@ def best_possible(groups: Sequence[Group], standards: Mapping[str, Standard]) ->
     possible, and other parts of a recipe do not: ablations share a best, but those without `hold` have their own.
     """
     planners, found, reached_too = maximised(groups), dict[_Of, float](), dict[_Of, float]()
-    for group in groups:
+    for group in trained(groups):
         value, plans = reached(group), planners.get(group.setting.agent.name)
         if value is not None and plans is not None:
             known, of = found if plans == "formula" else reached_too, _formula(group.setting.task)

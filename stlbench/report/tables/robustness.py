@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,9 +11,11 @@ import numpy as np
 from stlbench.registry.choices import Choice
 from stlbench.report.statistics.intervals import Interval, interval, iqm, share_interval
 from stlbench.report.tables.contests import contests, mark, mark_notes
+from stlbench.report.tables.outside import MARK, outside_notes
 from stlbench.report.tables.rows import LEARNED, Group
 from stlbench.report.tables.setting import SETTING, setting_values
 from stlbench.report.tables.table import Column, FirstFailed, Table, Value
+from stlbench.result import Setting
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
@@ -24,6 +27,7 @@ def robustness_table(
     groups: Sequence[Group],
     best: Mapping[Choice, float] | None = None,
     standards: Mapping[str, Standard] | None = None,
+    outside: Sequence[Group] = (),
 ) -> Table:
     """One row per group, one column per further protocol.
 
@@ -31,9 +35,12 @@ def robustness_table(
         groups: of agents that learn.
         best: the best possible of their tasks (`best_possible`); where any is known, robustness is also a share of it.
         standards: of their tasks; they know which methods pay the same.
+        outside: policies that were not trained here, which stand behind those of their tasks.
     """
+    own, groups = groups, sorted([*groups, *outside], key=lambda group: (group.setting.task, group.outside))
     further = sorted({name for group in groups for numbers in group.done for name in numbers.further})
-    marks = _marks(groups, standards or {})
+    by_group = _marks(own, standards or {})
+    marks = [by_group.get(group.setting, MARK) for group in groups]
     columns = (
         *SETTING,
         *([Column("mark", right=False)] if any(marks) else []),
@@ -59,17 +66,25 @@ def robustness_table(
         (*setting_values(group), *([each or None] if any(marks) else []), *_values(group, further, best or {}))
         for group, each in zip(groups, marks, strict=True)
     )
-    return Table("Robustness", columns, rows, (*_notes(further), *mark_notes(marks)))
+    shown = tuple(map(partial(_only_selected, columns), rows, (group.outside for group in groups)))
+    return Table("Robustness", columns, shown, (*_notes(further), *mark_notes(marks), *outside_notes(outside)))
+
+
+def _only_selected(columns: Sequence[Column], row: tuple[Value, ...], outside: bool) -> tuple[Value, ...]:
+    """Of a policy from outside there is one, and none at the end of its training."""
+    if not outside:
+        return row
+    return tuple(
+        None if column.title.startswith("final ") else value for column, value in zip(columns, row, strict=True)
+    )
 
 
 _SHARE = "share of best possible (IQM, both above 0)"
 
 
-def _marks(groups: Sequence[Group], standards: Mapping[str, Standard]) -> list[str]:
-    by_group = {
-        group.setting: mark(group, contest, standards) for contest in contests(groups).values() for group in contest
-    }
-    return [by_group[group.setting] for group in groups]
+def _marks(groups: Sequence[Group], standards: Mapping[str, Standard]) -> dict[Setting, str]:
+    found = contests(groups).values()
+    return {group.setting: mark(group, contest, standards) for contest in found for group in contest}
 
 
 def _values(group: Group, further: Sequence[str], best: Mapping[Choice, float]) -> tuple[Value, ...]:

@@ -9,7 +9,19 @@ from functools import cached_property, lru_cache
 from typing import Literal
 
 from stlbench.report.tables.table import FirstFailed, Seeds
-from stlbench.result import MAIN, NOT_RUN, RANDOM, CellId, Measurement, Planned, Result, Setting, Status, reported
+from stlbench.result import (
+    MAIN,
+    NOT_RUN,
+    OUTSIDE,
+    RANDOM,
+    CellId,
+    Measurement,
+    Planned,
+    Result,
+    Setting,
+    Status,
+    reported,
+)
 
 __all__ = ["LEARNED", "CurveRow", "Group", "Numbers", "Row", "group", "missing_row", "row"]
 
@@ -82,6 +94,11 @@ class Group:
 
     setting: Setting
     rows: tuple[Row, ...]
+
+    @property
+    def outside(self) -> bool:
+        """Whether stlbench did not train these."""
+        return self.setting.track == OUTSIDE
 
     @cached_property
     def done(self) -> tuple[Numbers, ...]:

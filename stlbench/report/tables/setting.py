@@ -20,4 +20,5 @@ SETTING = (
 def setting_values(group: Group) -> tuple[Value, ...]:
     """The values of a group in these columns."""
     setting = group.setting
-    return (str(setting.task), str(setting.method), str(setting.agent), setting.budget, setting.track, group.seeds)
+    budget = "unknown" if group.outside else setting.budget
+    return (str(setting.task), str(setting.method), str(setting.agent), budget, setting.track, group.seeds)

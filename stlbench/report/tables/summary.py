@@ -10,6 +10,7 @@ from stlbench.report.tables.alignment import align, alignment_table
 from stlbench.report.tables.cells import unfinished_table
 from stlbench.report.tables.comparisons import advice, compare, comparisons_table
 from stlbench.report.tables.hand_controllers import controllers_table
+from stlbench.report.tables.outside import outside
 from stlbench.report.tables.overview import overview
 from stlbench.report.tables.planned import best_possible, split
 from stlbench.report.tables.robustness import robustness_table
@@ -37,6 +38,7 @@ def summary(
     among = groups if recorded is None else recorded
     learned = split(groups)[0]
     tasks = {group.setting.task for group in learned}
+    others = tuple(group for group in outside(among) if group.setting.task in tasks or group in groups)
     best = {task: value for task, value in best_possible(among, standards).items() if task in tasks}
     found, field = compare(learned, standards, best), fields(learned, standards, best)
     first = (overview(learned, standards, best, advice(found)),) if len(tasks) > 1 else ()
@@ -44,7 +46,7 @@ def summary(
         *first,
         aggregates_table(field),
         improvement_table(field),
-        robustness_table(learned, best, standards),
+        robustness_table(learned, best, standards, others),
         comparisons_table(found),
         controllers_table(standards),
         alignment_table(align(among, standards, groups)),

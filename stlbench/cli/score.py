@@ -1,0 +1,129 @@
+"""`stlbench score`: the referee's score of any policy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from stlbench.cli.common import Json, console, print_json
+
+if TYPE_CHECKING:
+    from stlbench.outside.source import Source
+    from stlbench.result import Result
+    from stlbench.task import Task
+
+
+def score(
+    task: Annotated[str, typer.Argument(metavar="TASK", help="A task, an ablation of one, or a folder.")],
+    policy: Annotated[
+        str,
+        typer.Argument(metavar="POLICY", help="module:function, FILE.zip (SB3), .onnx, .csv, .npz, or a cell's name."),
+    ],
+    results: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder of results that has the cell, or takes the row.")
+    ] = Path("results"),
+    budget: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Budget whose random starts count; of a cell, its budget.", show_default="quick"
+        ),
+    ] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Reward method whose inputs the policy is shown.", show_default="none"),
+    ] = None,
+    on: Annotated[
+        Literal["observation", "state"],
+        typer.Option(help="What a function is given: the agents' observation, or states and step counts."),
+    ] = "observation",
+    name: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="What tables call it.", show_default="as the file or the function"),
+    ] = None,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Which of several alike.")] = 0,
+    which: Annotated[
+        Literal["selected", "final"], typer.Option("--policy", help="Which of a cell's two policies.")
+    ] = "selected",
+    as_json: Json = False,
+) -> None:
+    """Score a policy that stlbench did not train, or a stored one again.
+
+    The same referee, the same starts and the same tables as for trained cells. A policy from outside becomes a row of
+    DIR on the track 'outside', which tables show and no comparison has. A cell's score is only shown.
+
+    \b
+    Examples:
+      stlbench score pendulum my_controllers:energy --on state
+      stlbench score hold-disc model.zip --name sb3-ppo --seed 1
+      stlbench score hold-disc hold-disc/funnel/dqn/0
+    """
+    from stlbench.outside.source import find_source
+    from stlbench.registry.folders import task_of
+    from stlbench.task import load_task
+
+    source, loaded = find_source(policy), load_task(task_of(task))
+    if source.kind == "cell":
+        _stored(loaded, source, results, budget, which, as_json)
+        return
+    result = _outside(loaded, source, results, budget or "quick", method, on, name, seed)
+    _show(result, results, as_json)
+
+
+def _stored(
+    task: Task, source: Source, results: Path, budget: str | None, which: Literal["selected", "final"], as_json: bool
+) -> None:
+    """A stored cell: its score is shown beside the recorded one, and nothing is written."""
+    from stlbench.cli.show_cell import scores_table
+    from stlbench.outside.again import score_again
+    from stlbench.report import to_screen
+
+    again = score_again(task, source.text, results, budget, which)
+    if as_json:
+        print_json({"cell": again.cell.name, "policy": which, "task": task.name, "as_recorded": again.as_recorded})
+        return
+    typer.echo(f"{again.cell.name}, {which} policy, on {task.name}: {again.said}")
+    to_screen(scores_table({"": again.scores}), console())
+
+
+def _outside(
+    task: Task,
+    source: Source,
+    results: Path,
+    budget: str,
+    method: str | None,
+    on: Literal["observation", "state"],
+    name: str | None,
+    seed: int,
+) -> Result:
+    """Score it and record the row."""
+    from stlbench.outside.record import record, row
+    from stlbench.outside.scoring import UNKNOWN, Shown, score
+    from stlbench.registry.choices import parse_choice
+
+    shown = Shown(on, UNKNOWN if method is None else parse_choice(method))
+    scored = score(task, source, shown, task.budget(budget).random_starts)
+    result = row(task, source, shown, scored, budget, name, seed)
+    before = record(results, result, scored, task.signals)
+    if before is not None and before.provenance.get("sha256") != result.provenance["sha256"]:
+        typer.echo(f"in place of another policy of that name, {before.provenance.get('source')}", err=True)
+    return result
+
+
+def _show(result: Result, results: Path, as_json: bool) -> None:
+    """The score, and the row beside the cells of its task."""
+    from stlbench.cli.show_cell import facts, scores_table
+    from stlbench.report import condense, outside, robustness_table, split, to_screen
+    from stlbench.study import stored
+    from stlbench.study.logs import log_file
+
+    if as_json:
+        print_json(facts(result, log_file(results, result.id, result.key)))
+        return
+    assert result.measurement is not None
+    typer.echo(f"{result.id.name}: {result.provenance['source']}, from {result.provenance['begun_at']}")
+    to_screen(scores_table({"": result.measurement.selected}), console())
+    groups = condense(each for each in stored.read(results) if each.id.task == result.id.task)
+    to_screen(robustness_table(split(groups)[0], outside=outside(groups)), console())
+    typer.echo(f"Recorded in {results}/; its tables change with `stlbench report`")

@@ -1,0 +1,56 @@
+"""The score of a stored policy, once more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from stlbench.result import CellId, Score
+from stlbench.rollout.referee import Referee
+from stlbench.rollout.saved_policies import Which
+from stlbench.study.kept import load_policy
+from stlbench.study.results import Results
+from stlbench.task import Task
+
+__all__ = ["Again", "score_again"]
+
+
+class Again(NamedTuple):
+    """What the referee says of a stored policy now."""
+
+    cell: CellId
+    scores: Mapping[str, Score]
+    as_recorded: bool | None
+    """Whether that is what it said when the cell was trained, exactly; None on another task."""
+
+    @property
+    def said(self) -> str:
+        """In words."""
+        words = {True: "as recorded", False: "not as recorded", None: "another task than its own"}
+        return words[self.as_recorded]
+
+
+def score_again(task: Task, name: str, folder: Path, budget: str | None, which: Which) -> Again:
+    """Score a cell's policy on its own task, or on another with the same observation and actions.
+
+    Args:
+        task: where.
+        name: of the cell.
+        folder: of results.
+        budget: of the cell, where its name has several.
+        which: of its policies.
+
+    Raises:
+        UsageError: there is no such cell, or no policy of it that can be used on the task.
+    """
+    result = Results.load(folder).cell(name, budget)
+    own = task.choice == result.id.task
+    kept = load_policy(folder, result, which, on=None if own else task)
+    starts = kept.task.file.budgets[result.id.budget].random_starts if result.id.budget in kept.task.file.budgets else 0
+    scores = Referee(kept.task, kept.method, starts).assess(kept.policy).scores
+    if not own:
+        return Again(result.id, scores, None)
+    assert result.measurement is not None
+    recorded = result.measurement.selected if which == "selected" else result.measurement.final
+    return Again(result.id, scores, scores == recorded)

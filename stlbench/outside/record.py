@@ -1,0 +1,67 @@
+"""A score from outside as a row of a ledger, on the track `outside`."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+from stlbench.errors import UsageError
+from stlbench.outside.scoring import Scored, Shown
+from stlbench.outside.source import Source
+from stlbench.registry import folders
+from stlbench.registry.choices import NAME, Choice
+from stlbench.result import FORMAT, OUTSIDE, CellId, Result
+from stlbench.rollout import saved_traces
+from stlbench.rollout.referee import Assessment
+from stlbench.study import stored, upkeep
+from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.provenance import TASK_FOLDER, collect
+from stlbench.task import Task
+
+__all__ = ["record", "row"]
+
+
+def row(task: Task, source: Source, shown: Shown, scored: Scored, budget: str, name: str | None, seed: int) -> Result:
+    """The row: the policy's name is in the place of the agent, its source and hash are in the provenance.
+
+    Raises:
+        UsageError: the name is none, or the source cannot be read.
+    """
+    if name is not None and not NAME.fullmatch(name):
+        raise UsageError(f"--name {name}: a name consists of a-z, 0-9 and -, and does not begin with -")
+    cell = CellId(task.choice, shown.method, Choice(name or source.name), seed, budget, OUTSIDE)
+    digest = source.digest
+    key = hashlib.sha256(json.dumps([FORMAT, cell.name, budget, digest, shown.on]).encode()).hexdigest()[:32]
+    facts = {"source": source.shown, "sha256": digest, "on": shown.on, "begun_at": scored.starts}
+    folder = folders.place_of(task.choice.name)
+    place = {} if folder is None else {TASK_FOLDER: str(folder)}
+    return Result(cell, key, "done", measurement=scored.measurement, provenance={**facts, **collect(1), **place})
+
+
+def record(folder: Path, result: Result, scored: Scored, signals: tuple[str, ...]) -> Result | None:
+    """Write a row and its traces to a folder of results, in place of one of the same name; that one, if there was any.
+
+    Raises:
+        UsageError: the folder has no ledger but lines of text, or cannot be written.
+    """
+    if stored.locate(folder) and not (folder / FILE).is_file():
+        raise UsageError(f"{folder} has no {FILE} but {stored.LINES}; say another folder by --results")
+    before = None
+    with Ledger(folder / FILE) as ledger:
+        before = next((each for each in ledger.results() if each.id == result.id), None)
+    if before is not None:
+        upkeep.remove(folder, [before.id])
+    path = saved_traces.trace_file(folder / saved_traces.FOLDER, result.id, result.key)
+    try:
+        if scored.states is None:
+            saved_traces.save_samples(path, scored.traces, signals)
+        else:
+            saved_traces.save(
+                path, Assessment(dict(scored.measurement.selected), scored.traces, scored.states), signals
+            )
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error}") from error
+    with Ledger(folder / FILE) as ledger:
+        ledger.record(result)
+    return before

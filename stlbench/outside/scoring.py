@@ -1,0 +1,127 @@
+"""The score of a policy that stlbench did not train: by the same referee, from the same starts."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from stlbench.contract import Array, Intractable, Policy, RewardMethod, StatePolicy, System, Unsuitable
+from stlbench.errors import UsageError
+from stlbench.outside.actions import OnObservation, OnState
+from stlbench.outside.function import load_function
+from stlbench.outside.onnx_file import load_onnx
+from stlbench.outside.perceptron import load_sb3
+from stlbench.outside.source import Source
+from stlbench.outside.traces import from_the_reports_starts, load_traces
+from stlbench.registry.choices import Choice
+from stlbench.result import MAIN, Measurement, Score
+from stlbench.rollout import referee
+from stlbench.rollout.controller import Unpaid
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.task import Task, build_method
+
+__all__ = ["UNKNOWN", "On", "Scored", "Shown", "score"]
+
+UNKNOWN = Choice("unknown")
+"""In the place of a method: nobody said which reward the policy was trained by, and it is shown no inputs of one."""
+
+On = Literal["observation", "state"]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a policy is shown."""
+
+    on: On = "observation"
+    """What agents of stlbench see, (N, D); or, a function alone, states (N, n) and step counts t (N,)."""
+    method: Choice = UNKNOWN
+    """The reward method whose inputs are the end of the observation."""
+
+
+class Scored(NamedTuple):
+    """What the referee says of a policy from outside."""
+
+    measurement: Measurement
+    """With what is known of it: scores, and nothing of a training."""
+    traces: Array
+    """(N, T + 1, k): those behind the main score."""
+    states: Array | None
+    """(N, decisions + 1, n): the states behind them; None of recorded traces."""
+    starts: str
+    """Whose they are, in words."""
+
+
+def score(task: Task, source: Source, shown: Shown, random_starts: int) -> Scored:
+    """Score it.
+
+    Args:
+        task: by whose formula and protocols.
+        source: of the policy, or of traces.
+        shown: what it is shown.
+        random_starts: how many beside the grid, as the task's budget says.
+
+    Raises:
+        UsageError: the policy cannot be read, is for another observation, fails, or answers with no actions of the
+            task; traces are none of the task.
+    """
+    begun = time.process_time(), time.perf_counter()
+    if source.kind == "traces":
+        if shown != Shown():
+            raise UsageError(f"{source.text} has traces, which are shown nothing; leave --method and --on out")
+        traces = load_traces(source.path, task)
+        try:
+            scores = {MAIN: referee.score(task, traces)}
+        except ValueError as error:
+            raise UsageError(f"{source.text}: {error}") from error
+        starts = "the report's starts" if from_the_reports_starts(traces, task) else "starts of its own"
+        return Scored(_measured(scores, begun), traces, None, starts)
+    method = _method(task, shown.method)
+    found = referee.Referee(task, method, random_starts).assess(_policy(task, source, shown.on, method))
+    return Scored(_measured(found.scores, begun, method.input_size), found.traces, found.states, "the report's starts")
+
+
+def _method(task: Task, choice: Choice) -> RewardMethod:
+    if choice == UNKNOWN:
+        return Unpaid(task.specification)
+    try:
+        return build_method(task, choice)
+    except (Intractable, Unsuitable) as error:
+        raise UsageError(f"method {choice} on task {task.name}: {error}") from error
+
+
+def _policy(task: Task, source: Source, on: On, method: RewardMethod) -> Policy | StatePolicy:
+    if on == "state":
+        if source.kind != "function":
+            raise UsageError(f"--on state is for module:function; {source.text} is given the observation")
+        if not isinstance(task.dynamics, System):
+            raise UsageError(f"--on state: task {task.name} is no system, its states are not to be had")
+        return OnState(load_function(source.text), task.actions, source.text)
+    size = BatchEnvironment(task, method, 1, 0).observation_size
+    match source.kind:
+        case "function":
+            function = load_function(source.text)
+        case "sb3":
+            function = load_sb3(source.path, task.actions, size)
+        case _:
+            function = load_onnx(source.path, size)
+    return OnObservation(function, task.actions, source.text)
+
+
+def _measured(scores: Mapping[str, Score], begun: tuple[float, float], inputs: int = 0) -> Measurement:
+    """Nothing of it is about training; the seconds are those of scoring."""
+    cpu, wall = time.process_time() - begun[0], time.perf_counter() - begun[1]
+    return Measurement(
+        selected=scores,
+        final=scores,
+        selected_steps=0,
+        curve=(),
+        training_cpu_seconds=0.0,
+        training_wall_seconds=0.0,
+        cpu_seconds=cpu,
+        wall_seconds=wall,
+        env_steps=0,
+        reward_nanoseconds=0.0,
+        inputs_added=inputs,
+    )

@@ -1,0 +1,67 @@
+"""Recorded traces in the place of a policy: of whatever acted, wherever it did."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from stlbench.contract import Array
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.rollout.saved_traces import read_saved
+from stlbench.rollout.trace_table import read_table
+from stlbench.rollout.worlds.make import make_world
+from stlbench.task import Task
+
+__all__ = ["from_the_reports_starts", "load_traces"]
+
+
+def load_traces(path: Path, task: Task) -> Array:
+    """The traces (N, T + 1, k) of a task's signals in a file: a table of text with one, or an .npz with several.
+
+    Raises:
+        UsageError: the file lacks a signal, is shorter or longer than an episode, has another sampling time, or a value
+            that is no finite number.
+    """
+    traces = _table(path, task) if path.suffix.lower() == ".csv" else _arrays(path, task)
+    if traces.shape[1] != task.file.steps + 1:
+        rule = f"an episode of {task.name} has {task.file.steps + 1}, one at the start and one after each step"
+        raise UsageError(f"{path} has {traces.shape[1]} rows; {rule}")
+    if not np.isfinite(traces).all():
+        place = np.argwhere(~np.isfinite(traces))[0]
+        where = f"trace {place[0]}, row {place[1]}, {task.signals[place[2]]}"
+        raise UsageError(f"{path}: {where} is {traces[tuple(place)]}; a finite number is expected")
+    return traces
+
+
+def _table(path: Path, task: Task) -> Array:
+    table = read_table(path)
+    columns = _columns(path, table.names, task)
+    if "time" in table.names and "time" not in task.signals:
+        table.check_times(task.file.sampling_time)
+    traces: Array = table.samples(task.signals)[None][..., columns]
+    return traces
+
+
+def _arrays(path: Path, task: Task) -> Array:
+    saved = read_saved(path)
+    traces: Array = saved.samples[..., _columns(path, saved.names, task)]
+    return traces
+
+
+def _columns(path: Path, names: tuple[str, ...], task: Task) -> list[int]:
+    """Where the task's signals are."""
+    for signal in task.signals:
+        if signal not in names:
+            raise UsageError(f"{path} has no signal '{signal}'{did_you_mean(signal, names)}")
+    return [names.index(signal) for signal in task.signals]
+
+
+def from_the_reports_starts(traces: Array, task: Task) -> bool:
+    """Whether traces begin where the report's do, so that their score can stand beside others."""
+    starts = task.starts.report_and_selection()[0]
+    if len(starts) != len(traces):
+        return False
+    world = make_world(task, len(starts))
+    world.restart(np.arange(len(starts)), starts)
+    return np.allclose(world.signals, traces[:, 0], rtol=0, atol=1e-6)

@@ -1,0 +1,217 @@
+"""`stlbench score`, `export-policy` and what shows their rows, on made-up plugins, from the words to the tables.
+
+On toy-line x' = x + v / 2 for 4 steps, v in -1, 0, 1; the formula is G[0,4] x <= 1, its robustness 1 - the largest x.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from stlbench.gate.files import load
+from stlbench.study.results import Results
+from stlbench.task import load_task
+
+RUN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here", "--methods", "toy-raw")
+CELL = "toy-line/toy-raw/toy-agent/0"
+MINE = """
+import numpy as np
+def down(observation): return np.zeros(len(observation), int)
+def up(state, t): return np.ones((len(state), 1))
+def home(state, t): return np.clip(-state, -1, 1)
+def bad(observation): return observation
+"""
+
+
+@pytest.fixture
+def mine(say, toy, monkeypatch):
+    """A module with functions in the working directory."""
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.delitem(sys.modules, "zz_functions", raising=False)
+    Path("zz_functions.py").write_text(MINE)
+
+
+def begun():
+    """x_0 of the report's starts."""
+    return load_task("toy-line").starts.report_and_selection()[0][:, 0]
+
+
+def robustness(name):
+    measured = Results.load("results").cell(name).measurement
+    return measured.selected["formula"].robustness
+
+
+def refused(done):
+    assert (done.exit_code, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    return line
+
+
+@pytest.mark.parametrize("command", ["score", "export-policy", "render"])
+def test_help_has_an_example(say, command):
+    done = say(command, "--help")
+    assert done.exit_code == 0
+    assert f"stlbench {command} " in done.stdout.partition("Example")[2]
+
+
+class TestOutside:
+    def test_a_function_of_observations(self, say, mine):
+        done = say("score", "toy-line", "zz_functions:down")
+        assert done.exit_code == 0
+        assert robustness("toy-line/unknown/zz-functions-down/0/outside") == pytest.approx(1 - begun())
+        assert "zz-functions-down on toy-line: zz_functions:down (sha256 " in done.stdout
+        assert "not trained by stlbench: its budget is unknown" in done.stdout
+
+    def test_a_function_of_states(self, say, mine):
+        done = say("score", "toy-line", "zz_functions:up", "--on", "state", "--name", "mine", "--seed", 2, "--json")
+        content = json.loads(done.stdout)
+        assert content["name"] == "toy-line/unknown/mine/2/outside"
+        assert robustness(content["name"]) == pytest.approx(-1 - begun())
+        assert content["provenance"]["source"] == "zz_functions:up"
+
+    def test_recorded_traces_of_the_reports_starts_and_of_others(self, say, mine):
+        say(*RUN)
+        (traces,) = Path("results/traces").glob("toy-line_toy-raw_toy-agent_0_*.npz")
+        done = say("score", "toy-line", traces, "--name", "again", "--json")
+        assert json.loads(done.stdout)["provenance"]["begun_at"] == "the report's starts"
+        assert robustness("toy-line/unknown/again/0/outside") == robustness(CELL)
+        Path("one.csv").write_text("time,x\n0,0\n0.5,0.25\n1,-1\n1.5,0.5\n2,0\n")
+        done = say("score", "toy-line", "one.csv", "--json")
+        assert json.loads(done.stdout)["provenance"]["begun_at"] == "starts of its own"
+        assert robustness("toy-line/unknown/one/0/outside") == (0.5,)
+        assert "one.csv (sha256" in say("score", "toy-line", "one.csv").stdout
+
+    def test_it_stands_beside_trained_cells_and_in_no_comparison(self, say, mine):
+        say(*RUN)
+        alone = say("report", "results", "--json")
+        say("score", "toy-line", "zz_functions:down", "--name", "down")
+        say("score", "toy-line", "zz_functions:down", "--name", "down", "--method", "toy-raw")
+        before, after = json.loads(alone.stdout), json.loads(say("report", "results", "--json").stdout)
+        rows = after["robustness"]
+        assert [(row["agent"], row["track"], row["budget"], row["mark"]) for row in rows] == [
+            ("toy-agent", "shared", "quick", None),
+            ("down", "outside", "unknown", "o"),
+            ("down", "outside", "unknown", "o"),
+        ]
+        assert [row["final satisfied [%]"] for row in rows[1:]] == [None, None]
+        others = [{name: value for name, value in row.items() if name != "mark"} for row in rows[:1]]
+        assert others == before.pop("robustness")
+        cells = before.pop("cells")
+        assert [row for row in after["cells"] if row["track"] != "outside"] == cells
+        assert {name: after[name] for name in before} == before
+        report = Path("results/report.md").read_text()
+        assert "Marked o: not trained by stlbench" in report
+        assert "sha256 " not in report.partition("Circumstances")[2]
+        assert len(load(Path("results")).samples) == len(load(Path("results/cells.csv")).samples) == 2
+
+    def test_it_is_plotted_and_shown(self, say, mine):
+        say(*RUN)
+        say("score", "toy-line", "zz_functions:home", "--on", "state", "--name", "home")
+        done = say("plot", "results", "--out", "pictures")
+        assert done.exit_code == 0
+        assert Path("pictures/trajectories-toy-line-unknown-home-quick-outside.png").exists()
+        assert "home" not in say("show", "cell", "toy-line/unknown/home/0/outside").stdout.partition("Cost")[2]
+        assert say("render", "results", "toy-line/unknown/home/0/outside", "--out", "films").exit_code == 0
+        line = refused(say("render", "results", "toy-line/unknown/home/0/outside", "--start", "0.5"))
+        assert "has no stored policy" in line
+
+    def test_a_row_of_the_same_name_is_replaced(self, say, mine):
+        say("score", "toy-line", "zz_functions:down", "--name", "mine")
+        Path("one.csv").write_text("x\n0\n0\n-1\n0\n0\n")
+        done = say("score", "toy-line", "one.csv", "--name", "mine")
+        assert "in place of another policy of that name, zz_functions:down" in done.stderr
+        (result,) = Results.load("results")
+        assert result.provenance["source"] == "one.csv"
+        assert len(list(Path("results/traces").iterdir())) == 1
+        assert say("results", "remove", "results", "*/outside", "--yes").exit_code == 0
+        assert not list(Path("results/traces").iterdir())
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (
+                ["zz_functions:bad"],
+                r"its actions are float64 (16, 2); expected are whole numbers (16,), or (16, 1) for v",
+            ),
+            (
+                ["zz_functions:up"],
+                "zz_functions:up failed: TypeError: up() missing 1 required positional argument: 't'",
+            ),
+            (["zz_functions:dwon"], "has no 'dwon'; did you mean 'down'"),
+            (["nothing.zip"], "there is no file nothing.zip"),
+            (["short.csv"], "short.csv has 2 rows; an episode of toy-line has 5, one at the start and one after each"),
+            (["other.csv"], "other.csv has no signal 'x'"),
+            (["slow.csv"], "row 3 has time 1, 0.5 is expected with a sampling time of 0.5 s"),
+            (["short.csv", "--on", "state"], "short.csv has traces, which are shown nothing"),
+            (["zz_functions:down", "--name", "Mine"], "--name Mine: a name consists of a-z"),
+            (["zz_functions:down", "--budget", "nope"], "task toy-line has no budget 'nope'"),
+            (["zz_functions:down", "--method", "nope"], "no method 'nope'"),
+            (["zz_functions:down", "--method", "toy-large"], "method toy-large on task toy-line: needs 6003 inputs"),
+        ],
+    )
+    def test_bad_input_is_one_line_and_writes_nothing(self, say, mine, words, message):
+        Path("short.csv").write_text("x\n0\n1\n")
+        Path("other.csv").write_text("y\n0\n1\n0\n1\n0\n")
+        Path("slow.csv").write_text("time,x\n0,0\n1,1\n2,0\n3,0\n4,1\n")
+        assert message in refused(say("score", "toy-line", *words))
+        assert not Path("results").exists()
+
+
+class TestStored:
+    def test_it_scores_as_recorded(self, say, toy):
+        say(*RUN)
+        before = Path("results/ledger.sqlite").read_bytes()
+        for policy in ("selected", "final"):
+            done = say("score", "toy-line", CELL, "--policy", policy)
+            assert done.exit_code == 0
+            assert done.stdout.startswith(f"{CELL}, {policy} policy, on toy-line: as recorded")
+        assert Path("results/ledger.sqlite").read_bytes() == before
+
+    def test_on_another_task(self, say, toy):
+        say(*RUN)
+        again = json.loads(say("score", "toy-line[hold=2]", CELL, "--json").stdout)
+        assert again == {"cell": CELL, "policy": "selected", "task": "toy-line[hold=2]", "as_recorded": None}
+
+    def test_a_file_that_was_changed_is_refused(self, say, toy):
+        say(*RUN)
+        for path in Path("results/policies").iterdir():
+            np.savez(path, **{"selected/action": np.array(2)})
+        assert "does not have the selected policy of" in refused(say("score", "toy-line", CELL))
+
+    def test_no_onnx_form_is_one_line(self, say, toy):
+        say(*RUN)
+        assert "policies of agent toy-agent have no ONNX form" in refused(say("export-policy", CELL, "p.onnx"))
+        assert "p.txt: a policy is written as .onnx" in refused(say("export-policy", CELL, "p.txt"))
+        assert not Path("p.onnx").exists()
+
+    def test_films_from_any_start(self, say, toy):
+        say(*RUN)
+        done = say("render", "results", CELL, "--start", "-0.5")
+        assert done.stdout.strip() == "results/films/film-toy-line-toy-raw-toy-agent-0-quick-start--0.5.gif"
+        with Image.open(done.stdout.strip()) as film:
+            assert film.n_frames > 1
+        done = say("render", "results", CELL, "--start-index", 3, "--policy", "final", "--format", "png")
+        assert done.stdout.splitlines() == [
+            f"results/films/{kind}-toy-line-toy-raw-toy-agent-0-quick-final-start-3.{end}"
+            for kind in ("trajectories", "time")
+            for end in ("png", "svg")
+        ]
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (["--start", "a"], "--start a: numbers separated by commas are expected, as in 0.3,1.2"),
+            (["--start", "nan"], "--start nan: numbers separated by commas"),
+            (["--start", "1,2"], "a start of toy-line has 1 numbers, x; got 2"),
+            (["--start-index", "8"], "the report of toy-line has starts 0 to 7, got 8"),
+            (["--start-index", "1", "--start", "1"], "--start and --start-index: one start, said once"),
+        ],
+    )
+    def test_starts_that_are_none(self, say, toy, words, message):
+        say(*RUN)
+        assert message in refused(say("render", "results", CELL, *words))

@@ -1,0 +1,76 @@
+"""What a policy from outside answers: taken as the task's actions, or refused with what is wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stlbench.contract import ActionBox, ActionGrid
+from stlbench.errors import UsageError
+from stlbench.outside.actions import OnObservation, OnState, actions_of
+
+GRID = ActionGrid(("v", "w"), ((-1.0, 0.0, 1.0), (0.0, 2.0)))
+BOX = ActionBox(("v", "w"), (-1.0, 0.0), (1.0, 2.0))
+
+
+def test_of_a_grid_whole_numbers_are_indices() -> None:
+    found = actions_of([5, 0, 3], GRID, 3, "p")
+    assert found.dtype == np.int64
+    assert found.tolist() == [5, 0, 3]
+
+
+def test_of_a_grid_vectors_are_taken_to_the_nearest_action() -> None:
+    vectors = np.array([[-0.9, 1.5], [0.4, 0.9], [0.6, 0.0]], np.float32)
+    assert GRID.vectors[actions_of(vectors, GRID, 3, "p")].tolist() == [[-1, 2], [0, 0], [1, 0]]
+
+
+def test_whole_numbers_can_be_a_vector_too() -> None:
+    assert actions_of([[1, 2]], BOX, 1, "p").tolist() == [[1.0, 2.0]]
+
+
+def test_what_single_precision_makes_of_an_end_is_within() -> None:
+    assert actions_of(np.array([[1 + 1e-7, -1e-7]]), BOX, 1, "p").tolist() == [[1.0, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("found", "actions", "message"),
+    [
+        ([0, 1], GRID, r"p: its actions are int64 \(2,\); expected are whole numbers \(3,\), or \(3, 2\) for v, w"),
+        ([0, 1, 2], BOX, r"p: its actions are int64 \(3,\); expected are \(3, 2\) for v, w"),
+        ([0.0, 1.0, 2.0], GRID, r"are float64 \(3,\); expected are whole"),
+        ([[0.0], [1.0], [2.0]], BOX, r"are float64 \(3, 1\); expected are \(3, 2\)"),
+        ([0, 6, 1], GRID, "p: action 6; the task's are 0 to 5"),
+        ([0, -1, 1], GRID, "p: action -1; the task's are 0 to 5"),
+        ([[0, 0], [0, np.nan], [0, 0]], BOX, r"p: an action has w nan; w is in \[0, 2\]"),
+        ([[0, 0], [0, np.nan], [0, 0]], GRID, r"p: an action has w nan; w is in \[0, 2\]"),
+        ([[0, 0], [-np.inf, 1], [0, 0]], BOX, r"p: an action has v -inf; v is in \[-1, 1\]"),
+        ([[0, 0], [0, 2.1], [1.5, 0]], BOX, r"p: an action has v 1.5; v is in \[-1, 1\]"),
+        (["a", "b", "c"], GRID, r"p: its actions are <U1 \(3,\)"),
+        ([[1], [1, 2], [3]], BOX, "p: its actions are no array"),
+        (None, BOX, r"p: its actions are object \(\)"),
+    ],
+)
+def test_what_is_refused(found: object, actions: ActionGrid | ActionBox, message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        actions_of(found, actions, 3, "p")
+
+
+def test_a_function_that_fails_is_one_line() -> None:
+    def fails(observation: object) -> None:
+        raise KeyError("first\nsecond")
+
+    with pytest.raises(UsageError) as caught:
+        OnObservation(fails, BOX, "mine:act").act(np.zeros((2, 3)))
+    assert str(caught.value).startswith("mine:act failed: KeyError: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_function_cannot_change_what_it_is_given() -> None:
+    def changes(state: np.ndarray, t: np.ndarray) -> np.ndarray:
+        state += 1
+        t += 1
+        return np.zeros((len(state), 2))
+
+    state, t = np.zeros((2, 3)), np.zeros(2, np.int64)
+    OnState(changes, BOX, "p").episode()(state, t, np.zeros((2, 0)))
+    assert (state.sum(), t.sum()) == (0, 0)
