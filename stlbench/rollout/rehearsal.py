@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import replace
+from typing import Any
 
 from stlbench.contract import Agent, Array, Environment, Integers, Training, Transition
 
@@ -23,23 +24,42 @@ def rehearse(agent: Agent, training: Training, hold: int) -> None:
         training: that training; its steps are the most that are spent.
         hold: steps of the task in a decision.
     """
-    few = min(training.steps, _DECISIONS * hold)
-    still = replace(training, make=lambda count: _Still(training.make(count)), steps=few, checkpoints=1)
-    agent.train(replace(still, report=lambda policy, steps: None))
+    few, stage = min(training.steps, _DECISIONS * hold), _Stage()
+    still = replace(training, make=lambda count: _Still(training.make(count), stage), steps=few, checkpoints=1)
+    try:
+        agent.train(replace(still, report=lambda policy, steps: None))
+    finally:
+        stage.is_open = False
+
+
+class _Stage:
+    """Whether the rehearsal goes on. Copies of its environments know it too."""
+
+    is_open = True
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> _Stage:
+        return self
+
+    def check(self) -> None:
+        if not self.is_open:
+            raise RuntimeError("this environment is of the warm-up; a training has its own, of its own `make`")
 
 
 class _Still:
-    """An environment whose last transition is given again and again."""
+    """An environment whose last transition is given again and again, as long as the rehearsal goes on."""
 
-    def __init__(self, environment: Environment) -> None:
-        self._environment, self._left = environment, _STEPPED
+    def __init__(self, environment: Environment, stage: _Stage) -> None:
+        stage.check()
+        self._environment, self._left, self._stage = environment, _STEPPED, stage
         self.count, self.observation_size = environment.count, environment.observation_size
         self.actions, self.hold = environment.actions, environment.hold
 
     def reset(self) -> Array:
+        self._stage.check()
         return self._environment.reset()
 
     def step(self, action: Integers | Array) -> Transition:
+        self._stage.check()
         if self._left:
             self._left -= 1
             self._last = self._environment.step(action)

@@ -17,11 +17,11 @@ from stlbench.registry import folders
 from stlbench.result import CurvePoint, Measurement, Planned, Result, StoredPolicies
 from stlbench.rollout import saved_policies, saved_traces
 from stlbench.rollout.cost import refuse_dear
-from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.model import model_of
 from stlbench.rollout.referee import Assessment, Referee
 from stlbench.rollout.rehearsal import rehearse
 from stlbench.rollout.worlds import make_world
+from stlbench.study.meter import Meter, MeteredEnvironment
 from stlbench.study.plan import Cell, derive_seed
 from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_agent, build_method, load_task
@@ -159,29 +159,30 @@ def _planned(agent: Agent, policy: Policy | StatePolicy, assessment: Assessment)
 def _train(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> _Trained:
     """Rehearse, unless the agent plans, and train by the clock.
 
-    Raises `RuntimeError` where the agent takes more steps than its budget.
+    Raises `RuntimeError` where the agent takes more steps than its budget, also by what it has kept of the rehearsal,
+    or reports more than it took.
     """
-    used: list[BatchEnvironment] = []
+    used: list[MeteredEnvironment] = []
     reported: list[_Reported] = []
     budget, clock = task.budget(cell.id.budget), _Clock()
+    meter = Meter(str(cell.id.agent))
 
     def report(policy: Policy | StatePolicy, steps: int) -> None:
         clock.pause()
+        meter.check(steps)
         reported.append(_Reported(policy, steps, clock.cpu))
         clock.resume()
 
-    training = _training(task, method, cell, budget, report, used.append)
+    training = _training(task, method, cell, budget, report, meter, used.append)
     if agent.plans is not None:
         training = replace(training, model=model_of(task, method))
     else:
         rehearse(agent, training, task.file.hold)
-        used.clear()
+    meter.begin(budget.steps)
     clock.resume()
     final = agent.train(training)
     clock.pause()
-    taken = sum(environment.taken for environment in used)
-    if taken > budget.steps:
-        raise RuntimeError(f"agent {cell.id.agent} took {taken} environment steps, its budget is {budget.steps}")
+    taken = meter.taken
     size = max((environment.observation_size for environment in used), default=0)
     return _Trained(final, reported or [_Reported(final, taken, clock.cpu)], taken, clock, size)
 
@@ -200,12 +201,13 @@ def _training(
     cell: Cell,
     budget: Budget,
     report: Callable[[Policy | StatePolicy, int], None],
-    made: Callable[[BatchEnvironment], None],
+    meter: Meter,
+    made: Callable[[MeteredEnvironment], None],
 ) -> Training:
     plugin, agent, seed = task.choice.name, cell.id.agent.name, cell.id.seed
 
-    def make(count: int) -> BatchEnvironment:
-        environment = BatchEnvironment(task, method, count, derive_seed(plugin, "initial states", seed))
+    def make(count: int) -> MeteredEnvironment:
+        environment = MeteredEnvironment(task, method, count, derive_seed(plugin, "initial states", seed), meter)
         made(environment)
         return environment
 

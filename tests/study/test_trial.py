@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import importlib
 import os
-from collections.abc import Callable
+import pickle
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +17,7 @@ import pytest
 from helpers import line_task
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Unsuitable
+from stlbench.contract import Array, Integers, Policy, Training, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.registry.choices import parse_choices
 from stlbench.result import MAIN, CellId, Measurement, Planned, Result
@@ -148,13 +151,58 @@ class Script(Agent):
         seen.append((training.steps, training.seed, environment.reset()[:, 0].tolist()))
         for i, action in enumerate(actions):
             environment.step(np.array([0, 0]))
-            training.report(Constant(action), 10 * (i + 1))
+            training.report(Constant(action), 2 * (i + 1) + more_said)
         for _ in range(more):
             environment.step(np.array([0, 0]))
         return Constant(final)
-actions, final, more = [0, 1, 2, 1, 2], 0, 0
+actions, final, more, more_said = [0, 1, 2, 1, 2], 0, 0, 0
 """
 """Reports policies with v = -1, 0, 1, 0, 1 m/s and ends with one of -1."""
+
+
+def evading(keep: str) -> Callable[[Any, Training], Policy]:
+    """A training that takes three times its budget, in turn in environments that it has got somehow."""
+
+    def train(self: Any, training: Training) -> Policy:
+        environment = training.make(2)
+        environment.reset()
+        first = self.__dict__.setdefault("first", environment)
+        if first is environment:  # the warm-up
+            self.__dict__["make"] = training.make
+            return line_task.Rule(lambda observation: 0)
+        kept: list[Any] = {
+            "warm-up": lambda: [first],
+            "make": lambda: [self.make(2)],
+            "inner": lambda: [first._environment, environment],
+            "copies": lambda: [copy.deepcopy(environment), copy.copy(environment), environment],
+            "fork": lambda: [environment],
+            "pickle": lambda: [pickle.loads(pickle.dumps(environment._meter))],
+        }[keep]()
+        steps = partial(_steps, kept)
+        return raised_in_a_fork(steps) if keep == "fork" else steps()
+
+    return train
+
+
+def _steps(environments: Sequence[Any]) -> Policy:
+    for number in range(60):
+        environments[number % len(environments)].step(np.zeros(2, dtype=np.int64))
+    return line_task.Rule(lambda observation: 0)
+
+
+def raised_in_a_fork(work: Callable[[], Any]) -> Any:
+    """Call it in a child of this process, and raise here what it raises there."""
+    reading, writing = os.pipe()
+    if os.fork() == 0:
+        try:
+            work()
+        except RuntimeError as error:
+            os.write(writing, str(error).encode())
+        finally:
+            os._exit(0)
+    os.close(writing)
+    os.wait()
+    raise RuntimeError(os.read(reading, 1000).decode())
 
 
 class TestScript:
@@ -181,7 +229,7 @@ class TestScript:
         found = trial.run_cell(self.cell()).measurement
         assert found is not None
         assert [point.satisfaction for point in found.curve] == [0, 0, 1, 0, 1]
-        assert found.selected_steps == 30  # of two that are equally good the first
+        assert found.selected_steps == 6  # of two that are equally good the first
         begin = starts.grid(load_task("zz-line").file.initial, 4)[:, 0]
         assert found.selected[MAIN].robustness == pytest.approx(begin + 4 - 2)
         assert found.final[MAIN].robustness == pytest.approx(begin - 4 - 2)
@@ -191,7 +239,7 @@ class TestScript:
         agent(6).actions = [0, 1, 2, 0]  # x_8 is x_0 - 4, x_0, x_0 + 4, at most 5
         found = trial.run_cell(self.cell()).measurement
         assert found is not None
-        assert found.selected_steps == 30
+        assert found.selected_steps == 6
         assert [point.satisfaction for point in found.curve] == [0, 0, 0, 0]
         assert np.diff([point.robustness_mean for point in found.curve]) == pytest.approx([4, 4, -8])
 
@@ -217,6 +265,30 @@ class TestScript:
         assert trial.run_cell(self.cell()).status == "done"
         script.more = 16
         with pytest.raises(RuntimeError, match="agent zz-script took 42 environment steps, its budget is 40"):
+            trial.run_cell(self.cell())
+
+    def test_an_agent_that_reports_more_steps_than_it_took_is_an_accident(self, agent: Callable[[int], Any]) -> None:
+        agent(2).more_said = 1
+        said = "agent zz-script reports a policy after 3 environment steps, and had taken 2"
+        with pytest.raises(RuntimeError, match=said):
+            trial.run_cell(self.cell())
+
+    @pytest.mark.parametrize(
+        ("keep", "message"),
+        [
+            ("warm-up", "this environment is of the warm-up; a training has its own, of its own `make`"),
+            ("make", "this environment is of the warm-up"),
+            ("inner", "agent zz-script took 42 environment steps, its budget is 40"),
+            ("copies", "agent zz-script took 42 environment steps, its budget is 40"),
+            ("fork", "agent zz-script steps an environment in another process, where nothing is counted"),
+            ("pickle", "an environment of a training cannot be sent elsewhere: its steps would not be counted"),
+        ],
+    )
+    def test_the_budget_cannot_be_evaded(self, agent: Callable[[int], Any], keep: str, message: str) -> None:
+        """By what is kept of the warm-up, by copies of an environment, or by another process."""
+        script = agent(2)
+        script.Script.train = evading(keep)
+        with pytest.raises((RuntimeError, TypeError), match=message):
             trial.run_cell(self.cell())
 
     def test_seeds_are_those_of_the_cell_and_the_same_for_every_method(self, agent: Callable[[int], Any]) -> None:
