@@ -53,6 +53,10 @@ def new(
     kind: Annotated[Kind, typer.Argument(metavar="KIND", help="method, task or agent.")],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Of the plugin: a-z, 0-9, and - between them.")],
     into: Annotated[Path, typer.Option(metavar="DIR", help="Where to make the folder NAME.")] = Path(),
+    environment: Annotated[
+        str | None,
+        typer.Option(metavar="ID", help="Of Gymnasium: a task on it, which is a folder with a task.yaml alone."),
+    ] = None,
 ) -> None:
     """Write a distribution with a method, task or agent that works, with its tests, for you to change.
 
@@ -64,10 +68,16 @@ def new(
     Examples:
       stlbench new method my-reward
       stlbench new task cart-reach --into work
+      stlbench new task steady-pole --environment CartPole-v1
     """
     _check(kind, name)
     folder = into / name
-    files = _files(kind, name)
+    if environment is None:
+        files, then = _files(kind, name), f"cd {folder} && pip install -e '.[dev]' && stlbench check {name}"
+    elif kind == "task":
+        files, then = _sketched(environment), f"change {folder}/task.yaml, and stlbench check ./{folder}"
+    else:
+        raise UsageError(f"--environment is for a task; {kind} was asked for")
     try:
         folder.mkdir(parents=True)
         for path, text in files.items():
@@ -79,7 +89,17 @@ def new(
         raise UsageError(f"cannot write {folder}: {error}") from error
     for path in files:
         typer.echo(folder / path)
-    typer.echo(f"now: cd {folder} && pip install -e '.[dev]' && stlbench check {name}")
+    typer.echo(f"now: {then}")
+
+
+def _sketched(environment: str) -> dict[str, str]:
+    """The task file of a task on an environment."""
+    import yaml
+
+    from stlbench.environments.sketch import sketch
+
+    text = yaml.safe_dump(sketch(environment), sort_keys=False, default_flow_style=None, width=110)
+    return {"task.yaml": text}
 
 
 def _check(kind: Kind, name: str) -> None:

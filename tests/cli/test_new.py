@@ -15,6 +15,8 @@ from typer.testing import CliRunner
 
 from stlbench.cli import app
 from stlbench.registry import plugins
+from stlbench.task import load_task
+from stlbench.testing import check_task
 
 ROOT = Path(__file__).parents[2]
 KINDS = ("method", "task", "agent")
@@ -105,3 +107,33 @@ def test_a_bad_name_is_one_line(tmp_path: Path, kind: str, name: str, said: str)
     assert done.stderr.startswith(f"error: {said}")
     assert done.stderr.count("\n") == 1
     assert not (tmp_path / "made").exists()
+
+
+@pytest.mark.parametrize(
+    ("identifier", "agent"),
+    [("CartPole-v1", "dqn"), ("Pendulum-v1", "td3"), ("gymnasium_robotics:FetchReach-v4", "td3"), ("Hopper-v5", "td3")],
+)
+def test_a_task_on_an_environment_keeps_the_contract_as_it_is(
+    identifier: str, agent: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(plugins._ADDED, "tasks", {})
+    new("task", "zz-made", "--into", tmp_path, "--environment", identifier)
+    task = load_task(str(tmp_path / "zz-made"))
+    assert task.own_agent == agent
+    if identifier != "Hopper-v5":  # what it has no ends for, it leaves by more than anybody can guess
+        check_task(str(tmp_path / "zz-made"))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("task", "zz-made", "--environment", "CartPoel-v1"), "no environment 'CartPoel-v1'; did you mean"),
+        (("task", "zz-made", "--environment", "FrozenLake-v1"), "its observation is no Box, nor a Dict with one"),
+        (("agent", "zz-made", "--environment", "CartPole-v1"), "--environment is for a task; agent was asked for"),
+    ],
+)
+def test_what_is_no_environment_for_a_task_is_said(words: tuple[str, ...], said: str, tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["new", *words, "--into", str(tmp_path)])
+    assert done.exit_code == 2
+    assert done.stderr.startswith(f"error: {said}")
+    assert not list(tmp_path.iterdir())
