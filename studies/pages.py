@@ -153,7 +153,7 @@ def by_seed(*tasks: str) -> Callable[[], str]:
             [
                 *_task(task, tasks),
                 f"`{method}`",
-                *(_by_seed(cells, task, method, name) for name in ("satisfaction", "final_satisfaction")),
+                *(_by_seed(cells, found[task, method], name) for name in ("satisfaction", "final_satisfaction")),
                 *(_robustness(found[task, method], which) for which in ("", "final ")),
             ]
             for task in tasks
@@ -169,8 +169,8 @@ def _task(task: str, tasks: Sequence[str]) -> list[str]:
     return [f"`{task}`"] if len(tasks) > 1 else []
 
 
-def _by_seed(cells: Sequence[Row], task: str, method: str, name: str) -> str:
-    own = [row for row in cells if (row["task"], row["method"]) == (task, method) and "[" not in row["agent"]]
+def _by_seed(cells: Sequence[Row], setting: Row, name: str) -> str:
+    own = [row for row in cells if all(row[part] == setting[part] for part in ("task", "method", "agent", "budget"))]
     return ", ".join(_percent(row[name]) for row in own)
 
 
