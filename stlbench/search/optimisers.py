@@ -24,24 +24,34 @@ Optimiser = Callable[[Objective, int], None]
 _POPULATION = 32
 """Points in a generation of differential evolution, about. Few, so that it comes together and begins anew often:
 robustness has many local minima."""
+_AT_RANDOM, _FIRST = 0.2, 64
+"""The part of its evaluations that are points at random, and how many of them are in the first batch."""
 _COPIES = 32
 """Searches side by side, about."""
 
 
 def at_random(objective: Objective, seed: int) -> None:
     """Points drawn uniformly from the region of starts: what the others are compared with."""
-    generator = np.random.default_rng(seed)
-    while True:
-        missing = min(objective.subject.rows, objective.evaluations - objective.count)
-        objective.of_points(objective.space.draw(generator, missing))
+    _draw(objective, np.random.default_rng(seed), objective.evaluations)
+
+
+def _draw(objective: Objective, generator: np.random.Generator, count: int) -> None:
+    """So many points at random, in batches that grow: where failures are common, the first are soon met."""
+    while objective.count < count:
+        batch = min(max(_FIRST, objective.count), objective.subject.rows, count - objective.count)
+        objective.of_points(objective.space.draw(generator, batch))
 
 
 def differential_evolution(objective: Objective, seed: int) -> None:
-    """R. Storn and K. Price (1997), a generation at a time; begins anew where its points have come together."""
+    """R. Storn and K. Price (1997), a generation at a time; begins anew where its points have come together.
+
+    A part of the evaluations are points at random, first: failures that robustness does not lead to are met there.
+    """
     from scipy import optimize
 
     minimise: Any = optimize.differential_evolution  # its annotations know no batches
     size = objective.box.size
+    _draw(objective, np.random.default_rng(seed), round(_AT_RANDOM * objective.evaluations))
     for generator in _generators(seed):
         minimise(
             lambda points: objective.of_cube(points.T),

@@ -71,7 +71,7 @@ def test_random_points_use_all_evaluations_and_no_more() -> None:
     told = list[tuple[int, float]]()
     found = falsify(still("G[0,8] a <= 9"), How("random", 2500), lambda count, least: told.append((count, least)))
     assert found.evaluations == 2500
-    assert [count for count, _ in told] == [1024, 2048, 2500]
+    assert [count for count, _ in told] == [64, 128, 256, 512, 1024, 2048, 2500]
     assert told[-1][1] == found.worst.robustness
     assert found.first is None
 
