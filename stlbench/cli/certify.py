@@ -8,19 +8,34 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stlbench.cli.common import Json, console, print_json
-from stlbench.cli.subjects import All, Budget, Cells, Controller, Final, RunFolder, subjects
+from stlbench.cli.subjects import (
+    All,
+    Budget,
+    Controller,
+    Method,
+    Named,
+    On,
+    Policies,
+    RunFolder,
+    TaskName,
+    Which,
+    subjects,
+)
 
 if TYPE_CHECKING:
     from stlbench.search.certify import Certificate
 
 
 def certify(
-    cells: Cells = None,
+    policies: Policies = None,
     results: RunFolder = Path("results"),
-    controller: Controller = None,
     every: All = False,
+    controller: Controller = None,
     budget: Budget = None,
-    final: Final = False,
+    which: Which = "selected",
+    task: TaskName = None,
+    method: Method = None,
+    on: On = "observation",
     confidence: Annotated[float, typer.Option(metavar="C", help="With which the answer is right.")] = 0.99,
     starts: Annotated[
         int | None,
@@ -53,7 +68,8 @@ def certify(
 
     claim = search.Claim(confidence, starts, at_least, until, seed)
     search.check(claim)
-    named = subjects(cells, results, budget, every, final, controller)
+    chosen = Named(policies or [], results, every, controller, budget, which, task, method, on)
+    named = subjects(chosen)
     one_by_one(
         named,
         claim.most,

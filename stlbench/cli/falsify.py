@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from stlbench.cli.common import Json, console, print_json
-from stlbench.cli.subjects import All, Budget, Cells, Controller, Final, RunFolder, subjects
+from stlbench.cli.subjects import (
+    All,
+    Budget,
+    Controller,
+    Method,
+    Named,
+    On,
+    Policies,
+    RunFolder,
+    TaskName,
+    Which,
+    subjects,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,12 +30,15 @@ if TYPE_CHECKING:
 
 
 def falsify(
-    cells: Cells = None,
+    policies: Policies = None,
     results: RunFolder = Path("results"),
-    controller: Controller = None,
     every: All = False,
+    controller: Controller = None,
     budget: Budget = None,
-    final: Final = False,
+    which: Which = "selected",
+    task: TaskName = None,
+    method: Method = None,
+    on: On = "observation",
     evaluations: Annotated[int, typer.Option(metavar="N", help="Episodes that are simulated at most.")] = 10_000,
     optimiser: Annotated[
         str | None,
@@ -53,6 +68,7 @@ def falsify(
       stlbench falsify hold-disc/funnel/dqn/0
       stlbench falsify --all --results study --evaluations 2000
       stlbench falsify --controller hold-disc,robot-nav --least
+      stlbench falsify --task pendulum my_controllers:energy --on state
     """
     from stlbench.cli.counter import one_by_one
     from stlbench.search import falsify as search
@@ -60,7 +76,8 @@ def falsify(
 
     how = search.How(optimiser, evaluations, least, seed)
     search.check(how)
-    named = subjects(cells, results, budget, every, final, controller)
+    chosen = Named(policies or [], results, every, controller, budget, which, task, method, on)
+    named = subjects(chosen)
 
     def work(subject: Subject, told: Callable[[int, float], None]) -> _Written:
         found = search.falsify(subject, how, told)

@@ -22,7 +22,7 @@ from stlbench.rollout.controller import Unpaid
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.task import Task, build_method
 
-__all__ = ["UNKNOWN", "On", "Scored", "Shown", "score"]
+__all__ = ["UNKNOWN", "On", "Scored", "Shown", "acting", "score"]
 
 UNKNOWN = Choice("unknown")
 """In the place of a method: nobody said which reward the policy was trained by, and it is shown no inputs of one."""
@@ -77,9 +77,15 @@ def score(task: Task, source: Source, shown: Shown, random_starts: int) -> Score
             raise UsageError(f"{source.text}: {error}") from error
         starts = "the report's starts" if from_the_reports_starts(traces, task) else "starts of its own"
         return Scored(_measured(scores, begun), traces, None, starts)
-    method = _method(task, shown.method)
-    found = referee.Referee(task, method, random_starts).assess(_policy(task, source, shown.on, method))
+    method, policy = acting(task, source, shown)
+    found = referee.Referee(task, method, random_starts).assess(policy)
     return Scored(_measured(found.scores, begun, method.input_size), found.traces, found.states, "the report's starts")
+
+
+def acting(task: Task, source: Source, shown: Shown) -> tuple[RewardMethod, Policy | StatePolicy]:
+    """What the referee needs to let it act, `record(task, method, policy, starts)`. Raises `UsageError` as `score`."""
+    method = _method(task, shown.method)
+    return method, _policy(task, source, shown.on, method)
 
 
 def _method(task: Task, choice: Choice) -> RewardMethod:

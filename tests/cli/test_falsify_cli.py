@@ -96,7 +96,7 @@ def test_json(cells: Callable[..., Result]) -> None:
 
 
 def test_the_final_policy(cells: Callable[..., Result]) -> None:
-    done = cells("falsify", UP, "--final", "--evaluations", 200, "--json")
+    done = cells("falsify", UP, "--policy", "final", "--evaluations", 200, "--json")
     assert json.loads(done.stdout)[0]["searched"] == f"{UP}, final"
 
 
@@ -104,6 +104,15 @@ def test_a_controller_by_hand(say: Callable[..., Result], down: list[int]) -> No
     (found,) = json.loads(say("falsify", "--controller", "toy-line", "--evaluations", 300, "--json").stdout)
     assert found["searched"] == "toy-line, by hand"
     assert found["robustness"] == pytest.approx(0.1, abs=0.02)
+
+
+def test_a_policy_from_outside(say: Callable[..., Result], toy: Path) -> None:
+    Path("mine.py").write_text("import numpy as np\ndef up(state, t): return np.ones((len(state), 1))\n")
+    (found,) = json.loads(say("falsify", "--task", "toy-line", "mine:up", "--on", "state", "--json").stdout)
+    assert (found["searched"], found["counterexample"], found["step"]) == ("toy-line, mine:up", True, 4)
+    done = say("certify", "--task", "toy-line", "mine:up", "--on", "state", "--starts", 20)
+    assert done.stdout.startswith("toy-line, mine:up: satisfied from 0 of 20 random starts")
+    assert "recorded traces, which cannot act" in refused(say("falsify", "--task", "toy-line", found["files"][0]))
 
 
 def test_a_cell_that_cannot_be_used_is_left_out_of_all(cells: Callable[..., Result]) -> None:
@@ -117,7 +126,10 @@ def test_a_cell_that_cannot_be_used_is_left_out_of_all(cells: Callable[..., Resu
 @pytest.mark.parametrize("command", ["falsify", "certify"])
 def test_what_is_no_subject(cells: Callable[..., Result], command: str) -> None:
     assert refused(cells(command)).startswith("error: name a cell, --all ")
-    assert "not both" in refused(cells(command, UP, "--all"))
+    assert "name no others beside it" in refused(cells(command, UP, "--all"))
+    assert "with --task" in refused(cells(command, UP, "--on", "state"))
+    assert "--task needs a policy" in refused(cells(command, "--task", "toy-line"))
+    assert "a cell: name it without --task" in refused(cells(command, UP, "--task", "toy-line"))
     assert "there is no cell" in refused(cells(command, "toy-line/toy-raw/toy-agent/7"))
     assert "has no controller by hand" in refused(cells(command, "--controller", "toy-line"))
     assert "has no budget 'paper'" in refused(cells(command, UP, "--budget", "paper"))
