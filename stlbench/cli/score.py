@@ -35,8 +35,8 @@ def score(
         typer.Option(metavar="NAME", help="Reward method whose inputs the policy is shown.", show_default="none"),
     ] = None,
     on: Annotated[
-        Literal["observation", "state"],
-        typer.Option(help="What a function is given: the agents' observation, or states and step counts."),
+        Literal["observation", "state", "environment"],
+        typer.Option(help="What it is given: as agents, states and steps, or the environment's own."),
     ] = "observation",
     name: Annotated[
         str | None,
@@ -57,6 +57,7 @@ def score(
     Examples:
       stlbench score pendulum my_controllers:energy --on state
       stlbench score hold-disc model.zip --name sb3-ppo --seed 1
+      stlbench score lunar-lander model.zip --on environment
       stlbench score hold-disc hold-disc/funnel/dqn/0
     """
     from stlbench.outside.source import find_source
@@ -93,7 +94,7 @@ def _outside(
     results: Path,
     budget: str,
     method: str | None,
-    on: Literal["observation", "state"],
+    on: Literal["observation", "state", "environment"],
     name: str | None,
     seed: int,
 ) -> Result:

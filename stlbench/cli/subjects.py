@@ -41,8 +41,8 @@ Method = Annotated[
     typer.Option(metavar="NAME", help="With --task: method whose inputs the policy is shown.", show_default="none"),
 ]
 On = Annotated[
-    Literal["observation", "state"],
-    typer.Option(help="With --task: what a function is given, the agents' observation, or states and step counts."),
+    Literal["observation", "state", "environment"],
+    typer.Option(help="With --task: what it is given: as agents, states and steps, or the environment's own."),
 ]
 
 
@@ -58,7 +58,7 @@ class Named(NamedTuple):
     which: Literal["selected", "final"]
     task: str | None
     method: str | None
-    on: Literal["observation", "state"]
+    on: Literal["observation", "state", "environment"]
 
 
 def subjects(named: Named) -> list[Subject]:

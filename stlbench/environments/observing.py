@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 from stlbench.contract import Array
 from stlbench.environments.entries import Entries
@@ -29,7 +30,7 @@ class Observed:
     def __init__(self, space: spaces.Space[Any], entries: Entries, scale: Mapping[str, float]) -> None:
         """Args: `scale` named entry -> about its largest magnitude. Raises `UsageError`."""
         flat = _flat(space)
-        self.size = flat.shape[0]
+        self.size, self._type = flat.shape[0], flat.dtype
         self._space, self._plain = space, isinstance(space, spaces.Box) and len(space.shape) == 1
         low, high = flat.low.astype(np.float64), flat.high.astype(np.float64)
         known = (np.abs(low) <= _LARGE) & (np.abs(high) <= _LARGE) & (low < high)
@@ -47,6 +48,11 @@ class Observed:
         """What the policy sees: (N, d) -> (N, d)."""
         seen: Array = (flat - self._middle) / self._reach
         return seen
+
+    def own(self, seen: Array) -> NDArray[Any]:
+        """What the environment itself shows, from what the policy sees: (N, d) -> (N, d), of the space's own type."""
+        flat = seen * self._reach + self._middle
+        return (flat if self._type.kind == "f" else np.rint(flat)).astype(self._type)
 
 
 def _flat(space: spaces.Space[Any]) -> spaces.Box:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from stlbench.contract import Array, Intractable, Policy, RewardMethod, StatePolicy, System, Unsuitable
+from stlbench.contract import Array, GymTask, Intractable, Policy, RewardMethod, StatePolicy, System, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.outside.actions import OnObservation, OnState
 from stlbench.outside.function import load_function
@@ -22,12 +22,15 @@ from stlbench.rollout.controller import Unpaid
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.task import Task, build_method
 
+if TYPE_CHECKING:
+    from stlbench.environments.observing import Observed
+
 __all__ = ["UNKNOWN", "On", "Scored", "Shown", "acting", "score"]
 
 UNKNOWN = Choice("unknown")
 """In the place of a method: nobody said which reward the policy was trained by, and it is shown no inputs of one."""
 
-On = Literal["observation", "state"]
+On = Literal["observation", "state", "environment"]
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,8 @@ class Shown:
     """What a policy is shown."""
 
     on: On = "observation"
-    """What agents of stlbench see, (N, D); or, a function alone, states (N, n) and step counts t (N,)."""
+    """What agents of stlbench see, (N, D); a function alone: states (N, n) and step counts t (N,); of a task on an
+    environment: its own observations (N, d), as they are."""
     method: Choice = UNKNOWN
     """The reward method whose inputs are the end of the observation."""
 
@@ -99,20 +103,41 @@ def _method(task: Task, choice: Choice) -> RewardMethod:
 
 def _policy(task: Task, source: Source, on: On, method: RewardMethod) -> Policy | StatePolicy:
     if on == "state":
-        if source.kind != "function":
-            raise UsageError(f"--on state is for module:function; {source.text} is given the observation")
-        if not isinstance(task.dynamics, System):
-            raise UsageError(f"--on state: task {task.name} is no system, its states are not to be had")
-        return OnState(load_function(source.text), task.actions, source.text)
+        return _on_state(task, source)
+    if on == "environment":
+        observed = _observed(task, method)
+        own = _function(task, source, observed.size)
+        return OnObservation(lambda seen: own(observed.own(seen[:, : observed.size])), task.actions, source.text)
     size = BatchEnvironment(task, method, 1, 0).observation_size
+    return OnObservation(_function(task, source, size), task.actions, source.text)
+
+
+def _on_state(task: Task, source: Source) -> StatePolicy:
+    if source.kind != "function":
+        raise UsageError(f"--on state is for module:function; {source.text} is given the observation")
+    if not isinstance(task.dynamics, System):
+        raise UsageError(f"--on state: task {task.name} is no system, its states are not to be had")
+    return OnState(load_function(source.text), task.actions, source.text)
+
+
+def _observed(task: Task, method: RewardMethod) -> Observed:
+    """What the environment of a task shows, beside which there are no inputs of a method."""
+    if not isinstance(task.dynamics, GymTask):
+        raise UsageError(f"--on environment: task {task.name} is on no environment of Gymnasium")
+    if method.input_size:
+        raise UsageError("--on environment: what it shows has no inputs of a method; leave --method out")
+    return task.source.observed
+
+
+def _function(task: Task, source: Source, size: int) -> Callable[[Array], Any]:
+    """Of observations of so many numbers."""
     match source.kind:
         case "function":
-            function = load_function(source.text)
+            return load_function(source.text)
         case "sb3":
-            function = load_sb3(source.path, task.actions, size)
+            return load_sb3(source.path, task.actions, size)
         case _:
-            function = load_onnx(source.path, size)
-    return OnObservation(function, task.actions, source.text)
+            return load_onnx(source.path, size)
 
 
 def _measured(scores: Mapping[str, Score], begun: tuple[float, float], inputs: int = 0) -> Measurement:
