@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import line_task
+from helpers import kept_policies
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import parse_choices
-from stlbench.result import MAIN, CellId, Result, from_json, to_json
+from stlbench.result import MAIN, Result, from_json, to_json
 from stlbench.rollout import referee
 from stlbench.study import trial
 from stlbench.study.kept import load_policy
@@ -96,50 +95,13 @@ def test_another_observation_is_refused(folder: Path, result: Result) -> None:
         load_policy(folder, changed)
 
 
-ENTRIES = "[stlbench.tasks]\nzz-line = zz_kept.system:Line\n[stlbench.agents]\nzz-kept = zz_kept.agent:Kept\n"
-SYSTEM = """
-from stlbench.contract import System
-class Line(System):
-    state = ("x",)
-    def step(self, state, action): return state + self.dt * action
-    def signals(self, state): return state
-    def features(self, state, t): return state
-"""
-AGENT = """
-import numpy as np
-from stlbench.contract import Agent, Policy
-class Constant(Policy):
-    def __init__(self, action): self.action = action
-    def act(self, observation): return np.full(len(observation), self.action)
-    def arrays(self): return {"action": np.array(self.action)}
-class Kept(Agent):
-    def train(self, training):
-        training.make(2)
-        return Constant(2)
-class Restores(Kept):
-    @classmethod
-    def restore(cls, arrays, actions): return Constant(int(arrays["action"]))
-"""
+def test_an_agent_that_restores(site: Callable[..., Path], tmp_path: Path) -> None:
+    found = kept_policies.trained(site, tmp_path)
+    for which, action in (("selected", 0), ("final", 2)):
+        assert load_policy(tmp_path, found, which).policy.act(np.zeros((3, 2))).tolist() == [action] * 3
 
 
-class TestOtherAgents:
-    @pytest.fixture
-    def stored(self, site: Callable[..., Path], tmp_path: Path) -> Callable[[str], Result]:
-        def train(agent: str) -> Result:
-            files = {"__init__.py": "", "system.py": SYSTEM, "agent.py": AGENT, "task.yaml": line_task.text()}
-            entries = ENTRIES.replace("agent:Kept", f"agent:{agent}")
-            site("zz-kept", entries, {f"zz_kept/{name}": content for name, content in files.items()})
-            importlib.invalidate_caches()
-            planned = Cell(CellId.parse("zz-line/raw/zz-kept/0", "smoke"), 32 * "0", 60)
-            return trial.run_cell(planned, tmp_path / "results")
-
-        return train
-
-    def test_one_that_restores(self, stored: Callable[[str], Result], tmp_path: Path) -> None:
-        policy = load_policy(tmp_path / "results", stored("Restores")).policy
-        assert policy.act(np.zeros((3, 2))).tolist() == [2, 2, 2]
-
-    def test_one_that_does_not(self, stored: Callable[[str], Result], tmp_path: Path) -> None:
-        found = stored("Kept")
-        with pytest.raises(UsageError, match="policy cannot be used: it does not say how its policies are"):
-            load_policy(tmp_path / "results", found)
+def test_an_agent_that_does_not(site: Callable[..., Path], tmp_path: Path) -> None:
+    found = kept_policies.trained(site, tmp_path, "Keeps")
+    with pytest.raises(UsageError, match="policy cannot be used: it does not say how its policies are"):
+        load_policy(tmp_path, found)

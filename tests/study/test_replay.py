@@ -7,46 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import line_task
+from helpers import kept_policies
 
-from stlbench.result import MAIN, CellId, Result
+from stlbench.result import MAIN, Result
 from stlbench.rollout.saved_traces import FOLDER, read_saved, trace_file
-from stlbench.study import trial
-from stlbench.study.plan import Cell
 from stlbench.study.replay import Start, parse_start, replay
-
-ENTRIES = "[stlbench.tasks]\nzz-line = zz_replay.system:Line\n[stlbench.agents]\nzz-up = zz_replay.agent:Up\n"
-SYSTEM = """
-from stlbench.contract import System
-class Line(System):
-    state = ("x",)
-    def step(self, state, action): return state + self.dt * action
-    def signals(self, state): return state
-    def features(self, state, t): return state
-"""
-AGENT = """
-import numpy as np
-from stlbench.contract import Agent, Policy
-class Always(Policy):
-    def __init__(self, action): self.action = action
-    def act(self, observation): return np.full(len(observation), self.action)
-    def arrays(self): return {"action": np.array(self.action)}
-class Up(Agent):
-    def train(self, training):
-        training.make(2)
-        training.report(Always(0), 10)
-        return Always(2)
-    @classmethod
-    def restore(cls, arrays, actions): return Always(int(arrays["action"]))
-"""
 
 
 @pytest.fixture
 def result(site: Callable[..., Path], tmp_path: Path) -> Result:
     """Its selected policy goes down, its final one goes up, half a metre a step for 8 steps; G[0,4] (x <= 1)."""
-    files = {"__init__.py": "", "system.py": SYSTEM, "agent.py": AGENT, "task.yaml": line_task.text()}
-    site("zz-replay", ENTRIES, {f"zz_replay/{name}": content for name, content in files.items()})
-    return trial.run_cell(Cell(CellId.parse("zz-line/raw/zz-up/0", "smoke"), 32 * "0", 60), tmp_path)
+    return kept_policies.trained(site, tmp_path)
 
 
 def test_all_starts_of_the_report_give_what_was_recorded(result: Result, tmp_path: Path) -> None:
