@@ -15,6 +15,7 @@ from stlbench.registry.choices import Choice, choice_of
 from stlbench.result import CellId, Result
 from stlbench.study import scheduler, trial
 from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.lock import writing
 from stlbench.study.logs import log_of
 from stlbench.study.plan import Cell, check_cells, uncompiled
 from stlbench.study.provenance import collect
@@ -154,14 +155,14 @@ def run_cells(
         run_cell: an importable function with the arguments of `trial.run_cell`, which it is where left out.
 
     Raises:
-        UsageError: a plugin cannot be loaded, or has wrong parameters, or the ledger is none; nothing has run
-            then, and nothing was written.
+        UsageError: a plugin cannot be loaded, or has wrong parameters, or the ledger is none, or another process writes
+            in the folder; nothing has run then, and nothing was written.
     """
     told = progress or _Silent()
     with open_ledger(folder / FILE) as ledger:
-        finished = ledger.finished((cell.key for cell in cells), retry)
-        missing = [*{cell.key: cell for cell in cells if cell.key not in finished}.values()]
-        notes = check_cells(missing)
+        notes = check_cells(_missing(cells, ledger, retry))
+    with writing(folder), open_ledger(folder / FILE) as ledger:
+        missing = _missing(cells, ledger, retry)
         ledger.plan({cell.key: cell.id for cell in cells})
         told.begin([cell.id for cell in missing], len(cells) - len(missing))
         for line in notes:
@@ -174,3 +175,10 @@ def run_cells(
         with closing(scheduler.run(missing, ledger, executor, work_on, collect(executor.jobs))) as results:
             for result in results:
                 told.ended(result)
+
+
+def _missing(cells: Iterable[Cell], ledger: Ledger, retry: bool) -> list[Cell]:
+    """Those of the cells that are to be run, each once."""
+    known = {cell.key: cell for cell in cells}
+    finished = ledger.finished(known, retry)
+    return [cell for key, cell in known.items() if key not in finished]

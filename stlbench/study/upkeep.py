@@ -14,6 +14,7 @@ from stlbench.rollout.saved_policies import policy_file
 from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import stored
 from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.lock import writing
 from stlbench.study.logs import log_file
 from stlbench.study.results import Results
 
@@ -68,11 +69,15 @@ def _pattern(name: str, known: Collection[str]) -> re.Pattern[str]:
 
 def remove(folder: Path, cells: Iterable[CellId]) -> None:
     """Take cells out of a folder's ledger, with all that is recorded of them, their traces, policies and logs."""
-    with Ledger(folder / FILE, create=False) as ledger:
+    with writing(folder), Ledger(folder / FILE, create=False) as ledger:
         for cell in cells:
-            for key in ledger.remove(cell):
-                for file in _files(folder, cell, key):
-                    file.unlink(missing_ok=True)
+            _remove(folder, ledger, cell)
+
+
+def _remove(folder: Path, ledger: Ledger, cell: CellId) -> None:
+    for key in ledger.remove(cell):
+        for file in _files(folder, cell, key):
+            file.unlink(missing_ok=True)
 
 
 def _files(folder: Path, cell: CellId, key: str) -> tuple[Path, ...]:
@@ -105,14 +110,14 @@ def merge(into: Path, source: Path) -> Merged:
     if stored.locate(into) and not (into / FILE).is_file():
         raise UsageError(f"{into} has no {FILE} but {stored.LINES}; merge into a new folder, and export that")
     added = replaced = 0
-    with Ledger(into / FILE) as ledger:
+    with writing(into), Ledger(into / FILE) as ledger:
         present = {result.id: result for result in ledger.results()}
         for result in incoming:
             before = present.get(result.id)
             if before is not None and _begun(result) <= _begun(before):
                 continue
             if before is not None:
-                remove(into, [before.id])
+                _remove(into, ledger, before.id)
             _copy_files(incoming.folder, into, result)
             ledger.record(result)
             added, replaced = added + (before is None), replaced + (before is not None)

@@ -267,7 +267,7 @@ def test_seeds_that_mean_nothing(text):
         (["--executor", "toy-her"], "no executor 'toy-her'; did you mean 'toy-here'?"),
         (["--seeds", "0"], "seeds: '0': at least one seed"),
         (["--jobs", "0"], "'--jobs'"),
-        (["--results", "file"], "cannot open the ledger file/ledger.sqlite"),
+        (["--results", "file"], "cannot write results in file: "),
         (["--colour"], "No such option: --colour (see 'stlbench run --help')"),
     ],
 )

@@ -8,12 +8,14 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.study.ledger import VERSION, Ledger
+from stlbench.study.ledger import VERSION, Ledger, LedgerWarning
 
 
 @pytest.fixture
@@ -176,8 +178,8 @@ PRAGMA user_version = 1;
 """
 
 
-def test_a_ledger_of_version_1_gets_a_plan_and_loses_nothing(path):
-    path.parent.mkdir()
+def write_version_1(path):
+    path.parent.mkdir(exist_ok=True)
     text = (
         '{"key":"abc","task":"hold-disc","method":"funnel[ginf=0.02]","agent":"dqn","seed":3,"budget":"quick",'
         '"status":"raised","reason":"no","details":"","measurement":null,"provenance":{"jobs":"2"}}'
@@ -187,6 +189,10 @@ def test_a_ledger_of_version_1_gets_a_plan_and_loses_nothing(path):
         database.executescript(VERSION_1)
         database.execute(f"INSERT INTO cells VALUES ({', '.join('?' * len(row))})", row)
     database.close()
+
+
+def test_a_ledger_of_version_1_gets_a_plan_and_loses_nothing(path):
+    write_version_1(path)
     with Ledger(path, create=False) as ledger:
         (entry,) = ledger.results()
         assert (entry.key, entry.id.name, entry.reason) == ("abc", "hold-disc/funnel[ginf=0.02]/dqn/3", "no")
@@ -236,7 +242,7 @@ def newer_ledger(path):
         (lambda path: path.write_bytes(b"SQLite format 3\0 and then nonsense" * 50), "cannot read the ledger"),
         (other_database, "is no ledger of stlbench"),
         (newer_ledger, f"is a ledger of version {VERSION + 1}; this stlbench reads version {VERSION}"),
-        (lambda path: path.mkdir(), "unable to open database file"),
+        (lambda path: path.mkdir(), "is no ledger of stlbench"),
     ],
 )
 def test_another_file_is_refused_and_left_as_it_is(tmp_path, make, message):
@@ -263,3 +269,131 @@ def test_a_folder_that_cannot_be_made(tmp_path):
         pytest.raises(UsageError, match="cannot open the ledger"),
     ):
         ledger.plan({})
+
+
+def copied(path, folder, *names):
+    """Some of the files beside a ledger, in another folder, as someone leaves them there."""
+    folder.mkdir()
+    for name in names:
+        (folder / name).write_bytes((path.parent / name).read_bytes())
+    return folder / path.name
+
+
+def test_what_is_recorded_is_in_the_one_file_at_once(path, tmp_path):
+    """Whatever else SQLite has written beside it, while the ledger is still open."""
+    with Ledger(path) as ledger:
+        for seed in range(3):
+            ledger.record(result(seed=seed))
+            with Ledger(copied(path, tmp_path / str(seed), path.name), create=False) as copy:
+                assert len(list(copy.results())) == seed + 1
+        assert [file.name for file in path.parent.iterdir()] == [path.name]
+
+
+def in_wal_mode(path):
+    """As ledgers were written before: what was recorded last is in a file beside it."""
+    with Ledger(path) as ledger:
+        ledger.record(result(seed=0))
+    database = sqlite3.connect(path)
+    database.execute("PRAGMA journal_mode = WAL")
+    return database
+
+
+def test_a_ledger_of_before_is_read_and_then_written_into_one_file(path):
+    database = in_wal_mode(path)
+    database.execute("UPDATE cells SET reason = 'beside'")
+    database.commit()
+    assert path.with_name("ledger.sqlite-wal").stat().st_size
+    with Ledger(path, create=False) as ledger:
+        assert len(list(ledger.results())) == 1
+    database.close()
+    with Ledger(path) as ledger:
+        ledger.record(result(seed=1))
+    assert [file.name for file in path.parent.iterdir()] == [path.name]
+    assert sqlite3.connect(path).execute("PRAGMA journal_mode").fetchone() == ("delete",)
+
+
+UNPRIVILEGED = """
+import os, sys
+from pathlib import Path
+from stlbench.study.ledger import Ledger
+def read(path):
+    with Ledger(Path(path), create=False) as ledger:
+        return len(list(ledger.results())), len(ledger.missing())
+read(sys.argv[1])  # all is imported: one who has no rights may not even read this installation
+if os.getuid() == 0:
+    os.setgid(65534)
+    os.setuid(65534)
+assert not os.access(Path(sys.argv[2]).parent, os.W_OK)
+print(*read(sys.argv[2]))
+"""
+
+
+@pytest.mark.parametrize("mode", ["delete", "wal", "version 1"])
+def test_a_folder_that_cannot_be_written_can_be_read(path, mode):
+    with Ledger(path) as ledger:
+        ledger.plan(plan(result(), result(seed=1)))
+        ledger.record(result())
+    with tempfile.TemporaryDirectory() as folder:  # pytest's own folders are for one user alone
+        shown = copied(path, Path(folder) / "results", path.name)
+        if mode == "wal":
+            in_wal_mode(shown).close()
+        if mode == "version 1":
+            shown.unlink()
+            write_version_1(shown)
+        Path(folder).chmod(0o755)
+        shown.parent.chmod(0o555)
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+        command = [sys.executable, "-c", UNPRIVILEGED, path, shown]
+        ran = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        shown.parent.chmod(0o755)
+    assert ran.stdout == ("1 0\n" if mode == "version 1" else "1 1\n"), ran.stderr
+
+
+def filled(path, count=60):
+    """So many rows, some to a page."""
+    entries = [result(seed=seed) for seed in range(count)]
+    with Ledger(path) as ledger:
+        ledger.plan(plan(*entries))
+        for entry in entries:
+            ledger.record(entry)
+    return entries
+
+
+@pytest.mark.parametrize("text", ["'{\"key\": '", "'[]'", "x'ff00'", "3"])
+def test_a_damaged_row_is_named_and_passed_over_and_measured_again_by_retry(path, text):
+    entries = filled(path, 3)
+    with sqlite3.connect(path) as database:
+        database.execute(f"UPDATE cells SET result = {text} WHERE seed = 1")
+    database.close()
+    keys = [entry.key for entry in entries]
+    with Ledger(path) as ledger:
+        with pytest.warns(LedgerWarning, match="the row of hold-disc/funnel/dqn/1 is damaged and passed over"):
+            assert [entry.id.seed for entry in ledger.results()] == [0, 2]
+        assert ledger.finished(keys) == set(keys)
+        with pytest.warns(LedgerWarning):
+            assert ledger.finished(keys, retry=True) == {keys[0], keys[2]}
+
+
+def test_a_damaged_page_costs_the_rows_in_it_and_no_other(path, tmp_path):
+    """A page that rows of the table are in, and neither the index nor the plan."""
+    filled(path)
+    with sqlite3.connect(path) as database:
+        size = database.execute("PRAGMA page_size").fetchone()[0]
+    database.close()
+    content = bytearray(path.read_bytes())
+    pages = [
+        begin
+        for begin in range(0, len(content), size)
+        if content[begin] == 13 and b"funnel" in content[begin : begin + size]
+    ]
+    page = next(begin for begin in pages[2:] if b'"status"' in content[begin : begin + size])
+    content[page : page + size] = bytes(size)
+    path.write_bytes(content)
+    with Ledger(path) as ledger:
+        with pytest.warns(LedgerWarning, match="the row of hold-disc/funnel/dqn/[0-9]+ is damaged") as warned:
+            found = list(ledger.results())
+        lost = len({str(warning.message) for warning in warned})
+        assert 0 < lost < 30
+        assert len(found) == 60 - lost
+        with pytest.warns(LedgerWarning):
+            assert len(ledger.finished([entry.key for entry in found])) == len(found)

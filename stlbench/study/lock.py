@@ -1,0 +1,60 @@
+"""One run at a time in a folder of results: whoever writes holds its lock, which ends with the process."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+from stlbench.contract_parts.texts import one_line
+from stlbench.errors import UsageError
+
+__all__ = ["FILE", "writing"]
+
+FILE = ".lock"
+"""Its name in a folder of results. It stays there; what counts is whether a process holds it."""
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder of results, which is made where there is none.
+
+    Raises:
+        UsageError: another process holds it; the message says which. Or the folder cannot be written.
+    """
+    path = folder / FILE
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    except OSError as error:
+        raise UsageError(f"cannot write results in {folder}: {error}") from error
+    try:
+        _hold(descriptor, path)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _hold(descriptor: int, path: Path) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise UsageError(
+            f"{path.parent} is written by {_holder(path)}; wait until it has ended, or take another folder"
+        ) from None
+    except OSError:  # a file system without locks, as some of clusters: then there is none
+        return
+    since = datetime.now(UTC).isoformat(timespec="seconds")
+    os.ftruncate(descriptor, 0)
+    os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}, since {since}\n".encode())
+
+
+def _holder(path: Path) -> str:
+    with suppress(OSError):
+        if said := one_line(path.read_text(errors="replace")):
+            return said
+    return "another process"

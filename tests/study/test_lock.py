@@ -1,0 +1,89 @@
+"""One writer in a folder of results: the second is told who the first is, and a killed process holds nothing."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from helpers import scripted_cells
+
+from stlbench.errors import UsageError
+from stlbench.study import run, upkeep
+from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.lock import writing
+
+HOLDS = """
+import sys, time
+from pathlib import Path
+from stlbench.study.lock import writing
+with writing(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(600)
+"""
+
+
+@pytest.fixture
+def held(tmp_path):
+    """A folder of results and the process that writes in it."""
+    folder = tmp_path / "results"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    holder = subprocess.Popen([sys.executable, "-c", HOLDS, folder], env=environment, stdout=subprocess.PIPE, text=True)
+    assert holder.stdout.readline() == "held\n"
+    yield folder, holder
+    holder.kill()
+    holder.wait()
+
+
+def study(folder, *methods):
+    run.run_cells(scripted_cells.cells(*methods), folder, run.build_executor(jobs=1), run_cell=scripted_cells.run_in)
+
+
+@pytest.fixture(autouse=True)
+def scripted(monkeypatch):
+    monkeypatch.setattr(run, "check_cells", lambda cells: ())
+    monkeypatch.setattr(run, "uncompiled", lambda cells: ())
+
+
+def test_a_second_run_is_told_who_writes_and_writes_nothing(held):
+    folder, holder = held
+    said = rf"{folder} is written by process {holder.pid} on .*, since 2.*; wait until it has ended, or take another"
+    with pytest.raises(UsageError, match=said):
+        study(folder, "a")
+    assert [file.name for file in folder.iterdir()] == [".lock"]
+
+
+def test_a_process_that_was_killed_holds_nothing(held):
+    folder, holder = held
+    holder.send_signal(signal.SIGKILL)
+    holder.wait()
+    study(folder, "a")
+    with Ledger(folder / FILE, create=False) as ledger:
+        assert len(list(ledger.results())) == 1
+
+
+def test_what_a_run_has_started_does_not_hold_the_folder_when_it_has_ended(tmp_path):
+    study(tmp_path, "a")
+    study(tmp_path, "a", "kill")
+    with Ledger(tmp_path / FILE, create=False) as ledger:
+        assert [entry.status for entry in ledger.results()] == ["unsuitable", "killed"]
+
+
+def test_cells_are_not_removed_or_merged_where_another_process_writes(held, tmp_path):
+    folder, _ = held
+    study(tmp_path / "other", "a")
+    with Ledger(folder / FILE) as ledger:
+        ledger.record(scripted_cells.cells("a")[0].ended("unsuitable"))
+    with pytest.raises(UsageError, match="is written by process"):
+        upkeep.remove(folder, [scripted_cells.cells("a")[0].id])
+    with pytest.raises(UsageError, match="is written by process"):
+        upkeep.merge(folder, tmp_path / "other")
+    assert upkeep.merge(tmp_path / "other", folder).kept == 1  # reading is free
+
+
+def test_a_folder_that_cannot_be_made(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(UsageError, match="cannot write results in"), writing(tmp_path / "file" / "results"):
+        pass
