@@ -120,7 +120,7 @@ def _lines(one: Falsification) -> list[str]:
     """One search in full."""
     lines = [
         _line(one),
-        f"start:      {', '.join(f'{name} = {value:.9g}' for name, value in one.start.items())}",
+        f"start:      {one.start_text(9)}",
         f"robustness: {one.worst.robustness:.6g}, {'violated' if one.found else 'satisfied'}",
         f"{'failed:' if one.found else 'least:':<11} {one.failed}",
     ]

@@ -42,7 +42,7 @@ Method = Annotated[
 ]
 On = Annotated[
     Literal["observation", "state", "environment"],
-    typer.Option(help="With --task: what it is given: as agents, states and steps, or the environment's own."),
+    typer.Option(help="With --task: what the policy is given: as agents, states and steps, or the environment's own."),
 ]
 
 

@@ -55,6 +55,10 @@ class Falsification:
         """The initial state by the names of its coordinates, or the seed."""
         return dict(zip(space_of(self.subject.task).names, self.worst.point.tolist(), strict=True))
 
+    def start_text(self, digits: int) -> str:
+        """The start in words, to so many significant digits; whole numbers, as seeds are, with all of theirs."""
+        return ", ".join(f"{name} = {_number(value, digits)}" for name, value in self.start.items())
+
     @property
     def found(self) -> bool:
         """Whether there is a counterexample."""
@@ -77,6 +81,10 @@ class Falsification:
     def failed(self) -> str:
         """The conjunct that the least robustness comes from, or the early end."""
         return f"ended early, at step {self.steps}" if self.witness is None else str(self.witness.conjunct)
+
+
+def _number(value: float, digits: int) -> str:
+    return f"{value:.0f}" if value == round(value) else f"{value:.{digits}g}"
 
 
 def check(how: How) -> None:

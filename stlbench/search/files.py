@@ -39,9 +39,8 @@ def write(found: Falsification, folder: Path) -> list[Path]:
 
 
 def _title(found: Falsification) -> str:
-    start = ", ".join(f"{name} = {value:.4g}" for name, value in found.start.items())
     word = "violated" if found.found else "satisfied"
-    return f"{found.subject.name}: {word}, robustness {found.worst.robustness:.4g}, from {start}"
+    return f"{found.subject.name}: {word}, robustness {found.worst.robustness:.4g}, from {found.start_text(4)}"
 
 
 def _npz(found: Falsification, path: Path) -> Path:

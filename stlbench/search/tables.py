@@ -27,7 +27,7 @@ def falsifications(found: Sequence[Falsification]) -> Table:
     rows = tuple(
         (
             *(one.subject.name, one.how.optimiser, one.evaluations, one.worst.robustness),
-            _start(one) if one.found else None,
+            one.start_text(6) if one.found else None,
             one.first,
             one.failed if one.found else None,
             one.cpu_seconds,
@@ -36,10 +36,6 @@ def falsifications(found: Sequence[Falsification]) -> Table:
     )
     count = sum(one.found for one in found)
     return Table("Falsification", columns, rows, (f"{count} of {len(found)} have a counterexample.",))
-
-
-def _start(found: Falsification) -> str:
-    return ", ".join(f"{name} = {value:.6g}" for name, value in found.start.items())
 
 
 def certificates(found: Sequence[Certificate]) -> Table:

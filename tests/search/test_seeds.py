@@ -60,7 +60,7 @@ def subject(folder: Path, formula: str, terminated: str) -> Subject:
 def test_a_counterexample_is_a_seed_that_plays_the_same_again(pushed: Subject) -> None:
     found = falsify(pushed, How(evaluations=40))
     assert (found.how.optimiser, found.found, found.first) == ("random", True, 1)
-    assert list(found.start) == ["seed"]
+    assert found.start_text(4) == f"seed = {int(found.start['seed'])}"
     again = pushed.record(np.array([[found.start["seed"]]]))
     assert np.array_equal(again[0], found.worst.trace, equal_nan=True)
 
