@@ -16,6 +16,7 @@ from stlbench.rollout import saved_traces
 from stlbench.rollout.referee import Assessment
 from stlbench.study import stored, upkeep
 from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.lock import writing
 from stlbench.study.provenance import TASK_FOLDER, collect
 from stlbench.task import Task
 
@@ -47,21 +48,22 @@ def record(folder: Path, result: Result, scored: Scored, signals: tuple[str, ...
     """
     if stored.locate(folder) and not (folder / FILE).is_file():
         raise UsageError(f"{folder} has no {FILE} but {stored.LINES}; say another folder by --results")
-    before = None
-    with Ledger(folder / FILE) as ledger:
-        before = next((each for each in ledger.results() if each.id == result.id), None)
-    if before is not None:
-        upkeep.remove(folder, [before.id])
     path = saved_traces.trace_file(folder / saved_traces.FOLDER, result.id, result.key)
-    try:
-        if scored.states is None:
-            saved_traces.save_samples(path, scored.traces, signals)
-        else:
-            saved_traces.save(
-                path, Assessment(dict(scored.measurement.selected), scored.traces, scored.states), signals
-            )
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error}") from error
-    with Ledger(folder / FILE) as ledger:
+    with writing(folder), Ledger(folder / FILE) as ledger:
+        before = next((each for each in ledger.results() if each.id == result.id), None)
+        if before is not None:
+            upkeep.take_out(folder, ledger, before.id)
+        try:
+            _save(path, scored, signals)
+        except OSError as error:
+            raise UsageError(f"cannot write {path}: {error}") from error
         ledger.record(result)
     return before
+
+
+def _save(path: Path, scored: Scored, signals: tuple[str, ...]) -> None:
+    if scored.states is None:
+        saved_traces.save_samples(path, scored.traces, signals)
+    else:
+        scores = dict(scored.measurement.selected)
+        saved_traces.save(path, Assessment(scores, scored.traces, scored.states), signals)

@@ -18,7 +18,7 @@ from stlbench.study.lock import writing
 from stlbench.study.logs import log_file
 from stlbench.study.results import Results
 
-__all__ = ["Merged", "choose", "merge", "remove"]
+__all__ = ["Merged", "choose", "merge", "remove", "take_out"]
 
 
 def choose(
@@ -71,10 +71,11 @@ def remove(folder: Path, cells: Iterable[CellId]) -> None:
     """Take cells out of a folder's ledger, with all that is recorded of them, their traces, policies and logs."""
     with writing(folder), Ledger(folder / FILE, create=False) as ledger:
         for cell in cells:
-            _remove(folder, ledger, cell)
+            take_out(folder, ledger, cell)
 
 
-def _remove(folder: Path, ledger: Ledger, cell: CellId) -> None:
+def take_out(folder: Path, ledger: Ledger, cell: CellId) -> None:
+    """Take one cell out, for what writes in the folder already."""
     for key in ledger.remove(cell):
         for file in _files(folder, cell, key):
             file.unlink(missing_ok=True)
@@ -117,7 +118,7 @@ def merge(into: Path, source: Path) -> Merged:
             if before is not None and _begun(result) <= _begun(before):
                 continue
             if before is not None:
-                _remove(into, ledger, before.id)
+                take_out(into, ledger, before.id)
             _copy_files(incoming.folder, into, result)
             ledger.record(result)
             added, replaced = added + (before is None), replaced + (before is not None)

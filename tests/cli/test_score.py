@@ -14,6 +14,7 @@ import pytest
 from PIL import Image
 
 from stlbench.gate.files import load
+from stlbench.study.lock import writing
 from stlbench.study.results import Results
 from stlbench.task import load_task
 
@@ -130,6 +131,12 @@ class TestOutside:
         assert len(list(Path("results/traces").iterdir())) == 1
         assert say("results", "remove", "results", "*/outside", "--yes").exit_code == 0
         assert not list(Path("results/traces").iterdir())
+
+    def test_while_a_run_writes_the_folder_it_is_refused(self, say, mine):
+        with writing(Path("results")):
+            line = refused(say("score", "toy-line", "zz_functions:down"))
+        assert "results is written by process" in line
+        assert say("score", "toy-line", "zz_functions:down").exit_code == 0
 
     @pytest.mark.parametrize(
         ("words", "message"),
