@@ -99,6 +99,7 @@ class _Plan:
     def __init__(self, work: Work, items: Sequence[Any], deadlines: Sequence[float], memory: int) -> None:
         self.deadlines, self.memory = deadlines, memory
         self.prepare = pickle.dumps(work.prepare)
+        self.servers = list[Server]()
         self._work, self._items = work, items
 
     def task(self, index: int) -> Task:
@@ -233,15 +234,17 @@ class _Slot:
             self.link = None
 
 
-_SLOTS = weakref.WeakSet[_Slot]()
+_SLOTS, _OWNER = weakref.WeakSet[_Slot](), os.getpid()
 
 
 def _start(slots: list[_Slot]) -> None:
     """A server, and from it a keeper for each slot."""
     begun = [slot.begin() for slot in slots]
-    server = Server([far for far, _ in begun], slots[0].plan.memory, begun[0][1])
+    plan = slots[0].plan
+    server = Server([far for far, _ in begun], plan.memory, begun[0][1])
     with _blocked_interrupts():
         server.start()
+    plan.servers = [server, *(other for other in plan.servers if other.is_alive())]
     for slot, (far, _) in zip(slots, begun, strict=True):
         slot.server = server
         far.close()
@@ -254,7 +257,7 @@ def _stop(slots: Iterable[_Slot]) -> None:
         slot.stop()
     for slot in linked:
         slot.wait(end)
-    for server in {slot.server for slot in linked if slot.server is not None}:
+    for server in {server for slot in linked for server in slot.plan.servers}:
         server.join(max(1.0, end - time.monotonic()))
         server.kill()  # where it is still there
         server.join()
@@ -263,7 +266,8 @@ def _stop(slots: Iterable[_Slot]) -> None:
 @atexit.register
 def _stop_all() -> None:
     """Where the caller has not closed the iterator; otherwise multiprocessing would wait for servers for ever."""
-    _stop(_SLOTS)
+    if os.getpid() == _OWNER:  # a child that the caller has forked has nothing to stop
+        _stop(_SLOTS)
 
 
 def _outcome(index: int, said: Ended) -> Outcome:

@@ -10,10 +10,10 @@ from typing import Annotated, Any
 import psutil
 from pydantic import BeforeValidator, Field
 
-__all__ = ["Memory", "share", "text_of"]
+__all__ = ["Memory", "allowed", "share", "text_of"]
 
-_GROUPS = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"))
-"""Where Linux says what a container may take; the two versions of control groups."""
+_GROUPS = Path("/sys/fs/cgroup")
+"""Where Linux says what a container, or a job of a cluster, may take."""
 
 _OURS = 0.9
 """Of the machine's memory, that cells may take together by default."""
@@ -38,15 +38,32 @@ Memory = Annotated[int, BeforeValidator(_read), Field(ge=2**20)]
 
 def share(jobs: int) -> int:
     """Bytes for each of so many cells at a time, where the user does not say."""
-    return int(_OURS * min([psutil.virtual_memory().total, *_allowed()]) / jobs)
+    return int(_OURS * min([psutil.virtual_memory().total, *allowed(_GROUPS, _own_groups())]) / jobs)
 
 
-def _allowed() -> list[int]:
+def allowed(root: Path, own: str) -> list[int]:
+    """The limits in bytes of a process' control groups, those above its own too.
+
+    Args:
+        root: the folder of control groups.
+        own: lines as in /proc/self/cgroup, `0::/job/step`, of version 2, or `7:memory:/job`, of version 1.
+    """
     found = list[int]()
-    for path in _GROUPS:
-        with suppress(OSError, ValueError):  # "max" is no limit
-            found.append(int(path.read_text()))
+    for line in own.splitlines():
+        _, kinds, path = line.split(":", 2)
+        if kinds in ("", "memory"):
+            top, name = (root / "memory", "memory.limit_in_bytes") if kinds else (root, "memory.max")
+            group = top / path.lstrip("/")
+            for folder in (group, *(above for above in group.parents if above.is_relative_to(top))):
+                with suppress(OSError, ValueError):  # "max" is no limit
+                    found.append(int((folder / name).read_text()))
     return found
+
+
+def _own_groups() -> str:
+    with suppress(OSError):
+        return Path("/proc/self/cgroup").read_text()
+    return ""
 
 
 def text_of(size: int) -> str:

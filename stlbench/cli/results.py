@@ -36,7 +36,7 @@ def remove(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Remove cells from the ledger, with their traces and policies: `stlbench run` measures them again.
+    """Remove cells from the ledger, with their traces, policies and logs: `stlbench run` measures them again.
 
     At least one of CELL, --status and --budget is needed; a cell is removed if all that are given fit. Prints the
     cells, and asks before it removes them. --json prints a list of them and needs --yes.

@@ -95,7 +95,7 @@ class Plugin:
     def summary(self) -> str:
         """The first line of the class's docstring. Raises `PluginError`."""
         lines = (inspect.getdoc(self.load()) or "").splitlines()
-        return lines[0] if lines else ""
+        return one_line(lines[0]) if lines else ""
 
     def _error(self, problem: str) -> PluginError:
         return PluginError(f"{self} ({self.entry_point.value}): {one_line(problem)}")
@@ -148,7 +148,7 @@ def _installed(kind: str) -> Iterator[Plugin]:
         if group not in (distribution.read_text("entry_points.txt") or ""):
             continue
         try:
-            name, version = distribution.metadata["Name"], distribution.version
+            name, version = one_line(distribution.metadata["Name"] or ""), one_line(distribution.version)
             if not name:
                 raise ValueError("it has no name")
             entries = tuple(distribution.entry_points.select(group=group))
