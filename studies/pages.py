@@ -147,8 +147,7 @@ def by_seed(*tasks: str) -> Callable[[], str]:
     """One row per task and method: how many of the starts satisfy, seed by seed, with the selected and final policy."""
 
     def block() -> str:
-        cells = [row for row in rows("cells") if row["track"] == "shared" and row["status"] == "done"]
-        found = learned_by("shared")
+        cells, found = rows("cells"), learned_by("shared")
         body = [
             [
                 *_task(task, tasks),
@@ -169,9 +168,14 @@ def _task(task: str, tasks: Sequence[str]) -> list[str]:
     return [f"`{task}`"] if len(tasks) > 1 else []
 
 
+def of_setting(cells: Sequence[Row], setting: Row) -> list[Row]:
+    """The finished cells that a row of the table of robustness is about: none of an agent that plans."""
+    same = ("task", "method", "agent", "budget", "track")
+    return [row for row in cells if row["status"] == "done" and all(row[part] == setting[part] for part in same)]
+
+
 def _by_seed(cells: Sequence[Row], setting: Row, name: str) -> str:
-    own = [row for row in cells if all(row[part] == setting[part] for part in ("task", "method", "agent", "budget"))]
-    return ", ".join(_percent(row[name]) for row in own)
+    return ", ".join(_percent(row[name]) for row in of_setting(cells, setting))
 
 
 def _percent(share: str) -> str:
@@ -210,10 +214,9 @@ def measures() -> str:
 
 def cost() -> str:
     """One row per task: CPU seconds of a cell, mean over rivals and seeds, and the share that is not training."""
-    body = []
-    for task in dict.fromkeys(task for task, _ in learned_by("shared")):
-        own = [row for row in rows("cells") if row["task"] == task and row["track"] == "shared" and row["cpu_seconds"]]
-        own = [row for row in own if row["method"] in RIVALS and "[" not in row["agent"]]
+    body, found, cells = [], learned_by("shared"), rows("cells")
+    for task in dict.fromkeys(task for task, _ in found):
+        own = [row for method in RIVALS for row in of_setting(cells, found[task, method])]
         whole, training = (sum(float(row[name]) for row in own) for name in ("cpu_seconds", "training_cpu_seconds"))
         body.append([f"`{task}`", f"{whole / len(own):.1f} s", f"{100 * (1 - training / whole):.0f} %"])
     return table(["task", "a cell", "without training"], body, right=2)
