@@ -60,7 +60,7 @@ bench: $(VENV)/ready-bench
 	$(BIN)/python tests/benchmarks/collect.py results/benchmarks.json --json results/bench.json \
 	  $(if $(filter-out tests/benchmarks,$(PARTS)),--merge) --page docs/performance.md
 
-## All tasks x all methods x 10 seeds, and the tracks plain and tuned on some of the tasks: about 6 hours of CPU time; goes
+## All tasks x all methods x 10 seeds, and the tracks plain and tuned on six of the tasks: about 4 hours of CPU time; goes
 ## on where it was interrupted. The recipes of the track tuned are those of `make tuning`. See docs/reproduction.md.
 reference: $(VENV)/ready-all
 	$(BIN)/stlbench run studies/reference.yaml
@@ -71,7 +71,7 @@ reference: $(VENV)/ready-all
 	$(BIN)/stlbench export results/reference --format jsonl
 	$(BIN)/stlbench plot results/reference --rewarded
 
-## A recipe for each method, 20 trials for each, on seeds that are not reported; 35 minutes of CPU time.
+## A recipe for each method, 20 trials for each, on seeds that are not reported; 45 minutes of CPU time.
 CHEAP := hold-disc,hold-disc-coarse,integrator-or,annulus,reach-stay,robot-nav
 tuning: $(VENV)/ready-all
 	$(BIN)/stlbench tune --tasks "$(CHEAP)" --methods funnel,flag,raw --trials 20 --results results/tuning
