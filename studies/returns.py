@@ -70,7 +70,7 @@ def discounted(task: Task, method: RewardMethod, samples: Array, gamma: float) -
     An end is paid as if for ever, or for the decisions that are left where there is no discount. At the first cut the
     return stops.
     """
-    hold, rows, ends = task.file.hold, len(samples), ends_of(task)
+    hold, rows, ends = task.file.hold, len(samples), ends_of(task, method)
     returns, weight, alive = np.zeros(rows), 1.0, np.ones(rows, dtype=np.bool_)
     nothing, memory = np.zeros((rows, len(task.actions.names))), np.zeros((rows, 0))
     for t in range(0, task.file.steps, hold):

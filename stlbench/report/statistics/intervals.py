@@ -1,4 +1,4 @@
-"""Intervals over seeds, and of shares. Their coverage is measured: `studies/coverage.py`.
+"""Intervals over seeds, and of shares. Their coverage is measured: `studies/interval_coverage.py`.
 
 The unit is the seed. The starts of one seed share a policy, so they are averaged before anything here sees them.
 """

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
-_SPEC = importlib.util.spec_from_file_location("coverage_study", ROOT / "studies" / "coverage.py")
+_SPEC = importlib.util.spec_from_file_location("coverage_study", ROOT / "studies" / "interval_coverage.py")
 study = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(study)
 

@@ -1,6 +1,6 @@
 """How often intervals over seeds hold what they say, by simulation: the table in docs/reference/evaluation.md.
 
-    python studies/coverage.py [REPETITIONS]
+    python studies/interval_coverage.py [REPETITIONS]
 
 Four minutes with 4,000 repetitions. Three families stand for what seeds do: all alike (normal), a tail of bad ones
 (exponential), and a fifth that did not learn (bimodal).
