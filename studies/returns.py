@@ -45,7 +45,7 @@ def _rows(done: list[Result], folder: Path) -> Iterator[tuple[object, ...]]:
         method = build_method(task, plan.id.method)
         if method.memory_size:
             continue
-        for other in done:
+        for other in (other for other in done if other.id.track == plan.id.track):
             samples = _samples(other, plan.id.task, folder)
             if samples is not None and other.measurement is not None:
                 value = float(discounted(task, method, samples, gamma).mean())

@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Space
 
 from stlbench.environments.acting import as_action
+from stlbench.environments.making import failed
 from stlbench.errors import UsageError
 
 __all__ = ["JointEnv", "parallel"]
@@ -22,9 +23,8 @@ def parallel(module: str, keywords: Mapping[str, Any]) -> JointEnv:
         return JointEnv(import_module(module).parallel_env(**keywords))
     except UsageError:
         raise
-    except Exception as error:  # code of others may raise anything
-        cause = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        raise UsageError(f"parallel environment {module} cannot be made: {cause}") from error
+    except Exception as error:
+        raise failed(f"parallel environment {module}", error) from error
 
 
 class JointEnv(gymnasium.Env[Any, Any]):

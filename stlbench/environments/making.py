@@ -11,9 +11,10 @@ from typing import Any, TypeAlias
 
 import gymnasium
 
+from stlbench.contract import cause
 from stlbench.errors import UsageError, did_you_mean
 
-__all__ = ["Gym", "made", "software"]
+__all__ = ["Gym", "failed", "made", "software"]
 
 Gym: TypeAlias = gymnasium.Env[Any, Any]
 
@@ -31,12 +32,13 @@ def made(identifier: str, keywords: Mapping[str, Any]) -> Gym:
     except gymnasium.error.NameNotFound as error:
         name = identifier.rpartition(":")[2]
         raise UsageError(f"no environment '{identifier}'{did_you_mean(name, gymnasium.registry)}") from error
-    except Exception as error:  # an environment is code of others, and may raise anything
-        raise UsageError(f"environment {identifier} cannot be made: {_text(error)}") from error
+    except Exception as error:
+        raise failed(f"environment {identifier}", error) from error
 
 
-def _text(error: Exception) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+def failed(what: str, error: Exception) -> UsageError:
+    """What is said of an environment that cannot be made: it is code of others, and may raise anything."""
+    return UsageError(f"{what} cannot be made: {cause(error)}")
 
 
 def software(env: Gym) -> tuple[tuple[str, str], ...]:

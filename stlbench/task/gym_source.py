@@ -11,7 +11,7 @@ from typing import Any
 from stlbench.contract import GymTask
 from stlbench.environments.acting import ActionAxis
 from stlbench.environments.joint import parallel
-from stlbench.environments.making import Gym, made
+from stlbench.environments.making import Gym, failed, made
 from stlbench.environments.source import GymSource
 from stlbench.errors import UsageError
 from stlbench.task.file import Axis, Environment, TaskFile
@@ -54,7 +54,12 @@ def _of_file(file: TaskFile) -> GymSource:
 
 
 def _made(file: TaskFile, task: GymTask) -> Gym:
-    env = task.make()
+    try:
+        env = task.make()
+    except UsageError:
+        raise
+    except Exception as error:
+        raise failed("the environment", error) from error
     if env is not None:
         return env
     if file.environment is None:

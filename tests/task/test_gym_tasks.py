@@ -119,6 +119,16 @@ def test_a_system_has_no_environment_and_needs_starts(folder: Callable[..., str]
     assert [line.split(":")[0].strip() for line in lines] == ["initial", "actions", "environment"]
 
 
+def test_a_class_that_cannot_make_its_environment_is_told_in_a_line(folder: Callable[..., str]) -> None:
+    code = (
+        "from stlbench.contract import GymTask\nclass Pole(GymTask):\n"
+        "    def make(self): raise ImportError('no Box2D here;\\n install it')\n"
+    )
+    said = "^task zz-pole: the environment cannot be made: ImportError: no Box2D here; install it$"
+    with pytest.raises(UsageError, match=said):
+        load_task(folder(code))
+
+
 def test_what_needs_a_state_says_that_there_is_none() -> None:
     with pytest.raises(Unsuitable, match=r"^task walk is no system: its state cannot be set, its starts are seeds$"):
         _ = walk().system

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from stlbench.contract import GymTask, System, World
-from stlbench.rollout.worlds.gym_world import GymWorld
 from stlbench.rollout.worlds.system_world import SystemWorld
 from stlbench.task.task import Task
 
@@ -16,5 +15,7 @@ def make_world(task: Task, count: int) -> World:
     if isinstance(dynamics, System):
         return SystemWorld(dynamics, count, engineered=task.file.features == "engineered")
     if isinstance(dynamics, GymTask):
+        from stlbench.rollout.worlds.gym_world import GymWorld  # imports Gymnasium, which most tasks do without
+
         return GymWorld(dynamics, task.source, count)
     return dynamics.world(count)
