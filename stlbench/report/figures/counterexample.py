@@ -71,7 +71,7 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
         drawn |= set(_plane(figure.add_subplot(grid[:, 1]), task, trace, here))
     layout.title(figure, title)
     keys = _keys(task, sorted(drawn), here)
-    figure.legend(handles=keys, loc="outside lower center", ncols=2, fontsize=9, frameon=False)
+    figure.legend(handles=keys, loc="outside lower center", ncols=2 if wide else 1, fontsize=9, frameon=False)
     return figure
 
 
