@@ -117,7 +117,8 @@ def scene(task: Task, recording: Recording, robustness: tuple[float, ...]) -> Sc
     names = [f"{said}robustness {robustness[i]:.3g}" for said, i in zip(which, chosen, strict=True)]
     picture, remark = _first_picture(task, recording)
     if picture is not None and recording.film is not None and isinstance(task.dynamics, Drawn):
-        return _pictures(task.dynamics, task.file.hold, recording.film, picture, names)
+        hold = task.file.steps // (recording.film.states.shape[1] - 1)  # which the cell's track may have changed
+        return _pictures(task.dynamics, hold, recording.film, picture, names)
     drawn = _plane if task.file.plane else _signals
     return drawn(task, recording.traces[chosen], names)._replace(remark=remark)
 

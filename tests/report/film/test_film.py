@@ -76,6 +76,17 @@ def test_signals_grow_with_time():
     assert remark == ""
 
 
+@pytest.mark.parametrize("hold", [1, 4])
+def test_pictures_keep_the_time_of_the_cell_whatever_the_task_holds_now(hold):
+    """A cell of the track `tuned` may have held its actions for another number of steps than its task does."""
+    _, update, images, _ = film.scene(task(Drawn, hold=hold), filmed(), ROBUSTNESS)
+    shown = []
+    for sample in (0, 3, 4, 8):
+        update(sample)
+        shown.append([int(image.get_array()[0, 0, 0]) for image in images])
+    assert shown == [[10, 40], [10, 40], [20, 50], [30, 60]]
+
+
 def test_a_task_with_a_plane_is_shown_in_it():
     disc = load_task("hold-disc")
     traces = np.random.default_rng(0).uniform(1, 3, (3, 201, 2))
