@@ -30,6 +30,7 @@ __all__ = [
     "check",
     "find",
     "loadable",
+    "name_of",
     "parameters",
     "written_alone",
 ]
@@ -174,6 +175,12 @@ def find(kind: str, name: str) -> Plugin:
     if name not in known:
         raise UsageError(f"no {kind.removesuffix('s')} '{name}'{did_you_mean(name, known)}")
     return known[name]
+
+
+def name_of(kind: str, loaded: type) -> str | None:
+    """The name of the plugin that is this class; None where none is."""
+    classes, _ = loadable(kind)
+    return next((name for name, each in classes.items() if each is loaded), None)
 
 
 def loadable(kind: str) -> tuple[dict[str, type], list[str]]:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Transition, Truth, World
+from stlbench.rollout import faults
 from stlbench.rollout.clock import scaled_times
 from stlbench.rollout.early_ends import remainder
 from stlbench.rollout.endings import ends_of, first_end
@@ -77,18 +78,25 @@ class Simulator:
         parts = [self.world.features(t), self._times[t]]
         if self.method.memory_size:
             parts.append(self.method.inputs(self.memory))
-        return np.concatenate(parts, axis=1)
+        observation = np.concatenate(parts, axis=1)
+        faults.check_observation(self.task, self.method, parts, observation, t)
+        return observation
 
     def advance(self, action: Integers | Array) -> Steps:
         """Hold actions for `hold` steps: indices (N,) of the grid, or vectors (N, axes), clipped to their ends."""
+        faults.check_action(self.task.actions, action, self.t)
         vectors: Array = self._vectors[action] if action.dtype.kind == "i" else np.clip(action, self._low, self._high)
         samples, self.last_action = self.world.advance(vectors, self.hold), vectors
+        faults.check_samples(self.task, samples, self.hold, self.t)
         reward = self._reward(samples, vectors) if self._rewarded else np.full(len(vectors), np.nan)
         self.t = self.t + self.hold
         return Steps(reward, samples[1:].transpose(1, 0, 2))
 
     def _reward(self, samples: Array, vectors: Array) -> Array:
         rewards, self.memory = self.method.along(samples, vectors, self.t, self.memory)
+        faults.check_rewards(self.method, rewards, self.hold, self.t)
+        if self.method.memory_size:
+            faults.check_memory(self.method, self.memory, self.t + self.hold)
         mean: Array = rewards[0] if self.hold == 1 else rewards.mean(axis=0)
         return mean
 

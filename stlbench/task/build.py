@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from contextlib import suppress
 from typing import cast
@@ -16,8 +17,17 @@ __all__ = ["build_agent", "build_method", "fitting_methods"]
 
 
 def build_method(task: Task, choice: Choice | str) -> RewardMethod:
-    """The chosen method, with its parameters, for a task. Raises `Intractable`, `Unsuitable`, `UsageError`."""
-    return cast(RewardMethod, plugins.build("methods", choice_of(choice), task.specification))
+    """The chosen method, with its parameters, for a task.
+
+    Raises `Intractable`, `Unsuitable`, `UsageError`; `ValueError` where its `scale` or its `floor` is no number that a
+    reward could be divided by, or paid.
+    """
+    method = cast(RewardMethod, plugins.build("methods", choice_of(choice), task.specification))
+    if not (math.isfinite(method.scale) and method.scale > 0):
+        raise ValueError(f"method {choice}: its scale should be finite and more than 0, it is {method.scale}")
+    if not math.isfinite(method.floor):
+        raise ValueError(f"method {choice}: its floor should be finite, it is {method.floor}")
+    return method
 
 
 def fitting_methods(task: Task, choices: Iterable[Choice | str] | None = None) -> dict[str, RewardMethod]:

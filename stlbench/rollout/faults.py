@@ -1,0 +1,99 @@
+"""What plugins give at run time is checked where it arrives: its shape, and that it is finite.
+
+A check takes about a microsecond. What a plugin does wrong is told with its name, the rule, the step, and in how many
+of the copies.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NoReturn
+
+import numpy as np
+
+from stlbench.contract import ActionGrid, Actions, Array, Integers, RewardMethod
+from stlbench.registry import plugins
+from stlbench.task.task import Task
+
+__all__ = ["PluginFault", "check_action", "check_memory", "check_observation", "check_rewards", "check_samples"]
+
+
+class PluginFault(RuntimeError):
+    """A plugin gave what its contract rules out: "method hprs: reward is nan at step 17 in 3 of 16 copies"."""
+
+
+def check_rewards(method: RewardMethod, rewards: Array, hold: int, t: Integers) -> None:
+    """Rewards (hold, N) while an action was held from steps t (N,) on."""
+    _shaped(method, "rewards", rewards, (hold, len(t)))
+    if not _finite(rewards):
+        _tell(method, "reward", rewards.T, t + 1)
+
+
+def check_memory(method: RewardMethod, memory: Array, t: Integers) -> None:
+    """A memory (N, m) at steps t (N,)."""
+    _shaped(method, "memory", memory, (len(t), method.memory_size))
+    if not _finite(memory):
+        _tell(method, "memory", memory[:, None], t)
+
+
+def check_samples(task: Task, samples: Array, hold: int, t: Integers) -> None:
+    """Signals (hold + 1, N, k), of which the first are at steps t (N,)."""
+    _shaped(task, "signals", samples, (hold + 1, len(t), len(task.signals)))
+    if not _finite(samples):
+        _tell(task, "signal", samples.transpose(1, 0, 2), t)
+
+
+def check_observation(task: Task, method: RewardMethod, parts: list[Array], observation: Array, t: Integers) -> None:
+    """The features (N, d), the times, and the inputs (N, i) of a method that has any: all of an observation."""
+    if len(parts) > 2:
+        _shaped(method, "inputs", parts[2], (len(t), method.input_size))
+    if _finite(observation):
+        return
+    if not _finite(parts[0]):
+        _tell(task, "feature", parts[0][:, None], t)
+    _tell(method, "input", parts[2][:, None], t)
+
+
+def check_action(actions: Actions, action: Array | Integers, t: Integers) -> None:
+    """Indices (N,) of a grid, or vectors (N, axes), for copies at steps t (N,)."""
+    kind = action.dtype.kind
+    if kind == "i" and isinstance(actions, ActionGrid):
+        rule: tuple[int, ...] = (len(t),)
+        right = action.astype(np.uint64, copy=False) < actions.size  # as unsigned, what is negative is large
+        what = f"none of 0..{actions.size - 1}"
+    elif kind == "f":
+        rule, right, what = (len(t), len(actions.names)), np.isfinite(action), "no finite number"
+    else:
+        kinds = "whole numbers or floats" if isinstance(actions, ActionGrid) else "floats, as the task's are continuous"
+        raise PluginFault(f"the agent's actions should be {kinds}, they are {action.dtype}")
+    if action.shape != rule:
+        raise PluginFault(f"the agent's actions have shape {action.shape}, for {len(t)} copies it is {rule}")
+    if not np.logical_and.reduce(right, None):
+        place = tuple(np.argwhere(~right)[0].tolist())
+        raise PluginFault(f"the agent's action {action[place]} is {what}, at step {t[place[0]]} of copy {place[0]}")
+
+
+def _shaped(owner: RewardMethod | Task, what: str, value: Any, shape: tuple[int, ...]) -> None:
+    if np.shape(value) != shape:
+        _fault(owner, f"the shape of its {what} is {np.shape(value)}, the contract says {shape}")
+
+
+def _finite(values: Array) -> bool:
+    """By their sum, which takes half the time of asking each."""
+    return math.isfinite(np.add.reduce(values, None))
+
+
+def _tell(owner: RewardMethod | Task, what: str, values: Array, t: Integers) -> None:
+    """Of values (N, steps, ...), the first of a row at step t; nothing where only their sum is infinite."""
+    wrong = ~np.isfinite(values)
+    if wrong.any():
+        row, later, *_ = place = tuple(np.argwhere(wrong)[0].tolist())
+        copies = int(wrong.reshape(len(values), -1).any(axis=1).sum())
+        _fault(owner, f"{what} is {values[place]} at step {t[row] + later} in {copies} of {len(values)} copies")
+
+
+def _fault(owner: RewardMethod | Task, what: str) -> NoReturn:
+    if isinstance(owner, RewardMethod):
+        name = plugins.name_of("methods", type(owner)) or type(owner).__name__
+        raise PluginFault(f"method {name}: {what}")
+    raise PluginFault(f"task {owner.name}: {what}")
