@@ -86,7 +86,7 @@ def test_features_by_hand() -> None:
 
 
 def test_the_controller_satisfies_from_every_start() -> None:
-    score = referee.score(TASK.formula, trace(TASK, all_starts(TASK)), TASK.signals)
+    score = referee.score(TASK, trace(TASK, all_starts(TASK)))
     assert all(score.satisfied)
     assert min(score.robustness) > 0.03
     assert max(score.robustness) < 0.1

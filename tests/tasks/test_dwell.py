@@ -63,7 +63,7 @@ def test_only_a_jump_from_region_to_region_tells_the_rewarded_form_from_the_form
 
 def test_the_controller_goes_to_the_nearer_region_and_satisfies_from_every_start() -> None:
     traces = trace(TASK, all_starts(TASK))
-    score = referee.score(TASK.formula, traces, TASK.signals)
+    score = referee.score(TASK, traces)
     assert all(score.satisfied)
     assert min(score.robustness) > 0.4  # of at most 0.5
     assert (traces[:, -1, 1] < 3).all()  # all starts are nearer to B

@@ -66,7 +66,7 @@ def test_no_more_is_possible_than_half_a_target_and_the_controller_reaches_it() 
     """A target is 1 m wide, so 0.5 bounds the robustness; that is stlpy's optimum too."""
     best = TASK.file.best_possible
     assert best is not None
-    score = referee.score(TASK.formula, trace(TASK, all_starts(TASK)), TASK.signals)
+    score = referee.score(TASK, trace(TASK, all_starts(TASK)))
     assert score.robustness == pytest.approx([0.5] * 128)
     assert (best.reached, best.value) == (0.5, 0.5)
 

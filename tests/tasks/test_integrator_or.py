@@ -69,8 +69,9 @@ def test_the_controller_reaches_a_point_from_between() -> None:
 
 
 def test_training_starts_between_the_goals_too_and_reach_measures_them() -> None:
-    assert TASK.file.training_starts.low.tolist() == [0]
-    assert TASK.file.training_starts.high.tolist() == [50]
+    assert TASK.file.training.starts is not None
+    assert TASK.file.training.starts.low.tolist() == [0]
+    assert TASK.file.training.starts.high.tolist() == [50]
     reach = TASK.file.protocols["reach"]
     assert reach.formula is not None
     assert reach.initial is not None

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
-
-import gymnasium
+from typing import TYPE_CHECKING, Any
 
 from stlbench.contract import GymTask
+
+if TYPE_CHECKING:
+    import gymnasium
 
 __all__ = ["LunarLander"]
 
@@ -17,6 +18,10 @@ class LunarLander(GymTask):
 
     def make(self) -> gymnasium.Env[Any, Any]:
         """The environment, with whether the body has touched the ground in the info."""
+        import gymnasium  # at its first use: `stlbench list` works without it
+
+        from stlbench_tasks.lunar_lander.crashes import Crashes
+
         return Crashes(gymnasium.make("LunarLanderContinuous-v3", max_episode_steps=-1, disable_env_checker=True))
 
     def controller(self, observation: Any, info: Mapping[str, Any], t: int) -> Sequence[float]:
@@ -34,21 +39,3 @@ class LunarLander(GymTask):
 def _within(number: float) -> float:
     """The nearest number in [-1, 1]."""
     return max(-1.0, min(1.0, number))
-
-
-class Crashes(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """Adds `collision` to the info: 1 once the body has touched the ground, else 0."""
-
-    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
-        """As the environment's."""
-        observation, info = self.env.reset(**options)
-        return observation, info | {"collision": self._collision()}
-
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """As the environment's."""
-        observation, reward, terminated, truncated, info = self.env.step(action)
-        return observation, reward, terminated, truncated, info | {"collision": self._collision()}
-
-    def _collision(self) -> float:
-        crashed: Any = getattr(self.env.unwrapped, "game_over", False)
-        return float(crashed)
