@@ -88,6 +88,16 @@ def tracks() -> str:
     return table(["task", "method", *(f"`{track}`" for track in found)], body, right=0)
 
 
+def features() -> str:
+    """One row per task and method: what is learned from the state alone, beside the whole recipe."""
+    whole, body = learned_by("shared"), []
+    for row in rows("robustness", ROOT / "results" / "ablation-features"):
+        task = row["task"].partition("[")[0]
+        own = {**row, "mark": ""}, {**whole[task, row["method"]], "mark": ""}
+        body.append([f"`{task}`", f"`{row['method']}`", *map(entry, own)])
+    return table(["task", "method", "without features", "with"], body, right=0)
+
+
 def verdicts() -> str:
     """One row per task: in words how each two of the rivals compare, the first against the second."""
     said = {
@@ -229,6 +239,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "verdicts": verdicts,
         "across": across,
         "recipes": recipes,
+        "features": features,
         "pendulum": by_seed("pendulum"),
         "measures": measures,
         "overlap": by_seed("overlap"),
