@@ -23,7 +23,8 @@ def test_what_keeps_all_rules_ends_with_0_also_in_a_folder(say, toy):
 def test_an_agent_that_cannot_take_continuous_actions_has_to_say_so(say, toy):
     done = say("check", "toy-agent[action=1]")
     assert done.exit_code == 1
-    assert "broken  with continuous actions, it trains or raises Unsuitable; got IndexError: " in done.stdout
+    said = "broken  with continuous actions, it trains or raises Unsuitable; got PluginFault: the agent's actions should be"
+    assert said in done.stdout
 
 
 def test_an_error_of_the_plugin_is_a_broken_rule_with_its_place(say, toy):
