@@ -23,7 +23,7 @@ def test_what_keeps_all_rules_ends_with_0_also_in_a_folder(say, toy):
 def test_an_agent_that_cannot_take_continuous_actions_has_to_say_so(say, toy):
     done = say("check", "toy-agent[action=1]")
     assert done.exit_code == 1
-    said = "broken  with continuous actions, it trains or raises Unsuitable; got PluginFault: the agent's actions should be"
+    said = "broken  with continuous actions, it trains or raises Unsuitable; got PluginFault: the agent"
     assert said in done.stdout
 
 
