@@ -7,10 +7,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from stlbench import stl
 from stlbench.contract import Array
 from stlbench.environments.acting import ActionAxis, action_axes
 from stlbench.environments.entries import Names, entries_of
+from stlbench.environments.expressions import compiled, parsed
 from stlbench.environments.making import Gym, software
 from stlbench.environments.observing import Observed
 from stlbench.errors import UsageError
@@ -44,7 +44,7 @@ class GymSource:
         Raises:
             UsageError: it cannot be made, or names, expressions, scale or actions do not fit it.
         """
-        self._make, self.signals, self._texts = make, tuple(texts), texts
+        self._make, self.signals = make, tuple(texts)
         first = make()
         self.action_space = first.action_space
         self.entries = entries_of(first.observation_space, names)
@@ -56,7 +56,8 @@ class GymSource:
         self.values: Callable[[Array], Array]
         """Samples (..., e + i), named entries and then `from_info`, to signals (..., k); not there with a function."""
         if signals is None:
-            self.from_info, self.values = self._expressions()
+            nodes = [parsed(f"signals.{name}", text) for name, text in texts.items()]
+            self.from_info, self.values = compiled(nodes, self.entries)
         self._idle = [first]
 
     @property
@@ -72,23 +73,6 @@ class GymSource:
     def give_back(self, copies: list[Gym]) -> None:
         """For others to use: a copy that is reset by a seed does not know what it did before."""
         self._idle += copies
-
-    def _expressions(self) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
-        """Which names are those of the info, and what reads the signals."""
-        nodes = {name: _parsed(name, text) for name, text in self._texts.items()}
-        used = dict.fromkeys(each for node in nodes.values() for each in stl.signals(node))
-        from_info = tuple(name for name in used if name not in self.entries.names)
-        try:
-            return from_info, stl.values(tuple(nodes.values()), (*self.entries.names, *from_info))
-        except stl.UndefinedError as error:
-            raise UsageError(f"signals: {error}") from error
-
-
-def _parsed(name: str, text: str) -> stl.Expression:
-    try:
-        return stl.parse_expression(text)
-    except (TypeError, stl.StlSyntaxError) as error:
-        raise UsageError(f"signals.{name}: {error}") from error
 
 
 def numbers(given: Any, count: int) -> Array:

@@ -19,7 +19,7 @@ from stlbench.registry.choices import Choice
 from stlbench.result import MAIN, Measurement, Score
 from stlbench.rollout import referee
 from stlbench.rollout.controller import Unpaid
-from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.cost import observation_size
 from stlbench.task import Task, build_method
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def _policy(task: Task, source: Source, on: On, method: RewardMethod) -> Policy 
         observed = _observed(task, method)
         own = _function(task, source, observed.size)
         return OnObservation(lambda seen: own(observed.own(seen[:, : observed.size])), task.actions, source.text)
-    size = BatchEnvironment(task, method, 1, 0).observation_size
+    size = observation_size(task, method)
     return OnObservation(_function(task, source, size), task.actions, source.text)
 
 

@@ -11,7 +11,7 @@ from stlbench.contract import Agent, Intractable, RewardMethod
 from stlbench.rollout.worlds import make_world
 from stlbench.task.task import Task
 
-__all__ = ["REPLAY_LIMIT", "UPDATE_LIMIT", "refuse_dear"]
+__all__ = ["REPLAY_LIMIT", "UPDATE_LIMIT", "observation_size", "refuse_dear"]
 
 REPLAY_LIMIT = 4.0
 """GiB that an agent's replay may take: two cells at a time then fit into a laptop of 16 GiB."""
@@ -45,6 +45,11 @@ def refuse_dear(task: Task, method: RewardMethod, agent: Agent, steps: int) -> N
             f"needs {method.input_size} inputs: a replay of {replay:.2f} GiB (limit {REPLAY_LIMIT:g}), "
             f"updates {longer:.0f} times as long (limit {UPDATE_LIMIT:g})"
         )
+
+
+def observation_size(task: Task, method: RewardMethod) -> int:
+    """D: features, the time, and the method's inputs."""
+    return _inputs_without(task) + method.input_size
 
 
 def _inputs_without(task: Task) -> int:

@@ -12,7 +12,7 @@ from stlbench import stl
 from stlbench.contract import Array, Integers, System, Truth
 from stlbench.task import starts
 from stlbench.task.region import Region
-from stlbench.task.start_sets import StartSets, StateStarts
+from stlbench.task.start_sets import SeedStarts, StateStarts
 from stlbench.task.task import Task
 
 __all__ = ["Box", "Seeds", "Space", "space_of"]
@@ -51,7 +51,7 @@ def space_of(task: Task) -> Box | Seeds:
 class Seeds(Space):
     """Seeds, which have no order to search by. None is one of training, of selection or of the report."""
 
-    sets: StartSets
+    sets: SeedStarts
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from stlbench.contract_parts.texts import cause
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.result import CellId, Result, StoredPolicies
-from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.cost import observation_size
 from stlbench.rollout.saved_policies import Which, read
 from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_method, load_task
@@ -76,7 +76,7 @@ def _restored(agent: str, arrays: Arrays, task: Task) -> Policy:
 
 def _check_size(name: str, task: Task, method: RewardMethod, stored: StoredPolicies) -> None:
     """Networks do not check what they are given; some would read what lies beside it in memory."""
-    size = BatchEnvironment(task, method, 1, 0).observation_size
+    size = observation_size(task, method)
     if size != stored.observation_size:
         rule = f"acts on {stored.observation_size} numbers, and task {task.name} shows {size}"
         raise UsageError(f"{name}: its policy {rule}; it is another task, or one was changed since it was trained")

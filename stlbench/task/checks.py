@@ -14,7 +14,7 @@ from stlbench.task.entry import Timing
 from stlbench.task.parts import Parts
 from stlbench.task.training import VIOLATION
 
-__all__ = ["check_entries", "check_regions"]
+__all__ = ["check_entries", "check_regions", "regions"]
 
 
 def check_entries(parts: Parts, timing: Timing) -> Iterator[str]:
@@ -29,7 +29,7 @@ def check_entries(parts: Parts, timing: Timing) -> Iterator[str]:
 
 def check_regions(parts: Parts, names: tuple[str, ...]) -> Iterator[str]:
     """The boxes of all regions must name the system's states, or its coordinates, in their order."""
-    for place, region in _regions(parts):
+    for place, region in regions(parts):
         if "box" in region and tuple(region["box"]) != names:
             yield f"{place}: the box must name {', '.join(names)}, in this order"
 
@@ -111,12 +111,12 @@ def _names(parts: Parts) -> Iterator[str]:
 
 
 def _conditions(parts: Parts) -> Iterator[str]:
-    for place, region in _regions(parts):
+    for place, region in regions(parts):
         if region.get("where") is not None:
             yield from _unknown(f"{place}.where", "state", region["where"], region.get("box"))
 
 
-def _regions(parts: Parts) -> Iterator[tuple[str, Parts]]:
+def regions(parts: Parts) -> Iterator[tuple[str, Parts]]:
     """Place and region, of all that the file has."""
     training = parts.get("training") or {}
     places = {"initial": parts.get("initial"), "training.starts": training.get("starts")}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from stlbench.task.checks import regions
 from stlbench.task.parts import Parts
 
 __all__ = ["check_system", "check_world"]
@@ -40,12 +41,10 @@ def check_world(parts: Parts, on_gymnasium: bool) -> Iterator[str]:
 
 
 def _places_of_states(parts: Parts) -> Iterator[str]:
-    training = parts.get("training") or {}
-    found = {"initial": parts.get("initial")}
-    found |= {f"training.{name}": training.get(name) for name in ("starts", "exploring")}
-    for name, protocol in parts.get("protocols", {}).items():
-        found[f"protocols.{name}.initial"] = (protocol or {}).get("initial")
-    yield from (place for place, value in found.items() if value is not None)
+    exploring = "training.exploring"
+    yield from (place for place, _ in regions(parts) if not place.startswith(exploring))
+    if (parts.get("training") or {}).get("exploring") is not None:
+        yield exploring
 
 
 def _expressions(parts: Parts, rule: str) -> Iterator[str]:

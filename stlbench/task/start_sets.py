@@ -45,10 +45,6 @@ class StartSets(ABC):
         """Where exploring episodes begin that begin elsewhere (`training.exploring.states`)."""
         raise UsageError("training.exploring.states needs a system, whose state can be set")
 
-    @abstractmethod
-    def fresh(self, seed: int, count: int) -> Array:
-        """Random starts for what comes after a study, such as a certificate, by a seed of the user's."""
-
 
 @dataclass(frozen=True)
 class StateStarts(StartSets):
@@ -86,10 +82,6 @@ class StateStarts(StartSets):
         assert exploring.states is not None
         return self._drawn(exploring.states, generator, count)
 
-    def fresh(self, seed: int, count: int) -> Array:
-        """See `StartSets`."""
-        return self._drawn(self.initial, np.random.default_rng([_REPORTED, 1 + seed]), count)
-
     def _drawn(self, region: Region, generator: np.random.Generator, count: int) -> Array:
         return self.system.initial_states(starts.sample(region, generator, count))
 
@@ -125,7 +117,7 @@ class SeedStarts(StartSets):
         return generator.integers(_TRAINING, _END, (count, 1)).astype(np.float64)
 
     def fresh(self, seed: int, count: int) -> Array:
-        """See `StartSets`."""
+        """Random ones for what comes after a study, such as a certificate, by a seed of the user's."""
         return np.random.default_rng(seed).integers(_FRESH, _TRAINING, (count, 1)).astype(np.float64)
 
 

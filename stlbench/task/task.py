@@ -27,7 +27,7 @@ from stlbench.task.file import Axis, Budget, TaskFile
 from stlbench.task.kinds import check_system, check_world
 from stlbench.task.parts import Parts
 from stlbench.task.reading import errors_of, read
-from stlbench.task.start_sets import SeedStarts, StartSets, StateStarts
+from stlbench.task.start_sets import SeedStarts, StateStarts
 
 if TYPE_CHECKING:
     from stlbench.environments.source import GymSource
@@ -55,7 +55,7 @@ class Task:
         raise Unsuitable(f"task {self.name} is no system: its state cannot be set, its starts are seeds")
 
     @cached_property
-    def starts(self) -> StartSets:
+    def starts(self) -> StateStarts | SeedStarts:
         """Where episodes begin."""
         if isinstance(self.dynamics, System):
             return StateStarts(self.file, self.dynamics)

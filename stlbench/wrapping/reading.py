@@ -10,9 +10,9 @@ import numpy as np
 from gymnasium.spaces import Space
 from gymnasium.vector.utils import iterate
 
-from stlbench import stl
 from stlbench.contract import Array, Integers
 from stlbench.environments.entries import Entries
+from stlbench.environments.expressions import compiled, parsed, unknown
 from stlbench.errors import UsageError
 from stlbench.wrapping.rows import has, row_of
 
@@ -78,20 +78,15 @@ class Expressions(Reader):
 
     def __init__(self, texts: Mapping[str, str], entries: Entries) -> None:
         super().__init__(tuple(texts))
-        nodes = {name: _parsed(name, text) for name, text in texts.items()}
-        used = dict.fromkeys(each for node in nodes.values() for each in stl.signals(node))
         self._entries = entries
-        self._from_info = tuple(name for name in used if name not in entries.names)
-        try:
-            self._values = stl.values(tuple(nodes.values()), (*entries.names, *self._from_info))
-        except stl.UndefinedError as error:
-            raise UsageError(f"signals: {error}") from error
+        nodes = [parsed(f"signals: {name}", text) for name, text in texts.items()]
+        self._from_info, self._values = compiled(nodes, entries)
 
     def one(self, observation: Any, info: dict[str, Any], t: int, copy: int | None = None) -> Array:
         """See `Reader`."""
         for name in self._from_info:
             if name not in info:
-                raise self._unknown(name, info, place(t, copy))
+                raise unknown(name, self._entries, info, f" {place(t, copy)}")
         return self.checked(self._read(observation, info, 1, place(t, copy)), np.array([t]), copy)
 
     def many(self, observations: Any, infos: dict[str, Any], t: Integers) -> Array:
@@ -99,7 +94,7 @@ class Expressions(Reader):
         for name in self._from_info:
             for copy in range(len(t)):
                 if not has(infos, name, copy):
-                    raise self._unknown(name, row_of(infos, copy), place(int(t[copy]), copy))
+                    raise unknown(name, self._entries, row_of(infos, copy), f" {place(int(t[copy]), copy)}")
         return self.checked(self._read(observations, infos, len(t), "of some copy"), t)
 
     def _read(self, observation: Any, info: dict[str, Any], count: int, where: str) -> Array:
@@ -111,18 +106,7 @@ class Expressions(Reader):
                 raise UsageError(f"signals: '{name}' of the info is no number {where}, but {info[name]!r}") from error
         return self._values(np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0])
 
-    def _unknown(self, name: str, info: Mapping[str, Any], where: str) -> UsageError:
-        known, there = ", ".join(self._entries.names) or "no names", ", ".join(map(str, info)) or "nothing"
-        return UsageError(f"signals: no '{name}' {where}: the observation has {known}, the info {there}")
-
 
 def place(t: int, copy: int | None) -> str:
     """Where something was wrong, for a message."""
     return f"at step {t}" if copy is None else f"at step {t} of copy {copy}"
-
-
-def _parsed(name: str, text: str) -> stl.Expression:
-    try:
-        return stl.parse_expression(text)
-    except (TypeError, stl.StlSyntaxError) as error:
-        raise UsageError(f"signals: {name}: {error}") from error

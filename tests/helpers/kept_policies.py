@@ -7,19 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from helpers import line_task
+from helpers.line_task import SYSTEM
 from stlbench.result import CellId, Result
 from stlbench.study import trial
 from stlbench.study.plan import Cell
 
 ENTRIES = "[stlbench.tasks]\nzz-line = zz_kept.system:Line\n[stlbench.agents]\nzz-kept = zz_kept.agent:"
-SYSTEM = """
-from stlbench.contract import System
-class Line(System):
-    state = ("x",)
-    def step(self, state, action): return state + self.dt * action
-    def signals(self, state): return state
-    def features(self, state, t): return state
-"""
 AGENT = """
 import numpy as np
 from stlbench.contract import Agent, Policy

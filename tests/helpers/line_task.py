@@ -30,6 +30,16 @@ class Line(System):
         return np.stack([state[:, 0], t.astype(float)], axis=1)
 
 
+SYSTEM = """
+from stlbench.contract import System
+class Line(System):
+    state = ("x",)
+    def step(self, state, action): return state + self.dt * action
+    def signals(self, state): return state
+    def features(self, state, t): return state
+"""
+"""The source of such a system, for distributions that tests write; its policy sees x alone."""
+
 FILE: dict[str, Any] = {
     "title": "A line",
     "source": "made up",

@@ -6,6 +6,7 @@ import sys
 from dataclasses import replace
 
 import pytest
+from helpers.line_task import SYSTEM
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import parse_choices
@@ -44,14 +45,6 @@ budgets:
   paper: {steps: 4000, seeds: 5}
 """
 
-SYSTEM = """
-from stlbench.contract import System
-class Line(System):
-    state = ("x",)
-    def step(self, state, action): return state + self.dt * action
-    def signals(self, state): return state
-    def features(self, state, t): return state
-"""
 
 METHOD = """
 from stlbench.contract import RewardMethod

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers import line_task
+from helpers.line_task import SYSTEM
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, Policy, Training, Unsuitable
@@ -130,14 +131,6 @@ def test_another_seed_gives_another_result(measured: Measurement) -> None:
 
 
 ENTRIES = "[stlbench.tasks]\nzz-line = zz_trial.system:Line\n[stlbench.agents]\nzz-script = zz_trial.agent:Script\n"
-SYSTEM = """
-from stlbench.contract import System
-class Line(System):
-    state = ("x",)
-    def step(self, state, action): return state + self.dt * action
-    def signals(self, state): return state
-    def features(self, state, t): return state
-"""
 AGENT = """
 import numpy as np
 from stlbench.contract import Agent, Policy

@@ -18,6 +18,7 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.study.plan import plan_cells
 from stlbench.task import load_task
+from stlbench.task.start_sets import SeedStarts
 
 POLE: dict[str, Any] = {
     "title": "A pole",
@@ -69,6 +70,7 @@ def test_a_box_is_continuous_unless_the_file_counts_values(folder: Callable[...,
 
 def test_the_sets_of_seeds_are_apart() -> None:
     starts = walk().starts
+    assert isinstance(starts, SeedStarts)
     generator = np.random.default_rng(0)
     sets = [
         *starts.report_and_selection(),

@@ -10,6 +10,7 @@ import numpy as np
 
 from stlbench.contract import Array, GymTask, Integers, World
 from stlbench.environments.acting import as_action
+from stlbench.environments.expressions import unknown
 from stlbench.environments.source import GymSource, numbers
 from stlbench.errors import UsageError
 
@@ -85,18 +86,16 @@ class GymWorld(World):
     def _named(self, rows: Integers, last: list[tuple[Any, Mapping[str, Any]]]) -> Array:
         """The named entries, and those of the info that expressions use, (r, e + i)."""
         entries = self._source.entries
-        named = [self._seen[rows]] if entries.keys is None else [entries.read(seen, 1) for seen, _ in last]
-        parts = [np.concatenate(named) if entries.keys is not None else named[0]]
-        if not entries.names:
-            parts = [np.empty((len(rows), 0))]
-        for name in self._source.from_info:
-            parts.append(np.array([[self._number(name, info)] for _, info in last]))
-        return np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
+        if entries.keys is None:  # all that is seen has names
+            named = self._seen[rows]
+        else:
+            named = np.concatenate([entries.read(observation, 1) for observation, _ in last])
+        from_info = [np.array([[self._number(name, info)] for _, info in last]) for name in self._source.from_info]
+        return np.concatenate([named, *from_info], axis=1) if from_info else named
 
     def _number(self, name: str, info: Mapping[str, Any]) -> float:
         if name not in info:
-            known, there = ", ".join(self._source.entries.names) or "no names", ", ".join(info) or "nothing"
-            raise UsageError(f"signals: no '{name}': the observation has {known}, the info {there}")
+            raise unknown(name, self._source.entries, info)
         try:
             return float(info[name])
         except (TypeError, ValueError) as error:
