@@ -45,6 +45,15 @@ def test_all_places_of_the_agents_page_are_filled(hook: ModuleType) -> None:
         assert all(cells), line
 
 
+@pytest.mark.parametrize("page", sorted((DOCS / "methods").glob("*.md")), ids=lambda page: page.stem)
+def test_the_table_of_a_method_says_what_each_parameter_means(hook: ModuleType, page: Path) -> None:
+    text = hook.on_page_markdown(page.read_text(encoding="utf-8"))
+    table = text[text.index("| parameter | type | default | meaning |") :]
+    assert set(re.findall(r"^\| `(\w+)` \| .+? \| `.+?` \| .+ \|$", table, re.MULTILINE)) == set(
+        plugins.parameters(plugins.find("methods", page.stem))
+    )
+
+
 @pytest.mark.parametrize("name", ["dqn", "td3", "sb3-ppo"])
 def test_a_default_can_be_said_as_it_is_shown(hook: ModuleType, name: str) -> None:
     for row in hook.table("agents", name).splitlines()[2:]:

@@ -1,7 +1,7 @@
 """A hook of mkdocs: tables of parameters, made from the plugins themselves.
 
 `<!-- parameters: agents dqn -->` in a page becomes the table of that plugin: the fields of its dataclass, each with
-type and range, default and docstring.
+type and range, default and docstring. Of a reward method it is what its docstring says of the constructor's arguments.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from stlbench.registry import plugins
+from stlbench.registry import docstrings, plugins
 from stlbench.registry.choices import Parameter, declared
 from stlbench.registry.field_docs import field_docs
 
@@ -24,7 +24,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 def table(kind: str, name: str) -> str:
     """The parameters of a plugin as a table in Markdown. Raises `UsageError` where there is no such plugin."""
     plugin = plugins.find(kind, name).load()
-    docs = field_docs(plugin)
+    docs = {**docstrings.read(plugin).parameters, **field_docs(plugin)}
     lines = ["| parameter | type | default | meaning |", "|---|---|---|---|"]
     for key, parameter in declared(plugin).items():
         lines.append(f"| `{key}` | {_type(parameter)} | `{_default(parameter)}` | {docs.get(key, '')} |")
