@@ -40,7 +40,7 @@ def gate(
         typer.Option(metavar="SEEDS", help="As in `stlbench run`.", show_default="all in the reference"),
     ] = None,
     jobs: Jobs = None,
-    results: Annotated[Path, typer.Option(metavar="DIR", help="Folder of ledger, gate.md and gate.json.")] = Path(
+    results: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the ledger and of the summaries.")] = Path(
         "results/gate"
     ),
     executor: Executor = "local",
@@ -113,12 +113,12 @@ def _measured(cells: Sequence[Cell], folder: Path, executor: contract.Executor) 
 
 def _judge(base: tuple[str, Snapshot], new: tuple[str, Snapshot], folder: Path, as_json: bool) -> None:
     """Write and print the summaries, and exit."""
-    from stlbench.gate import summary
+    from stlbench.gate import outputs, summary
     from stlbench.gate.judge import EXIT, judge
     from stlbench.gate.snapshot import pair
 
     judgement = judge(pair(base[1], new[1]))
-    summary.write(folder, judgement, base, new)
+    outputs.write(folder, "stlbench gate", judgement, base, new)
     if as_json:
         print_json(summary.facts(judgement, base, new))
     else:

@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-from stlbench.errors import UsageError
 from stlbench.gate.judge import EXIT, Comparison, Finding, Judgement
 from stlbench.gate.metrics import METRICS
 from stlbench.gate.snapshot import Snapshot
 from stlbench.report import Column, Table, Value, to_markdown
 
-__all__ = ["Named", "facts", "markdown", "notes", "write"]
+__all__ = ["Named", "facts", "head", "markdown", "notes", "settings", "trouble"]
 
 Named = tuple[str, Snapshot]
 """Where a snapshot lies, and what it holds."""
-
-
-def write(folder: Path, judgement: Judgement, base: Named, new: Named) -> None:
-    """Write gate.json and gate.md. Raises `UsageError` where the folder cannot be written."""
-    content = facts(judgement, base, new)
-    try:
-        (folder / "gate.json").write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-        (folder / "gate.md").write_text(markdown("stlbench gate", judgement, base, new), encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot write the summary: {error}") from error
 
 
 # ------------------------------------------------------------------------------------------------------------- JSON
@@ -74,10 +61,14 @@ def _record(comparison: Comparison) -> dict[str, Any]:
 
 def markdown(title: str, judgement: Judgement, base: Named, new: Named) -> str:
     """A summary for a terminal, a file, or the page of a CI job: the verdict, what led to it, and all settings."""
+    tables = [table for table in (trouble(judgement), settings(judgement)) if table.rows]
+    return "\n".join([head(title, judgement, base, new), *map(to_markdown, tables)])
+
+
+def head(title: str, judgement: Judgement, base: Named, new: Named) -> str:
+    """The verdict, where the two come from, and what a reader should know of them."""
     lines = [f"# {title}: {judgement.verdict}", "", _said("base", *base), _said("new", *new)]
-    lines += [f"- {note}" for note in notes(base[1], new[1])]
-    tables = [table for table in (_trouble(judgement), _settings(judgement)) if table.rows]
-    return "\n".join([*lines, "", *(to_markdown(table) for table in tables)])
+    return "\n".join([*lines, *(f"- {note}" for note in notes(base[1], new[1])), ""])
 
 
 def _said(role: str, path: str, snapshot: Snapshot) -> str:
@@ -106,7 +97,7 @@ def notes(base: Snapshot, new: Snapshot) -> list[str]:
     return [note for applies, note in possible if applies]
 
 
-def _trouble(judgement: Judgement) -> Table:
+def trouble(judgement: Judgement) -> Table:
     """One row for each thing that is not fine, the worst first; as texts, since each row has its metric's unit."""
     titles = ("verdict", "where", "metric", "base", "new", "change", "95 % limits", "tolerated", "seeds", "p", "reason")
     rows = [(EXIT[finding.verdict], _finding(finding)) for finding in judgement.findings]
@@ -133,7 +124,7 @@ def _comparison(comparison: Comparison) -> tuple[Value, ...]:
     )
 
 
-def _settings(judgement: Judgement) -> Table:
+def settings(judgement: Judgement) -> Table:
     """One row per setting, one column per metric."""
     compared = {(comparison.setting, comparison.metric.name): comparison for comparison in judgement.comparisons}
     names = [metric.name for metric in METRICS]

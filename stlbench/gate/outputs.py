@@ -1,0 +1,33 @@
+"""What `stlbench gate` and `stlbench compare` leave in a folder: for programs, for people, for CI servers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from stlbench.errors import UsageError
+from stlbench.gate.comment import comment
+from stlbench.gate.judge import Judgement
+from stlbench.gate.junit import junit
+from stlbench.gate.summary import Named, facts, markdown
+
+__all__ = ["write"]
+
+
+def write(folder: Path, title: str, judgement: Judgement, base: Named, new: Named) -> None:
+    """Write gate.json, gate.md, gate.xml for CI servers, and comment.md for a pull request.
+
+    Raises `UsageError` where the folder cannot be written.
+    """
+    contents = {
+        "gate.json": json.dumps(facts(judgement, base, new), indent=2, ensure_ascii=False) + "\n",
+        "gate.md": markdown(title, judgement, base, new),
+        "gate.xml": junit(title, judgement),
+        "comment.md": comment(title, judgement, base, new),
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in contents.items():
+            (folder / name).write_text(content, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write the summary: {error}") from error
