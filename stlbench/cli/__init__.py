@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from stlbench import __version__
+from stlbench.cli.bundle import bundle
 from stlbench.cli.certify import certify
 from stlbench.cli.check import check
 from stlbench.cli.common import Commands, refuse
@@ -48,6 +49,7 @@ app.command("check", short_help="Does a plugin keep the rules of its contract?")
 app.add_typer(show, name="show")
 app.command("export", short_help="Write results for other programs.")(export)
 app.add_typer(results, name="results")
+app.command("bundle", short_help="Pack results into one file with checksums, for others.")(bundle)
 app.command("report")(report)
 app.command("plot", short_help="Draw a run: learning, robustness in time, trajectories.")(plot)
 app.command("render", short_help="Film the best and the worst start of a cell.")(render)

@@ -11,7 +11,7 @@ from stlbench.cli.common import Json, print_json
 
 
 def compare(
-    base: Annotated[Path, typer.Argument(metavar="BASE", help="Folder of results, ledger, or reference.")],
+    base: Annotated[Path, typer.Argument(metavar="BASE", help="Folder of results, ledger, reference, or bundle.")],
     new: Annotated[Path, typer.Argument(metavar="NEW", help="The same of what is to be judged.")],
     results: Annotated[
         Path | None,

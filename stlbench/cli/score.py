@@ -79,8 +79,9 @@ def _stored(
     from stlbench.cli.show_cell import scores_table
     from stlbench.outside.again import score_again
     from stlbench.report import to_screen
+    from stlbench.study.results import Results
 
-    again = score_again(task, source.text, results, budget, which)
+    again = score_again(task, Results.load(results).cell(source.text, budget), results, which)
     if as_json:
         print_json({"cell": again.cell.name, "policy": which, "task": task.name, "as_recorded": again.as_recorded})
         return

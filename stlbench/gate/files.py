@@ -20,6 +20,7 @@ from pydantic import TypeAdapter, ValidationError
 from stlbench.errors import UsageError
 from stlbench.gate.snapshot import Sample, Snapshot, gather
 from stlbench.result import IDENTITY, NOT_RUN, OUTSIDE, CellId
+from stlbench.sharing.checked import unpacked
 from stlbench.study import stored
 from stlbench.study.ledger import FILE, is_sqlite
 
@@ -31,13 +32,15 @@ COLUMNS = (*IDENTITY, *(part.name for part in fields(Sample) if part.name != "id
 
 
 def load(path: Path) -> Snapshot:
-    """Read a reference, a folder of results, a ledger, or a table of cells.
+    """Read a reference, a folder of results, a ledger, a table of cells, or a bundle.
 
     In a folder of results the ledger, or `cells.jsonl` in its place, goes before the table.
 
     Raises:
         UsageError: there is nothing of these, or it is not as it should be; the message says where.
     """
+    if path.suffix == ".zip":
+        return _bundle(path)
     if (path / PROVENANCE).is_file():
         return _reference(path)
     if path.suffix == ".csv":
@@ -73,6 +76,13 @@ def _text(value: object, column: str) -> str:
     if isinstance(value, float) and math.isfinite(value) and column.endswith("seconds"):
         return f"{value:.4g}"
     return str(value)
+
+
+def _bundle(path: Path) -> Snapshot:
+    with unpacked(path) as (folder, problems):
+        if problems:
+            raise UsageError(f"{path}: {problems[0]}")
+        return _results(folder / stored.LINES)
 
 
 def _results(path: Path) -> Snapshot:

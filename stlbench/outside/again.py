@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from stlbench.result import CellId, Score
+from stlbench.result import CellId, Result, Score
 from stlbench.rollout.referee import Referee
 from stlbench.rollout.saved_policies import Which
 from stlbench.study.kept import load_policy
-from stlbench.study.results import Results
 from stlbench.task import Task
 
 __all__ = ["Again", "score_again"]
@@ -31,20 +30,18 @@ class Again(NamedTuple):
         return words[self.as_recorded]
 
 
-def score_again(task: Task, name: str, folder: Path, budget: str | None, which: Which) -> Again:
+def score_again(task: Task, result: Result, folder: Path, which: Which) -> Again:
     """Score a cell's policy on its own task, or on another with the same observation and actions.
 
     Args:
         task: where.
-        name: of the cell.
-        folder: of results.
-        budget: of the cell, where its name has several.
+        result: of the cell.
+        folder: of results, where its policy is stored.
         which: of its policies.
 
     Raises:
-        UsageError: there is no such cell, or no policy of it that can be used on the task.
+        UsageError: no policy of it can be used on the task.
     """
-    result = Results.load(folder).cell(name, budget)
     own = task.choice == result.id.task
     kept = load_policy(folder, result, which, on=None if own else task)
     starts = kept.task.file.budgets[result.id.budget].random_starts if result.id.budget in kept.task.file.budgets else 0

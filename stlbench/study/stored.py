@@ -12,7 +12,7 @@ from stlbench.result import CellId, Result, from_json, to_json
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.provenance import TASK_FOLDER
 
-__all__ = ["LINES", "SUFFIX", "locate", "missing", "read", "write_lines"]
+__all__ = ["LINES", "SUFFIX", "lines", "locate", "missing", "read", "write_lines"]
 
 SUFFIX = ".jsonl"
 """Of files of lines."""
@@ -57,13 +57,18 @@ def missing(path: Path) -> list[CellId]:
 
 def write_lines(results: Iterable[Result], path: Path) -> int:
     """Write results as text, over the file of before; how many there are. Raises `UsageError` where it cannot."""
-    lines = [to_json(_without_path(result)) + "\n" for result in sorted(results, key=lambda result: result.id)]
+    text = lines(results)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("".join(lines), encoding="utf-8")
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error}") from error
-    return len(lines)
+    return text.count("\n")
+
+
+def lines(results: Iterable[Result]) -> str:
+    """The text of `cells.jsonl`: one line per result, ordered by cell."""
+    return "".join(to_json(_without_path(result)) + "\n" for result in sorted(results, key=lambda result: result.id))
 
 
 def _without_path(result: Result) -> Result:

@@ -1,0 +1,63 @@
+"""The policies of a bundle, scored by the referee of this machine rather than believed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from stlbench.errors import UsageError
+from stlbench.outside.again import score_again
+from stlbench.result import MAIN, CellId, Score
+from stlbench.sharing.checked import unpacked
+from stlbench.study.results import Results
+from stlbench.task import load_task
+
+__all__ = ["MORE", "Rescored", "rescore"]
+
+MORE = 0.01
+"""What a bundle may claim beyond what the referee finds: share of the robustness, and of the starts. Another processor
+rounds otherwise, and a policy that is torn between two actions then takes the other one now and then."""
+
+
+class Rescored(NamedTuple):
+    """A cell's selected policy, as recorded and as found."""
+
+    cell: CellId
+    recorded: Score
+    found: Score | None
+    """None where it cannot be scored here."""
+    why: str = ""
+    """Why not."""
+
+    @property
+    def verdict(self) -> str:
+        """In words; "claims more" where the referee finds less than `MORE` allows."""
+        if self.found is None:
+            return "not scored"
+        if self.found == self.recorded:
+            return "as recorded"
+        lost = self.recorded.mean - self.found.mean
+        worse = self.recorded.satisfaction - self.found.satisfaction
+        return "claims more" if lost > MORE * abs(self.recorded.mean) or worse > MORE else "within rounding"
+
+
+def rescore(path: Path) -> Iterator[Rescored]:
+    """Score the selected policy of each cell of a bundle that has one, from the report's starts of its task.
+
+    Raises:
+        UsageError: the file is no bundle, or is not what it says; `check` names what is wrong.
+    """
+    with unpacked(path) as (folder, problems):
+        if problems:
+            raise UsageError(f"{path} is not scored: {problems[0]}")
+        for result in Results.load(folder):
+            if result.measurement is None or result.measurement.policies is None:
+                continue
+            recorded = result.measurement.selected[MAIN]
+            try:
+                again = score_again(load_task(result.id.task), result, folder, "selected")
+            except UsageError as error:
+                yield Rescored(result.id, recorded, None, str(error))
+            else:
+                yield Rescored(result.id, recorded, again.scores[MAIN])

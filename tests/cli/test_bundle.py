@@ -1,0 +1,46 @@
+"""`stlbench bundle`, and `compare` of bundles, on made-up plugins."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from stlbench.sharing.checked import check
+
+RUN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here", "--methods", "toy-raw")
+
+
+@pytest.fixture
+def recorded(say, toy):
+    assert say(*RUN).exit_code == 0
+
+
+def test_a_bundle_of_a_run_is_fine(say, recorded) -> None:
+    done = say("bundle", "results", "--author", "Ada Lovelace")
+    assert done.exit_code == 0
+    assert done.stdout.startswith("Written to results.zip: 2 cells, policies of 2, ")
+    assert done.stdout.endswith(" MB; licence CC-BY-4.0\n")
+    assert check(Path("results.zip")) == (2, 2, ())
+
+
+def test_json(say, recorded) -> None:
+    done = say("bundle", "results", "mine.zip", "--json")
+    said = json.loads(done.stdout)
+    assert (said["file"], said["cells"], said["size"]) == ("mine.zip", 2, Path("mine.zip").stat().st_size)
+
+
+def test_compare_reads_bundles(say, recorded) -> None:
+    say("bundle", "results", "one.zip")
+    done = say("compare", "one.zip", "results")
+    assert (done.exit_code, done.stdout.splitlines()[0]) == (0, "# stlbench compare: no worse")
+    Path("two.zip").write_bytes(b"PK")
+    refused = say("compare", "one.zip", "two.zip")
+    assert refused.exit_code == 2
+    assert refused.stderr.startswith("error: two.zip is no bundle")
+
+
+def test_bad_input_is_one_line(say) -> None:
+    done = say("bundle", "nothing")
+    assert (done.exit_code, len(done.stderr.splitlines())) == (2, 1)

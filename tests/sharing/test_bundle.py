@@ -1,0 +1,93 @@
+"""What goes into a bundle, and that equal results give equal bundles."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from dataclasses import replace
+
+import pytest
+import yaml
+from helpers import bundles
+
+from stlbench.errors import UsageError
+from stlbench.sharing.bundle import pack
+from stlbench.study import stored
+from stlbench.study.results import Results
+
+
+def names(path) -> list[str]:
+    with zipfile.ZipFile(path) as archive:
+        return archive.namelist()
+
+
+def test_it_has_results_tables_policies_and_a_citation(site, tmp_path) -> None:
+    path, packed = bundles.packed(site, tmp_path)
+    found = names(path)
+    policy = next(name for name in found if name.startswith("policies/"))
+    assert sorted(found) == sorted(["cells.jsonl", "report.md", policy, "CITATION.cff", "ro-crate-metadata.json"])
+    assert (packed.cells, packed.policies, packed.files, packed.size) == (1, 1, 4, path.stat().st_size)
+
+
+def test_traces_come_along_when_asked(site, tmp_path) -> None:
+    path, _ = bundles.packed(site, tmp_path, traces=True)
+    assert sum(name.startswith("traces/") for name in names(path)) == 1
+
+
+def test_unzipped_it_is_a_folder_of_results(site, tmp_path) -> None:
+    path, _ = bundles.packed(site, tmp_path)
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(tmp_path / "unzipped")
+    own, there = (list(stored.read(tmp_path / name)) for name in ("results", "unzipped"))
+    assert there == own
+    assert Results.load(tmp_path / "unzipped").policy(own[0].id.name).policy.action == 0
+
+
+def test_equal_results_give_equal_bundles(site, tmp_path) -> None:
+    path, _ = bundles.packed(site, tmp_path)
+    pack(tmp_path / "results", tmp_path / "again.zip", bundles.ABOUT)
+    assert (tmp_path / "again.zip").read_bytes() == path.read_bytes()
+
+
+def test_the_metadata_are_those_of_an_ro_crate(site, tmp_path) -> None:
+    path, _ = bundles.packed(site, tmp_path)
+    with zipfile.ZipFile(path) as archive:
+        document = json.loads(archive.read("ro-crate-metadata.json"))
+        assert document["@context"] == "https://w3id.org/ro/crate/1.2/context"
+        entries = {entry["@id"]: entry for entry in document["@graph"]}
+        assert entries["ro-crate-metadata.json"]["about"] == {"@id": "./"}
+        root = entries["./"]
+        assert (root["name"], root["datePublished"]) == (bundles.ABOUT.title, "2026-01-31")
+        assert root["license"] == {"@id": "https://spdx.org/licenses/CC0-1.0"}
+        assert [entries[author["@id"]]["name"] for author in root["author"]] == list(bundles.ABOUT.authors)
+        listed = {part["@id"] for part in root["hasPart"]}
+        assert listed == set(archive.namelist()) - {"ro-crate-metadata.json"}
+        for name in listed:
+            data = archive.read(name)
+            assert entries[name]["sha256"] == hashlib.sha256(data).hexdigest()
+            assert entries[name]["contentSize"] == str(len(data))
+
+
+def test_the_citation_says_what_was_said_whatever_it_was(site, tmp_path) -> None:
+    path, _ = bundles.packed(site, tmp_path)
+    with zipfile.ZipFile(path) as archive:
+        citation = yaml.safe_load(archive.read("CITATION.cff"))
+    assert citation["title"] == 'A study: of "lines"'
+    assert [author["name"] for author in citation["authors"]] == ["Ada Lovelace", "O'Neil & Sons"]
+    assert (citation["type"], citation["license"]) == ("dataset", "CC0-1.0")
+
+
+def test_without_authors_there_is_no_citation(site, tmp_path) -> None:
+    folder = bundles.folder_of_results(site, tmp_path / "results")
+    pack(folder, tmp_path / "b.zip", replace(bundles.ABOUT, authors=()))
+    assert "CITATION.cff" not in names(tmp_path / "b.zip")
+
+
+@pytest.mark.parametrize(("target", "said"), [("b.tar", "its name ends in .zip"), ("no/b.zip", "cannot pack")])
+def test_what_cannot_be_packed_is_one_line(site, tmp_path, target, said) -> None:
+    folder = bundles.folder_of_results(site, tmp_path / "results")
+    with pytest.raises(UsageError, match=said):
+        pack(folder, tmp_path / target, bundles.ABOUT)
+    with pytest.raises(UsageError, match="there is neither"):
+        pack(tmp_path / "nowhere", tmp_path / "b.zip", bundles.ABOUT)

@@ -1,0 +1,76 @@
+"""A bundle's policies are scored again, and what it claims beyond that is said."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from dataclasses import replace
+
+import pytest
+from helpers import bundles
+
+from stlbench.errors import UsageError
+from stlbench.result import MAIN, Score, from_json, to_json
+from stlbench.sharing.crate import METADATA
+from stlbench.sharing.rescored import Rescored, rescore
+
+
+@pytest.fixture
+def bundle(site, tmp_path):
+    return bundles.packed(site, tmp_path)[0]
+
+
+def claiming(bundle, target, change):
+    """The bundle with another main score in its results, and all checksums put right."""
+    with zipfile.ZipFile(bundle) as archive:
+        result = from_json(archive.read("cells.jsonl").decode())
+        document = json.loads(archive.read(METADATA))
+    measured = result.measurement
+    selected = dict(measured.selected) | {MAIN: change(measured.selected[MAIN])}
+    data = (to_json(replace(result, measurement=replace(measured, selected=selected))) + "\n").encode()
+    for entry in document["@graph"]:
+        if entry["@id"] == "cells.jsonl":
+            entry.update(sha256=hashlib.sha256(data).hexdigest(), contentSize=str(len(data)))
+    return bundles.changed(bundle, target, {"cells.jsonl": data, METADATA: json.dumps(document).encode()})
+
+
+def test_what_was_recorded_is_found_again(bundle) -> None:
+    (found,) = rescore(bundle)
+    assert (found.cell.name, found.verdict) == ("zz-line/raw/zz-kept/0", "as recorded")
+    assert found.found == found.recorded
+
+
+def test_a_claim_is_not_believed(bundle, tmp_path) -> None:
+    better = lambda score: replace(score, robustness=tuple(value + 0.5 for value in score.robustness))  # noqa: E731
+    (found,) = rescore(claiming(bundle, tmp_path / "claim.zip", better))
+    assert found.verdict == "claims more"
+    assert found.recorded.mean == pytest.approx(found.found.mean + 0.5)
+
+
+def test_a_task_that_is_not_installed_is_said(bundle, monkeypatch) -> None:
+    def nowhere(_):
+        raise UsageError("there is no task 'zz-line'")
+
+    monkeypatch.setattr("stlbench.sharing.rescored.load_task", nowhere)
+    (found,) = rescore(bundle)
+    assert (found.found, found.verdict, found.why) == (None, "not scored", "there is no task 'zz-line'")
+
+
+def test_a_damaged_bundle_is_not_scored(bundle, tmp_path) -> None:
+    path = bundles.changed(bundle, tmp_path / "b.zip", {"report.md": None})
+    with pytest.raises(UsageError, match=r"is not scored: report.md: missing"):
+        list(rescore(path))
+
+
+@pytest.mark.parametrize(
+    ("mean", "satisfied", "verdict"),
+    [(1.0, 10, "as recorded"), (0.995, 10, "within rounding"), (0.98, 10, "claims more"), (1.0, 9, "claims more")],
+)
+def test_how_much_is_rounding(mean, satisfied, verdict) -> None:
+    """Of a recorded robustness of 1 from 10 starts, which all satisfy."""
+
+    def scored(value, count):
+        return Score((value,) * 10, tuple(number < count for number in range(10)), {})
+
+    assert Rescored(None, scored(1.0, 10), scored(mean, satisfied)).verdict == verdict
