@@ -18,6 +18,7 @@ from stlbench.stl.errors import (
 )
 from stlbench.stl.language.fragment import Term, fragment
 from stlbench.stl.language.horizon import horizon, resolve_end
+from stlbench.stl.language.normal_form import negations_inside
 from stlbench.stl.language.parser import parse, parse_expression
 from stlbench.stl.language.sugar import iff, release, weak_until, xor
 from stlbench.stl.language.syntax import (
@@ -42,6 +43,8 @@ from stlbench.stl.language.syntax import (
 from stlbench.stl.language.traversal import is_temporal, signals
 from stlbench.stl.predicates.pointwise import holds, margin, values
 from stlbench.stl.recorded.compiled import holds_trace, margin_trace
+from stlbench.stl.recorded.folds import Fold, Least, Mean
+from stlbench.stl.recorded.quantity import Quantity
 from stlbench.stl.recorded.robustness import (
     RobustnessBounds,
     SatisfactionBounds,
@@ -55,6 +58,7 @@ from stlbench.stl.recorded.robustness import (
     satisfied,
     satisfied_trace,
 )
+from stlbench.stl.recorded.semantics import Semantics, SemanticsName, semantics
 from stlbench.stl.recorded.witness import Link, Witness, witness
 from stlbench.stl.running.batch_monitor import BatchMonitor, Intervals
 from stlbench.stl.running.monitor import Monitor
@@ -70,13 +74,16 @@ __all__ = [
     "Call",
     "Eventually",
     "Expression",
+    "Fold",
     "Formula",
     "FormulaLimitError",
     "FragmentError",
     "Implies",
     "Interval",
     "Intervals",
+    "Least",
     "Link",
+    "Mean",
     "Monitor",
     "Negative",
     "Not",
@@ -84,8 +91,11 @@ __all__ = [
     "Or",
     "Position",
     "Predicate",
+    "Quantity",
     "RobustnessBounds",
     "SatisfactionBounds",
+    "Semantics",
+    "SemanticsName",
     "ShortTraceError",
     "ShortTraces",
     "Signal",
@@ -106,6 +116,7 @@ __all__ = [
     "is_temporal",
     "margin",
     "margin_trace",
+    "negations_inside",
     "parse",
     "parse_expression",
     "release",
@@ -118,6 +129,7 @@ __all__ = [
     "satisfaction_bounds_trace",
     "satisfied",
     "satisfied_trace",
+    "semantics",
     "signals",
     "values",
     "weak_until",

@@ -78,10 +78,14 @@ def _temporal(inner: st.SearchStrategy[Formula], longest: int, endless: bool) ->
 
 
 def formulas(
-    predicates: st.SearchStrategy[Any] = PREDICATES, longest: int = 5, leaves: int = 6, endless: bool = False
+    predicates: st.SearchStrategy[Any] = PREDICATES,
+    longest: int = 5,
+    leaves: int = 6,
+    endless: bool = False,
+    constants: bool = True,
 ) -> st.SearchStrategy[Formula]:
-    """Formulas of any nesting with intervals up to `longest`; `endless`: or without intervals."""
-    base = st.one_of(predicates, predicates, predicates, st.just(TrueFormula()))
+    """Formulas of any nesting with intervals up to `longest`; `endless`: or without; `constants`: `True` occurs."""
+    base = st.one_of(predicates, predicates, predicates, st.just(TrueFormula())) if constants else predicates
 
     def grow(inner: st.SearchStrategy[Formula]) -> st.SearchStrategy[Formula]:
         return st.one_of(_boolean(inner), _temporal(inner, longest, endless))

@@ -1,0 +1,131 @@
+"""A formula under any quantitative semantics, on recorded traces: one evaluator for all of them.
+
+The robustness of `robustness.py` is the special case of minimum and maximum, and is worked out much faster there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from stlbench.stl.language.horizon import horizon
+from stlbench.stl.language.normal_form import negations_inside
+from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Not, Or, Until
+from stlbench.stl.language.traversal import is_temporal
+from stlbench.stl.predicates.inputs import as_names
+from stlbench.stl.predicates.pointwise import margin
+from stlbench.stl.recorded.semantics import Semantics
+
+Floats: TypeAlias = NDArray[np.float64]
+#: a leaf to the function of samples (..., k) -> (...) that is its value
+Valued: TypeAlias = Callable[[Formula], Callable[[Floats], Floats]]
+#: what an empty F and an empty G are worth
+Ends: TypeAlias = tuple[float, float]
+
+
+class Quantity:
+    """A formula whose leaves have values, which `semantics` combines.
+
+    Leaves are the largest parts without temporal operators, or single predicates where the semantics is made for
+    values of about [-1, 1]. Negations are pushed into them.
+
+    Attributes:
+        formula: with its negations inside.
+        leaves: the J different leaves, in order of appearance.
+        horizon: steps that the formula looks ahead.
+    """
+
+    def __init__(
+        self, formula: Formula, names: Sequence[str], semantics: Semantics, valued: Valued | None = None
+    ) -> None:
+        """Read `formula` on the signals `names`; `valued` gives the value of a leaf, where it is not the margin.
+
+        Raises:
+            UnboundedError: an operator has no interval.
+            UnknownSignalError: the formula uses a signal that is not in `names`.
+        """
+        self.horizon, self.semantics = horizon(formula), semantics
+        self.formula = negations_inside(formula, to_predicates=semantics.divided)
+        self.leaves = tuple(dict.fromkeys(_leaves(self.formula, semantics.divided)))
+        known = as_names(names)
+        self._read = [valued(leaf) if valued else margin(leaf, known) for leaf in self.leaves]
+
+    def read(self, samples: Floats) -> Floats:
+        """The values of the leaves: (..., k) -> (..., J); NaN where a predicate has none."""
+        return np.stack([np.broadcast_to(read(samples), samples.shape[:-1]) for read in self._read], axis=-1)
+
+    def values(self, leaves: Floats) -> Floats:
+        """The formula's value at each step at which it can be told: (n, T+1, J) -> (n, T+1-horizon)."""
+        return self._at(self.formula, leaves, (0, leaves.shape[1] - 1 - self.horizon), (-math.inf, math.inf))
+
+    def clipped(self, leaves: Floats, ends: Ends) -> Floats:
+        """The same at every step, (n, T+1), with windows cut at T; `ends` is what an empty F and an empty G have."""
+        return self._at(self.formula, leaves, (0, leaves.shape[1] - 1), ends)
+
+    def _at(self, node: Formula, leaves: Floats, steps: tuple[int, int], ends: Ends) -> Floats:
+        """The values of a part at the first to the last of `steps`, (n, last - first + 1)."""
+        if node in self.leaves:
+            return leaves[:, steps[0] : steps[1] + 1, self.leaves.index(node)]
+        match node:
+            case Not(arg):
+                return -self._at(arg, leaves, steps, ends)
+            case And(args) | Or(args):
+                fold = self.semantics.least if isinstance(node, And) else self.semantics.greatest
+                return fold(np.stack([self._at(arg, leaves, steps, ends) for arg in args], axis=-1))
+            case Always() | Eventually():
+                return self._window(node, leaves, steps, ends)
+            case Until():
+                each = [self._until(node, leaves, t, ends) for t in range(steps[0], steps[1] + 1)]
+                return np.stack(each, axis=-1)
+            case _:  # pragma: no cover - a leaf
+                raise AssertionError(node)
+
+    def _window(self, node: Always | Eventually, leaves: Floats, steps: tuple[int, int], ends: Ends) -> Floats:
+        always, (lo, hi) = isinstance(node, Always), steps
+        fold = self.semantics.least if always else self.semantics.eventually
+        first, last = lo + node.a, leaves.shape[1] - 1
+        read = min(hi + node.b, last)
+        lifted = np.full((len(leaves), hi + node.b - first + 1, fold.size), fold.empty)
+        if first <= read:
+            lifted[:, : read - first + 1] = fold.lift(self._at(node.arg, leaves, (first, read), ends))
+        windows = sliding_window_view(lifted, node.b - node.a + 1, axis=1)  # (n, hi - lo + 1, size, width)
+        values = fold.read(fold.merge.reduce(windows, axis=-1))
+        values[:, max(last - node.a - lo + 1, 0) :] = ends[always]  # of windows that begin after the last sample
+        return values
+
+    def _until(self, node: Until, leaves: Floats, t: int, ends: Ends) -> Floats:
+        """At one step: the least of each goal in the interval and of the guard before it, and the greatest of these."""
+        least, first, last = self.semantics.least, t + node.a, min(t + node.b, leaves.shape[1] - 1)
+        if first > last:
+            return np.full(len(leaves), ends[0])
+        goal = self._at(node.right, leaves, (first, last), ends)
+        if last > t:
+            guards = least.lift(self._at(node.left, leaves, (t, last - 1), ends))
+            before = least.read(least.merge.accumulate(guards, axis=1))[:, max(first - t - 1, 0) :]
+            alone = goal.shape[1] - before.shape[1]  # 1 where the first goal is at t itself, without a guard
+            guarded = least(np.stack([goal[:, alone:], before], axis=-1))
+            goal = np.concatenate([goal[:, :alone], guarded], axis=1)
+        return self.semantics.eventually(goal)
+
+
+def _leaves(node: Formula, predicates: bool) -> Iterator[Formula]:
+    inner = node.arg if isinstance(node, Not) else node
+    if not is_temporal(node) and not (predicates and isinstance(inner, And | Or)):
+        yield node
+        return
+    match inner:
+        case And(args) | Or(args):
+            parts = args
+        case Always(_, _, arg) | Eventually(_, _, arg):
+            parts = (arg,)
+        case Until(_, _, left, right):
+            parts = (left, right)
+        case _:  # pragma: no cover - a leaf
+            raise AssertionError(node)
+    for part in parts:
+        yield from _leaves(part, predicates)

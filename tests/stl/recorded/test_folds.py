@@ -1,0 +1,114 @@
+"""Minimum-like functions: values by hand, and the laws that make them stand for a conjunction."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from stlbench import stl
+from stlbench.stl import Fold, Mean
+
+FOLDS = {name: stl.semantics(name).least for name in ("classic", "lse", "agm", "gmsr")}  # type: ignore[arg-type]
+SMOOTH = ("lse", "agm", "gmsr")
+SOUND = ("classic", "agm", "gmsr")
+#: values are 0 or at least 1/16 in size, where the eps of gmsr is nothing
+values = arrays(np.float64, st.integers(1, 12), elements=st.integers(-16, 16).map(lambda n: n / 16))
+each = pytest.mark.parametrize("name", FOLDS)
+
+
+@pytest.mark.parametrize(
+    ("name", "given_", "expected"),
+    [
+        ("classic", [0.5, -0.25, 1.0], -0.25),
+        ("lse", [0.0, 0.0], -math.log(2) / 10),
+        ("lse", [0.5, 1.0], 0.5 - math.log(1 + math.exp(-5)) / 10),
+        ("agm", [1.0, 0.125], 0.5),  # sqrt(2 * 1.125) - 1
+        ("agm", [-1.0, 0.5], -0.5),
+        ("agm", [0.0, 0.5, 1.0], 0.0),
+        ("gmsr", [0.5, 0.125], 0.25 - 1e-4),  # (1/4 * 1/64)^(1/4)
+        ("gmsr", [-0.6, 0.8], 1e-4 - math.sqrt(1e-8 + 0.18)),
+        ("gmsr", [0.0, 1.0], 0.0),
+    ],
+)
+def test_by_hand(name: str, given_: list[float], expected: float) -> None:
+    assert FOLDS[name](np.array(given_)) == pytest.approx(expected, abs=1e-7)
+    assert FOLDS[name].mirrored()(-np.array(given_)) == pytest.approx(-expected, abs=1e-7)
+
+
+def test_the_mean() -> None:
+    assert Mean()(np.array([[1.0, 0.0, 0.5, 0.5], [1.0, 1.0, 1.0, 0.0]])).tolist() == [0.5, 0.75]
+
+
+@each
+@given(values=values)
+def test_summaries_grow_value_by_value(name: str, values: np.ndarray) -> None:
+    fold = FOLDS[name]
+    summary = np.full(fold.size, fold.empty)
+    for value in values:
+        summary = fold.merge(summary, fold.lift(np.array(value)))
+    assert fold.read(summary) == pytest.approx(fold(values), abs=1e-12)
+
+
+@each
+def test_none_and_many(name: str) -> None:
+    fold = FOLDS[name]
+    assert fold.read(np.full(fold.size, fold.empty)) == math.inf
+    assert fold.mirrored().read(np.full(fold.size, fold.empty)) == -math.inf
+    once = fold.lift(np.array([0.5, -0.25]))
+    assert fold.read(fold.repeat(once, [4, 4])) == pytest.approx(fold(np.tile([[0.5], [-0.25]], 4)))
+    assert fold.read(fold.repeat(once, [0, 0])).tolist() == [math.inf, math.inf]
+
+
+@pytest.mark.parametrize("name", SOUND)
+@given(values=values)
+def test_the_sign_is_that_of_the_least(name: str, values: np.ndarray) -> None:
+    assert np.sign(FOLDS[name](values).round(9)) == np.sign(values.min())
+
+
+def test_the_sign_of_log_sum_exp_can_be_wrong() -> None:
+    """Ten values of .1 at b = 10 make .1 - log(10) / 10 = -.13."""
+    assert FOLDS["lse"](np.full(10, 0.1)) == pytest.approx(0.1 - math.log(10) / 10)
+
+
+@given(values=values, sharpness=st.sampled_from([1.0, 10.0, 300.0]))
+def test_log_sum_exp_is_within_its_bound(values: np.ndarray, sharpness: float) -> None:
+    value = stl.semantics("lse", sharpness).least(values)
+    assert values.min() - math.log(len(values)) / sharpness - 1e-9 <= value <= values.min() + 1e-9
+
+
+@pytest.mark.parametrize("name", ["classic", "agm"])
+@given(value=st.integers(-16, 16).map(lambda n: n / 16), count=st.integers(1, 40))
+def test_equal_values_give_themselves(name: str, value: float, count: int) -> None:
+    assert FOLDS[name](np.full(count, value)) == pytest.approx(value, abs=1e-12)
+
+
+@each
+@given(values=values, data=st.data())
+def test_more_of_a_value_is_never_worse(name: str, values: np.ndarray, data: st.DataObject) -> None:
+    more = values.copy()
+    more[data.draw(st.integers(0, len(values) - 1))] += 1 / 16
+    assert FOLDS[name](more) >= FOLDS[name](values) - 1e-12
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("given_", [[0.25, 0.5, 0.75], [-0.25, -0.5, -0.75]])
+def test_each_value_counts(name: str, given_: list[float]) -> None:
+    """The finite difference by each value is positive: nothing is masked by the least one, as in `classic`."""
+    values, step = np.array(given_), 1e-4
+    for i in range(3):
+        change = FOLDS[name](values + step * np.eye(3)[i]) - FOLDS[name](values - step * np.eye(3)[i])
+        assert change / (2 * step) > 1e-3
+    assert stl.semantics("classic").least(values + step * np.eye(3)[1]) == values.min()
+
+
+@each
+@given(values=values)
+def test_a_batch_is_its_rows(name: str, values: np.ndarray) -> None:
+    fold: Fold = FOLDS[name]
+    batch = np.stack([values, values[::-1], -values])
+    assert fold(batch) == pytest.approx(np.array([fold(row) for row in batch]), abs=1e-12)
