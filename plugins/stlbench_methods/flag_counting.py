@@ -107,12 +107,14 @@ class AbsoluteFlags(Flags):
             columns.append(len(full))
             initial += {"F": [0.0], "G": [1.0], "FG": [0.0, 0.0]}[term.kind]
             full += [1.0, term.b - term.c2 + 1.0] if term.kind == "FG" else [1.0]
+        self.columns = np.array(columns)
+        """(n,): where the flag of each term is, 1 where the term is satisfied once its interval is over."""
         self._holds = [specification.holds(term.psi) for term in terms]
         t = np.arange(specification.steps + 1)
         active = np.array([(term.start <= t) & (t <= term.end) for term in terms])
         self._terms = Terms(
             np.array([_KINDS[term.kind] for term in terms]),
-            np.array(columns),
+            self.columns,
             active,
             np.array([_paid(term.kind != "G", beta) for term in terms]),
         )

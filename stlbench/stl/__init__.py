@@ -58,7 +58,7 @@ from stlbench.stl.recorded.robustness import (
     satisfied,
     satisfied_trace,
 )
-from stlbench.stl.recorded.semantics import Semantics, SemanticsName, semantics
+from stlbench.stl.recorded.semantics import Semantics, semantics
 from stlbench.stl.recorded.witness import Link, Witness, witness
 from stlbench.stl.running.batch_monitor import BatchMonitor, Intervals
 from stlbench.stl.running.monitor import Monitor
@@ -95,7 +95,6 @@ __all__ = [
     "RobustnessBounds",
     "SatisfactionBounds",
     "Semantics",
-    "SemanticsName",
     "ShortTraceError",
     "ShortTraces",
     "Signal",

@@ -12,11 +12,14 @@ from hypothesis import strategies as st
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
 from stlbench.testing import check_method
+from stlbench_methods.dense import Dense
 from stlbench_methods.flag import Flag
 from stlbench_methods.funnel import Funnel
 from stlbench_methods.hprs import Hprs
 from stlbench_methods.raw import Raw
+from stlbench_methods.sparse import Sparse
 from stlbench_methods.tau_mdp import TauMdp
+from stlbench_methods.tltl import Tltl
 
 BOX = {"x": (-2.0, 2.0), "y": (-2.0, 2.0)}
 STEPS, ROWS = 18, 5
@@ -26,10 +29,15 @@ METHODS: dict[str, Callable[[Specification], RewardMethod]] = {
     "funnel": lambda spec: Funnel(spec, ginf=0.3),
     "funnel, clipped": lambda spec: Funnel(spec, ginf=0.3, shape="clipped"),
     "funnel, normalised": lambda spec: Funnel(spec, ginf=0.3, shape="normalised"),
+    "dense, level": Dense,
+    "dense, difference": lambda spec: Dense(spec, mode="difference", semantics="agm"),
     "flag": lambda spec: Flag(spec, beta=2),
     "hprs": lambda spec: Hprs(spec, later="target"),
+    "sparse": Sparse,
     "tau-mdp": TauMdp,
     "tau-mdp, probability": lambda spec: TauMdp(spec, form="probability"),
+    "tltl": Tltl,
+    "tltl, lse": lambda spec: Tltl(spec, semantics="lse"),
 }
 PSIS = st.sampled_from(["x >= 0", "abs(y) <= 1", "norm(x, y) < 1.5", "(x >= 1 | y <= 0)"])
 
@@ -87,7 +95,9 @@ def check_along(name: str, formula: str, hold: int, seed: int) -> None:
         before, memory, t = samples[-1], after, t + hold
 
 
-@pytest.mark.parametrize("name", ["flag", "tau-mdp", "tau-mdp, probability"])
+@pytest.mark.parametrize(
+    "name", ["dense, level", "dense, difference", "flag", "sparse", "tau-mdp", "tau-mdp, probability", "tltl"]
+)
 @given(formula=windows(), hold=st.integers(1, 9), seed=st.integers(0, 2**32))
 @settings(max_examples=60, deadline=None)
 def test_windows(name: str, formula: str, hold: int, seed: int) -> None:
@@ -139,6 +149,21 @@ def test_what_is_paid_while_an_action_is_held() -> None:
     assert flag.tolist() == [[1]]
 
 
-@pytest.mark.parametrize("name", ["raw", "funnel", "flag", "tau-mdp", "tau-mdp[form=probability]"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "raw",
+        "funnel",
+        "flag",
+        "tau-mdp",
+        "tau-mdp[form=probability]",
+        "tltl",
+        "tltl[semantics=gmsr]",
+        "dense",
+        "dense[mode=difference]",
+        "sparse",
+        "sparse[pays=failure]",
+    ],
+)
 def test_the_contract_is_kept(name: str) -> None:
     check_method(name)

@@ -1,0 +1,78 @@
+"""dense: the robustness of the trace so far, at every step (STLGym, Hamilton et al. 2022), or how it grows."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from stlbench import stl
+from stlbench.contract import Array, Integers, RewardMethod, Specification
+from stlbench_methods.progress import Progress
+from stlbench_methods.values import Margins, SemanticsName, Sharpness
+
+__all__ = ["Dense"]
+
+
+class Dense(RewardMethod):
+    """The formula's robustness on the samples so far, or the growth of what is certain of it.
+
+    `level` is the robustness of the trace up to now, with windows cut at its end, as STLGym has it. An F of which no
+    step has been yet is worth its least over the box of the signals, a G its greatest.
+
+    `difference` is L_{t+1} - L_t, where L_t is the least robustness that the whole trace can still have while the
+    signals are in their box. Its sum over an episode is the robustness less L_0, a constant of the start: without
+    discount it asks for the same as `tltl`, and as a potential it is paid for as soon as it is certain.
+
+    Args:
+        mode: `level` or `difference`.
+        semantics: what stands for minimum and maximum; see `stlbench.stl.semantics`. All but `classic` divide each
+            predicate by its largest size over the box of the signals.
+        sharpness: of `lse`.
+
+    Raises:
+        Unsuitable: the formula negates an until, or a part of it has no bounds.
+    """
+
+    def __init__(
+        self,
+        specification: Specification,
+        *,
+        mode: Literal["level", "difference"] = "level",
+        semantics: SemanticsName = "classic",
+        sharpness: Sharpness = 10.0,
+    ) -> None:
+        super().__init__(specification)
+        self._difference = mode == "difference"
+        values = Margins(specification, stl.semantics(semantics, sharpness))
+        self._progress = Progress(specification, values)
+        self.memory_size = self._progress.size
+        low, high = self._progress.ends
+        self.scale = high - low if self._difference else max(abs(low), abs(high))
+
+    @property
+    def input_size(self) -> int:
+        """See `Progress.inputs`."""
+        return self._progress.input_size
+
+    @property
+    def floor(self) -> float:
+        """What is certain never shrinks: 0. Of `level` the least robustness over the box of the signals."""
+        return 0.0 if self._difference else self._progress.ends[0]
+
+    def initial_memory(self, signals: Array, t: Integers) -> Array:
+        """How far the first sample is, as if it had been there since step 0."""
+        return self._progress.begin(signals, t)
+
+    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        """The rewards (h, N), in the unit of the predicates or of [-1, 1], and the memory at the last sample."""
+        progress = self._progress
+        after = progress.along(samples[1:], t + 1, memory)
+        if not self._difference:
+            return np.stack([progress.so_far(each, t + i) for i, each in enumerate(after, 1)]), after[-1]
+        levels = [progress.at_least(each, t + i) for i, each in enumerate([memory, *after])]
+        return np.diff(np.stack(levels), axis=0), after[-1]
+
+    def inputs(self, memory: Array) -> Array:
+        """What there is to know of each term, its range scaled to [-1, 1]."""
+        return self._progress.inputs(memory)

@@ -1,0 +1,131 @@
+"""How far a formula is after some samples, in a memory of few numbers: for methods that are paid for its value."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from stlbench import stl
+from stlbench.contract import Array, Integers, Specification, Unsuitable
+from stlbench_methods.running_window import Outer, RunningWindow
+from stlbench_methods.values import Values
+
+__all__ = ["Progress", "outer_windows"]
+
+Join: TypeAlias = Callable[[Sequence[Array]], Array]
+"""The values of windows (N,) each, in order of appearance, to that of the formula (N,)."""
+
+
+class Progress:
+    """An and/or of windows F[a,b] phi, G[a,b] phi, each with its own part of the memory.
+
+    In the fragment of eq. 2 the memory is one number for F psi and G psi, and for F[a,c1] G[c2,b] psi b - c2 + 2. Any
+    other formula has a memory too: the last samples of what looks ahead inside a window; all of them, where an until is
+    inside of no window.
+
+    Args:
+        specification: of the task.
+        values: what leaves are worth, and how they are combined.
+
+    Raises:
+        Unsuitable: an until is negated.
+    """
+
+    def __init__(self, specification: Specification, values: Values) -> None:
+        outer, self._join = outer_windows(specification.formula, values.semantics)
+        self._windows = [RunningWindow(each, specification, values) for each in outer]
+        self._cuts = np.cumsum([window.size for window in self._windows])[:-1]
+        self.size = sum(window.size for window in self._windows)
+        """Numbers of a memory."""
+        self.input_size = sum(window.input_size for window in self._windows)
+        low, high = self._join(list(np.array([window.ends for window in self._windows])))
+        self.ends = float(low), float(high)
+        """The least and the greatest value over the box of the signals."""
+
+    def begin(self, signals: Array, t: Integers) -> Array:
+        """The memory at a first sample (N, k) at steps t (N,), as if it had been there since step 0: (N, size)."""
+        return np.concatenate([each.begin(each.phi.read(signals), t) for each in self._windows], axis=1)
+
+    def along(self, samples: Array, t: Integers, memory: Array) -> list[Array]:
+        """The h memories (N, size) after each of the samples (h, N, k), the first of which is at steps t (N,)."""
+        leaves = [window.phi.read(samples) for window in self._windows]
+        parts, after = self._parts(memory), list[Array]()
+        for i in range(len(samples)):
+            each = zip(self._windows, leaves, parts, strict=True)
+            parts = [window.take(values[i], t + i, part) for window, values, part in each]
+            after.append(np.concatenate(parts, axis=1))
+        return after
+
+    def so_far(self, memory: Array, t: Integers) -> Array:
+        """The formula's value on the samples up to steps t, windows cut there (N,); at the end, its value."""
+        return self._combined(RunningWindow.so_far, memory, t)
+
+    def at_least(self, memory: Array, t: Integers) -> Array:
+        """The least value that is possible after steps t while the signals are in their box: (N,)."""
+        return self._combined(RunningWindow.at_least, memory, t)
+
+    def inputs(self, memory: Array) -> Array:
+        """What there is to know of a memory, about in [-1, 1]: (N, input_size)."""
+        each = zip(self._windows, self._parts(memory), strict=True)
+        return np.concatenate([window.inputs(part) for window, part in each], axis=1)
+
+    def _combined(self, value: Callable[[RunningWindow, Array, Integers], Array], memory: Array, t: Integers) -> Array:
+        each = zip(self._windows, self._parts(memory), strict=True)
+        return self._join([value(window, part, t) for window, part in each])
+
+    def _parts(self, memory: Array) -> list[Array]:
+        return np.split(memory, self._cuts, axis=1)
+
+
+def outer_windows(formula: stl.Formula, semantics: stl.Semantics) -> tuple[list[Outer], Join]:
+    """The outermost windows of a formula, in order of appearance, and how their values become its value.
+
+    Negations are inside of the windows. What is no window is one of step 0 alone.
+
+    Raises:
+        Unsuitable: an until is negated.
+    """
+    inside = stl.negations_inside(formula, to_predicates=semantics.divided)
+    if (until := _negated_until(inside)) is not None:
+        raise Unsuitable(f"it negates an until, {until}: more of a predicate may then be worse")
+    found = list[Outer]()
+    join = _join(inside, semantics, found)
+    return found, join
+
+
+def _join(node: stl.Formula, semantics: stl.Semantics, found: list[Outer]) -> Join:
+    """How the values of windows become that of the node; its windows are appended to those found before."""
+    if isinstance(node, stl.And | stl.Or) and stl.is_temporal(node):
+        fold = semantics.least if isinstance(node, stl.And) else semantics.greatest
+        parts = [_join(arg, semantics, found) for arg in node.args]
+        return lambda values: fold(np.stack([part(values) for part in parts], axis=-1))
+    at = len(found)
+    found.append(_outer(node, semantics))
+    return lambda values: values[at]
+
+
+def _outer(node: stl.Formula, semantics: stl.Semantics) -> Outer:
+    match node:
+        case stl.Always(a, b, arg):
+            return Outer((a, b), arg, semantics.least)
+        case stl.Eventually(a, b, arg):
+            return Outer((a, b), arg, semantics.eventually)
+        case _:
+            return Outer((0, 0), node, stl.Least())
+
+
+def _negated_until(node: stl.Formula) -> stl.Formula | None:
+    match node:
+        case stl.Not(arg) if stl.is_temporal(arg):
+            return arg
+        case stl.And(args) | stl.Or(args):
+            parts: tuple[stl.Formula, ...] = args
+        case stl.Always(_, _, arg) | stl.Eventually(_, _, arg):
+            parts = (arg,)
+        case stl.Until(_, _, left, right):
+            parts = left, right
+        case _:
+            parts = ()
+    return next((found for part in parts if (found := _negated_until(part)) is not None), None)

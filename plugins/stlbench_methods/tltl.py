@@ -1,0 +1,67 @@
+"""tltl: the robustness of the whole trace, paid at its end (Li, Vasile, Belta, IROS 2017)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stlbench import stl
+from stlbench.contract import Array, Integers, RewardMethod, Specification
+from stlbench_methods.progress import Progress
+from stlbench_methods.values import Margins, SemanticsName, Sharpness
+
+__all__ = ["Tltl"]
+
+
+class Tltl(RewardMethod):
+    """The formula's robustness at the last transition of an episode, and 0 before it.
+
+    The source has no discount, gamma = 1. Here that is the agent's, so an agent that discounts sees little of the
+    reward early in an episode.
+
+    The policy sees how far the formula is: the running maximum or minimum of each term. For F[a,c1] G[c2,b] psi that is
+    the best window so far, and the last b - c2 + 1 margins. Formulas outside the fragment of eq. 2 have a memory
+    likewise, see `stlbench_methods.progress`.
+
+    Args:
+        semantics: what stands for minimum and maximum; see `stlbench.stl.semantics`. All but `classic` divide each
+            predicate by its largest size over the box of the signals.
+        sharpness: of `lse`.
+
+    Raises:
+        Unsuitable: the formula negates an until, or a part of it has no bounds.
+    """
+
+    def __init__(
+        self, specification: Specification, *, semantics: SemanticsName = "classic", sharpness: Sharpness = 10.0
+    ) -> None:
+        super().__init__(specification)
+        values = Margins(specification, stl.semantics(semantics, sharpness))
+        self._progress = Progress(specification, values)
+        self.memory_size = self._progress.size
+        self.scale = max(map(abs, self._progress.ends))
+
+    @property
+    def input_size(self) -> int:
+        """See `Progress.inputs`."""
+        return self._progress.input_size
+
+    @property
+    def floor(self) -> float:
+        """The formula's least robustness over the box of the signals, or 0 if that is less."""
+        return min(0.0, self._progress.ends[0])
+
+    def initial_memory(self, signals: Array, t: Integers) -> Array:
+        """How far the first sample is, as if it had been there since step 0."""
+        return self._progress.begin(signals, t)
+
+    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        """The rewards (h, N), in the unit of the predicates or of [-1, 1], and the memory at the last sample."""
+        *_, memory = self._progress.along(samples[1:], t + 1, memory)
+        rewards, end = np.zeros((len(samples) - 1, len(t))), t + len(samples) - 1
+        if (over := end == self.specification.steps).any():
+            rewards[-1, over] = self._progress.so_far(memory[over], end[over])
+        return rewards, memory
+
+    def inputs(self, memory: Array) -> Array:
+        """What there is to know of each term, its range scaled to [-1, 1]."""
+        return self._progress.inputs(memory)
