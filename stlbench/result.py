@@ -17,7 +17,6 @@ from stlbench.registry.choices import Choice, choice_of, parse_choice
 
 __all__ = [
     "ACCIDENTS",
-    "FORMAT",
     "IDENTITY",
     "MAIN",
     "NOT_RUN",
@@ -39,9 +38,6 @@ __all__ = [
     "reported",
     "to_json",
 ]
-
-FORMAT = 4
-"""Version of what is recorded and of how it is computed; part of every cell's key."""
 
 MAIN = "formula"
 """Name of the protocol that every task has: the task's own formula, from the grid of starts that figures show."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from importlib.util import find_spec
+from typing import Any
 
 from stlbench.contract import Unsuitable
 
@@ -20,9 +22,15 @@ def need_sb3() -> None:
     _need("stable_baselines3", "Stable-Baselines3")
 
 
-def need_onnx() -> None:
-    """Raise `Unsuitable` where ONNX is not installed."""
+def need_onnx() -> Any:
+    """The package `onnx`. Raises `Unsuitable` where it is not installed.
+
+    It writes policies that are trained, so by being there or not it must not change what a cell's key is made of: that
+    sees what a source imports.
+    """
     _need("onnx", "ONNX", "onnx")
+    import_module("onnx.numpy_helper")
+    return import_module("onnx")
 
 
 def _need(module: str, title: str, extra: str = "sb3") -> None:

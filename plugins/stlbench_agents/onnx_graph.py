@@ -19,9 +19,7 @@ _INPUT = "observation"
 
 def double() -> int:
     """ONNX's number of the type float64."""
-    from onnx import TensorProto
-
-    return int(TensorProto.DOUBLE)
+    return int(need_onnx().TensorProto.DOUBLE)
 
 
 class Graph:
@@ -29,24 +27,20 @@ class Graph:
 
     def __init__(self) -> None:
         """Raises `Unsuitable` where ONNX is not installed."""
-        need_onnx()
+        self._onnx = need_onnx()
         self._nodes: list[Any] = []
         self._constants: list[Any] = []
 
     def node(self, operator: str, *inputs: str | NDArray[Any], **attributes: Any) -> str:
         """An operator of names and of constants."""
-        from onnx import helper
-
         output = f"{operator}_{len(self._nodes)}"
         names = [each if isinstance(each, str) else self._constant(each) for each in inputs]
-        self._nodes.append(helper.make_node(operator, names, [output], **attributes))
+        self._nodes.append(self._onnx.helper.make_node(operator, names, [output], **attributes))
         return output
 
     def _constant(self, array: NDArray[Any]) -> str:
-        from onnx import numpy_helper
-
         name = f"constant_{len(self._constants)}"
-        self._constants.append(numpy_helper.from_array(np.ascontiguousarray(array), name))
+        self._constants.append(self._onnx.numpy_helper.from_array(np.ascontiguousarray(array), name))
         return name
 
     def perceptron(
@@ -73,15 +67,14 @@ class Graph:
 
     def model(self, inputs: int, output: str, name: Literal["index", "action"], axes: int = 0) -> bytes:
         """The model: `observation`, float32 (N, inputs), to `index`, int64 (N,), or `action`, float64 (N, axes)."""
-        from onnx import TensorProto, checker, helper
-
+        helper, kinds = self._onnx.helper, self._onnx.TensorProto
         self._nodes.append(helper.make_node("Identity", [output], [name]))
-        kind = TensorProto.DOUBLE if name == "action" else TensorProto.INT64
+        kind = kinds.DOUBLE if name == "action" else kinds.INT64
         shape: list[str | int | None] = ["N", axes] if name == "action" else ["N"]
-        given = helper.make_tensor_value_info(_INPUT, TensorProto.FLOAT, ["N", inputs])
+        given = helper.make_tensor_value_info(_INPUT, kinds.FLOAT, ["N", inputs])
         wanted = helper.make_tensor_value_info(name, kind, shape)
         graph = helper.make_graph(self._nodes, "policy", [given], [wanted], self._constants)
         model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=_IR)
-        checker.check_model(model, full_check=True)
+        self._onnx.checker.check_model(model, full_check=True)
         content: bytes = model.SerializeToString()
         return content

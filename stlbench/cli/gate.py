@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from stlbench import contract
     from stlbench.gate.snapshot import Snapshot
     from stlbench.result import CellId
-    from stlbench.study.plan import Cell
+    from stlbench.study.cell import Cell
 
 SEEDS = "10"
 """Seeds of a new reference."""

@@ -15,7 +15,7 @@ from stlbench.cli.report import show_report
 
 if TYPE_CHECKING:
     from stlbench.result import CellId
-    from stlbench.study.plan import Cell
+    from stlbench.study.cell import Cell
 
 
 DEFAULTS = {"tasks": "hold-disc", "methods": "funnel,flag"}
@@ -95,6 +95,9 @@ def run(
     ] = None,
     executor: Annotated[str | None, typer.Option(metavar="NAME", help="Where cells run.", show_default="local")] = None,
     retry: Retry = False,
+    keep_old: Annotated[
+        bool, typer.Option("--keep-old", help="Count results of before a change of the code as done.")
+    ] = False,
 ) -> None:
     """Compare reward methods: train and score every task, method, agent and seed.
 
@@ -125,6 +128,7 @@ def run(
         "results": results,
         "executor": executor,
         "retry": retry or None,
+        "keep_old": keep_old or None,
     }
     said = {name: value for name, value in options.items() if value is not None}
     described = Study.of(said, study) if study else Study.of(DEFAULTS | said)

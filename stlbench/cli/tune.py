@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from stlbench.report import Table
     from stlbench.result import CellId, Result
-    from stlbench.study.plan import Cell
+    from stlbench.study.cell import Cell
     from stlbench.study.study import Study
     from stlbench.study.tuning import Entrant
 

@@ -15,8 +15,9 @@ from stlbench.gate.stamped_ledger import StampedLedger
 from stlbench.gate.trial import run_cell
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import fingerprint
+from stlbench.study.cell import Cell
 from stlbench.study.ledger import FILE, Ledger
-from stlbench.study.plan import Cell, plan_cells
+from stlbench.study.plan import plan_cells
 from stlbench.study.provenance import collect
 from stlbench.study.run import Progress, run_cells
 

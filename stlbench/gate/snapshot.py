@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 from stlbench.gate.calibration import CALIBRATIONS
 from stlbench.result import OUTSIDE, CellId, Result, Status, reported
-from stlbench.study.provenance import TASK_FOLDER
+from stlbench.study.provenance import CODE, TASK_FOLDER
 
 __all__ = ["Pair", "Sample", "Snapshot", "gather", "pair", "sample"]
 
-_PER_CELL = ("time", TASK_FOLDER, *CALIBRATIONS)
+_PER_CELL = ("time", CODE, TASK_FOLDER, *CALIBRATIONS)
 """What of a cell's provenance differs from cell to cell."""
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from stlbench.gate.calibration import measure
 from stlbench.result import Result
 from stlbench.study import trial
-from stlbench.study.plan import Cell
+from stlbench.study.cell import Cell
 
 __all__ = ["run_cell"]
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from pathlib import Path
 
 from stlbench.errors import UsageError
@@ -11,10 +9,12 @@ from stlbench.outside.scoring import Scored, Shown
 from stlbench.outside.source import Source
 from stlbench.registry import folders
 from stlbench.registry.choices import NAME, Choice
-from stlbench.result import FORMAT, OUTSIDE, CellId, Result
+from stlbench.result import OUTSIDE, CellId, Result
 from stlbench.rollout import saved_traces
 from stlbench.rollout.referee import Assessment
 from stlbench.study import stored, upkeep
+from stlbench.study.cell import digest
+from stlbench.study.keys import harness
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writing
 from stlbench.study.provenance import TASK_FOLDER, collect
@@ -32,9 +32,9 @@ def row(task: Task, source: Source, shown: Shown, scored: Scored, budget: str, n
     if name is not None and not NAME.fullmatch(name):
         raise UsageError(f"--name {name}: a name consists of a-z, 0-9 and -, and does not begin with -")
     cell = CellId(task.choice, shown.method, Choice(name or source.name), seed, budget, OUTSIDE)
-    digest = source.digest
-    key = hashlib.sha256(json.dumps([FORMAT, cell.name, budget, digest, shown.on]).encode()).hexdigest()[:32]
-    facts = {"source": source.shown, "sha256": digest, "on": shown.on, "begun_at": scored.starts}
+    sha256 = source.digest
+    key = digest([harness().digest, cell.name, budget, sha256, shown.on])
+    facts = {"source": source.shown, "sha256": sha256, "on": shown.on, "begun_at": scored.starts}
     folder = folders.place_of(task.choice.name)
     place = {} if folder is None else {TASK_FOLDER: str(folder)}
     return Result(cell, key, "done", measurement=scored.measurement, provenance={**facts, **collect(1), **place})

@@ -1,78 +1,205 @@
-"""A digest of a plugin's source, so that a plugin edited in place gives new cells. Imports nothing of the plugin."""
+"""The code behind a module, told apart by digests, so that what is edited in place is seen. Imports nothing of it."""
 
 from __future__ import annotations
 
-import ast
 import hashlib
+import os
+import sys
 from collections.abc import Iterator
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
-__all__ = ["fingerprint"]
+from stlbench.registry.meaning import TASK_FILE, meaning_of
+
+__all__ = ["Code", "code_of", "fingerprint"]
+
+_NO_DATA = (".py", ".pyc", ".pyi", ".md", ".rst", ".typed", "~")
+"""How names end of files beside modules that are no data."""
+
+_RESULTS = ("ledger.sqlite", "cells.jsonl")
+"""A folder that has one of these is of results, which a run writes."""
+
+_INSTALLED = {"site-packages", "dist-packages"}
+
+
+@dataclass(frozen=True)
+class Code:
+    """What a module and all that it imports are made of, as far as it can change what they do."""
+
+    files: tuple[tuple[str, str], ...] = ()
+    """Name and digest of each module, `pack.one`, and of each file of data beside one, `pack/table.npz`; sorted."""
+    packages: tuple[tuple[str, str], ...] = ()
+    """Name and version of each installed distribution that is imported; sorted."""
+
+    @cached_property
+    def digest(self) -> str:
+        """Of the files, 32 hex digits. A `task.yaml` has no part in it: a task's key has what it says."""
+        said = [f"{name} {digest}\n" for name, digest in self.files if not name.endswith(f"/{TASK_FILE}")]
+        return hashlib.sha256("".join(said).encode()).hexdigest()[:32]
+
+    @property
+    def changed(self) -> str | None:
+        """What is no longer as it was: a file, which may be gone, or a distribution; None where all is as it was."""
+        for name, digest in self.files:
+            path = _path(name)
+            if path is None or _digest(path, name) != digest:
+                return str(path or name)
+        packages = (name for name, version in self.packages if _version(name) != version)
+        return next(packages, None)
 
 
 def fingerprint(module: str) -> str:
-    """Digest (32 hex digits) of a module's source and of all that it imports from its own top-level package.
+    """The digest (32 hex digits) of the files of `code_of`."""
+    return code_of(module).digest
 
-    Comments count, names do not matter, other distributions are identified by their versions. A module without a source
-    file has the digest of nothing.
+
+def code_of(module: str, *, packages: bool = True) -> Code:
+    """The code of a module: itself, the packages that it lies in, and what these import by name, and so on.
+
+    That of installed distributions is told by their versions, unless it is in the module's own top-level package.
+    Python's own modules do not count. Files of data beside a module of a package count too, and those in folders there
+    that are no packages: all but hidden files, Markdown, and folders of results.
+
+    Comments and docstrings do not count, and the place of files does not matter. A module without a source file has no
+    files. What is imported by a name that is made at run time is not seen.
+
+    Args:
+        module: its name.
+        packages: whether installed distributions count.
     """
-    pending, seen = [module], dict[str, bytes]()
+    own, pending, files, installed = module.partition(".")[0], {module}, dict[str, str](), dict[str, str]()
+    seen = set[str]()
     while pending:
         name = pending.pop()
-        path = _file(name)
-        if name in seen or path is None:
+        seen.add(name)
+        if name.partition(".")[0] != own and (versions := _versions(name.partition(".")[0], packages)) is not None:
+            installed |= versions
             continue
-        seen[name] = path.read_bytes()
-        pending += _imports(name, path, seen[name])
-    digest = hashlib.sha256()
-    for name in sorted(seen):
-        digest.update(f"{name} {len(seen[name])}\n".encode() + seen[name])
-    return digest.hexdigest()[:32]
+        files |= _data(name)
+        imported: tuple[str, ...] = ()
+        if (path := _file(name)) is not None:
+            files[name], imported = meaning_of(path, name)
+        pending |= {*imported, *_above(name)} - seen
+    return Code(tuple(sorted(files.items())), tuple(sorted(installed.items())))
+
+
+def _above(module: str) -> tuple[str, ...]:
+    """The package that it is in, which runs before it does."""
+    package = module.rpartition(".")[0]
+    return (package,) if package else ()
+
+
+# ---------------------------------------------------------------------------------------------------------- finding
 
 
 def _file(module: str) -> Path | None:
     """The source file, found without running the packages above it, which `find_spec("a.b")` would do."""
     top, *rest = module.split(".")
-    spec = find_spec(top)
-    if spec is None:
-        return None
+    origin, folders = _place(top)
     if not rest:
-        return Path(spec.origin) if spec.origin and spec.origin.endswith(".py") else None
-    for root in spec.submodule_search_locations or ():
-        stem = Path(root, *rest)
+        return Path(origin) if origin and origin.endswith(".py") else None
+    for folder in folders:
+        stem = Path(folder, *rest)
         for path in (stem.with_suffix(".py"), stem / "__init__.py"):
             if path.is_file():
                 return path
     return None
 
 
-@lru_cache(maxsize=1024)
-def _imports(module: str, path: Path, source: bytes) -> tuple[str, ...]:
-    """Names of the same top-level package that are imported anywhere in the source; some may be no modules."""
+def _place(top: str) -> tuple[str | None, tuple[str, ...]]:
+    """The file and the folders of a top-level module."""
     try:
-        tree = ast.parse(source)
-    except (SyntaxError, ValueError):
-        return ()
-    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    names = (name for statement in _statements(tree) for name in _targets(statement, package))
-    return tuple(name for name in names if name.split(".")[0] == module.split(".")[0])
+        spec = find_spec(top)
+    except (ImportError, ValueError):
+        spec = None
+    return (None, ()) if spec is None else (spec.origin, tuple(spec.submodule_search_locations or ()))
 
 
-def _statements(block: ast.AST) -> Iterator[ast.AST]:
-    """All below a block: of expressions, which are most of a tree, none is an import."""
-    for part in ("body", "handlers", "cases", "orelse", "finalbody"):
-        for statement in getattr(block, part, ()):
-            yield statement
-            yield from _statements(statement)
+def _path(name: str) -> Path | None:
+    """The file of a name of `Code`, where it is there."""
+    package, slash, rest = name.partition("/")
+    if not slash:
+        return _file(name)
+    return next((path for folder in _place(package)[1] if (path := Path(folder, rest)).is_file()), None)
 
 
-def _targets(node: ast.AST, package: str) -> Iterator[str]:
-    if isinstance(node, ast.Import):
-        yield from (alias.name for alias in node.names)
-    elif isinstance(node, ast.ImportFrom):
-        above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
-        base = ".".join([*above, *([node.module] if node.module else [])])
-        yield base
-        yield from (f"{base}.{alias.name}" for alias in node.names)
+def _digest(path: Path, name: str) -> str | None:
+    try:
+        return meaning_of(path, "" if "/" in name else name).digest
+    except OSError:
+        return None
+
+
+def _data(module: str) -> dict[str, str]:
+    """Name -> digest of the files of data of a package, which a module may be."""
+    top, *rest = module.split(".")
+    found = dict[str, str]()
+    for root in _place(top)[1]:
+        for path in _data_files(Path(root, *rest)):
+            name = f"{top}/{path.relative_to(root).as_posix()}"
+            if (digest := _digest(path, name)) is not None:
+                found.setdefault(name, digest)
+    return found
+
+
+def _data_files(folder: Path) -> Iterator[Path]:
+    """Those in a folder, and in folders below it that are no packages."""
+    try:
+        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except OSError:
+        return
+    names = {entry.name for entry in entries}
+    if names.intersection(_RESULTS):
+        return
+    for entry in entries:
+        if entry.name.startswith((".", "__pycache__")):
+            continue
+        if entry.is_dir():
+            yield from () if Path(entry.path, "__init__.py").is_file() else _data_files(Path(entry.path))
+        elif not entry.name.endswith(_NO_DATA):
+            yield Path(entry.path)
+
+
+# --------------------------------------------------------------------------------------------------------- installed
+
+
+def _versions(top: str, packages: bool) -> dict[str, str] | None:
+    """The versions of what a top-level module comes from: of nothing, where it is Python's own, the harness, or not
+    there; None where it is no installed distribution, but source to follow."""
+    origin, folders = _place(top)
+    if top in sys.stdlib_module_names or top == "stlbench" or not (origin or folders):
+        return {}
+    place = Path(origin or folders[0])
+    if not _INSTALLED.intersection(place.parts):
+        return None
+    named = _distributions(top, place) if packages else ()
+    return {name: _version(name) for name in named} if named or not packages else None
+
+
+@lru_cache(maxsize=1024)
+def _distributions(top: str, place: Path) -> tuple[str, ...]:
+    """The names of those that have a module that is there. To look through all takes half a second, and most of them
+    have the module's name."""
+    try:
+        named = metadata.distribution(top)
+        if place.is_relative_to(str(named.locate_file(top))):
+            return (named.metadata["Name"],)
+    except metadata.PackageNotFoundError:
+        pass
+    return tuple(sorted(set(_all_distributions().get(top, ()))))
+
+
+@lru_cache(maxsize=1)
+def _all_distributions() -> dict[str, list[str]]:
+    return dict(metadata.packages_distributions())
+
+
+@lru_cache(maxsize=1024)
+def _version(distribution: str) -> str:
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return "not installed"

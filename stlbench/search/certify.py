@@ -14,7 +14,7 @@ from stlbench.report.statistics.intervals import Interval, share_interval
 from stlbench.report.statistics.sequence import share_sequence
 from stlbench.search.space import space_of
 from stlbench.search.subject import Subject
-from stlbench.study.plan import derive_seed
+from stlbench.study.cell import derive_seed
 
 __all__ = ["Certificate", "Claim", "certify", "check"]
 

@@ -16,7 +16,7 @@ from stlbench.search.objective import Enough, Objective, Worst
 from stlbench.search.optimisers import DEFAULT, OF_SEEDS, OPTIMISERS
 from stlbench.search.space import Box, Seeds, space_of
 from stlbench.search.subject import Subject
-from stlbench.study.plan import derive_seed
+from stlbench.study.cell import derive_seed
 
 __all__ = ["Falsification", "How", "check", "falsify"]
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.study.plan import Cell, plan_cells
+from stlbench.study.cell import Cell
+from stlbench.study.plan import plan_cells
 from stlbench.task import fitting_methods, load_task
 from stlbench.task.task import Task
 

@@ -159,16 +159,20 @@ class Ledger:
         last, else the newest. A row that is damaged is passed over, with a `LedgerWarning`.
         """
         rows = self._listed()
-        chosen = self._present(rows) if keys is None else frozenset(keys)
+        chosen = {row.key for row in self._present(rows)} if keys is None else frozenset(keys)
         for row in sorted(rows, key=lambda row: (row.identity[:4], row.key)):
             if row.key in chosen and (result := self._read(row)) is not None:
                 yield result
 
-    def _present(self, rows: Iterable[_Row]) -> set[str]:
-        """Of each cell the key of the result that was planned last, else of the newest."""
+    def counted(self, *, accidents: bool = True) -> dict[CellId, str]:
+        """Of each cell that has a result the key of the one that counts; of those that ended by an accident too."""
+        present = self._present(self._listed())
+        return {_cell(row.identity): row.key for row in present if accidents or row.status not in ACCIDENTS}
+
+    def _present(self, rows: Iterable[_Row]) -> Collection[_Row]:
+        """Of each cell the row that was planned last, else the newest."""
         planned = self._planned()
-        newest = {row.identity: row.key for row in sorted(rows, key=lambda row: (row.key in planned, row.number))}
-        return set(newest.values())
+        return {row.identity: row for row in sorted(rows, key=lambda row: (row.key in planned, row.number))}.values()
 
     def _planned(self) -> dict[str, tuple[str | int, ...]]:
         return {key: tuple(identity) for key, *identity in self._rows(f"SELECT key, {_IDENTITY} FROM planned")}  # noqa: S608

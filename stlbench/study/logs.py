@@ -7,7 +7,7 @@ from pathlib import Path
 from stlbench.contract_parts.texts import printable
 from stlbench.result import CellId
 from stlbench.rollout import npz
-from stlbench.study.plan import Cell
+from stlbench.study.cell import Cell
 
 __all__ = ["FOLDER", "end_of", "log_file", "log_of"]
 

@@ -2,56 +2,26 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from pathlib import Path
 from typing import Any
 
-from stlbench.contract import GymTask, System, Unsuitable, cause
+from stlbench.contract import Unsuitable, cause
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
-from stlbench.registry.fingerprint import fingerprint
-from stlbench.result import FORMAT, CellId, Measurement, Result, Status, Track
+from stlbench.registry.fingerprint import Code
+from stlbench.result import CellId, Track
+from stlbench.study import keys
+from stlbench.study.cell import Cell
 from stlbench.study.tracks import Recipe, Recipes, on_track
 from stlbench.task import build_agent, load_task
 from stlbench.task.task import Task
 
-__all__ = ["Cell", "check_cells", "derive_seed", "plan_cells", "uncompiled"]
-
-
-_NO_PART: dict[str, Any] = dict.fromkeys(
-    ("title", "source", "notes", "plane", "best_possible", "agents", "budgets"), True
-)
-"""What a task file says that changes no result, or is in the key of a cell by itself."""
-_NO_SYSTEM: dict[str, Any] = {"environment": True, "terminated": True, "signals": {"__all__": {"expression"}}}
-"""What it says of environments alone."""
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One training run and its evaluation."""
-
-    id: CellId
-    key: str
-    """Hash (32 hex digits) of all that can change the result, and of nothing else."""
-    deadline: float
-    """Wall seconds after which it is stopped."""
-    recipe: Recipe | None = None
-    """That of its method, on the track `tuned`."""
-    folder: Path | None = None
-    """Where its task is, for a task that is a folder."""
-
-    def ended(
-        self, status: Status, reason: str = "", details: str = "", measurement: Measurement | None = None
-    ) -> Result:
-        """The result of this cell, without provenance."""
-        return Result(self.id, self.key, status, reason, details, measurement)
+__all__ = ["check_cells", "plan_cells", "uncompiled"]
 
 
 def plan_cells(
@@ -84,9 +54,10 @@ def plan_cells(
         raise UsageError(f"at least one seed is needed, none of them negative, got {list(seeds)}")
     if (track == "tuned") != (recipes is not None):
         raise UsageError("track tuned, and no other, needs a file of recipes, as `stlbench tune` writes it")
-    keyed = {method: _choice_part("methods", method) for method in methods}
+    keyed = {method: keys.method_part(method) for method in methods}
     chosen = None if agents is None else tuple(agents)
-    planned = [_Planned.of(load_task(choice), chosen, seeds, budget, track) for choice in dict.fromkeys(tasks)]
+    harness = keys.harness()
+    planned = [_Planned.of(load_task(choice), chosen, seeds, budget, track, harness) for choice in dict.fromkeys(tasks)]
     every_seed = sorted(set().union(*(task.seeds for task in planned)))
     return tuple(
         task.cell(method, agent, seed, part, recipes)
@@ -105,33 +76,41 @@ class _Planned:
     seeds: Sequence[int]
     budget: str
     track: Track
+    harness: Code
 
     @classmethod
     def of(
-        cls, task: Task, agents: Sequence[Choice] | None, seeds: Sequence[int] | None, budget: str, track: Track
+        cls,
+        task: Task,
+        agents: Sequence[Choice] | None,
+        seeds: Sequence[int] | None,
+        budget: str,
+        track: Track,
+        harness: Code,
     ) -> _Planned:
         """Raises `UsageError` where the task has no such budget."""
         several = task.budget(budget).seeds
-        return cls(task, agents or (Choice(task.own_agent),), seeds or range(several), budget, track)
+        return cls(task, agents or (Choice(task.own_agent),), seeds or range(several), budget, track, harness)
 
-    def cell(self, method: Choice, agent: Choice, seed: int, method_part: str, recipes: Recipes | None) -> Cell:
+    def cell(self, method: Choice, agent: Choice, seed: int, part: keys.Part, recipes: Recipes | None) -> Cell:
         recipe = recipes.of(self.task.choice, agent, method) if recipes else None
-        task_part, agent_part = self._parts(agent, recipe)
-        key = _digest([FORMAT, self.track, task_part, method_part, agent_part, seed])
+        within = self._ingredients(method, part, agent, recipe)
         cell = CellId(self.task.choice, method, agent, seed, self.budget, self.track)
         place = folders.place_of(self.task.choice.name)
-        return Cell(cell, key, self.task.budget(self.budget).deadline, recipe, place)
+        deadline = self.task.budget(self.budget).deadline
+        return Cell(cell, within.key(self.track, seed), deadline, recipe, place, within.parts, within.code)
 
-    def _parts(self, agent: Choice, recipe: Recipe | None) -> tuple[str, str]:
-        """What of the task, and of the agent and its recipe, is in the keys of its cells."""
-        name = agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
+    def _ingredients(self, method: Choice, part: keys.Part, agent: Choice, recipe: Recipe | None) -> keys.Ingredients:
+        """What is in the keys of its cells."""
+        name = method, agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
         if name not in self._known:
             task = on_track(self.task, agent, self.track, recipe)
-            self._known[name] = (_task_part(task, self.budget), _agent_part(task, agent))
+            within = keys.task_part(task, self.budget), part, keys.agent_part(task, agent)
+            self._known[name] = keys.Ingredients(self.harness, *within)
         return self._known[name]
 
     @cached_property
-    def _known(self) -> dict[Any, tuple[str, str]]:
+    def _known(self) -> dict[Any, keys.Ingredients]:
         """Those that were asked for: a seed changes nothing of them."""
         return {}
 
@@ -183,41 +162,3 @@ def _check_agent(task: Task, agent: Choice) -> None:
     except Exception as error:
         said = one_line(error) if isinstance(error, Unsuitable) else cause(error)
         raise UsageError(f"agent {agent}: {said}") from error
-
-
-def derive_seed(*parts: str | int) -> int:
-    """A seed in 0..2^63-1 from what it is for: derive_seed("starts", "hold-disc", 3).
-
-    Leave the method out of the parts, and every method gets the same random numbers: comparisons are paired.
-    """
-    return int.from_bytes(hashlib.sha256(json.dumps(parts).encode()).digest()[:8], "big") >> 1
-
-
-def _task_part(task: Task, budget: str) -> str:
-    """Words and pictures for people change no result, nor do other budgets, deadlines, recipes of other agents.
-
-    The versions of the software of an environment belong to it.
-    """
-    left_out = _NO_PART | _NO_SYSTEM if isinstance(task.dynamics, System) else _NO_PART
-    content = task.file.model_dump(mode="json", exclude=left_out)
-    numbers = task.budget(budget).model_dump(mode="json", include={"steps", "checkpoints", "random_starts"})
-    software = [task.source.software] if isinstance(task.dynamics, GymTask) else []
-    return _digest([task.choice.name, content, numbers, _plugin_part("tasks", task.choice.name), *software])
-
-
-def _agent_part(task: Task, choice: Choice) -> str:
-    return _digest([_choice_part("agents", choice), dict(task.recipe(choice.name))])
-
-
-def _choice_part(kind: str, choice: Choice) -> str:
-    return _digest([str(choice), _plugin_part(kind, choice.name)])
-
-
-def _plugin_part(kind: str, name: str) -> list[str]:
-    plugin = plugins.find(kind, name)
-    return [plugin.distribution, plugin.version, fingerprint(plugin.entry_point.module)]
-
-
-def _digest(parts: list[Any]) -> str:
-    # Keys are not sorted: the order of signals, of states and of action axes has a meaning.
-    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]

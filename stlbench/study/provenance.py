@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import os
 import platform
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
-__all__ = ["TASK_FOLDER", "collect"]
+from stlbench.study.cell import Cell
+
+__all__ = ["CODE", "TASK_FOLDER", "code_of", "collect", "of_cell"]
 
 TASK_FOLDER = "task_folder"
 """Beside these facts, in the cells of a task that is a folder: where it was."""
+
+CODE = "code"
+"""Beside them: of which code a cell is, as the first digits of the hash of each part of its key (`keys.PARTS`)."""
 
 PACKAGES = ("mujoco", "numba", "numpy", "scipy", "stable-baselines3", "stlbench-rl", "torch")
 
@@ -25,6 +31,19 @@ def collect(jobs: int) -> dict[str, str]:
         "jobs": str(jobs),
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
     }
+
+
+def of_cell(cell: Cell) -> dict[str, str]:
+    """What is beside them in the provenance of one cell."""
+    code = ", ".join(f"{name} {said[:8]}" for name, said in cell.parts)
+    place = {} if cell.folder is None else {TASK_FOLDER: str(cell.folder)}
+    return ({CODE: code} if code else {}) | place
+
+
+def code_of(provenance: Mapping[str, str]) -> dict[str, str]:
+    """Of each part of a key its first digits, from the provenance of a result; of none where that says nothing."""
+    pairs = (part.split(" ") for part in provenance.get(CODE, "").split(", "))
+    return {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
 
 
 def _processor() -> str:

@@ -14,13 +14,16 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, choice_of
 from stlbench.result import CellId, Result
 from stlbench.study import scheduler, trial
+from stlbench.study.cell import Cell
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writing
 from stlbench.study.logs import log_of
-from stlbench.study.plan import Cell, check_cells, uncompiled
+from stlbench.study.plan import check_cells, uncompiled
 from stlbench.study.provenance import collect
 from stlbench.study.results import Results
 from stlbench.study.study import Study
+from stlbench.study.superseded import note, superseded
+from stlbench.study.unchanged import run_unchanged
 from stlbench.study.warm import examples, warm
 
 __all__ = ["Progress", "build_executor", "run_cells", "run_study"]
@@ -77,6 +80,7 @@ def run_study(
     results: str | Path | None = None,
     executor: str | None = None,
     retry: bool | None = None,
+    keep_old: bool | None = None,
     progress: Progress | None = None,
 ) -> Results:
     """Train and score every task, method, agent and seed: `stlbench run` in Python.
@@ -99,6 +103,7 @@ def run_study(
         results: folder of ledger, traces and tables; `results` where left out.
         executor: where cells run; `local` where left out.
         retry: run cells again that raised, ran out of time or were killed.
+        keep_old: count results as done that are of other code than today's, of an older stlbench for example.
         progress: called with the progress of the study.
 
     Returns:
@@ -121,13 +126,16 @@ def run_study(
         "results": results,
         "executor": executor,
         "retry": retry,
+        "keep_old": keep_old,
     }
     described = Study.of({name: value for name, value in options.items() if value is not None}, study)
     cells = described.cells()
     place = build_executor(described.executor, described.jobs, described.memory)
-    run_cells(cells, described.results, place, retry=described.retry, progress=progress)
+    run_cells(cells, described.results, place, retry=described.retry, keep_old=described.keep_old, progress=progress)
     with Ledger(described.results / FILE, create=False) as ledger:
-        return Results.of(ledger.results({cell.key for cell in cells}), described.results)
+        counted = ledger.counted()
+        keys = {counted[cell.id] for cell in cells if cell.id in counted}
+        return Results.of(ledger.results(keys), described.results)
 
 
 def run_cells(
@@ -136,6 +144,7 @@ def run_cells(
     executor: Executor,
     *,
     retry: bool = False,
+    keep_old: bool | None = None,
     progress: Progress | None = None,
     open_ledger: Callable[[Path], Ledger] = Ledger,
     run_cell: Callable[..., Result] | None = None,
@@ -150,6 +159,7 @@ def run_cells(
         folder: of results: the ledger, the traces and the policies.
         executor: runs the cells.
         retry: run cells again that raised, were stopped or killed.
+        keep_old: count results of other code than today's as done; None is no, where the user has no such choice.
         progress: called with its progress.
         open_ledger: makes the ledger from its path.
         run_cell: an importable function with the arguments of `trial.run_cell`, which it is where left out.
@@ -159,10 +169,15 @@ def run_cells(
             in the folder; nothing has run then, and nothing was written.
     """
     told = progress or _Silent()
+    provenance = collect(executor.jobs)
     with open_ledger(folder / FILE) as ledger:
         notes = check_cells(_missing(cells, ledger, retry))
     with writing(folder), open_ledger(folder / FILE) as ledger:
         missing = _missing(cells, ledger, retry)
+        if old := superseded(missing, ledger):
+            notes = (note(old, ledger, provenance, keep_old), *notes)
+            kept = {cell.id for cell in old.values()} if keep_old else set[CellId]()
+            missing = [cell for cell in missing if cell.id not in kept]
         ledger.plan({cell.key: cell.id for cell in cells})
         told.begin([cell.id for cell in missing], len(cells) - len(missing))
         for line in notes:
@@ -170,9 +185,9 @@ def run_cells(
         for agent, work in uncompiled(missing):
             told.note(f"compiling {agent}, once per machine")
             work()
-        in_folder = partial(run_cell or trial.run_cell, folder=folder)
+        in_folder = partial(run_unchanged, run_cell=run_cell or trial.run_cell, folder=folder)
         work_on = Work(in_folder, partial(warm, examples(missing)), partial(log_of, folder))
-        with closing(scheduler.run(missing, ledger, executor, work_on, collect(executor.jobs))) as results:
+        with closing(scheduler.run(missing, ledger, executor, work_on, provenance)) as results:
             for result in results:
                 told.ended(result)
 

@@ -9,9 +9,10 @@ from dataclasses import replace
 from stlbench.contract import Executor, Outcome, cause
 from stlbench.contract_parts.texts import one_line
 from stlbench.result import Result, from_json, to_json
+from stlbench.study.cell import Cell
 from stlbench.study.ledger import Ledger
-from stlbench.study.plan import Cell
-from stlbench.study.provenance import TASK_FOLDER
+from stlbench.study.provenance import of_cell
+from stlbench.study.unchanged import key_without_code
 
 __all__ = ["run"]
 
@@ -37,9 +38,8 @@ def run(
     with closing(executor.run(run_cell, cells, [cell.deadline for cell in cells])) as outcomes:
         for outcome in outcomes:
             cell = cells[outcome.index]
-            place = {} if cell.folder is None else {TASK_FOLDER: str(cell.folder)}
             result = _result(cell, outcome)
-            result = replace(result, provenance={**result.provenance, **provenance, **place})
+            result = replace(result, provenance={**result.provenance, **provenance, **of_cell(cell)})
             ledger.record(result)
             yield result
 
@@ -47,7 +47,7 @@ def run(
 def _result(cell: Cell, outcome: Outcome) -> Result:
     if outcome.status != "done":
         return cell.ended(outcome.status, outcome.reason, outcome.details)
-    if not (isinstance(outcome.value, Result) and outcome.value.key == cell.key):
+    if not (isinstance(outcome.value, Result) and outcome.value.key in (cell.key, key_without_code(cell))):
         said = one_line(_Shown(outcome.value))[:200]
         return cell.ended("raised", f"the cell's function returned no result of this cell but {said}")
     try:

@@ -13,7 +13,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import folders
 from stlbench.registry.choices import Choice, choice_of, parse_choices
-from stlbench.study.plan import Cell, plan_cells
+from stlbench.study.cell import Cell
+from stlbench.study.plan import plan_cells
 from stlbench.study.tracks import read_recipes
 
 __all__ = ["MOST_SEEDS", "Study", "parse_seeds"]
@@ -111,6 +112,8 @@ class Study(BaseModel):
     """Where cells run."""
     retry: bool = False
     """Run cells again that raised, ran out of time or were killed."""
+    keep_old: bool = False
+    """Count results as done that are of other code than today's."""
 
     @classmethod
     def of(cls, options: Mapping[str, Any], base: Study | str | Path | None = None) -> Study:

@@ -21,8 +21,8 @@ from stlbench.rollout.model import model_of
 from stlbench.rollout.referee import Assessment, Referee
 from stlbench.rollout.rehearsal import rehearse
 from stlbench.rollout.worlds import make_world
+from stlbench.study.cell import Cell, derive_seed
 from stlbench.study.meter import Meter, MeteredEnvironment
-from stlbench.study.plan import Cell, derive_seed
 from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.task.file import Budget

@@ -17,7 +17,8 @@ from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.result import CellId, Result
-from stlbench.study.plan import Cell, plan_cells
+from stlbench.study.cell import Cell
+from stlbench.study.plan import plan_cells
 from stlbench.study.study import Study
 from stlbench.study.tracks import Recipe
 from stlbench.task import load_task

@@ -10,12 +10,10 @@ from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.result import CellId, Result, Status
-from stlbench.rollout.saved_policies import policy_file
-from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import stored
+from stlbench.study.beside import files_beside
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writing
-from stlbench.study.logs import log_file
 from stlbench.study.results import Results
 
 __all__ = ["Merged", "choose", "merge", "remove", "take_out"]
@@ -77,13 +75,8 @@ def remove(folder: Path, cells: Iterable[CellId]) -> None:
 def take_out(folder: Path, ledger: Ledger, cell: CellId) -> None:
     """Take one cell out, for what writes in the folder already."""
     for key in ledger.remove(cell):
-        for file in _files(folder, cell, key):
+        for file in files_beside(folder, cell, key):
             file.unlink(missing_ok=True)
-
-
-def _files(folder: Path, cell: CellId, key: str) -> tuple[Path, ...]:
-    """What is stored of a cell beside its row in the ledger, whether it is there or not."""
-    return trace_file(folder / FOLDER, cell, key), policy_file(folder, cell, key), log_file(folder, cell, key)
 
 
 class Merged(NamedTuple):
@@ -131,7 +124,7 @@ def _begun(result: Result) -> str:
 
 
 def _copy_files(source: Path, into: Path, result: Result) -> None:
-    pairs = zip(_files(source, result.id, result.key), _files(into, result.id, result.key), strict=True)
+    pairs = zip(files_beside(source, result.id, result.key), files_beside(into, result.id, result.key), strict=True)
     for recorded, copy in pairs:
         if recorded.is_file():
             try:

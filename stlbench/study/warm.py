@@ -13,8 +13,9 @@ import numpy as np
 
 from stlbench.registry import plugins
 from stlbench.rollout.environment import BatchEnvironment
-from stlbench.study.plan import Cell
+from stlbench.study.cell import Cell
 from stlbench.study.tracks import on_track
+from stlbench.study.unchanged import changed
 from stlbench.task import Task, build_agent, build_method, load_task
 
 __all__ = ["examples", "warm"]
@@ -37,6 +38,8 @@ def _parts(cell: Cell) -> dict[str, str]:
 def warm(cells: Sequence[Cell]) -> None:
     """Load what these cells need, as far as it comes with stlbench; what cannot be loaded is passed over."""
     for cell in cells:
+        with suppress(Exception):
+            changed(cell)  # reads its files, so that its own look at them finds them read
         if _is_own("tasks", cell.id.task.name):
             with suppress(Exception):
                 task = on_track(load_task(cell.id.task), cell.id.agent, cell.id.track, cell.recipe)

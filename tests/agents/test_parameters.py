@@ -19,7 +19,8 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, declared
 from stlbench.registry.field_docs import field_docs
 from stlbench.rollout.environment import BatchEnvironment
-from stlbench.study.plan import Cell, check_cells, plan_cells
+from stlbench.study.cell import Cell
+from stlbench.study.plan import check_cells, plan_cells
 from stlbench.study.trial import run_cell
 from stlbench_agents.dqn import DQN
 from stlbench_agents.sb3_agent import SB3Agent

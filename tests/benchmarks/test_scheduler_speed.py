@@ -19,8 +19,9 @@ from helpers.synthetic_results import measurement
 from benchmarks.conftest import Race, ratios
 from stlbench.registry.choices import parse_choices
 from stlbench.result import CurvePoint, Result
+from stlbench.study.cell import Cell
 from stlbench.study.ledger import FILE, Ledger
-from stlbench.study.plan import Cell, plan_cells
+from stlbench.study.plan import plan_cells
 
 SEEDS = 2500
 METHODS = "funnel,flag,tau-mdp,raw"

@@ -10,7 +10,7 @@ from helpers import scripted_cells, synthetic_results
 from stlbench.gate import trial
 from stlbench.gate.calibration import Speed
 from stlbench.result import Result
-from stlbench.study.plan import Cell
+from stlbench.study.cell import Cell
 
 
 def test_passes_before_the_cell_and_after_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from helpers import line_task
 from helpers.line_task import SYSTEM
 from stlbench.result import CellId, Result
 from stlbench.study import trial
-from stlbench.study.plan import Cell
+from stlbench.study.cell import Cell
 
 ENTRIES = "[stlbench.tasks]\nzz-line = zz_kept.system:Line\n[stlbench.agents]\nzz-kept = zz_kept.agent:"
 AGENT = """

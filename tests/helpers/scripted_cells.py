@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from stlbench.result import CellId, Result
-from stlbench.study.plan import Cell
+from stlbench.study.cell import Cell
 
 
 def cells(*methods: str, deadline: float = 60) -> tuple[Cell, ...]:

@@ -1,12 +1,15 @@
-"""What changes the digest of a plugin's source, and what does not."""
+"""What is part of the code behind a module, and what is not; what has changed is named."""
 
 from __future__ import annotations
 
+import os
+import pickle
 import sys
 
 import pytest
 
-from stlbench.registry.fingerprint import fingerprint
+from stlbench.registry import fingerprint as fingerprints
+from stlbench.registry.fingerprint import code_of, fingerprint
 
 FILES = {
     "zz_pack/__init__.py": "raise RuntimeError('never run')",
@@ -21,12 +24,12 @@ FILES = {
 }
 
 
-@pytest.mark.parametrize("edited", ["one", "shared", "below", "deep/__init__", "deep/impl", "late"])
+@pytest.mark.parametrize("edited", ["__init__", "one", "shared", "below", "deep/__init__", "deep/impl", "late"])
 def test_an_edit_of_the_module_or_of_what_it_imports_from_its_package_is_seen(site, edited):
     root = site("acme", "", FILES)
     before = fingerprint("zz_pack.one")
     with (root / f"zz_pack/{edited}.py").open("a") as file:
-        file.write("# edited\n")
+        file.write("edited = 1\n")
     assert fingerprint("zz_pack.one") != before
     assert "zz_pack" not in sys.modules
 
@@ -67,7 +70,8 @@ def test_an_edit_elsewhere_is_not_seen_and_the_place_does_not_matter(site):
 
 def test_a_single_module_and_none_at_all(site):
     site("acme", "", FILES)
-    assert fingerprint("zz_single") != fingerprint("zz_nowhere") == fingerprint("zz_pack.nowhere")
+    assert fingerprint("zz_single") != fingerprint("zz_nowhere")
+    assert [name for name, _ in code_of("zz_pack.nowhere").files] == ["zz_pack"]
     assert len(fingerprint("zz_nowhere")) == 32
 
 
@@ -76,3 +80,111 @@ def test_source_that_does_not_parse_still_has_a_digest(site):
     before = fingerprint("zz_single")
     (root / "zz_single.py").write_text("class\n")
     assert fingerprint("zz_single") != before
+
+
+def test_an_import_for_type_checkers_alone_is_not_followed(site):
+    text = "import typing\nif typing.TYPE_CHECKING:\n    import zz_pack.late\nelse:\n    import zz_pack.other\n"
+    site("acme", "", FILES | {"zz_pack/one.py": text})
+    assert [name for name, _ in code_of("zz_pack.one").files] == ["zz_pack", "zz_pack.one", "zz_pack.other"]
+
+
+def test_modules_of_other_packages_count_that_no_distribution_has_installed(site):
+    files = FILES | {"zz_pack/one.py": "import zz_single\nfrom zz_help.tools import tool\n"}
+    root = site("acme", "", files | {"zz_help/__init__.py": "", "zz_help/tools.py": "import zz_help.more\n"})
+    (root / "zz_help/more.py").write_text("tool = 1\n")
+    before = fingerprint("zz_pack.one")
+    (root / "zz_help/more.py").write_text("tool = 2\n")
+    assert fingerprint("zz_pack.one") != before
+    before = fingerprint("zz_pack.one")
+    (root / "zz_single.py").write_text("z = 2\n")
+    assert fingerprint("zz_pack.one") != before
+
+
+def test_installed_distributions_count_by_their_version_and_pythons_own_modules_do_not(site):
+    installed = {
+        "site-packages/zz_lib/__init__.py": "a = 1\n",
+        "site-packages/Zz_Lib-3.4.dist-info/METADATA": "Metadata-Version: 2.1\nName: Zz_Lib\nVersion: 3.4\n",
+        "site-packages/other_name/__init__.py": "",
+        "site-packages/zz_other-5.dist-info/METADATA": "Metadata-Version: 2.1\nName: zz-other\nVersion: 5\n",
+        "site-packages/zz_other-5.dist-info/top_level.txt": "other_name\n",
+        "site-packages/zz_loose.py": "b = 1\n",
+    }
+    one = "import os, json.decoder, zz_lib.deep, other_name, zz_loose, zz_gone, stlbench\n"
+    root = site("acme", "", FILES | {"zz_pack/one.py": one} | installed)
+    sys.path.insert(0, str(root / "site-packages"))
+    fingerprints._all_distributions.cache_clear()
+    try:
+        code = code_of("zz_pack.one")
+        assert code.packages == (("Zz_Lib", "3.4"), ("zz-other", "5"))
+        assert [name for name, _ in code.files] == ["zz_loose", "zz_pack", "zz_pack.one"]
+        assert code_of("zz_pack.one", packages=False).packages == ()
+    finally:
+        sys.path.remove(str(root / "site-packages"))
+        fingerprints._all_distributions.cache_clear()
+
+
+DATA = {
+    "zz_pack/table.npz": "1",
+    "zz_pack/data/deep/model.xml": "<a/>",
+    "zz_pack/deep/of_another_package.csv": "1",
+    "zz_pack/one.md": "words",
+    "zz_pack/.hidden": "1",
+    "zz_pack/py.typed": "",
+    "zz_pack/out/ledger.sqlite": "",
+    "zz_pack/out/figure.png": "1",
+}
+
+
+def test_data_beside_the_modules_counts_but_what_is_hidden_or_for_people_or_written_by_runs(site):
+    root = site("acme", "", FILES | DATA | {"zz_pack/one.py": "x = 1\n"})
+    found = dict(code_of("zz_pack.one").files)
+    assert found.keys() == {"zz_pack", "zz_pack.one", "zz_pack/table.npz", "zz_pack/data/deep/model.xml"}
+    before = fingerprint("zz_pack.one")
+    (root / "zz_pack/data/deep/model.xml").write_text("<b/>")
+    assert fingerprint("zz_pack.one") != before
+    before = fingerprint("zz_pack.one")
+    (root / "zz_pack/new.json").write_text("{}")
+    assert fingerprint("zz_pack.one") != before
+
+
+def test_what_a_task_file_says_is_watched_but_has_its_own_part_in_keys(site):
+    root = site("acme", "", FILES | {"zz_pack/task.yaml": "title: a\nsteps: 3\n"})
+    code = code_of("zz_pack.one")
+    (root / "zz_pack/task.yaml").write_text("title: b\nsteps: 3  # still\nnotes: more\n")
+    assert code.changed is None
+    (root / "zz_pack/task.yaml").write_text("title: b\nsteps: 4\n")
+    assert code.changed == str(root / "zz_pack/task.yaml")
+    assert code_of("zz_pack.one").digest == code.digest
+
+
+def test_what_has_changed_is_named_and_words_are_no_change(site):
+    root = site("acme", "", FILES | {"zz_pack/data.csv": "1,2\n"})
+    code = pickle.loads(pickle.dumps(code_of("zz_pack.one")))
+    assert code.changed is None
+    late = root / "zz_pack/late.py"
+    late.write_text('"""Words."""\n\nx = 1  # more words\n')
+    assert code.changed is None
+    late.write_text("x = 7\n")
+    assert code.changed == str(late)
+    late.unlink()
+    assert code.changed == "zz_pack.late"
+    late.write_text("x = 1\n")
+    assert code.changed is None
+    (root / "zz_pack/data.csv").write_text("1,3\n")
+    assert code.changed == str(root / "zz_pack/data.csv")
+
+
+def test_an_edit_that_keeps_size_and_second_is_seen(site):
+    root = site("acme", "", FILES)
+    code, late = code_of("zz_pack.one"), root / "zz_pack/late.py"
+    then = late.stat()
+    late.write_text("x = 2\n")
+    os.utime(late, ns=(then.st_atime_ns, then.st_mtime_ns + 1_000_000))
+    assert code.changed == str(late)
+
+
+def test_the_harness_is_what_trains_and_scores_and_neither_reports_nor_the_command_line():
+    names = {name for name, _ in code_of("stlbench.study.trial").files}
+    assert {"stlbench.rollout.referee", "stlbench.stl.recorded.robustness", "stlbench.task.starts"} <= names
+    others = ("stlbench.cli", "stlbench.report", "stlbench.gate", "stlbench.study.ledger", "stlbench.study.run")
+    assert not [name for name in names if name.startswith(others)]

@@ -68,7 +68,7 @@ def test_its_place_changes_nothing_and_its_files_do(folder: Callable[..., Path])
     moved = folders.know(copy)
     assert (moved.folder, digest(moved)) == (copy, before)
     with (copy / "dynamics.py").open("a") as file:
-        file.write("# edited\n")
+        file.write("edited = 1\n")
     assert digest(moved) != before
 
 

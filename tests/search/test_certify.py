@@ -11,7 +11,7 @@ from scipy import stats
 
 from stlbench.errors import UsageError
 from stlbench.search.certify import Claim, certify
-from stlbench.study.plan import derive_seed
+from stlbench.study.cell import derive_seed
 from stlbench.task import starts
 
 NINE_TENTHS = "G[0,8] a <= -0.1"

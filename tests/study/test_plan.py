@@ -11,7 +11,8 @@ from helpers.line_task import SYSTEM
 from stlbench.errors import UsageError
 from stlbench.registry.choices import parse_choices
 from stlbench.study import plan as planning
-from stlbench.study.plan import check_cells, derive_seed, plan_cells
+from stlbench.study.cell import derive_seed
+from stlbench.study.plan import check_cells, plan_cells
 from stlbench.task import load_task
 from stlbench.task.file import BestPossible
 

@@ -11,6 +11,7 @@ from stlbench.registry.choices import choice_of
 from stlbench.study import run, trial
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.run import build_executor, run_cells
+from stlbench.study.unchanged import run_unchanged
 from stlbench.study.warm import warm
 
 
@@ -148,7 +149,10 @@ def test_cells_are_run_by_the_trial_and_the_executor_is_told_what_to_load_and_wh
     cells = scripted_cells.cells("a", "a")
     run_cells(cells, tmp_path, Remembers())
     (work,) = seen
-    assert (work.function.func, work.function.keywords) == (trial.run_cell, {"folder": tmp_path})
+    assert (work.function.func, work.function.keywords) == (
+        run_unchanged,
+        {"run_cell": trial.run_cell, "folder": tmp_path},
+    )
     assert (work.prepare.func, work.prepare.args) == (warm, (cells[:1],))
     assert work.log(cells[1]) == tmp_path / "logs" / "task_a_agent_1_key-1.log"
 

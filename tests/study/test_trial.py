@@ -24,7 +24,8 @@ from stlbench.registry.choices import parse_choices
 from stlbench.result import MAIN, CellId, Measurement, Planned, Result
 from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import trial
-from stlbench.study.plan import Cell, plan_cells
+from stlbench.study.cell import Cell
+from stlbench.study.plan import plan_cells
 from stlbench.task import build_agent, build_method, load_task, starts
 
 

@@ -10,7 +10,7 @@ from helpers.synthetic_results import measurement
 
 from stlbench.errors import UsageError
 from stlbench.result import CellId, CurvePoint, Result
-from stlbench.study.plan import Cell
+from stlbench.study.cell import Cell
 from stlbench.study.study import Study
 from stlbench.study.tracks import Recipe
 from stlbench.study.tuning import Entrant, entrants, search

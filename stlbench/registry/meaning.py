@@ -1,0 +1,151 @@
+"""What of a file can change a result, as a digest: of Python what runs, of `task.yaml` what is no words for people."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from importlib.util import decode_source
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+
+__all__ = ["TASK_FILE", "WORDS", "Meaning", "meaning_of"]
+
+TASK_FILE = "task.yaml"
+"""The name that a task's file always has."""
+
+WORDS = ("title", "source", "notes", "plane", "best_possible")
+"""What it says for people and pictures alone."""
+
+_TEXT = r"\"\"\"(?:\\.|(?!\"\"\").)*\"\"\"|'''(?:\\.|(?!''').)*'''|\"(?:\\.|[^\"\\\n])*\"|'(?:\\.|[^'\\\n])*'"
+_TEXT_OR_END = re.compile(rf"({_TEXT})|(?:[ \t]*(?:#[^\n]*)?\n)+", re.DOTALL)
+
+
+class Meaning(NamedTuple):
+    """Of one file."""
+
+    digest: str
+    """16 hex digits."""
+    imports: tuple[str, ...] = ()
+    """Of a Python module: the names that it imports anywhere, `package.thing` for `from package import thing`, so that
+    some may be no modules."""
+
+
+def meaning_of(path: Path, module: str = "") -> Meaning:
+    """Read a file, unless it was read before and has the same size and time.
+
+    Comments, docstrings, blank lines and `__version__` of Python do not count, nor what a `task.yaml` says for people
+    (`WORDS`). Of any other file, and of one that cannot be parsed, all bytes count.
+
+    Args:
+        path: the file.
+        module: its name where it is Python, by which relative imports are found.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    seen = path.stat()
+    return _read(path, module, (seen.st_mtime_ns, seen.st_size, seen.st_ino))
+
+
+@lru_cache(maxsize=4096)
+def _read(path: Path, module: str, seen: tuple[int, ...]) -> Meaning:
+    content = path.read_bytes()
+    if path.name == TASK_FILE:
+        return Meaning(_digest(_without_words(content)))
+    return _of_python(content, module, path.name == "__init__.py") if module else Meaning(_digest(content))
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+def _without_words(content: bytes) -> bytes:
+    try:
+        read = yaml.load(content, getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506 - both are safe
+        kept = {name: value for name, value in read.items() if name not in WORDS}
+        return json.dumps(kept, default=str).encode()
+    except (yaml.YAMLError, AttributeError, TypeError, ValueError, RecursionError):
+        return content
+
+
+# ----------------------------------------------------------------------------------------------------------- Python
+
+
+def _of_python(content: bytes, module: str, is_package: bool) -> Meaning:
+    try:
+        text = _without_comments(decode_source(content))
+        tree = ast.parse(text)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return Meaning(_digest(content))
+    package = module if is_package else module.rpartition(".")[0]
+    statements = list(_statements(tree))
+    names = (name for statement in statements for name in _targets(statement, package))
+    spans = [_span(statement) for statement in statements if _is_text(statement) or _is_version(statement)]
+    return Meaning(_digest(_without(text, spans).encode()), tuple(dict.fromkeys(names)))
+
+
+def _without_comments(text: str) -> str:
+    """The same lines without comments and blank lines. What is in a text stays."""
+    return _TEXT_OR_END.sub(lambda found: found[1] or "\n", f"{text}\n").lstrip("\n")
+
+
+def _without(text: str, spans: Iterable[tuple[int, int, int, int]]) -> str:
+    """Cut out spans (first line and column, last line and column, in bytes), and lines of which nothing is left."""
+    lines = text.encode().split(b"\n")
+    for first, begin, last, end in reversed(list(spans)):
+        rest = lines[first][:begin] + lines[last][end:]
+        lines[first : last + 1] = [rest] if rest.strip() else []
+    return b"\n".join(lines).decode()
+
+
+def _span(statement: ast.stmt) -> tuple[int, int, int, int]:
+    end = statement.end_lineno or statement.lineno, statement.end_col_offset or 0
+    return statement.lineno - 1, statement.col_offset, end[0] - 1, end[1]
+
+
+def _is_text(statement: ast.stmt) -> bool:
+    """A docstring, also of an attribute."""
+    return (
+        isinstance(statement, ast.Expr)
+        and isinstance(statement.value, ast.Constant)
+        and isinstance(statement.value.value, str)
+    )
+
+
+def _is_version(statement: ast.stmt) -> bool:
+    targets = statement.targets if isinstance(statement, ast.Assign) else []
+    return [target.id for target in targets if isinstance(target, ast.Name)] == ["__version__"]
+
+
+def _statements(block: ast.AST) -> Iterator[ast.stmt]:
+    """All below a block, in their order, without what only type checkers see: of expressions, which are most of a tree,
+    none is an import."""
+    for part in ("body", "handlers", "cases", "orelse", "finalbody"):
+        if part == "body" and _is_for_checkers(block):
+            continue
+        for statement in getattr(block, part, ()):
+            if isinstance(statement, ast.stmt):
+                yield statement
+            yield from _statements(statement)
+
+
+def _is_for_checkers(block: ast.AST) -> bool:
+    test = block.test if isinstance(block, ast.If) else None
+    name = test.attr if isinstance(test, ast.Attribute) else test.id if isinstance(test, ast.Name) else ""
+    return name == "TYPE_CHECKING"
+
+
+def _targets(node: ast.AST, package: str) -> Iterator[str]:
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+        base = ".".join([*above, *([node.module] if node.module else [])])
+        yield base
+        yield from (f"{base}.{alias.name}" for alias in node.names)

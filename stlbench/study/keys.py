@@ -1,0 +1,96 @@
+"""What is in a cell's key: all that can change its result, in parts that say what has changed where a key has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from stlbench.contract import GymTask, System
+from stlbench.registry import plugins
+from stlbench.registry.choices import Choice
+from stlbench.registry.fingerprint import Code, code_of
+from stlbench.registry.meaning import WORDS
+from stlbench.study.cell import digest
+from stlbench.task.task import Task
+
+__all__ = ["PARTS", "Ingredients", "Part", "agent_part", "harness", "method_part", "task_part"]
+
+PARTS = ("harness", "task", "method", "agent", "packages")
+"""Their names: stlbench's own code, the task, the method, the agent with its recipe, and the versions of the installed
+distributions that the plugins import."""
+
+_NO_PART: dict[str, Any] = dict.fromkeys((*WORDS, "agents", "budgets"), True)
+"""What a task file says that changes no result, or is in the key of a cell by itself."""
+_NO_SYSTEM: dict[str, Any] = {"environment": True, "terminated": True, "signals": {"__all__": {"expression"}}}
+"""What it says of environments alone."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one plugin, as it was chosen, adds to a key."""
+
+    digest: str
+    code: Code
+
+
+@dataclass(frozen=True)
+class Ingredients:
+    """All of a key but the track and the seed."""
+
+    harness: Code
+    task: Part
+    method: Part
+    agent: Part
+
+    @cached_property
+    def code(self) -> tuple[Code, ...]:
+        """What has to stay as it is while the cell runs."""
+        return self.harness, self.task.code, self.method.code, self.agent.code
+
+    @cached_property
+    def parts(self) -> tuple[tuple[str, str], ...]:
+        """Name and hash of each part."""
+        plugged = (self.task, self.method, self.agent)
+        packages = sorted({package for part in plugged for package in part.code.packages})
+        hashes = (self.harness.digest, *(part.digest for part in plugged), digest(packages))
+        return tuple(zip(PARTS, hashes, strict=True))
+
+    def key(self, track: str, seed: int) -> str:
+        """The key of a cell of these."""
+        return digest([track, *self.parts, seed])
+
+
+def harness() -> Code:
+    """stlbench's own code that can change a result: that which trains a cell and scores it, and what this imports."""
+    return code_of("stlbench.study.trial", packages=False)
+
+
+def task_part(task: Task, budget: str) -> Part:
+    """Words and pictures for people change no result, nor do other budgets, deadlines, recipes of other agents.
+
+    The versions of the software of an environment belong to it.
+    """
+    left_out = _NO_PART | _NO_SYSTEM if isinstance(task.dynamics, System) else _NO_PART
+    content = task.file.model_dump(mode="json", exclude=left_out)
+    numbers = task.budget(budget).model_dump(mode="json", include={"steps", "checkpoints", "random_starts"})
+    software = [task.source.software] if isinstance(task.dynamics, GymTask) else []
+    return _part("tasks", task.choice.name, [task.choice.name, content, numbers, *software])
+
+
+def method_part(choice: Choice) -> Part:
+    """A method with the parameters that the user set."""
+    return _part("methods", choice.name, [str(choice)])
+
+
+def agent_part(task: Task, choice: Choice) -> Part:
+    """An agent with the parameters that the user set, and the task's recipe for it."""
+    return _part("agents", choice.name, [str(choice), dict(task.recipe(choice.name))])
+
+
+def _part(kind: str, name: str, said: list[Any]) -> Part:
+    """The version of another's distribution counts, as it may have parts that no source shows."""
+    plugin = plugins.find(kind, name)
+    code = code_of(plugin.entry_point.module)
+    version = "" if plugin.distribution == plugins.OWN else plugin.version
+    return Part(digest([*said, plugin.distribution, version, code.digest]), code)

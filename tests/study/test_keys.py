@@ -1,0 +1,62 @@
+"""What is in a key, and which part of it has changed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from stlbench.registry.choices import parse_choice
+from stlbench.registry.fingerprint import Code
+from stlbench.study import keys
+from stlbench.study.plan import plan_cells
+
+
+def planned():
+    task, method, agent = map(parse_choice, ("hold-disc", "raw", "dqn"))
+    (cell,) = plan_cells([task], [method], [agent], [0], "smoke")
+    return cell
+
+
+def changed(before, after):
+    return [name for (name, one), (_, other) in zip(before.parts, after.parts, strict=True) if one != other]
+
+
+def test_the_harness_own_source_is_a_part(monkeypatch):
+    before = planned()
+    assert [name for name, _ in before.parts] == list(keys.PARTS)
+    monkeypatch.setattr(keys, "harness", lambda: Code((("stlbench.rollout.referee", "edited"),)))
+    after = planned()
+    assert after.key != before.key
+    assert changed(before, after) == ["harness"]
+
+
+def test_the_versions_of_what_plugins_import_are_a_part_of_their_own(monkeypatch):
+    before, code_of = planned(), keys.code_of
+    assert "numpy" in {name for code in before.code for name, _ in code.packages}
+
+    def newer(module, *, packages=True):
+        code = code_of(module, packages=packages)
+        return Code(code.files, tuple((name, f"{version}.1") for name, version in code.packages))
+
+    monkeypatch.setattr(keys, "code_of", newer)
+    after = planned()
+    assert after.key != before.key
+    assert changed(before, after) == ["packages"]
+
+
+def test_the_version_of_stlbench_is_no_part(monkeypatch):
+    """A release in which nothing that trains or scores has changed keeps all results."""
+    before, find = planned().key, keys.plugins.find
+
+    def released(kind, name):
+        return replace(find(kind, name), version="99")
+
+    monkeypatch.setattr(keys.plugins, "find", released)
+    assert planned().key == before
+
+
+def test_the_cell_knows_the_files_of_its_code():
+    cell = planned()
+    names = {name for code in cell.code for name, _ in code.files}
+    assert {"stlbench.rollout.referee", "stlbench_methods.raw", "stlbench_agents.dqn"} <= names
+    assert {"stlbench_tasks.hold_disc.system", "stlbench_tasks/hold_disc/task.yaml"} <= names
+    assert all(code.changed is None for code in cell.code)
