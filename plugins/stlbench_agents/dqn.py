@@ -30,7 +30,8 @@ from stlbench_agents.actions import grid_of
 from stlbench_agents.checkpoints import report_rounds
 from stlbench_agents.compiled_code import is_ready, note_ready
 from stlbench_agents.costs import cost_of
-from stlbench_agents.parameter_types import Count, Head, Positive, Share, ShareBelow1, Widths
+from stlbench_agents.others import Others
+from stlbench_agents.parameter_types import Count, Head, Positive, Share, ShareBelow1, Whole, Widths
 
 __all__ = ["DQN", "Learner"]
 
@@ -98,19 +99,23 @@ class DQN(Agent):
     """factor on rewards, which arrive divided by the method's `scale`"""
     time_limit: Literal["bootstrap", "terminal"] = "bootstrap"
     """`bootstrap`: what would follow the time limit has the network's value. `terminal`: it is 0"""
+    counterfactuals: Whole = 1
+    """so many times each transition is stored again with another memory of the method, where the method says which ones
+    there are. They stand alone, as returns of one reward, and take places in the same replay"""
 
     def train(self, training: Training) -> Policy:
         """Spend the budget; return the greedy policy at its end."""
         environment = training.make(self.copies)
         rounds = max(1, training.steps // (self.copies * environment.hold))
-        learner = self.learner(environment, training.seed, rounds * self.gradient_steps)
+        others = Others(environment, self.counterfactuals, training.seed)
+        learner = self.learner(environment, others.copies, training.seed, rounds * self.gradient_steps)
         generator = np.random.default_rng([training.seed, 1])
         reports = report_rounds(rounds, training.checkpoints)
         observation = environment.reset()
         for done in range(1, rounds + 1):
             action = learner.act(observation, self._epsilon((done - 1) / rounds), generator)
             transition = environment.step(action)
-            learner.learn(observation, action, transition, generator)
+            learner.learn(*others.beside(observation, action, transition), generator)
             observation = transition.observation
             if done in reports:
                 final = learner.policy()
@@ -124,13 +129,11 @@ class DQN(Agent):
 
         return GreedyPolicy.of(arrays, grid_of(actions).shape)
 
-    def learner(self, environment: Environment, seed: int, updates: int) -> Learner:
-        """What is trained, with fresh networks, for as many updates in all."""
+    def learner(self, environment: Environment, copies: int, seed: int, updates: int) -> Learner:
+        """What is trained on so many transitions a step, with fresh networks, for as many updates in all."""
         from stlbench_agents.q_learner import QLearner  # imports Numba, which parameters do not need
 
-        return QLearner(
-            self, environment.observation_size, environment.count, grid_of(environment.actions), seed, updates
-        )
+        return QLearner(self, environment.observation_size, copies, grid_of(environment.actions), seed, updates)
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost | None:
         """That of its network and its replay; None for actions that it cannot train."""

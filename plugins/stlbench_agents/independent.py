@@ -28,14 +28,14 @@ __all__ = ["DQNPerRobot", "Team", "TeamPolicy"]
 class DQNPerRobot(DQN):
     """Deep Q-learning robot by robot, each of its own actions alone; `dqn` itself where a task has one robot."""
 
-    def learner(self, environment: Environment, seed: int, updates: int) -> Learner:
+    def learner(self, environment: Environment, copies: int, seed: int, updates: int) -> Learner:
         """A learner for each robot, with its own weights, replay and exploration, and as many updates."""
         grid = grid_of(environment.actions)
         if not grid.robots:
-            return super().learner(environment, seed, updates)
+            return super().learner(environment, copies, seed, updates)
         from stlbench_agents.q_learner import QLearner  # imports Numba, which parameters do not need
 
-        size, copies = environment.observation_size, environment.count
+        size = environment.observation_size
         return Team(
             [QLearner(self, size, copies, part, [seed, 2 + i], updates) for i, part in enumerate(grid.parts)],
             [part.size for part in grid.parts],

@@ -6,12 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-__all__ = ["Count", "Head", "NotNegative", "Positive", "Share", "ShareBelow1", "Steps", "Widths"]
+__all__ = ["Count", "Head", "NotNegative", "Positive", "Share", "ShareBelow1", "Whole", "Widths"]
 
 Share = Annotated[float, Field(ge=0, le=1)]
 ShareBelow1 = Annotated[float, Field(ge=0, lt=1)]
 Count = Annotated[int, Field(ge=1)]
-Steps = Annotated[int, Field(ge=0)]
+Whole = Annotated[int, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Widths = Annotated[tuple[Count, ...], Field(min_length=1)]

@@ -61,12 +61,16 @@ def _actions(rows: int, axes: int) -> NDArray[Any]:
 def weighted_rewards(transition: Transition, gamma: float, weight: float = 1.0) -> Array:
     """The rewards (N,), times `weight`; where nothing follows, what such a reward is worth that is paid for ever.
 
-    That is its sum, r / (1 - gamma). With gamma = 1 there is none, and the reward counts once.
+    That is its sum, r / (1 - gamma). With gamma = 1 there is none, and the reward counts once. So it does where the
+    transition says so.
     """
     if transition.discount.all():
         return weight * transition.reward
     for_ever = weight if gamma == 1 else weight / (1 - gamma)
-    weights: Array = np.where(transition.discount == 0, for_ever, weight)
+    stays = transition.discount == 0
+    if transition.once is not None:
+        stays &= ~transition.once
+    weights: Array = np.where(stays, for_ever, weight)
     return weights * transition.reward
 
 

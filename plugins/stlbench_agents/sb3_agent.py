@@ -14,7 +14,7 @@ from stlbench_agents.checkpoints import report_rounds
 from stlbench_agents.costs import cost_of
 from stlbench_agents.libraries import need_sb3
 from stlbench_agents.one_thread import one_thread
-from stlbench_agents.parameter_types import Count, Positive, Share, Steps, Widths
+from stlbench_agents.parameter_types import Count, Positive, Share, Whole, Widths
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -134,7 +134,7 @@ class SB3OffPolicy(SB3Agent):
 
     buffer_size: Count = 400_000
     """transitions kept for replay, all copies together"""
-    learning_starts: Steps = 800
+    learning_starts: Whole = 800
     """transitions, with random actions, before the first update"""
     gradient_steps: Count = 1
     """updates after each step of all copies"""

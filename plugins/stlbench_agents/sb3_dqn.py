@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from stlbench.contract import Actions, Arrays, Environment, Policy
 from stlbench_agents.actions import grid_of
-from stlbench_agents.parameter_types import Count, Positive, Share, Steps
+from stlbench_agents.parameter_types import Count, Positive, Share, Whole
 from stlbench_agents.sb3_agent import SB3OffPolicy
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class SB3DQN(SB3OffPolicy):
 
     copies: Count = 16
     buffer_size: Count = 65536
-    learning_starts: Steps = 100
+    learning_starts: Whole = 100
     learning_rate_final: Positive = 3e-5
     n_steps: Count = 3
     tau: Share = 0.005

@@ -19,7 +19,7 @@ from stlbench_agents.actor_policy import ActorPolicy
 from stlbench_agents.checkpoints import report_rounds
 from stlbench_agents.compiled_code import is_ready, note_ready
 from stlbench_agents.costs import cost_of
-from stlbench_agents.parameter_types import Count, NotNegative, Positive, Share, ShareBelow1, Steps, Widths
+from stlbench_agents.parameter_types import Count, NotNegative, Positive, Share, ShareBelow1, Whole, Widths
 
 __all__ = ["TD3"]
 
@@ -76,7 +76,7 @@ class TD3(Agent):
     the first copy to one and three quarters in the last"""
     exploration_noise_final: NotNegative | None = None
     """what that falls to, linearly over the budget; it stays where left out"""
-    random_steps: Steps = 100
+    random_steps: Whole = 100
     """steps of all copies with random actions at the start, without updates"""
     action_penalty: NotNegative = 0.005
     """weight in the actor's loss of its squared output before the tanh, without which actions stick at their ends"""

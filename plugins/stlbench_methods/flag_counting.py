@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import reduce
 from operator import itemgetter
 from typing import NamedTuple
@@ -14,6 +14,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, Specification, Truth
+from stlbench_methods.predicates import truths
 from stlbench_methods.windows import EXTENSION, Window, from_first_read, leaves
 
 __all__ = ["FG", "AbsoluteFlags", "F", "Flags", "G", "Terms", "WindowFlags", "is_windowed"]
@@ -85,7 +86,7 @@ class WindowFlags(Flags):
         from stlbench_methods.flag_updates import count  # imports Numba, which building a method does without
 
         after = flags.copy()
-        verdicts = _truths(self._holds, samples)
+        verdicts = truths(self._holds, samples)
         if self._first:
             begun = t + np.arange(len(samples))[:, None] >= self._first
             verdicts &= begun
@@ -127,7 +128,7 @@ class AbsoluteFlags(Flags):
         from stlbench_methods.flag_updates import latch  # as above
 
         after = flags.copy()
-        return latch(_truths(self._holds, samples), self._terms, self.full, t, after), after
+        return latch(truths(self._holds, samples), self._terms, self.full, t, after), after
 
 
 def is_windowed(formula: stl.Formula) -> bool:
@@ -152,14 +153,6 @@ def _combined(phi: stl.Formula, leaf: Iterator[int]) -> Callable[[Truth], Truth]
     combine = np.logical_and if isinstance(phi, stl.And) else np.logical_or
     parts = [_combined(arg, leaf) for arg in phi.args]
     return lambda verdicts: reduce(combine, [part(verdicts) for part in parts])
-
-
-def _truths(predicates: Sequence[Callable[[Array], Truth]], samples: Array) -> Truth:
-    """Which predicates hold at the samples (h, N, k): (number of predicates, h, N)."""
-    truths = np.empty((len(predicates), *samples.shape[:2]), dtype=np.bool_)
-    for i, holds in enumerate(predicates):
-        truths[i] = holds(samples)
-    return truths
 
 
 def _paid(outer_f: bool, beta: float) -> Array:

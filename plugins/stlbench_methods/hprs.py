@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -10,6 +10,7 @@ from pydantic import Field
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth, Unsuitable
 from stlbench.stl import Term
+from stlbench_methods.predicates import truths
 
 __all__ = ["Hprs"]
 
@@ -71,11 +72,11 @@ class Hprs(RewardMethod):
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         """None done before the first sample, which counts: (N, 2), or (N, 0) with one target."""
         before = np.zeros((len(signals), self.memory_size))
-        return self._progress(_truths(self._at, signals[None]), before)[1] if self.memory_size else before
+        return self._progress(truths(self._at, signals[None]), before)[1] if self.memory_size else before
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
         """The rewards (h, N), and how many targets are done (N, 2)."""
-        at = _truths(self._at, samples)
+        at = truths(self._at, samples)
         done, after = self._progress(at[:, 1:], memory)
         potential = self._potential(samples, done)
         shaping = self._gamma * potential[1:] - potential[:-1]
@@ -98,7 +99,7 @@ class Hprs(RewardMethod):
 
     def _potential(self, samples: Array, done: Integers) -> Array:
         """Phi at the samples (h + 1, N, k), with so many targets done before the one of now (h + 1, N)."""
-        safe = _truths(self._safe, samples)
+        safe = truths(self._safe, samples)
         near = np.stack([_nearness(h(samples), low) for h, low in zip(self._near, self._least, strict=True)])
         now = np.take_along_axis(near, done[None], axis=0)[0]
         potential: Array = safe.sum(axis=0) + self._weight * safe.all(axis=0) * (done + now)
@@ -141,11 +142,3 @@ def _samples(term: Term) -> int:
 def _nearness(h: Array, least: float) -> Array:
     """n: 1 where the robustness is not negative, 0 where it is the least of the box."""
     return np.clip(1 - h / least, 0.0, 1.0) if least < 0 else np.ones_like(h)
-
-
-def _truths(predicates: Sequence[Callable[[Array], Truth]], samples: Array) -> Truth:
-    """Which hold at the samples (h, N, k): (number of predicates, h, N)."""
-    truths = np.empty((len(predicates), *samples.shape[:2]), dtype=np.bool_)
-    for i, holds in enumerate(predicates):
-        truths[i] = holds(samples)
-    return truths

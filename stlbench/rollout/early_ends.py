@@ -100,7 +100,7 @@ def remainder(
     Args:
         method: what pays.
         terminated: `hold` pays what the method pays while the last sample stays, `violated` its floor for each step
-            that is left, `interval` nothing.
+            that is left, or once where the method can end, `interval` nothing.
         last: the sample (k,) at t.
         action: the last one, (1, axes).
         t: step of the sample, in 1..T.
@@ -112,7 +112,7 @@ def remainder(
         return 0.0
     weights = discount ** np.arange(1.0, left + 1)
     if terminated == "violated":
-        return float(method.floor * weights.sum())
+        return float(method.floor * (weights[0] if method.can_end else weights.sum()))
     samples = np.tile(last, (left + 1, 1, 1))
     rewards, _ = method.along(samples, action, np.array([t]), memory)
     return float(weights @ rewards[:, 0])

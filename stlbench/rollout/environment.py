@@ -13,6 +13,7 @@ import numpy as np
 from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Transition, Truth, World
 from stlbench.rollout import faults
 from stlbench.rollout.clock import scaled_times
+from stlbench.rollout.counterfactuals import Taken, counterfactual
 from stlbench.rollout.early_ends import remainder
 from stlbench.rollout.endings import ends_of, first_end
 from stlbench.rollout.worlds import make_world
@@ -88,17 +89,28 @@ class Simulator:
         vectors: Array = self._vectors[action] if action.dtype.kind == "i" else np.clip(action, self._low, self._high)
         samples, self.last_action = self.world.advance(vectors, self.hold), vectors
         faults.check_samples(self.task, samples, self.hold, self.t)
-        reward = self._reward(samples, vectors) if self._rewarded else np.full(len(vectors), np.nan)
+        self.last_samples = samples
+        if self._rewarded:
+            reward, self.memory = self.paid(samples, vectors, self.t, self.memory)
+        else:
+            reward = np.full(len(vectors), np.nan)
         self.t = self.t + self.hold
         return Steps(reward, samples[1:].transpose(1, 0, 2))
 
-    def _reward(self, samples: Array, vectors: Array) -> Array:
-        rewards, self.memory = self.method.along(samples, vectors, self.t, self.memory)
-        faults.check_rewards(self.method, rewards, self.hold, self.t)
+    def paid(self, samples: Array, vectors: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        """What the method pays for samples (hold + 1, N, k) from a memory on, the mean (N,), and the memory after."""
+        rewards, memory = self.method.along(samples, vectors, t, memory)
+        faults.check_rewards(self.method, rewards, self.hold, t)
         if self.method.memory_size:
-            faults.check_memory(self.method, self.memory, self.t + self.hold)
+            faults.check_memory(self.method, memory, t + self.hold)
         mean: Array = rewards[0] if self.hold == 1 else rewards.mean(axis=0)
-        return mean
+        return mean, memory
+
+    def over(self, memory: Array) -> Truth:
+        """Which memories (N, m) the method says are over; it is one that can end."""
+        over = self.method.over(memory)
+        faults.check_over(self.method, over, len(memory))
+        return over
 
 
 class BatchEnvironment:
@@ -115,9 +127,11 @@ class BatchEnvironment:
         self._cut = np.zeros(horizon + 1, dtype=np.bool_)
         self._cut[[*self._training.cuts, horizon]] = True
         self._ends = ends_of(task, method)
+        self.counterfactuals = method.counterfactuals
         self._generator = np.random.default_rng(seed)
         self._going_on = np.ones(count)
-        self._going_on.flags.writeable = False  # agents are given it
+        self._none: Truth = np.zeros(count, dtype=np.bool_)
+        self._going_on.flags.writeable = self._none.flags.writeable = False  # agents are given the one
         self.taken = 0
         self.observation_size = self.reset().shape[1]
         self._generator = np.random.default_rng(seed)
@@ -128,44 +142,66 @@ class BatchEnvironment:
         self.simulator.reset(self._draw(self.count))
         if self._training.exploring is not None:
             self._reset_rows(np.arange(self.count))
-        return self.simulator.observe()
+        self._seen = self.simulator.observe()
+        return self._seen
 
     def step(self, action: Integers | Array) -> Transition:
         """Hold the actions for `hold` steps (see `contract.Environment`); rows whose episode is over are reset."""
         simulator = self.simulator
+        if not self.counterfactuals:
+            return self._step(action)[0]
+        seen, t, memory = self._seen, simulator.t, simulator.memory
+        transition, fixed = self._step(action)
+        self._seen = transition.observation
+        self._taken = Taken(seen, t, memory, simulator.last_samples, simulator.last_action, transition, fixed)
+        return transition
+
+    def counterfactual(self, generator: np.random.Generator) -> tuple[Array, Transition]:
+        """The last step with other memories (see `contract.Environment`)."""
+        return counterfactual(self.simulator, self._taken, generator)
+
+    def _step(self, action: Integers | Array) -> tuple[Transition, Truth]:
+        """The transition, and which copies the task or the world has ended (N,), whatever the method says."""
+        simulator = self.simulator
         held = simulator.advance(action)
         self.taken += self.count * self.hold
         reward = held.reward / simulator.method.scale
-        t = simulator.t
+        t, fixed = simulator.t, self._none
         ended, discount = t >= self._broken_off, self._going_on
         if self._ends:
-            over, paid = first_end(self._ends, held.samples, t)
-            reward[over] = paid[over]
-            ended, discount = ended | over, np.where(over, 0.0, 1.0)
+            fixed, paid = first_end(self._ends, held.samples, t)
+            reward[fixed] = paid[fixed]
+            ended, discount = ended | fixed, np.where(fixed, 0.0, 1.0)
         if simulator.world.can_end and (stopped := simulator.world.ended & (t < simulator.horizon) & ~ended).any():
             discount = self._stop(stopped, reward, discount, simulator.last_action)
-            ended = ended | stopped
+            ended, fixed = ended | stopped, fixed | stopped
+        once = None
+        if simulator.method.can_end:
+            over = simulator.over(simulator.memory)
+            ended, discount = ended | over, np.where(over, 0.0, discount)
+            once = discount == 0
         cut = self._cut[t] | ended
         observation = simulator.observe()
         if not np.count_nonzero(cut):
-            return Transition(observation, reward, observation, discount, cut, ended)
+            return Transition(observation, reward, observation, discount, cut, ended, once), fixed
         # beyond a boundary the reward asks for something else: the value is that of going on as before it
         boundary = cut & (t < simulator.horizon) & self._cut[t]
         arrived = simulator.observe(np.where(boundary, t - self.hold, t)) if boundary.any() else observation
         if ended.any():
             self._reset_rows(np.flatnonzero(ended))
             observation = simulator.observe()
-        return Transition(observation, reward, arrived, discount, cut, ended)
+        return Transition(observation, reward, arrived, discount, cut, ended, once), fixed
 
     def _stop(self, stopped: Truth, reward: Array, discount: Array, action: Array) -> Array:
         """Pay those copies that the world has ended, in place; returns the discounts."""
         if self.task.file.terminated == "interval":
             return discount  # nobody knows what would follow: it is worth what going on would be
         simulator = self.simulator
+        method = simulator.method
         for row in np.flatnonzero(stopped):
             t, last, memory = int(simulator.t[row]), simulator.signals[row], simulator.memory[[row]]
-            left = remainder(simulator.method, self.task.file.terminated, last, action[[row]], t, memory)
-            reward[row] = left / (simulator.horizon - t) / simulator.method.scale
+            left = remainder(method, self.task.file.terminated, last, action[[row]], t, memory) / method.scale
+            reward[row] = reward[row] + left / self.hold if method.can_end else left / (simulator.horizon - t)
         return np.where(stopped, 0.0, discount)
 
     def _reset_rows(self, rows: Integers) -> None:

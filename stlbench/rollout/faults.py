@@ -11,11 +11,19 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from stlbench.contract import ActionGrid, Actions, Array, Integers, RewardMethod
+from stlbench.contract import ActionGrid, Actions, Array, Integers, RewardMethod, Truth
 from stlbench.registry import plugins
 from stlbench.task.task import Task
 
-__all__ = ["PluginFault", "check_action", "check_memory", "check_observation", "check_rewards", "check_samples"]
+__all__ = [
+    "PluginFault",
+    "check_action",
+    "check_memory",
+    "check_observation",
+    "check_over",
+    "check_rewards",
+    "check_samples",
+]
 
 
 class PluginFault(RuntimeError):
@@ -34,6 +42,13 @@ def check_memory(method: RewardMethod, memory: Array, t: Integers) -> None:
     _shaped(method, "memory", memory, (len(t), method.memory_size))
     if not _finite(memory):
         _tell(method, "memory", memory[:, None], t)
+
+
+def check_over(method: RewardMethod, over: Truth, count: int) -> None:
+    """Whether each of so many copies is over, (N,)."""
+    _shaped(method, "over", over, (count,))
+    if over.dtype.kind != "b":
+        _fault(method, f"over gives {over.dtype}, the contract says whether: bool")
 
 
 def check_samples(task: Task, samples: Array, hold: int, t: Integers) -> None:

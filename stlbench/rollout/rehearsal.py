@@ -6,6 +6,8 @@ from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from stlbench.contract import Agent, Array, Environment, Integers, Training, Transition
 
 __all__ = ["rehearse"]
@@ -53,6 +55,7 @@ class _Still:
         self._environment, self._left, self._stage = environment, _STEPPED, stage
         self.count, self.observation_size = environment.count, environment.observation_size
         self.actions, self.hold = environment.actions, environment.hold
+        self.counterfactuals = environment.counterfactuals
 
     def reset(self) -> Array:
         self._stage.check()
@@ -64,3 +67,7 @@ class _Still:
             self._left -= 1
             self._last = self._environment.step(action)
         return deepcopy(self._last)
+
+    def counterfactual(self, generator: np.random.Generator) -> tuple[Array, Transition]:
+        self._stage.check()
+        return self._environment.counterfactual(generator)

@@ -12,6 +12,7 @@ from stlbench.presentation import Described
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
 from stlbench.task import load_task
+from stlbench.testing.additions import check_counterfactual, check_over
 from stlbench.testing.rules import Rules
 
 __all__ = ["check_method"]
@@ -79,6 +80,10 @@ def _check_episode(method: RewardMethod, rules: Rules) -> None:
             rules.function("step", lambda *values: np.column_stack(method.step(*values)), arguments, (_ROWS, 1 + m))
             inputs = rules.function("inputs", method.inputs, (memory,), (_ROWS, method.input_size))
             rules.keep(bool(np.all(np.abs(inputs) <= 2)), "inputs are about in [-1, 1]", inputs)
+            if method.counterfactuals:
+                check_counterfactual(method, rules, traces[:, t], traces[:, t + 1], t, memories[-1])
+        if method.can_end:
+            check_over(method, rules, memories[-1], reward, memory)
         memories.append(memory)
         rewards.append(reward)
     largest = float(np.abs(rewards).max())

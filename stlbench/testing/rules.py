@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from stlbench.contract import Array, Integers
+from stlbench.contract import Array, Integers, Truth
 
 __all__ = ["RuleBroken", "Rules"]
 
@@ -36,10 +37,10 @@ class Rules:
     def function(
         self,
         name: str,
-        function: Callable[..., Array],
+        function: Callable[..., Array | Truth],
         arguments: tuple[Array | Integers, ...],
         shape: tuple[int | None, ...],
-    ) -> Array:
+    ) -> Any:
         """Shape (None: any), finite values, purity, and that a batch is its rows one by one: the value."""
         copies = tuple(argument.copy() for argument in arguments)
         value = np.array(function(*copies))

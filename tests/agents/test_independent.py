@@ -42,7 +42,7 @@ def team(**recipe: Any) -> Team:
     """Two robots with 3 and 5 actions, that see 4 numbers."""
     grid = ActionGrid(("v", "w"), ((-1.0, 0.0, 1.0), (0.0, 1.0, 2.0, 3.0, 4.0)), (1, 1))
     shape = cast(Environment, SimpleNamespace(observation_size=4, actions=grid, count=COPIES))
-    made = DQNPerRobot(net_arch=(8,), batch_size=8, **recipe).learner(shape, 0, 100)
+    made = DQNPerRobot(net_arch=(8,), batch_size=8, **recipe).learner(shape, shape.count, 0, 100)
     assert isinstance(made, Team)
     return made
 
@@ -99,7 +99,7 @@ def test_each_robot_finds_the_action_that_pays_whatever_the_other_does() -> None
 def test_robots_begin_with_weights_of_their_own() -> None:
     grid = ActionGrid(("v", "w"), ((-1.0, 1.0), (-1.0, 1.0)), (1, 1))
     shape = cast(Environment, SimpleNamespace(observation_size=4, actions=grid, count=COPIES))
-    first, second = cast(Team, DQNPerRobot().learner(shape, 0, 100)).learners
+    first, second = cast(Team, DQNPerRobot().learner(shape, shape.count, 0, 100)).learners
     assert first.weights.online.shape == second.weights.online.shape
     assert not np.array_equal(first.weights.online, second.weights.online)
 

@@ -47,6 +47,16 @@ def filled(steps: int, rows: int, copies: int, n_steps: int, gamma: float) -> Re
     return replay
 
 
+def test_a_last_reward_counts_for_ever_or_once() -> None:
+    """gamma = .9: ten times, once where the transition says so, and once where something follows."""
+    yes, wide = np.ones(3, np.bool_), np.zeros((3, 1))
+    transition = came(wide, np.array([1.0, 2, 3]), yes, lost=np.array([True, True, False]))
+    assert weighted_rewards(transition, 0.9, 2.0) == pytest.approx([20, 40, 6])
+    assert weighted_rewards(transition._replace(once=np.array([False, True, False])), 0.9, 2.0) == pytest.approx(
+        [20, 4, 6]
+    )
+
+
 def drawn(replay: Replay, batch: int = 4000) -> Batch:
     return replay.batch(replay.draw(np.random.default_rng(0), 1, batch)[0])
 

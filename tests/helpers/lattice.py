@@ -133,10 +133,13 @@ def returns(model: Model, plans: Plans, gamma: float, beyond: Callable[[Array], 
             for t in range(d * hold + 1, (d + 1) * hold + 1):
                 here = end.over(plans.samples[t]) & end.active[t] & ~ended
                 left = len(plans.vectors) - d
-                rewards[here] = end.reward * method.scale * (1 / (1 - gamma) if gamma < 1 else left)
+                times = 1 if method.can_end else 1 / (1 - gamma) if gamma < 1 else left
+                rewards[here] = end.reward * method.scale * times
                 ended |= here
         total[open_] += gamma**d * rewards[open_]
         open_ &= ~ended
+        if method.can_end:
+            open_ &= ~method.over(memory)
         if (d + 1) * hold in model.cuts:
             if beyond is not None:
                 total[open_] += gamma ** (d + 1) * beyond(plans.samples[(d + 1) * hold])[open_]

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.latch import Latch
 from helpers.line_task import Line, Probe, line
 
 from stlbench.contract import Array, Integers, RewardMethod
 from stlbench.registry.choices import Choice
-from stlbench.rollout.environment import Simulator
+from stlbench.rollout.environment import BatchEnvironment, Simulator
 from stlbench.rollout.faults import PluginFault
 from stlbench.task import build_method
 from stlbench.task.task import Task
@@ -54,6 +55,27 @@ class Blind(Probe):
         return np.where(memory > 2, NAN, memory)
 
 
+class Undecided(Latch):
+    """Says how far it is from its end."""
+
+    def over(self, memory: Array) -> Any:
+        return memory[:, 0] / 2
+
+
+class Ended(Latch):
+    """Says of all copies together that they are over."""
+
+    def over(self, memory: Array) -> Any:
+        return np.bool_(memory.all())
+
+
+class Elsewhere(Latch):
+    """Says other memories that are none."""
+
+    def counterfactual(self, signals: Array, t: Integers, memory: Array, chance: Array) -> Array:
+        return np.full_like(memory, NAN)
+
+
 SPEC = line(hold=2).specification
 
 
@@ -68,6 +90,27 @@ SPEC = line(hold=2).specification
 def test_what_a_method_gives(method: RewardMethod, said: str) -> None:
     with pytest.raises(PluginFault, match=f"^{said}$"):
         stepped(method)
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        (Undecided, "method Undecided: over gives float64, the contract says whether: bool"),
+        (Ended, r"method Ended: the shape of its over is \(\), the contract says \(3,\)"),
+        (Elsewhere, "method Elsewhere: memory is nan at step 0 in 3 of 3 copies"),
+    ],
+)
+def test_what_a_method_adds(kind: type[Latch], said: str) -> None:
+    task = line(hold=2)
+    environment = BatchEnvironment(task, kind(task.specification), 3, seed=0)
+    environment.reset()
+
+    def learned() -> None:
+        environment.step(STAY)
+        environment.counterfactual(np.random.default_rng(0))
+
+    with pytest.raises(PluginFault, match=f"^{said}$"):
+        learned()
 
 
 def test_the_number_of_rewards() -> None:

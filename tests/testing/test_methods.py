@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.latch import Latch
 from helpers.line_task import Probe
 
 from stlbench.contract import Intractable, RewardMethod, Unsuitable
@@ -23,6 +24,11 @@ VARIANTS = (
     "flag[beta=2]",
     "tau-mdp[form=probability]",
     "tau-mdp[beta=5]",
+    "hprs[later=target]",
+    "hprs[variant=auto-shaping,gamma=0.9]",
+    "machine[shaping=phases]",
+    "cfer[flags=published]",
+    "tau-cmdp[window=after]",
 )
 
 
@@ -107,6 +113,40 @@ def in_place(self: Any, reward: Any, memory: Any, *given: Any) -> Any:
 )
 @pytest.mark.filterwarnings("ignore:divide by zero:RuntimeWarning")
 def test_a_method_that_breaks_a_rule_is_told_which(method: type[RewardMethod], rule: str) -> None:
+    with pytest.raises(AssertionError, match=f"^rule broken: {rule}"):
+        check_method(method)
+
+
+def latched(**methods: Any) -> type[RewardMethod]:
+    return type("Broken", (Latch,), methods)
+
+
+def unlatching(self: Any, signals: Any, action: Any, next_signals: Any, t: Any, memory: Any) -> Any:
+    return Latch.step(self, signals, action, next_signals, t, memory)[0], (next_signals[:, :1] >= 1).astype(float)
+
+
+def going_on(self: Any, signals: Any, action: Any, next_signals: Any, t: Any, memory: Any) -> Any:
+    paid, after = Latch.step(self, signals, action, next_signals, t, memory)
+    return paid + 0.1, after
+
+
+@pytest.mark.parametrize(
+    ("method", "rule"),
+    [
+        (latched(over=lambda self, m: m[:, 0]), "over gives bool; got float64"),
+        (latched(over=lambda self, m: m == 1), r"over has shape \(6,\); got \(6, 1\)"),
+        (latched(step=going_on), "nothing is paid after it is over"),
+        (latched(step=unlatching), "what is over remains so"),
+        (latched(counterfactual=lambda self, s, t, m, c: c[0]), r"counterfactual has shape \(6, 1\); got \(1,\)"),
+        (
+            latched(counterfactual=lambda self, s, t, m, c: c - c.mean()),
+            "counterfactual of a batch is that of its rows",
+        ),
+        (latched(counterfactual=lambda self, s, t, m, c: m + 9), "inputs of a counterfactual memory are about in"),
+    ],
+)
+def test_what_a_method_adds_is_checked_too(method: type[RewardMethod], rule: str) -> None:
+    check_method(Latch)
     with pytest.raises(AssertionError, match=f"^rule broken: {rule}"):
         check_method(method)
 

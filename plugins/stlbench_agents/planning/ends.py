@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from stlbench.contract import Array, Model
+from stlbench.contract import Array, End, Model
 from stlbench_agents.planning.grid import Floats, Grid
 from stlbench_agents.planning.moves import ActionSet
 
-__all__ = ["Ends", "forever"]
+__all__ = ["Ends", "worth"]
 
 
-def forever(reward: float, gamma: float, decisions: int) -> float:
-    """The return of a reward that is paid for ever; without a discount, for the decisions that are left."""
-    return reward / (1 - gamma) if gamma < 1 else reward * decisions
+def worth(model: Model, end: End, gamma: float, decisions: int) -> float:
+    """The return of an end's reward, which is paid for ever; without a discount, for the decisions that are left.
+
+    A method that can end is paid it once.
+    """
+    if model.method.can_end:
+        return end.reward
+    return end.reward / (1 - gamma) if gamma < 1 else end.reward * decisions
 
 
 class Ends:
@@ -35,7 +40,7 @@ class Ends:
         hold = self._model.hold
         left = self._model.steps // hold - decision
         active = [end.active[decision * hold + 1 : (decision + 1) * hold + 1] for end in self._model.ends]
-        returns = [forever(end.reward, self._gamma, left) for end in self._model.ends]
+        returns = [worth(self._model, end, self._gamma, left) for end in self._model.ends]
         pattern = np.concatenate([*active, np.array(returns)]).tobytes() if active else b""
         if pattern != self._pattern:
             self._pattern, self._values = pattern, self._table(active, returns)
@@ -43,7 +48,7 @@ class Ends:
 
     def _table(self, active: list[Floats], returns: list[float]) -> Floats:
         table = np.full(self._over.shape[1:3], np.nan, np.float32)
-        for over, now, worth in zip(self._over[::-1], reversed(active), reversed(returns), strict=True):
+        for over, now, paid in zip(self._over[::-1], reversed(active), reversed(returns), strict=True):
             if now.any():
-                table[over[:, :, now].any(axis=2)] = worth
+                table[over[:, :, now].any(axis=2)] = paid
         return table

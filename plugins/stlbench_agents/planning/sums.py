@@ -9,7 +9,7 @@ import numpy as np
 
 from stlbench.contract import Array, Integers, Model, StatePolicy
 from stlbench_agents.planning.arrivals import MOST_SIGNALS, Arrivals
-from stlbench_agents.planning.ends import Ends, forever
+from stlbench_agents.planning.ends import Ends, worth
 from stlbench_agents.planning.grid import Floats, Grid, Places
 from stlbench_agents.planning.kernels import pay_best
 from stlbench_agents.planning.memories import Memories
@@ -74,13 +74,15 @@ class SumPolicy(StatePolicy):
         for m in np.unique(numbers):
             here = numbers == m
             later[here] = self.grid.read(self.later[decision, m], path[-1, here], LOST)
+        if model.method.can_end:
+            later[model.method.over(after)] = -self.shift[decision]
         returns = rewards.mean(axis=0) / model.method.scale + self.gamma * later
         returns[later == LOST] = LOST
         for end in reversed(model.ends):
             active = end.active[decision * model.hold + 1 : (decision + 1) * model.hold + 1]
             over = (end.over(samples[1:]) & active[:, None]).any(axis=0)
-            worth = forever(end.reward, self.gamma, model.steps // model.hold - decision)
-            returns[over] = worth - self.gamma * self.shift[decision]
+            paid = worth(model, end, self.gamma, model.steps // model.hold - decision)
+            returns[over] = paid - self.gamma * self.shift[decision]
         by_action: Array = returns.reshape(count, rows)
         return by_action
 
@@ -89,6 +91,7 @@ def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float) -> SumPolic
     """Solve for the method's rewards by the rules of the task's training episodes.
 
     At a cut the return goes on as if the decision before it came again and again; without a discount it stops there.
+    Nothing is paid after a memory that is over.
 
     Raises:
         Unsuitable: the method's memory takes too many values, or more than fit the memory of a machine.
@@ -105,6 +108,7 @@ def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float) -> SumPolic
     later = np.zeros((decisions, len(rewards.memories), grid.size), np.float32)
     shift, moved = np.zeros(decisions), 0.0
     value = np.zeros(later.shape[1:], np.float32)
+    over = _over(model, rewards.memories)
     for d in reversed(range(decisions)):
         paid, memory = rewards.at(d)
         step = _Step(grid, next_, paid, memory, ends.at(d), gamma)
@@ -112,8 +116,14 @@ def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float) -> SumPolic
             value, moved = _settled(step, value) if gamma < 1 else np.zeros_like(value), 0.0
         later[d], shift[d] = value, moved
         step.back(later[d], shift[d], value)
+        value[over] = -gamma * shift[d]
         moved = _recentre(value, gamma * shift[d])
     return SumPolicy(model, grid, actions, rewards.memories, later, shift, gamma)
+
+
+def _over(model: Model, memories: Memories) -> Integers:
+    """The numbers of the memories after which nothing is paid: worth 0 wherever the state goes."""
+    return np.flatnonzero(model.method.over(memories.values)) if model.method.can_end else np.empty(0, np.int64)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import pytest
 from helpers import lattice
 from helpers.lattice import Paid, Stepped
 
-from stlbench.contract import Array, End, Integers, Model, RewardMethod, Specification
+from stlbench.contract import Array, End, Integers, Model, RewardMethod, Specification, Truth
 from stlbench_agents.planning import sums
 
 STARTS = (-2, -1, 0, 1, 2)
@@ -115,7 +115,34 @@ class Counting(RewardMethod):
         return (after[:, 0] == 3) + 0.1 * (next_signals[:, 0] == -1), after
 
 
+class Deciding(RewardMethod):
+    """Is over at 2, which pays 1, and at -1, which pays -0.4; until then, a little for where x is."""
+
+    memory_size, can_end = 1, True
+
+    def step(
+        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
+    ) -> tuple[Array, Array]:
+        x, open_ = next_signals[:, 0], memory[:, 0] == 0
+        decided = (x == 2) | (x == -1)
+        paid = open_ * (np.where(x == 2, 1.0, 0.0) - 0.4 * (x == -1) + 0.01 * ((3 * x + t) % 5) * ~decided)
+        return paid, np.maximum(memory, decided[:, None])
+
+    def over(self, memory: Array) -> Truth:
+        found: Truth = memory[:, 0] == 1
+        return found
+
+
 class TestWithAMemory:
+    @pytest.mark.parametrize("gamma", GAMMAS)
+    @pytest.mark.parametrize(("steps", "hold"), [(6, 1), (6, 2)])
+    def test_nothing_is_paid_after_a_memory_that_is_over(self, steps: int, hold: int, gamma: float) -> None:
+        """Neither by an end, whose reward counts once before it."""
+        check(lattice.model(Deciding(spec(steps)), hold), gamma)
+        for reward in (0.7, -0.7):
+            check(lattice.model(Deciding(spec(steps)), hold, ends=(ending(3, reward, steps),)), gamma)
+            check(lattice.model(Deciding(spec(steps)), hold, ends=(ending(1, reward, steps, first=3),)), gamma)
+
     @pytest.mark.parametrize("gamma", GAMMAS)
     @pytest.mark.parametrize("kind", [Latched, Counting])
     @pytest.mark.parametrize(("steps", "hold"), [(7, 1), (6, 2)])

@@ -1,0 +1,115 @@
+"""machine: a reward machine whose clock is the time (Toro Icarte et al., JAIR 2022, arXiv 2010.03950)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+
+from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
+from stlbench.stl import Term
+from stlbench_methods.predicates import truths
+
+__all__ = ["Machine"]
+
+
+class Machine(RewardMethod):
+    """Each term waits, holds, and is done or failed; 1 is paid when all are done, -1 when one has failed.
+
+    A term of eq. 2 asks for a run of samples of psi within steps start..end: F[a,b] psi for 1 within a..b, G[a,b] psi
+    for all of a..b, F[a,c1] G[c2,b] psi for b - c2 + 1 within a + c2..c1 + b. Its number is the length of the run that
+    ends at the present sample. It is done when the run is complete, and has failed as soon as too few samples are left:
+    exactly when no continuation can satisfy it. The machine is over when all terms are done or one has failed, and
+    nothing is paid after that; its verdict is the formula's.
+
+    Where an episode of training begins later, each run that began before has the least length that can still be
+    completed, and a term that could not begin any more is done.
+
+    Args:
+        shaping: `none`. `phases`: beside it Phi(s') - Phi(s), Phi minus the share of the phases that are left: of a
+            term that waits, to hold and to be done; of one that holds, to be done; and 0 when all is over, so that over
+            an episode it sums up to the same for all policies.
+        replay: `counterfactual`: a transition is also learned from the other lengths that the runs could have, as far
+            as the present sample does not rule them out (CRM of the source), each as likely. `none`: from its own.
+
+    Raises:
+        Unsuitable: the formula is outside the fragment of eq. 2.
+    """
+
+    can_end = True
+
+    def __init__(
+        self,
+        specification: Specification,
+        *,
+        shaping: Literal["none", "phases"] = "none",
+        replay: Literal["counterfactual", "none"] = "counterfactual",
+    ) -> None:
+        super().__init__(specification)
+        terms = specification.terms
+        self._holds = [specification.holds(term.psi) for term in terms]
+        self._starts, self._ends = np.array([(term.start, term.end) for term in terms]).T.copy()
+        self._lengths = np.array([_length(term) for term in terms])
+        self.memory_size = len(terms)
+        self.counterfactuals = replay == "counterfactual"
+        phases = int(np.minimum(self._lengths, 2).sum())
+        self._weight = 1 / phases if shaping == "phases" else 0.0
+        self.scale = 2.0 if shaping == "phases" else 1.0
+
+    @property
+    def floor(self) -> float:
+        """That of failure."""
+        return -1.0
+
+    def initial_memory(self, signals: Array, t: Integers) -> Array:
+        """The runs after the first sample, (N, m)."""
+        before = np.clip(self._lengths - (self._ends - t[:, None] + 1), 0, self._lengths).astype(np.float64)
+        return self._run(signals[None], t, before)[1]
+
+    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        """The rewards (h, N) of arriving at each next sample, and the runs after the last (N, m)."""
+        return self._run(samples[1:], t + 1, memory)
+
+    def inputs(self, memory: Array) -> Array:
+        """The share of its run that each term has, 1 when it is done; negative when it has failed."""
+        share: Array = memory / self._lengths
+        return share
+
+    def over(self, memory: Array) -> Truth:
+        """Whether all terms are done, or one has failed."""
+        over: Truth = (memory == self._lengths).all(axis=1) | (memory < 0).any(axis=1)
+        return over
+
+    def counterfactual(self, signals: Array, t: Integers, memory: Array, chance: Array) -> Array:
+        """Runs of other lengths; of a term for which the sample leaves none, its own."""
+        holds, at = truths(self._holds, signals[None])[:, 0].T, t[:, None]
+        since, left = at - self._starts, self._ends - at
+        within = (since >= 0) & (left >= 0)
+        # lengths low..high of runs that end here; without one, none has begun, or it was completed before
+        low = np.where(holds & within, np.maximum(1, self._lengths - left), 0)
+        high = np.where(holds & within, np.minimum(self._lengths, since + 1), 0)
+        waits = ~within | holds | (self._lengths <= left)
+        low, high = np.where(left < 0, self._lengths, low), np.where(left < 0, self._lengths, high)
+        first = np.where(waits, np.maximum(high - low + 1, 0), 0)
+        completed = within & ~holds & (since >= self._lengths)
+        count = first + completed
+        drawn = (chance * count).astype(np.int64)
+        other = np.where(drawn < first, low + drawn, self._lengths)
+        return np.where(count > 0, other, memory)
+
+    def describe(self) -> Mapping[str, Any]:
+        """Of each term, the samples in a row that it asks for, and within which steps."""
+        each = zip(self.specification.terms, self._lengths.tolist(), strict=True)
+        return {str(term.formula): f"{length} in a row within {term.start}..{term.end}" for term, length in each}
+
+    def _run(self, samples: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        from stlbench_methods.machine_updates import run  # imports Numba, which building a method does without
+
+        after = memory.copy()
+        held = truths(self._holds, samples)
+        return run(held, self._starts, self._ends, self._lengths, t, self._weight, after), after
+
+
+def _length(term: Term) -> int:
+    return {"F": 1, "G": term.b - term.a + 1, "FG": term.b - term.c2 + 1}[term.kind]
