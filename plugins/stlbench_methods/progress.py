@@ -3,19 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Specification, Unsuitable
+from stlbench.contract import Array, Integers, Specification, Truth, Unsuitable
 from stlbench_methods.running_window import Outer, RunningWindow
 from stlbench_methods.values import Values
 
-__all__ = ["Progress", "outer_windows"]
+__all__ = ["Join", "Known", "Progress", "certain", "outer_windows"]
 
-Join: TypeAlias = Callable[[Sequence[Array]], Array]
-"""The values of windows (N,) each, in order of appearance, to that of the formula (N,)."""
+
+class Known(NamedTuple):
+    """What is known of a part of a formula."""
+
+    value: Array
+    """(N,)."""
+    counts: Truth
+    """(N,): where it does not count, it is as if the formula did not have it."""
+
+
+def certain(value: Array) -> Known:
+    """Of a part that counts everywhere."""
+    return Known(value, np.ones(len(value), dtype=np.bool_))
+
+
+Join: TypeAlias = Callable[[Sequence[Known]], Known]
+"""What is known of the outermost windows, in order of appearance, to what is known of the formula."""
 
 
 class Progress:
@@ -40,7 +55,7 @@ class Progress:
         self.size = sum(window.size for window in self._windows)
         """Numbers of a memory."""
         self.input_size = sum(window.input_size for window in self._windows)
-        low, high = self._join(list(np.array([window.ends for window in self._windows])))
+        low, high = self._joined([np.array(window.ends) for window in self._windows])
         self.ends = float(low), float(high)
         """The least and the greatest value over the box of the signals."""
 
@@ -73,7 +88,10 @@ class Progress:
 
     def _combined(self, value: Callable[[RunningWindow, Array, Integers], Array], memory: Array, t: Integers) -> Array:
         each = zip(self._windows, self._parts(memory), strict=True)
-        return self._join([value(window, part, t) for window, part in each])
+        return self._joined([value(window, part, t) for window, part in each])
+
+    def _joined(self, values: Sequence[Array]) -> Array:
+        return self._join([certain(value) for value in values]).value
 
     def _parts(self, memory: Array) -> list[Array]:
         return np.split(memory, self._cuts, axis=1)
@@ -100,10 +118,20 @@ def _join(node: stl.Formula, semantics: stl.Semantics, found: list[Outer]) -> Jo
     if isinstance(node, stl.And | stl.Or) and stl.is_temporal(node):
         fold = semantics.least if isinstance(node, stl.And) else semantics.greatest
         parts = [_join(arg, semantics, found) for arg in node.args]
-        return lambda values: fold(np.stack([part(values) for part in parts], axis=-1))
+        return lambda known: _folded(fold, [part(known) for part in parts])
     at = len(found)
     found.append(_outer(node, semantics))
-    return lambda values: values[at]
+    return lambda known: known[at]
+
+
+def _folded(fold: stl.Fold, parts: Sequence[Known]) -> Known:
+    """The fold of the parts that count; it counts where one of them does."""
+    values, counts = (np.stack(each, axis=-1) for each in zip(*parts, strict=True))
+    if counts.all():
+        return Known(fold(values), parts[0].counts)
+    lifted = np.where(counts[..., None], fold.lift(values), fold.empty)
+    some: Truth = np.asarray(counts.any(axis=-1))
+    return Known(np.where(some, fold.read(fold.merge.reduce(lifted, axis=-2)), 0.0), some)
 
 
 def _outer(node: stl.Formula, semantics: stl.Semantics) -> Outer:

@@ -43,7 +43,7 @@ from stlbench.stl.language.syntax import (
 from stlbench.stl.language.traversal import is_temporal, signals
 from stlbench.stl.predicates.pointwise import holds, margin, values
 from stlbench.stl.recorded.compiled import holds_trace, margin_trace
-from stlbench.stl.recorded.folds import Fold, Least, Mean
+from stlbench.stl.recorded.folds import Fold, Least, Mean, Total
 from stlbench.stl.recorded.quantity import Quantity
 from stlbench.stl.recorded.robustness import (
     RobustnessBounds,
@@ -100,6 +100,7 @@ __all__ = [
     "Signal",
     "StlSyntaxError",
     "Term",
+    "Total",
     "TrueFormula",
     "UnboundedError",
     "UndefinedError",

@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
 from stlbench.testing import check_method
+from stlbench_methods.bhnr import Bhnr
+from stlbench_methods.causation import Causation
 from stlbench_methods.dense import Dense
 from stlbench_methods.flag import Flag
 from stlbench_methods.funnel import Funnel
@@ -29,6 +31,9 @@ METHODS: dict[str, Callable[[Specification], RewardMethod]] = {
     "funnel": lambda spec: Funnel(spec, ginf=0.3),
     "funnel, clipped": lambda spec: Funnel(spec, ginf=0.3, shape="clipped"),
     "funnel, normalised": lambda spec: Funnel(spec, ginf=0.3, shape="normalised"),
+    "bhnr": lambda spec: Bhnr(spec, window=4),
+    "bhnr, block": lambda spec: Bhnr(spec, window=4, mode="block", semantics="filtering"),
+    "causation": Causation,
     "dense, level": Dense,
     "dense, difference": lambda spec: Dense(spec, mode="difference", semantics="agm"),
     "flag": lambda spec: Flag(spec, beta=2),
@@ -96,7 +101,18 @@ def check_along(name: str, formula: str, hold: int, seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["dense, level", "dense, difference", "flag", "sparse", "tau-mdp", "tau-mdp, probability", "tltl"]
+    "name",
+    [
+        "bhnr",
+        "bhnr, block",
+        "dense, level",
+        "dense, difference",
+        "flag",
+        "sparse",
+        "tau-mdp",
+        "tau-mdp, probability",
+        "tltl",
+    ],
 )
 @given(formula=windows(), hold=st.integers(1, 9), seed=st.integers(0, 2**32))
 @settings(max_examples=60, deadline=None)
@@ -104,7 +120,17 @@ def test_windows(name: str, formula: str, hold: int, seed: int) -> None:
     check_along(name, formula, hold, seed)
 
 
-@pytest.mark.parametrize("name", METHODS)
+@given(
+    formula=st.builds("G[0,{}] (F[0,{}] {} & {})".format, st.integers(0, 9), st.integers(0, 6), PSIS, PSIS),
+    hold=st.integers(1, 9),
+    seed=st.integers(0, 2**32),
+)
+@settings(max_examples=60, deadline=None)
+def test_again_and_again(formula: str, hold: int, seed: int) -> None:
+    check_along("causation", formula, hold, seed)
+
+
+@pytest.mark.parametrize("name", sorted(set(METHODS) - {"causation"}))
 @given(formula=sequences(), hold=st.integers(1, 9), seed=st.integers(0, 2**32))
 @settings(max_examples=60, deadline=None)
 def test_terms(name: str, formula: str, hold: int, seed: int) -> None:
@@ -159,6 +185,10 @@ def test_what_is_paid_while_an_action_is_held() -> None:
         "tau-mdp[form=probability]",
         "tltl",
         "tltl[semantics=gmsr]",
+        "bhnr",
+        "bhnr[mode=block,semantics=lse]",
+        "bhnr[semantics=filtering-sum]",
+        "causation",
         "dense",
         "dense[mode=difference]",
         "sparse",

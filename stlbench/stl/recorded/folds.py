@@ -150,3 +150,15 @@ class Mean(_Counted):
 
     def _of(self, summary: Floats, count: Floats) -> Floats:
         return np.asarray(summary[..., 0] / count)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Total(Fold):
+    """The sum."""
+
+    def _lift(self, values: Floats) -> Floats:
+        return values[..., None]
+
+    def _read(self, summary: Floats) -> Floats:
+        total: Floats = summary[..., 0]
+        return total

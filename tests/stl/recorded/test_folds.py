@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from stlbench import stl
-from stlbench.stl import Fold, Mean
+from stlbench.stl import Fold, Mean, Total
 
 FOLDS = {name: stl.semantics(name).least for name in ("classic", "lse", "agm", "gmsr")}  # type: ignore[arg-type]
 SMOOTH = ("lse", "agm", "gmsr")
@@ -40,8 +40,10 @@ def test_by_hand(name: str, given_: list[float], expected: float) -> None:
     assert FOLDS[name].mirrored()(-np.array(given_)) == pytest.approx(-expected, abs=1e-7)
 
 
-def test_the_mean() -> None:
-    assert Mean()(np.array([[1.0, 0.0, 0.5, 0.5], [1.0, 1.0, 1.0, 0.0]])).tolist() == [0.5, 0.75]
+def test_the_mean_and_the_sum() -> None:
+    values = np.array([[1.0, 0.0, 0.5, 0.5], [1.0, 1.0, 1.0, 0.0]])
+    assert Mean()(values).tolist() == [0.5, 0.75]
+    assert Total()(values).tolist() == [2, 3]
 
 
 @each

@@ -1,0 +1,109 @@
+"""bhnr: the robustness of the newest samples alone (Balakrishnan, Deshmukh, IROS 2019)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+import numpy as np
+from pydantic import Field
+
+from stlbench import stl
+from stlbench.contract import Array, Integers, RewardMethod, Specification
+from stlbench_methods.newest_samples import NewestSamples
+from stlbench_methods.progress import certain, outer_windows
+from stlbench_methods.values import Margins, Sharpness, Truths, Values
+
+__all__ = ["Bhnr"]
+
+Reading: TypeAlias = Literal["classic", "lse", "agm", "gmsr", "filtering", "filtering-sum"]
+_SHORT = 2
+"""A block of so many samples, or fewer, is paid nothing."""
+
+
+class Bhnr(RewardMethod):
+    """The formula's value on the last samples, as if they were all there is (bounded horizon nominal robustness).
+
+    The source is for formulas without absolute times. Here an outer F[a,b] phi or G[a,b] phi counts at the steps which
+    it observes. It is then F phi or G phi of the last samples, without those before its first step, and windows inside
+    phi are cut at the newest. The reward is the and/or of those that count, and 0 where none does.
+
+    The policy sees the margins, or truths, of the last samples.
+
+    Args:
+        mode: `sliding` pays the value of the last `window` samples at every step. `block` divides an episode into
+            blocks of so many samples. In the source each transition of a block is paid the block's value, in
+            hindsight; here their sum is paid at the block's last transition, and 0 before it. Blocks of 2 samples or
+            fewer are worth 0.
+        window: samples. The source has blocks of 15, `auto-shaping` the last 10, `reward_shaping` a twentieth of the
+            episode.
+        semantics: `classic` is the robustness; for `lse`, `agm` and `gmsr` see `stlbench.stl.semantics`. `filtering`
+            takes truths, 1 and 0, for margins, and a mean for F; `filtering-sum` a sum, as the source's program.
+        sharpness: of `lse`.
+
+    Raises:
+        Unsuitable: the formula negates an until, or a part of it has no bounds.
+    """
+
+    def __init__(
+        self,
+        specification: Specification,
+        *,
+        mode: Literal["sliding", "block"] = "sliding",
+        window: Annotated[int, Field(ge=1)] = 10,
+        semantics: Reading = "classic",
+        sharpness: Sharpness = 10.0,
+    ) -> None:
+        super().__init__(specification)
+        values = _values(specification, semantics, sharpness)
+        outer, self._join = outer_windows(specification.formula, values.semantics)
+        self._parts = [NewestSamples(each, specification, values, window) for each in outer]
+        self._window, self._blocks = window, mode == "block"
+        self.memory_size = sum(part.size for part in self._parts)
+        ends = [np.array(part.ends) for part in self._parts]
+        low, high = np.stack([*ends, self._join([certain(each) for each in ends]).value], axis=1)
+        most = window if self._blocks else 1
+        self._floor = min(0.0, float(low.min())) * most
+        self.scale = max(float(high.max()) * most, -self._floor)
+
+    @property
+    def floor(self) -> float:
+        """The least value over the box of the signals, times the samples of a block; 0 if that is less."""
+        return self._floor
+
+    def initial_memory(self, signals: Array, t: Integers) -> Array:
+        """Copies of the first sample; those at steps before 0 count for nothing."""
+        return np.concatenate([part.begin(signals) for part in self._parts], axis=1)
+
+    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        """The rewards (h, N), in the unit of the predicates, of [-1, 1], or of truths, and the last samples."""
+        cuts = np.cumsum([part.size for part in self._parts])[:-1]
+        split = zip(self._parts, np.split(memory, cuts, axis=1), strict=True)
+        paths = [part.path(samples[1:], own) for part, own in split]
+        rewards = np.stack([self._paid(paths, i, t + i) for i in range(1, len(samples))])
+        return rewards, np.concatenate([path[:, -self._window :].reshape(len(t), -1) for path in paths], axis=1)
+
+    def inputs(self, memory: Array) -> Array:
+        """Margins, each range scaled to [-1, 1], or truths as -1 and 1; of each part the oldest first."""
+        cuts = np.cumsum([part.size for part in self._parts])[:-1]
+        split = zip(self._parts, np.split(memory, cuts, axis=1), strict=True)
+        return np.concatenate([part.inputs(own) for part, own in split], axis=1)
+
+    def _paid(self, paths: list[Array], i: int, t: Integers) -> Array:
+        """What is paid at the i-th new sample, at steps t (N,)."""
+        begin = np.maximum((t - 1) // self._window * self._window + 1 if self._blocks else t - self._window + 1, 0)
+        newest = [path[:, i : i + self._window] for path in paths]
+        known = [part.known(leaves, t, begin) for part, leaves in zip(self._parts, newest, strict=True)]
+        value = self._join(known).value
+        if not self._blocks:
+            return value
+        count = t - begin + 1
+        over = (count == self._window) | (t == self.specification.steps)
+        return np.where(over & (count > _SHORT), count * value, 0.0)
+
+
+def _values(specification: Specification, semantics: Reading, sharpness: float) -> Values:
+    if semantics == "filtering" or semantics == "filtering-sum":
+        least = stl.Least()
+        eventually = stl.Mean() if semantics == "filtering" else stl.Total()
+        return Truths(specification, stl.Semantics(least, least.mirrored(), eventually, divided=False))
+    return Margins(specification, stl.semantics(semantics, sharpness))
