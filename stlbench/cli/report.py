@@ -18,18 +18,27 @@ if TYPE_CHECKING:
 
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that `stlbench run` wrote.")],
+    html: Annotated[bool, typer.Option("--html", help="Write report.html alone: one page with everything.")] = False,
     as_json: Json = False,
 ) -> None:
     """Rebuild the tables and figures from a ledger.
 
     Covers all cells that are recorded in DIR, prints the tables and rewrites the files. --json prints an object with
-    the lists robustness, comparisons, aggregates, improvement, controllers, alignment, time and cells.
+    the lists robustness, comparisons, aggregates, improvement, controllers, alignment, time and cells. --html writes
+    one file in place of all that: tables to sort and filter, charts, traces, and every cell, for any browser, without
+    a network. It needs the extra `page`. Prints its path; with --json an object with path and bytes.
 
     \b
     Examples:
       stlbench report results
+      stlbench report results --html
       stlbench report results --json
     """
+    if html:
+        from stlbench.cli.report_page import report_page
+
+        report_page(folder, as_json)
+        return
     from stlbench.report import condense, write
     from stlbench.study import stored
 
@@ -37,7 +46,7 @@ def report(
     if not groups:
         raise UsageError(f"{stored.locate(folder)} holds no result yet")
     if as_json:
-        known = _standards(groups)
+        known = standards_of(groups)
         write(groups, known, folder)
         print_json(_content(groups, known))
     else:
@@ -48,7 +57,7 @@ def show_report(shown: Sequence[Group], groups: Sequence[Group], folder: Path) -
     """Write all files, of all groups; then print the tables of those that are to be shown, and where the files lie."""
     from stlbench.report import split, summary, to_screen, write
 
-    out, known = console(), _standards(groups)
+    out, known = console(), standards_of(groups)
     write(groups, known, folder)
     tasks = {group.setting.task.name for group in shown}
     for table in summary(shown, {task: each for task, each in known.items() if task in tasks}, groups):
@@ -58,7 +67,7 @@ def show_report(shown: Sequence[Group], groups: Sequence[Group], folder: Path) -
     typer.echo(f"Written to {folder}/: {files}")
 
 
-def _standards(groups: Sequence[Group]) -> dict[str, Standard]:
+def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:
     """What the policies of each task are compared with. Some seconds for a task on a MuJoCo model."""
     from stlbench.rollout.standards import standards
 

@@ -76,9 +76,9 @@ def _stored(
     task: Task, source: Source, results: Path, budget: str | None, which: Literal["selected", "final"], as_json: bool
 ) -> None:
     """A stored cell: its score is shown beside the recorded one, and nothing is written."""
-    from stlbench.cli.show_cell import scores_table
     from stlbench.outside.again import score_again
     from stlbench.report import to_screen
+    from stlbench.report.tables.cell import scores_table
     from stlbench.study.results import Results
 
     again = score_again(task, Results.load(results).cell(source.text, budget), results, which)
@@ -115,8 +115,9 @@ def _outside(
 
 def _show(result: Result, results: Path, as_json: bool) -> None:
     """The score, and the row beside the cells of its task."""
-    from stlbench.cli.show_cell import facts, scores_table
+    from stlbench.cli.show_cell import facts
     from stlbench.report import condense, outside, robustness_table, split, to_screen
+    from stlbench.report.tables.cell import scores_table
     from stlbench.study import stored
     from stlbench.study.logs import log_file
 

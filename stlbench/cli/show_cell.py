@@ -10,10 +10,7 @@ import typer
 from stlbench.cli.common import Json, console, print_json
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from stlbench.report import Table
-    from stlbench.result import Measurement, Result, Score
+    from stlbench.result import Result
 
 
 def cell(
@@ -34,6 +31,7 @@ def cell(
       stlbench show cell "overlap[without=cuts]/funnel/dqn/1" results/ablation --json
     """
     from stlbench.report import to_screen
+    from stlbench.report.tables.cell import cost_table, scores_table
     from stlbench.result import OUTSIDE
     from stlbench.study.logs import log_file
     from stlbench.study.results import Results
@@ -52,7 +50,7 @@ def cell(
         if result.id.track == OUTSIDE:
             to_screen(scores_table({"": measured.selected}), console())
             return
-        for table in (scores_table({"selected": measured.selected, "final": measured.final}), _cost(measured)):
+        for table in (scores_table({"selected": measured.selected, "final": measured.final}), cost_table(measured)):
             to_screen(table, console())
 
 
@@ -85,48 +83,3 @@ def _lines(result: Result, log: Path) -> list[str]:
     details = ["", result.details.rstrip()] if result.details else []
     written = end_of(log) if result.status in ACCIDENTS else []
     return [*lines, *details, *(["", "the end of its log:", *written] if written else [])]
-
-
-def scores_table(policies: Mapping[str, Mapping[str, Score]]) -> Table:
-    """One row per protocol and policy, from the scores of policies by name; of a single one without a name no name."""
-    from stlbench.report import Column, Table
-
-    columns = (
-        Column("protocol", right=False),
-        *([Column("policy", right=False)] if any(policies) else []),
-        Column("mean robustness", "mean", digits=3),
-        Column("worst start", digits=3),
-        Column("satisfied", unit="%", digits=1),
-        Column("starts", digits=0),
-        Column("failed first", right=False),
-    )
-    rows = tuple(
-        (
-            protocol,
-            *([policy] if any(policies) else []),
-            *(score.mean, score.minimum, 100 * score.satisfaction, score.starts),
-            "\n".join(f"{formula}: {count}" for formula, count in score.first_failed.items()) or None,
-        )
-        for protocol in next(iter(policies.values()))
-        for policy, scores in policies.items()
-        for score in [scores[protocol]]
-    )
-    return Table("Scores", columns, rows)
-
-
-def _cost(measurement: Measurement) -> Table:
-    from stlbench.report import Column, Table
-
-    columns = (Column("what", right=False), Column("value"))
-    names = {
-        "selected at environment step": measurement.selected_steps,
-        "environment steps": measurement.env_steps,
-        "checkpoints": len(measurement.curve),
-        "training CPU [s]": measurement.training_cpu_seconds,
-        "training wall [s]": measurement.training_wall_seconds,
-        "cell CPU [s]": measurement.cpu_seconds,
-        "cell wall [s]": measurement.wall_seconds,
-        "reward [ns/step]": measurement.reward_nanoseconds,
-        "inputs added": measurement.inputs_added,
-    }
-    return Table("Cost", columns, tuple(names.items()))

@@ -21,7 +21,7 @@ from stlbench.rollout.environment import Simulator
 from stlbench.rollout.selection import Race, race
 from stlbench.task.task import Task
 
-__all__ = ["Assessment", "Evaluation", "Referee", "follow", "record", "score"]
+__all__ = ["Assessment", "Evaluation", "Referee", "conjuncts", "follow", "lost_at", "record", "score"]
 
 
 def record(
@@ -111,15 +111,16 @@ def _first_failed(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -
     """How many of the traces, all violating, lost which conjunct first."""
     if not len(traces):
         return {}
-    parts = _conjuncts(formula)
+    parts = conjuncts(formula)
     lost = np.stack([lost_at(part, traces, names) for part in parts])
     counts = np.bincount(np.argmin(lost, axis=0), minlength=len(parts))
     return {str(part): int(count) for part, count in zip(parts, counts, strict=True) if count}
 
 
-def _conjuncts(formula: stl.Formula) -> list[stl.Formula]:
+def conjuncts(formula: stl.Formula) -> list[stl.Formula]:
+    """The formulas that a formula is the conjunction of; itself alone where it is none."""
     if isinstance(formula, stl.And):
-        return [part for arg in formula.args for part in _conjuncts(arg)]
+        return [part for arg in formula.args for part in conjuncts(arg)]
     return [formula]
 
 

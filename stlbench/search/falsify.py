@@ -12,6 +12,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.errors import UsageError, did_you_mean
+from stlbench.rollout.reasons import lasted, reason
 from stlbench.search.objective import Enough, Objective, Worst
 from stlbench.search.optimisers import DEFAULT, OF_SEEDS, OPTIMISERS
 from stlbench.search.space import Box, Seeds, space_of
@@ -67,15 +68,12 @@ class Falsification:
     @property
     def steps(self) -> int:
         """The last step of the least robust trace that was recorded: T, but after some early ends."""
-        return int(np.flatnonzero(~np.isnan(self.worst.trace).any(axis=1))[-1])
+        return lasted(self.worst.trace)
 
     @cached_property
     def witness(self) -> stl.Witness | None:
         """Which predicate, at which step, the least robustness comes from; None after an early end that decides it."""
-        task = self.subject.task
-        if self.steps < task.file.steps:
-            return None
-        return stl.witness(task.formula, self.worst.trace, task.signals)
+        return reason(self.subject.task, self.worst.trace)
 
     @property
     def failed(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -11,16 +12,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from stlbench.contract import Array
 from stlbench.report.figures import layout
 from stlbench.report.figures.palette import COLOURS, LINES, Line
-from stlbench.report.statistics.across import profile
+from stlbench.report.statistics.across import Estimate, profile
 from stlbench.report.tables.across import Field, aggregates
 
-__all__ = ["across_tasks", "place"]
+__all__ = ["SCALE", "across_tasks", "place", "profiles", "ticks"]
 
 _TICKS = (-9, -3, -1, 0, 0.5, 0.9, 0.99, 0.999)
 _BEST = 0.999
 """Scores from here on are drawn here."""
+SCALE = "0 acts at random, 1 is the best possible"
+"""What scores are."""
 _MARKERS = ("D", "s")
 
 
@@ -63,26 +67,39 @@ def _aggregates(axes: Axes, fields: Sequence[Field]) -> None:
     _scores(axes, "interquartile mean of the scores", min(ends))
 
 
+@lru_cache(maxsize=64)
+def profiles(field: Field) -> tuple[Array, tuple[tuple[Estimate, ...], ...]]:
+    """Performance profiles: places on the axis of scores (p,), and for each method the share of runs above each."""
+    places = np.linspace(min(place(_lowest(field)), 0.0), place(_BEST), 121)
+    return places, tuple(tuple(profile(entry.runs, 1 - 10**-places)) for entry in field.entries)
+
+
+def _lowest(field: Field) -> float:
+    return min(score for entry in field.entries for seeds in entry.scores for score in seeds)
+
+
 def _profiles(axes: Axes, field: Field) -> None:
-    lowest = min(score for entry in field.entries for seeds in entry.scores for score in seeds)
-    places = np.linspace(min(place(lowest), 0.0), place(_BEST), 121)
-    for row, entry in enumerate(field.entries):
-        shares = profile(entry.runs, 1 - 10**-places)
+    places, lines = profiles(field)
+    for row, shares in enumerate(lines):
         axes.plot(places, [100 * value for value, _ in shares], _line(row), color=_colour(row), linewidth=1.8)
         if all(interval is not None for _, interval in shares):
             low, high = zip(*(interval for _, interval in shares if interval), strict=True)
             axes.fill_between(places, 100 * np.array(low), 100 * np.array(high), color=_colour(row), alpha=0.15, lw=0)
     axes.set(ylabel="runs with a higher score [%]", ylim=(-3, 103))
-    _scores(axes, "score", lowest)
+    _scores(axes, "score", _lowest(field))
+
+
+def ticks(lowest: float) -> list[tuple[float, str]]:
+    """Places on the axis of scores that have a number, from that of the lowest score on."""
+    return [(place(tick), f"{tick:g}") for tick in _TICKS if place(tick) >= min(place(lowest), 0.0) - 0.1]
 
 
 def _scores(axes: Axes, label: str, lowest: float) -> None:
     """Ticks and limits of an axis of scores."""
-    left = min(place(lowest), 0.0) - 0.1
-    ticks = [tick for tick in _TICKS if place(tick) >= left]
-    axes.set_xticks([place(tick) for tick in ticks], [f"{tick:g}" for tick in ticks])
-    axes.set_xlim(left, place(_BEST) + 0.1)
-    axes.set_xlabel(f"{label}\n(0 acts at random, 1 is the best possible)")
+    places, texts = zip(*ticks(lowest), strict=True)
+    axes.set_xticks(places, texts)
+    axes.set_xlim(min(place(lowest), 0.0) - 0.1, place(_BEST) + 0.1)
+    axes.set_xlabel(f"{label}\n({SCALE})")
     axes.grid(alpha=0.3)
 
 

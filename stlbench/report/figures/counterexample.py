@@ -21,7 +21,7 @@ from stlbench.report.figures.signals import signals_in_time
 from stlbench.report.figures.units import robustness_unit, signal_label, time_label
 from stlbench.task.task import Task
 
-__all__ = ["counterexample"]
+__all__ = ["Place", "counterexample", "margins_of", "place_of"]
 
 _HERE = "#A00000"
 """The colour of where the robustness comes from, which no term has."""
@@ -33,7 +33,7 @@ _CLOSE = 8
 """The row of the margin shows at most so many times the margin that decides; what is beyond leaves the picture."""
 
 
-class _Place(NamedTuple):
+class Place(NamedTuple):
     """Where the robustness comes from."""
 
     step: int
@@ -42,6 +42,12 @@ class _Place(NamedTuple):
     told: str
     """For the legend."""
     witness: stl.Witness | None
+
+    @property
+    def predicate(self) -> stl.Predicate | None:
+        """Whose margin it is; none where it is that of `True`, or of an early end."""
+        found = None if self.witness is None else self.witness.predicate
+        return found if isinstance(found, stl.Predicate) else None
 
 
 def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title: str) -> Figure:
@@ -56,8 +62,8 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
         witness: of the robustness; None where the early end decides it.
         title: of the figure.
     """
-    here, wide = _place(task, trace, witness), task.file.plane is not None
-    rows = len(task.signals) + (_predicate(here) is not None)
+    here, wide = place_of(task, trace, witness), task.file.plane is not None
+    rows = len(task.signals) + (here.predicate is not None)
     figure = Figure(figsize=(12.5 if wide else 9.0, max(4.5, 1.6 + 1.7 * rows)), layout="constrained")
     grid = figure.add_gridspec(rows, 2 if wide else 1)
     in_time = [figure.add_subplot(grid[0, 0])]
@@ -75,25 +81,20 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
     return figure
 
 
-def _place(task: Task, trace: Array, witness: stl.Witness | None) -> _Place:
+def place_of(task: Task, trace: Array, witness: stl.Witness | None) -> Place:
+    """Where the robustness of a trace (t + 1, k) comes from, with its witness; None where an early end decides it."""
     step = len(trace) - 1 if witness is None else witness.step
     at = f"at step {step} ({step * task.file.sampling_time:.3g} s)"
     if witness is None:
-        return _Place(step, at, f"ended early, {at}", None)
+        return Place(step, at, f"ended early, {at}", None)
     predicate = f"{'not ' if witness.sign < 0 else ''}{witness.predicate}"
     text = f"{witness.margin:.3g} {at}"
-    return _Place(step, text, f"{predicate}: margin {text}, in {witness.conjunct}", witness)
+    return Place(step, text, f"{predicate}: margin {text}, in {witness.conjunct}", witness)
 
 
-def _predicate(here: _Place) -> stl.Predicate | None:
-    """Whose margin it is; none where it is that of `True`, or of an early end."""
-    found = None if here.witness is None else here.witness.predicate
-    return found if isinstance(found, stl.Predicate) else None
-
-
-def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: _Place) -> list[int]:
+def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: Place) -> list[int]:
     """The rows of the signals; which terms have a region there."""
-    drawn, predicate = signals_in_time(rows, task), _predicate(here)
+    drawn, predicate = signals_in_time(rows, task), here.predicate
     read = task.signals if predicate is None else stl.signals(predicate)
     for axes, name, values in zip(rows, task.signals, trace.T, strict=True):
         axes.plot(values, "-", color=TRACE, linewidth=1.3, zorder=4)
@@ -106,12 +107,11 @@ def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: _Place) -> li
     return drawn
 
 
-def _margin(axes: Axes, task: Task, trace: Array, here: _Place) -> None:
+def _margin(axes: Axes, task: Task, trace: Array, here: Place) -> None:
     """The row of the predicate's margin, with the one that decides."""
     assert here.witness is not None
     predicate, step, margin = here.witness.predicate, here.step, here.witness.margin
-    with np.errstate(all="ignore"):
-        margins = np.broadcast_to(stl.margin(predicate, task.signals)(trace), len(trace))
+    margins = margins_of(task, predicate, trace)
     axes.axhline(0, color=layout.LEVEL, linewidth=0.9)
     axes.plot(margins, "-", color=TRACE, linewidth=1.3)
     axes.vlines(step, min(0.0, margin), max(0.0, margin), color=_HERE, linewidth=2.5, zorder=5)
@@ -127,7 +127,13 @@ def _margin(axes: Axes, task: Task, trace: Array, here: _Place) -> None:
     axes.set_ylabel(f"margin\n[{robustness_unit(task, predicate)}]")
 
 
-def _plane(axes: Axes, task: Task, trace: Array, here: _Place) -> tuple[int, ...]:
+def margins_of(task: Task, predicate: stl.Predicate | stl.TrueFormula, trace: Array) -> Array:
+    """The margin of a predicate at every step of a trace (t + 1, k): (t + 1,)."""
+    with np.errstate(all="ignore"):
+        return np.broadcast_to(stl.margin(predicate, task.signals)(trace), len(trace))
+
+
+def _plane(axes: Axes, task: Task, trace: Array, here: Place) -> tuple[int, ...]:
     """The plane; which terms have a region there."""
     view = plane.lay_out(axes, task, trace[None])
     plane.draw_traces(axes, task, view, trace[None])
@@ -135,7 +141,7 @@ def _plane(axes: Axes, task: Task, trace: Array, here: _Place) -> tuple[int, ...
     return view.drawn
 
 
-def _keys(task: Task, drawn: Sequence[int], here: _Place) -> list[Artist]:
+def _keys(task: Task, drawn: Sequence[int], here: Place) -> list[Artist]:
     told, named = textwrap.fill(here.told, _LETTERS), terms(task)
     mark = Line2D([], [], linestyle="", marker="o", color=_HERE, markersize=7, label=told)
     return [mark, *(layout.term_patch(i, f"{heading(named[i])} {named[i].psi}") for i in drawn)]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,14 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter
 
-from stlbench.contract import Array
 from stlbench.report.figures import layout
 from stlbench.report.figures.palette import GroupStyle, styles
 from stlbench.report.figures.scale import linear_threshold, set_symlog
-from stlbench.report.statistics.intervals import interval
-from stlbench.report.tables.rows import CurveRow, Group
+from stlbench.report.statistics.curves import MeanCurve, mean_curve
+from stlbench.report.tables.rows import Group
 
-__all__ = ["aligned", "learning_curves"]
+__all__ = ["learning_curves"]
 
 
 def learning_curves(groups: Sequence[Group], unit: str) -> Figure:
@@ -33,12 +31,12 @@ def learning_curves(groups: Sequence[Group], unit: str) -> Figure:
     figure = Figure(figsize=(10.0, 4.2 + 0.22 * rows), layout="constrained")
     left, right = figure.subplots(1, 2)
     looks = styles(groups)
-    means = list[_Mean]()
+    means = list[MeanCurve]()
     for group, style in zip(groups, looks, strict=True):
         curves = [numbers.curve for numbers in group.done if numbers.curve]
         if curves:
-            _draw(left, _mean(curves, lambda point: 100 * point[1]), style)
-            means.append(_mean(curves, lambda point: point[2]))
+            _draw(left, mean_curve(curves, lambda point: 100 * point[1]), style)
+            means.append(mean_curve(curves, lambda point: point[2]))
             _draw(right, means[-1], style)
     left.set(ylabel="starts that satisfy [%]", ylim=(-4, 104))
     right.set_ylabel(f"mean robustness [{unit}]{_scale(right, means)}")
@@ -58,27 +56,7 @@ def learning_curves(groups: Sequence[Group], unit: str) -> Figure:
     return figure
 
 
-class _Mean(NamedTuple):
-    """One line: the mean over seeds at common steps (p,), and the ends of its interval where it has one."""
-
-    steps: Array
-    mean: Array
-    low: Array
-    """(p,): NaN where there is no interval."""
-    high: Array
-    least: float
-    """Of all seeds."""
-    most: float
-
-
-def _mean(curves: Sequence[Sequence[CurveRow]], value: Callable[[CurveRow], float]) -> _Mean:
-    steps, values = aligned(curves, value)
-    ends = [interval(column.tolist(), cut=0) or (np.nan, np.nan) for column in values.T]
-    low, high = np.array(ends, dtype=float).reshape(-1, 2).T
-    return _Mean(steps, values.mean(axis=0), low, high, float(values.min()), float(values.max()))
-
-
-def _draw(axes: Axes, line: _Mean, style: GroupStyle) -> None:
+def _draw(axes: Axes, line: MeanCurve, style: GroupStyle) -> None:
     known = np.isfinite(line.low)
     if known.any():
         axes.fill_between(
@@ -88,7 +66,7 @@ def _draw(axes: Axes, line: _Mean, style: GroupStyle) -> None:
     axes.plot(line.steps, line.mean, style.line, color=style.colour, linewidth=1.8, marker=marker)
 
 
-def _scale(axes: Axes, lines: Sequence[_Mean]) -> str:
+def _scale(axes: Axes, lines: Sequence[MeanCurve]) -> str:
     """Make the axis of robustness logarithmic where that helps; what its label should add.
 
     The axis has room for what seeds had, and cuts wider intervals, as two seeds have. The second half of each line
@@ -104,14 +82,3 @@ def _scale(axes: Axes, lines: Sequence[_Mean]) -> str:
     margin = 0.05 * (high - low)
     axes.set_ylim(low - margin, high + margin) if margin else None
     return ""
-
-
-def aligned(curves: Sequence[Sequence[CurveRow]], value: Callable[[CurveRow], float]) -> tuple[Array, Array]:
-    """Curves on common steps: (p,) and (seeds, p), where seeds took checkpoints at other steps linearly interpolated.
-
-    The common steps end where the shortest curve does and begin where the latest one does.
-    """
-    begin, end = max(curve[0][0] for curve in curves), min(curve[-1][0] for curve in curves)
-    steps = np.array(sorted({point[0] for curve in curves for point in curve if begin <= point[0] <= end}), dtype=float)
-    values = [np.interp(steps, [point[0] for point in curve], [value(point) for point in curve]) for curve in curves]
-    return steps, np.array(values)

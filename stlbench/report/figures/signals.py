@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,12 +16,35 @@ from stlbench.report.figures.layout import REGION_ALPHA
 from stlbench.report.figures.palette import term_style
 from stlbench.report.figures.regions import region, terms
 from stlbench.report.figures.units import time_label
+from stlbench.stl import Term
 from stlbench.task.task import Task
 
-__all__ = ["READ", "signals_in_time"]
+__all__ = ["READ", "Read", "readings", "signals_in_time"]
 
 READ = "0.92"
 """The grey of the steps that a term reads."""
+
+
+class Read(NamedTuple):
+    """That a term reads a signal."""
+
+    row: int
+    """Which signal."""
+    place: int
+    """Which term."""
+    term: Term
+    ranges: list[tuple[float, float]]
+    """Values of the signal with which the term can hold."""
+
+
+def readings(task: Task) -> Iterator[Read]:
+    """Which signals the terms read, as far as that can be drawn."""
+    for row, (name, signal) in enumerate(task.file.signals.items()):
+        grid = np.linspace(signal.low, signal.high, 1001)
+        for i, term in enumerate(terms(task)):
+            found = region(task, term.psi, (grid,), (name,)) if name in stl.signals(term.psi) else None
+            if found is not None:
+                yield Read(row, i, term, [(float(grid[first]), float(grid[last])) for first, last in _runs(found[1])])
 
 
 def signals_in_time(rows: Sequence[Axes], task: Task) -> list[int]:
@@ -30,19 +54,15 @@ def signals_in_time(rows: Sequence[Axes], task: Task) -> list[int]:
         Indices of the terms that have a region in some row.
     """
     drawn = set()
-    for axes, (name, signal) in zip(rows, task.file.signals.items(), strict=True):
-        grid = np.linspace(signal.low, signal.high, 1001)
-        for i, term in enumerate(terms(task)):
-            margin_and_truth = region(task, term.psi, (grid,), (name,)) if name in stl.signals(term.psi) else None
-            if margin_and_truth is None:
-                continue
-            drawn.add(i)
-            axes.axvspan(term.start, term.end, color=READ, linewidth=0, zorder=0)
-            colour, hatch = term_style(i)
-            for first, last in _runs(margin_and_truth[1]):
-                corner, size = (term.start, grid[first]), (term.end - term.start, grid[last] - grid[first])
-                fill = to_rgba(colour, 2 * REGION_ALPHA)
-                axes.add_patch(Rectangle(corner, *size, facecolor=fill, edgecolor=colour, hatch=hatch, zorder=1))
+    for row, i, term, ranges in readings(task):
+        drawn.add(i)
+        rows[row].axvspan(term.start, term.end, color=READ, linewidth=0, zorder=0)
+        colour, hatch = term_style(i)
+        for low, high in ranges:
+            corner, size = (term.start, low), (term.end - term.start, high - low)
+            fill = to_rgba(colour, 2 * REGION_ALPHA)
+            rows[row].add_patch(Rectangle(corner, *size, facecolor=fill, edgecolor=colour, hatch=hatch, zorder=1))
+    for axes in rows:
         axes.set_xlim(0, task.file.steps)
         axes.grid(alpha=0.25)
     rows[-1].set_xlabel(time_label(task))

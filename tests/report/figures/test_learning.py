@@ -7,7 +7,7 @@ from helpers.synthetic_results import result
 
 from stlbench.report import condense
 from stlbench.report.figures.layout import LEVEL
-from stlbench.report.figures.learning import aligned, learning_curves
+from stlbench.report.figures.learning import learning_curves
 from stlbench.report.statistics.intervals import interval
 from stlbench.result import CurvePoint
 
@@ -89,10 +89,3 @@ def test_axes_say_what_they_show_in_which_unit():
     assert left.get_xlabel() == right.get_xlabel() == "environment steps"
     assert left.get_ylabel() == "starts that satisfy [%]"
     assert right.get_ylabel() == "mean robustness [m]"
-
-
-def test_checkpoints_at_other_steps_are_interpolated_where_all_seeds_have_some():
-    curves = [((0, 0.0, 0.0), (100, 1.0, 10.0)), ((50, 0.0, 0.0), (150, 1.0, 10.0))]
-    steps, values = aligned(curves, lambda point: point[2])
-    assert list(steps) == [50, 100]
-    assert values.tolist() == [[5.0, 10.0], [0.0, 5.0]]

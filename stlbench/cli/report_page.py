@@ -1,0 +1,46 @@
+"""`stlbench report --html`: the page of a folder of results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from stlbench.cli.common import print_json
+from stlbench.cli.report import standards_of
+from stlbench.errors import UsageError
+
+__all__ = ["report_page"]
+
+
+def report_page(folder: Path, as_json: bool) -> None:
+    """Write the page, with a bar on stderr where that is a terminal, and say where it is."""
+    from stlbench.report import condense
+    from stlbench.report.page.build import write_page
+    from stlbench.report.page.bundle import require
+    from stlbench.study import stored
+
+    require()
+    results, missing = list(stored.read(folder)), stored.missing(folder)
+    if not results:
+        raise UsageError(f"{stored.locate(folder)} holds no result yet")
+    console = Console(stderr=True, highlight=False)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        stage = bar.add_task("controllers of the tasks", total=None)
+        known = standards_of(condense(results, missing))
+        bar.update(stage, description="traces of the methods")
+        path = write_page(
+            results,
+            missing,
+            known,
+            folder if folder.is_dir() else folder.parent,
+            lambda done, total: bar.update(stage, completed=done, total=total),
+        )
+    size = path.stat().st_size
+    if as_json:
+        print_json({"path": str(path), "bytes": size})
+    else:
+        typer.echo(f"{path}: {size / 1e6:.1f} MB, {len(results)} cells")

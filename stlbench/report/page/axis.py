@@ -1,0 +1,47 @@
+"""Axes whose values span orders of magnitude, as the figures have them: plotly knows none that is linear around 0."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from stlbench.report.figures.scale import linear_threshold, symlog_ticks
+
+__all__ = ["Axis", "axis_of"]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Where values stand."""
+
+    threshold: float | None
+    """Up to which it is linear; None where it is so everywhere."""
+    low: float
+    high: float
+
+    def at(self, value: float) -> float:
+        """The place of a value: a decade beyond the threshold is as long as the way from 0 to it."""
+        if self.threshold is None or not math.isfinite(value):
+            return value
+        size = abs(value) / self.threshold
+        return math.copysign(size if size <= 1 else 1 + math.log10(size), value)
+
+    def layout(self, title: str) -> dict[str, Any]:
+        """The axis for plotly, with its title, which says where the logarithmic part begins."""
+        low, high = self.at(self.low), self.at(self.high)
+        margin = 0.05 * (high - low) or 1.0
+        common = {"range": [low - margin, high + margin]}
+        if self.threshold is None:
+            return {"title": {"text": title}, **common}
+        ticks = symlog_ticks(self.threshold, self.low, self.high)[0]
+        places = {"tickvals": [self.at(tick) for tick in ticks], "ticktext": [f"{tick:g}" for tick in ticks]}
+        return {"title": {"text": f"{title}<br>logarithmic beyond ±{self.threshold:g}"}, **common, **places}
+
+
+def axis_of(groups: Sequence[Iterable[float]], ends: Iterable[float]) -> Axis:
+    """The axis on which values of each group can be told apart; it has room for the ends, and for 0."""
+    finite = [value for value in ends if math.isfinite(value)]
+    low, high = min([0.0, *finite]), max([0.0, *finite])
+    return Axis(linear_threshold(groups, max(-low, high)), low, high)

@@ -1,0 +1,178 @@
+"""The page, from a folder's results to one file."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stlbench.errors import UsageError
+from stlbench.report.page.bundle import packed, plotly, require
+from stlbench.report.page.cells import Tags, cells_listed, details, tags_of
+from stlbench.report.page.chart import Chart
+from stlbench.report.page.listed import Listed, listed, of_columns
+from stlbench.report.page.of_fields import across
+from stlbench.report.page.task_part import Tables, TaskPart, task_part
+from stlbench.report.tables.across import Field, aggregates_table, fields, improvement_table
+from stlbench.report.tables.alignment import align, alignment_table
+from stlbench.report.tables.circumstances import circumstances
+from stlbench.report.tables.comparisons import compare, comparisons_table
+from stlbench.report.tables.hand_controllers import controllers_table
+from stlbench.report.tables.outside import outside, trained
+from stlbench.report.tables.planned import best_possible, split
+from stlbench.report.tables.robustness import robustness_table
+from stlbench.report.tables.rows import Group, Row, group, missing_row, row
+from stlbench.report.tables.table import Table
+from stlbench.report.tables.times import time_table
+from stlbench.result import CellId, Result
+
+if TYPE_CHECKING:
+    from stlbench.rollout.standards import Standard
+
+__all__ = ["FILE", "write_page"]
+
+FILE = "report.html"
+"""Name of the page in a folder of results."""
+
+Told = Callable[[int, int], None]
+"""Is told how many groups of how many are read."""
+
+
+@dataclass(frozen=True)
+class _Filtered:
+    """A table whose rows can be filtered."""
+
+    table: Listed
+    tags: list[Tags]
+
+
+@dataclass(frozen=True)
+class _Across:
+    """What is said over all tasks."""
+
+    tables: list[Listed]
+    charts: list[Chart]
+
+
+def write_page(
+    results: Sequence[Result],
+    missing: Sequence[CellId],
+    standards: Mapping[str, Standard],
+    folder: Path,
+    told: Told = lambda done, total: None,
+) -> Path:
+    """Write the page of a folder's results into it; the path.
+
+    Args:
+        results: all of them, also those that were planned for.
+        missing: cells without a result.
+        standards: of the tasks.
+        folder: where traces, policies and logs are, as far as they are there.
+        told: is called after each group of cells.
+
+    Raises:
+        UsageError: jinja2 or plotly is not installed, or the file cannot be written.
+    """
+    require()
+    path = folder / FILE
+    text = _page([*map(row, results), *map(missing_row, missing)], results, standards, folder, told)
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error}") from error
+    return path
+
+
+def _page(
+    rows: Sequence[Row], results: Sequence[Result], standards: Mapping[str, Standard], folder: Path, told: Told
+) -> str:
+    groups, by_id = group(rows), {result.id: result for result in results}
+    tables, found = _tables(groups, standards)
+    over = _across(found)
+    parts, count = list[TaskPart](), [0]
+
+    def one_more() -> None:
+        count[0] += 1
+        told(count[0], len(groups))
+
+    for number, (_, members) in enumerate(groupby(groups, key=lambda each: each.setting.task)):
+        parts.append(task_part(number, list(members), by_id, tables, folder, one_more))
+    ordered = [each for member in groups for each in member.rows]
+    payloads = {part.key: _payload(part, ordered, by_id, folder) for part in parts}
+    payloads["across"] = packed({"charts": {chart.key: chart.content() for chart in over.charts}})
+    return _rendered(
+        title=folder.resolve().name or "results",
+        overview=_overview(groups, tables),
+        cells=_Filtered(cells_listed(ordered), [tags_of([each]) for each in ordered]),
+        of_task=[next(part.key for part in parts if part.name == str(each.id.task)) for each in ordered],
+        across=over,
+        parts=parts,
+        circumstances=listed(circumstances(trained(groups))),
+        payloads=payloads,
+    )
+
+
+def _tables(groups: Sequence[Group], standards: Mapping[str, Standard]) -> tuple[Tables, tuple[Field, ...]]:
+    """The report's own tables, and the fields of tasks that are compared."""
+    learned, best = split(groups)[0], best_possible(groups, standards)
+    tables = Tables(
+        robustness=robustness_table(learned, best, standards, outside(groups)),
+        comparisons=comparisons_table(compare(learned, standards, best)),
+        alignment=alignment_table(align(groups, standards)),
+        times=time_table(learned),
+        controllers=controllers_table(standards),
+    )
+    return tables, fields(learned, standards, best)
+
+
+def _overview(groups: Sequence[Group], tables: Tables) -> _Filtered:
+    """Those columns of the table of robustness that a wide screen shows, and what training took."""
+    table = tables.robustness
+    titles = [column.title for column in table.columns if column.drop <= 2 and not column.below]
+    by_setting = {_words(each): each for each in groups}
+    tags = [tags_of(by_setting[tuple(map(str, line[:3])) + _rest(line)].rows) for line in table.rows]
+    return _Filtered(listed(of_columns(table, titles)), tags)
+
+
+def _words(each: Group) -> tuple[str, ...]:
+    setting = each.setting
+    budget = "unknown" if each.outside else setting.budget
+    return (str(setting.task), str(setting.method), str(setting.agent), budget, setting.track)
+
+
+def _rest(line: tuple[Any, ...]) -> tuple[str, str]:
+    return str(line[3]), str(line[4])
+
+
+def _across(found: Sequence[Field]) -> _Across:
+    tables: list[Table] = [aggregates_table(found), improvement_table(found)]
+    charts = [chart for i, field in enumerate(found) for chart in across(field, f"field-{i}")]
+    return _Across([listed(table) for table in tables if table.rows], charts)
+
+
+def _payload(part: TaskPart, rows: Sequence[Row], results: Mapping[CellId, Result], folder: Path) -> str:
+    cells = {str(i): details(each, results, folder) for i, each in enumerate(rows) if str(each.id.task) == part.name}
+    return packed({"charts": {chart.key: chart.content() for chart in part.all_charts}, "cells": cells})
+
+
+def _rendered(payloads: Mapping[str, str], **content: Any) -> str:
+    """The template, filled in. Whatever a name holds is text there: jinja2 escapes it."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("stlbench.report.page", "parts"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    nonce = hashlib.sha256("".join(payloads.values()).encode()).hexdigest()[:32]
+    return environment.get_template("page.html").render(
+        nonce=nonce,
+        plotly=plotly(),
+        payloads=payloads,
+        **content,
+    )

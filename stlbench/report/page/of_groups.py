@@ -1,0 +1,172 @@
+"""Charts of the methods on one task: robustness by seed, learning, what training took."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from stlbench.report.figures.palette import GroupStyle, styles
+from stlbench.report.page.axis import Axis, axis_of
+from stlbench.report.page.chart import (
+    INK,
+    Chart,
+    Trace,
+    band,
+    colour,
+    dash,
+    frame,
+    numbers,
+    plain,
+    rounded,
+    short,
+    shown,
+)
+from stlbench.report.statistics.curves import MeanCurve, mean_curve
+from stlbench.report.statistics.intervals import Interval, interval, iqm
+from stlbench.report.tables.rows import Group
+from stlbench.report.tables.table import Table
+
+__all__ = ["cost", "learning", "robustness"]
+
+_LEVEL = {"type": "line", "layer": "below", "line": {"color": INK, "width": 1}}
+"""The line at robustness 0."""
+
+
+def _names(looks: Sequence[GroupStyle]) -> list[str]:
+    return [short(style.label.partition(":")[0]) for style in looks]
+
+
+def robustness(groups: Sequence[Group], unit: str) -> Chart:
+    """A point per seed, under it the interquartile mean with its interval; one row per group."""
+    looks = styles(groups)
+    values = [group.values(lambda numbers: numbers.robustness_mean) for group in groups]
+    every = [value for seeds in values for value in seeds]
+    axis = axis_of(values, every)
+    data = [
+        trace
+        for place, (group, seeds, style) in enumerate(zip(groups, values, looks, strict=True))
+        if seeds
+        for trace in _of_group(place, group, seeds, style, axis)
+    ]
+    rows = {"tickvals": list(range(len(groups))), "ticktext": _names(looks), "range": [len(groups) - 0.5, -0.5]}
+    layout = frame(axis.layout(f"mean robustness [{plain(unit)}]<br>over the report starts"), rows)
+    layout["shapes"] = [_LEVEL | {"x0": 0, "x1": 0, "yref": "paper", "y0": 0, "y1": 1}]
+    label = f"Robustness by seed of {len(groups)} methods; the table above has the numbers"
+    return Chart("robustness", "Robustness by seed", label, data, layout, 110 + 38 * len(groups))
+
+
+def _of_group(place: int, group: Group, seeds: Sequence[float], style: GroupStyle, axis: Axis) -> list[Trace]:
+    kept = [row.id.seed for row in group.rows if row.numbers is not None]
+    name, ends, centre = plain(style.label), interval(seeds), iqm(seeds)
+    texts = [f"seed {seed}: {value:.4g}" for seed, value in zip(kept, seeds, strict=True)]
+    points = _points(numbers(map(axis.at, seeds)), place - 0.15, texts, colour(style.colour), name)
+    middle = _points([axis.at(centre)], place + 0.18, [_said(centre, ends)], colour(style.colour), name)
+    middle["marker"] |= {"symbol": "diamond", "size": 11, "opacity": 1}
+    if ends is not None:
+        low, high = (min(max(axis.at(end), axis.at(axis.low) - 9), axis.at(axis.high) + 9) for end in ends)
+        at = axis.at(centre)
+        middle["error_x"] = {"type": "data", "symmetric": False, "array": [high - at], "arrayminus": [at - low]}
+        middle["error_x"] |= {"color": colour(style.colour), "thickness": 2, "width": 0}
+    return [points, middle]
+
+
+def _points(x: Sequence[float | None], y: float, texts: Sequence[str], of: str, name: str) -> Trace:
+    marker = {"color": of, "size": 8, "opacity": 0.8}
+    template = "%{text}<extra>%{fullData.name}</extra>"
+    return {
+        **{"type": "scatter", "mode": "markers", "x": list(x), "y": [y] * len(x), "text": list(texts)},
+        **{"marker": marker, "name": name, "hovertemplate": template},
+    }
+
+
+def _said(centre: float, ends: Interval | None) -> str:
+    return f"IQM {centre:.4g}" + (f", 95 % interval [{ends.low:.4g}, {ends.high:.4g}]" if ends else "")
+
+
+def learning(groups: Sequence[Group], unit: str) -> list[Chart]:
+    """Satisfaction and mean robustness of the checkpoints: the mean over seeds and its interval; none without any."""
+    looks, lines = styles(groups), dict[int, tuple[MeanCurve, MeanCurve]]()
+    for i, group in enumerate(groups):
+        curves = [each.curve for each in group.done if each.curve]
+        if curves:
+            lines[i] = (
+                mean_curve(curves, lambda point: 100 * point[1]),
+                mean_curve(curves, lambda point: point[2]),
+            )
+    if not lines:
+        return []
+    legend = [
+        shown(str(i), style.label, colour(style.colour), style.line if i in lines else "")
+        for i, style in enumerate(looks)
+    ]
+    return [
+        _learning("learning-satisfaction", "starts that satisfy [%]", (lines, looks), 0, legend),
+        _learning("learning-robustness", f"mean robustness [{plain(unit)}]", (lines, looks), 1, legend),
+    ]
+
+
+_Lines = tuple[dict[int, tuple[MeanCurve, MeanCurve]], Sequence[GroupStyle]]
+
+
+def _learning(key: str, title: str, drawn: _Lines, which: int, legend: list[dict[str, str]]) -> Chart:
+    lines, looks = drawn
+    curves = {i: both[which] for i, both in lines.items()}
+    axis = Axis(None, 0, 100) if which == 0 else _axis(list(curves.values()))
+    data = [trace for i, curve in curves.items() for trace in _line(i, curve, looks[i], axis)]
+    layout = frame({"title": {"text": "environment steps"}, "tickformat": "~s"}, axis.layout(title))
+    if which:
+        layout["shapes"] = [_LEVEL | {"y0": 0, "y1": 0, "xref": "paper", "x0": 0, "x1": 1}]
+    name = "Learning: " + ("robustness" if which else "satisfaction")
+    label = f"{name} of {len(curves)} methods against environment steps, on the selection starts, mean over seeds"
+    return Chart(key, name, f"{label}, with 95 % intervals", data, layout, 340, legend)
+
+
+def _axis(curves: Sequence[MeanCurve]) -> Axis:
+    """With room for what seeds had, as in the figures: the second half of each line chooses the linear part."""
+    ends = [end for curve in curves for end in (curve.least, curve.most)]
+    return axis_of([curve.mean[len(curve.mean) // 2 :] for curve in curves], ends)
+
+
+def _line(i: int, curve: MeanCurve, style: GroupStyle, axis: Axis) -> list[Trace]:
+    of, known = colour(style.colour), np.isfinite(curve.low)
+    at = [*map(axis.at, curve.mean.tolist())]
+    line = {
+        **{"type": "scatter", "mode": "lines" if len(at) > 1 else "markers", "x": numbers(curve.steps)},
+        **{"y": numbers(at), "text": [f"{value:.4g}" for value in curve.mean], "name": plain(style.label)},
+        **{"line": {"color": of, "width": 2, "dash": dash(style.line)}, "legendgroup": str(i)},
+        "hovertemplate": "%{x:~s} steps: %{text}<extra>%{fullData.name}</extra>",
+    }
+    if not known.any():
+        return [line]
+    low, high = ([*map(axis.at, ends[known].tolist())] for ends in (curve.low, curve.high))
+    return [band(curve.steps[known].tolist(), low, high, of, legendgroup=str(i)), line]
+
+
+def cost(groups: Sequence[Group], times: Table) -> Chart | None:
+    """What training took, from the rows of these groups in the table of times; None where nothing finished."""
+    looks, place = styles(groups), [column.title for column in times.columns].index("training CPU")
+    data = list[Trace]()
+    for i, (row, style) in enumerate(zip(times.rows, looks, strict=True)):
+        mean, ends = row[place], row[place + 1]
+        if isinstance(mean, float) and math.isfinite(mean):
+            data.append(_bar(i, mean, ends if isinstance(ends, Interval) else None, style))
+    if not data:
+        return None
+    rows = {"tickvals": list(range(len(groups))), "ticktext": _names(looks), "range": [len(groups) - 0.5, -0.5]}
+    layout = frame({"title": {"text": "training CPU [s], mean over seeds"}, "rangemode": "tozero"}, rows)
+    label = f"CPU seconds of training of {len(data)} methods; the table of times has the numbers"
+    return Chart("cost", "What training took", label, data, layout, 100 + 30 * len(groups))
+
+
+def _bar(place: int, mean: float, ends: Interval | None, style: GroupStyle) -> Trace:
+    bar: Trace = {
+        **{"type": "bar", "orientation": "h", "x": [rounded(mean)], "y": [place], "width": [0.6]},
+        **{"marker": {"color": colour(style.colour), "opacity": 0.8}, "name": plain(style.label)},
+        "hovertemplate": "%{x:.4g} s<extra>%{fullData.name}</extra>",
+    }
+    if ends is not None:
+        bar["error_x"] = {"type": "data", "symmetric": False, "array": [ends.high - mean]}
+        bar["error_x"] |= {"arrayminus": [mean - max(ends.low, 0.0)], "color": INK, "thickness": 1.5, "width": 4}
+    return bar

@@ -1,0 +1,215 @@
+"""The page's part of one task: what it asks, its tables and charts, and what the policies did."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from stlbench import stl
+from stlbench.contract import Intractable, Unsuitable
+from stlbench.errors import UsageError
+from stlbench.presentation import Band, Banded
+from stlbench.registry.choices import Choice
+from stlbench.report.figures.regions import terms
+from stlbench.report.figures.units import unit_of_task
+from stlbench.report.page.chart import Chart
+from stlbench.report.page.listed import Listed, listed, of_rows
+from stlbench.report.page.of_groups import cost, learning, robustness
+from stlbench.report.page.of_story import charts_of
+from stlbench.report.page.story import Story, tell_story
+from stlbench.report.tables.rows import Group
+from stlbench.report.tables.table import Column, Table
+from stlbench.result import CellId, Result, Setting
+from stlbench.rollout.saved_traces import FOLDER
+from stlbench.task import build_method, load_task
+from stlbench.task.task import Task
+
+__all__ = ["StoryPart", "Tables", "TaskPart", "task_part"]
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The tables of the report, of all tasks."""
+
+    robustness: Table
+    comparisons: Table
+    alignment: Table
+    times: Table
+    controllers: Table
+
+
+@dataclass(frozen=True)
+class StoryPart:
+    """What the policies of one group did."""
+
+    name: str
+    charts: list[Chart]
+
+
+@dataclass(frozen=True)
+class TaskPart:
+    """One task."""
+
+    key: str
+    name: str
+    title: str
+    facts: list[tuple[str, str]]
+    """Name and text: formula, terms, source."""
+    tables: list[Listed]
+    charts: list[Chart]
+    worst: Listed | None
+    """The worst start of each group, and why; None without traces."""
+    stories: list[StoryPart]
+    lacks: list[str]
+    """What the folder does not hold, in a line each."""
+
+    @property
+    def all_charts(self) -> list[Chart]:
+        """Also those of the stories."""
+        return [*self.charts, *(chart for story in self.stories for chart in story.charts)]
+
+
+def task_part(
+    number: int,
+    groups: Sequence[Group],
+    results: Mapping[CellId, Result],
+    tables: Tables,
+    folder: Path,
+    told: Callable[[], None],
+) -> TaskPart:
+    """The part of the task of these groups, learned and planned; `told` is called after each of them."""
+    choice, key = groups[0].setting.task, f"task-{number}"
+    learned = [group for group in groups if not any(each.planned for each in group.done)]
+    task, lacks = _loaded(choice)
+    found, unread = _stories(task, learned, results, folder, told)
+    unit = unit_of_task(choice)
+    times = of_rows(tables.times, lambda row: row[0] == str(choice))
+    charts = [robustness(learned, unit), *learning(learned, unit)] if any(group.done for group in learned) else []
+    took = cost(_timed(learned, times), times)
+    if not any(each.curve for group in learned for each in group.done):
+        lacks.append("No checkpoint is recorded: there are no learning curves.")
+    parts = [
+        StoryPart(_name(setting), charts_of(task, story, _bands(task, setting.method), f"story-{i}"))
+        for i, (setting, story) in enumerate(found.items())
+        if task is not None
+    ]
+    return TaskPart(
+        key=key,
+        name=str(choice),
+        title="" if task is None else task.file.title,
+        facts=[] if task is None else _facts(task),
+        tables=_tables(tables, choice),
+        charts=[*charts, *([took] if took else [])],
+        worst=listed(_worst(found), folded=True) if found else None,
+        stories=parts,
+        lacks=[*lacks, *unread],
+    )
+
+
+def _timed(groups: Sequence[Group], times: Table) -> list[Group]:
+    """Those that the table of times has a row of, in its order."""
+    assert len(times.rows) <= len(groups)
+    return list(groups)[: len(times.rows)]
+
+
+def _loaded(choice: Choice) -> tuple[Task | None, list[str]]:
+    try:
+        return load_task(choice), []
+    except UsageError as error:
+        return None, [f"The task is not known here, so neither its formula nor traces are shown: {error}"]
+
+
+def _facts(task: Task) -> list[tuple[str, str]]:
+    file, found = task.file, terms(task)
+    seconds = file.steps * file.sampling_time
+    return [
+        ("formula", str(task.formula)),
+        *(("term", str(term.formula)) for term in (found if len(found) > 1 else ())),
+        ("episode", f"{file.steps} steps of {file.sampling_time:g} s, {seconds:g} s together"),
+        ("horizon", f"{stl.horizon(task.formula)} steps"),
+        ("source", file.source),
+        *([("notes", " ".join(file.notes.split()))] if file.notes else []),
+    ]
+
+
+def _tables(tables: Tables, choice: Choice) -> list[Listed]:
+    name = str(choice)
+    parts = [
+        of_rows(tables.robustness, lambda row: row[0] == name),
+        of_rows(tables.comparisons, lambda row: row[0] == name),
+        of_rows(tables.controllers, lambda row: row[0] == choice.name),
+        of_rows(tables.alignment, lambda row: row[0] == choice.name),
+        of_rows(tables.times, lambda row: row[0] == name),
+    ]
+    return [listed(table, folded=True) for table in parts if table.rows]
+
+
+def _bands(task: Task, method: Choice) -> Sequence[Band]:
+    """The method's bounds; none where it has none, or is not installed here any more."""
+    try:
+        built = build_method(task, method)
+    except (UsageError, Unsuitable, Intractable):
+        return ()
+    return built.band() if isinstance(built, Banded) else ()
+
+
+def _name(setting: Setting) -> str:
+    track = "" if setting.track == "shared" else f", {setting.track}"
+    return f"{setting.method} ({setting.agent}, {setting.budget}{track})"
+
+
+def _stories(
+    task: Task | None,
+    groups: Sequence[Group],
+    results: Mapping[CellId, Result],
+    folder: Path,
+    told: Callable[[], None],
+) -> tuple[dict[Setting, Story], list[str]]:
+    """The story of each group whose traces are there, and what there is none of."""
+    if task is None:
+        return {}, []
+    if not (folder / FOLDER).is_dir():
+        return {}, [f"There is no folder {FOLDER}/ beside these results: what policies did is not shown."]
+    found, lacks = dict[Setting, Story](), list[str]()
+    for group in groups:
+        members = [results[row.id] for row in group.rows if row.numbers is not None]
+        try:
+            story = tell_story(task, members, folder)
+            if story is not None:
+                found[group.setting] = story
+        except UsageError as error:
+            lacks.append(str(error))
+        told()
+    return found, lacks
+
+
+def _worst(found: Mapping[Setting, Story]) -> Table:
+    """Which subformula failed, when, by how much."""
+    columns = (
+        Column("method", right=False),
+        *(Column(title, right=False, shared=True) for title in ("agent", "budget", "track")),
+        Column("worst start", right=False),
+        Column("robustness", digits=3),
+        Column("lost first", right=False),
+        Column("lost at step"),
+        Column("decided by", right=False),
+        Column("at step"),
+        Column("margin", digits=3),
+    )
+    rows = tuple(
+        (
+            *(str(setting.method), str(setting.agent), setting.budget, setting.track),
+            *(f"{story.worst.cell}, start {story.worst.start}", story.worst.robustness),
+            *((None, None) if story.loss is None else (str(story.loss.conjunct), story.loss.step)),
+            "an early end" if (why := story.place.witness) is None else str(why.predicate),
+            *(story.place.step, None if why is None else why.margin),
+        )
+        for setting, story in found.items()
+    )
+    notes = (
+        "Of the selected policies of all seeds, the report's start with the least robustness.",
+        "Lost first: the part of the formula that nothing could satisfy any more from that step on. Decided by: the "
+        "predicate whose margin at that step is the robustness.",
+    )
+    return Table("Worst start of each method, and why", columns, rows, notes)

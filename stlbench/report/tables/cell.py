@@ -1,0 +1,52 @@
+"""Tables of one cell: what its policies scored, and what it took."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from stlbench.report.tables.table import Column, Table
+from stlbench.result import Measurement, Score
+
+__all__ = ["cost_table", "scores_table"]
+
+
+def scores_table(policies: Mapping[str, Mapping[str, Score]]) -> Table:
+    """One row per protocol and policy, from the scores of policies by name; of a single one without a name no name."""
+    columns = (
+        Column("protocol", right=False),
+        *([Column("policy", right=False)] if any(policies) else []),
+        Column("mean robustness", "mean", digits=3),
+        Column("worst start", digits=3),
+        Column("satisfied", unit="%", digits=1),
+        Column("starts", digits=0),
+        Column("failed first", right=False),
+    )
+    rows = tuple(
+        (
+            protocol,
+            *([policy] if any(policies) else []),
+            *(score.mean, score.minimum, 100 * score.satisfaction, score.starts),
+            "\n".join(f"{formula}: {count}" for formula, count in score.first_failed.items()) or None,
+        )
+        for protocol in next(iter(policies.values()))
+        for policy, scores in policies.items()
+        for score in [scores[protocol]]
+    )
+    return Table("Scores", columns, rows)
+
+
+def cost_table(measurement: Measurement) -> Table:
+    """What the cell took, one row per number."""
+    columns = (Column("what", right=False), Column("value"))
+    names = {
+        "selected at environment step": measurement.selected_steps,
+        "environment steps": measurement.env_steps,
+        "checkpoints": len(measurement.curve),
+        "training CPU [s]": measurement.training_cpu_seconds,
+        "training wall [s]": measurement.training_wall_seconds,
+        "cell CPU [s]": measurement.cpu_seconds,
+        "cell wall [s]": measurement.wall_seconds,
+        "reward [ns/step]": measurement.reward_nanoseconds,
+        "inputs added": measurement.inputs_added,
+    }
+    return Table("Cost", columns, tuple(names.items()))

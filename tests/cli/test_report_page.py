@@ -1,0 +1,43 @@
+"""`stlbench report --html`, on made-up plugins."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from helpers.pages import Page
+
+from stlbench.report.page import bundle
+
+TOY = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here")
+
+
+def test_writes_one_file_and_says_where(say, toy):
+    say(*TOY, "--methods", "toy-raw,toy-wrong,toy-large", "--seeds", "2")
+    before = {path: path.stat().st_mtime_ns for path in Path("results").iterdir() if path.is_file()}
+    done = say("report", "results", "--html")
+    assert done.exit_code == 0
+    assert done.stdout.startswith("results/report.html: 2.")
+    assert done.stdout.endswith(" MB, 6 cells\n")
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+    page = Page(Path("results/report.html").read_text())
+    assert "toy-line/toy-raw/toy-agent/1, start" in page.text or "toy-line/toy-raw/toy-agent/0, start" in page.text
+    cells = {cell["name"]: cell for cell in page.payload("task-0")["cells"].values()}
+    assert any(text.startswith("policies/") for _, text in cells["toy-line/toy-raw/toy-agent/0"]["facts"])
+    assert "ValueError: no [such] luck" in str(cells["toy-line/toy-wrong/toy-agent/0"]["facts"])
+
+
+def test_json_says_path_and_size(say, toy):
+    say(*TOY, "--methods", "toy-raw")
+    said = json.loads(say("report", "results", "--html", "--json").stdout)
+    assert said == {"path": "results/report.html", "bytes": Path("results/report.html").stat().st_size}
+
+
+def test_bad_input_is_one_line(say, toy, monkeypatch):
+    nothing = say("report", "elsewhere", "--html")
+    assert (nothing.exit_code, nothing.stdout, nothing.stderr.count("\n")) == (2, "", 1)
+    say(*TOY, "--methods", "toy-raw")
+    monkeypatch.setattr(bundle, "find_spec", lambda name: None)
+    lacking = say("report", "results", "--html")
+    assert (lacking.exit_code, lacking.stderr.count("\n")) == (2, 1)
+    assert "pip install stlbench-rl[page]" in lacking.stderr

@@ -1,0 +1,21 @@
+"""The page of a folder of results."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from helpers.hostile_results import all_results
+from helpers.synthetic_results import by_hand
+
+from stlbench.report.page.build import write_page
+from stlbench.result import MAIN
+
+
+@pytest.fixture(scope="session")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("<b>results")
+    made = all_results(folder)
+    assert made[0].measurement is not None
+    assert made[0].measurement.selected[MAIN].robustness == (0.75, -0.5, 0.25)
+    return write_page(made, (), by_hand(hold_disc=(0.4, 0.2)), folder)

@@ -1,0 +1,121 @@
+"""The page in a browser: it sorts, filters, opens cells and draws, without an error and without a network."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.hostile_results import HOSTILE
+
+playwright = pytest.importorskip("playwright.sync_api", reason="the browser is driven by playwright")
+axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="accessibility is checked by axe")
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+CHROMIUM = next(filter(None, map(shutil.which, BROWSERS)), os.environ.get("CHROMIUM"))
+FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"]
+FLAGS += ["--disable-component-update", "--disable-sync"]
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+PATIENCE = 120_000
+"""Milliseconds: other work may keep a machine busy."""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as started:
+        chromium = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=PATIENCE)
+        yield chromium
+        chromium.close()
+
+
+class Opened:
+    """A page that is open, and what went wrong in it."""
+
+    def __init__(self, browser: Any, page: Path, width: int = 1280, scheme: str = "light") -> None:
+        self.context = browser.new_context(viewport={"width": width, "height": 800}, color_scheme=scheme)
+        self.page, self.problems = self.context.new_page(), list[str]()
+        self.page.set_default_timeout(PATIENCE)
+        self.page.on("console", lambda said: said.type in ("error", "warning") and self.problems.append(said.text))
+        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
+        self.page.on("request", lambda asked: asked.url.startswith("http") and self.problems.append(asked.url))
+        self.page.goto(page.as_uri())
+        self.page.wait_for_selector("html[data-ready]")
+
+    def column(self, table: str, number: int) -> list[str]:
+        """The texts of a column, of the rows that are seen."""
+        rows = self.page.locator(f"{table} tbody tr:visible")
+        return [rows.nth(i).locator("th, td").nth(number).inner_text() for i in range(rows.count())]
+
+    def sort_by(self, table: str, head: str) -> None:
+        self.page.locator(f"{table} thead button", has_text=head).first.click()
+
+
+@pytest.fixture
+def opened(browser: Any, page: Path) -> Iterator[Opened]:
+    found = Opened(browser, page)
+    yield found
+    assert found.problems == []
+    found.context.close()
+
+
+def test_it_sorts(opened: Opened) -> None:
+    opened.sort_by("#cells-table", "mean")
+    assert opened.column("#cells-table", 3) == ["0.000", "0.167", "0.708", "-"]
+    opened.sort_by("#cells-table", "mean")
+    assert opened.column("#cells-table", 3) == ["0.708", "0.167", "0.000", "-"]
+    assert opened.page.locator("#cells-table th[aria-sort=descending]").count() == 1
+
+
+def test_it_filters_the_overview_the_tasks_and_the_cells(opened: Opened) -> None:
+    opened.page.select_option("[data-filter=method]", "funnel")
+    assert opened.column("#cells-table", 0) == ["hold-disc/funnel/dqn/0"]
+    assert opened.column("#overview-table", 1) == ["funnel"]
+    opened.page.click("button[type=reset]")
+    opened.page.select_option("[data-filter=status]", "raised")
+    opened.page.wait_for_function("document.querySelector('#count').textContent.includes('1 of 4 cells')")
+    opened.page.click("button[type=reset]")
+    opened.page.select_option("[data-filter=task]", "integrator-or")
+    assert opened.page.locator("details.task:visible h3").all_inner_texts() == ["integrator-or"]
+
+
+def test_a_cell_opens_and_closes_by_the_keyboard_and_shows_hostile_texts(opened: Opened) -> None:
+    button = opened.page.locator("button.open", has_text="hold-disc/mine")
+    button.focus()
+    opened.page.keyboard.press("Enter")
+    opened.page.wait_for_selector("dialog[open]")
+    assert HOSTILE in opened.page.locator("dialog pre").first.inner_text()
+    assert opened.page.locator("dialog img, dialog script, main img").count() == 0
+    opened.page.keyboard.press("Escape")
+    assert opened.page.locator("dialog[open]").count() == 0
+    assert opened.page.evaluate("document.activeElement.textContent") == "hold-disc/mine/dqn/0"
+
+
+def test_a_task_opens_from_the_overview_and_draws(opened: Opened) -> None:
+    opened.page.locator("#overview-table a", has_text="hold-disc").first.click()
+    drawn = opened.page.locator("#task-0 [data-chart=robustness]")
+    drawn.locator(".main-svg").first.wait_for()
+    opened.page.locator("#task-0 [data-stories]").select_option(label="funnel (dqn, quick)")
+    seen = opened.page.locator("#task-0 .story:visible [data-chart]").first
+    seen.scroll_into_view_if_needed()
+    seen.locator(".main-svg").first.wait_for()
+    button = opened.page.locator("#task-0 .story:visible .legend button").first
+    button.click()
+    assert button.get_attribute("aria-pressed") == "false"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_serious_and_a_phone_need_not_scroll_sideways(browser: Any, page: Path, scheme: str) -> None:
+    opened = Opened(browser, page, 390, scheme)
+    assert opened.page.evaluate("document.documentElement.scrollWidth") <= 390
+    opened.page.locator("#task-0 summary").click()
+    drawn = opened.page.locator("#task-0 .plot").first
+    drawn.scroll_into_view_if_needed()
+    drawn.locator(".main-svg").first.wait_for()
+    assert opened.page.evaluate("document.documentElement.scrollWidth") <= 390
+    found = axe.Axe().run(opened.page).response["violations"]
+    assert [each for each in found if each["impact"] in ("serious", "critical")] == []
+    assert opened.problems == []
+    opened.context.close()
