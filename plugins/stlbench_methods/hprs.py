@@ -129,7 +129,8 @@ def _divided(terms: Sequence[Term], later: str) -> tuple[list[Term], list[Term]]
     safety = [term for term in terms if term.kind == "G" and (later == "safety" or term.a == 0)]
     targets = sorted((term for term in terms if term not in safety), key=lambda term: term.end)
     if not targets:
-        hint = "" if later == "target" else "; hprs[later=target] takes G[a,b] with a > 0 for one"
+        late = any(term.a > 0 for term in terms)
+        hint = "; hprs[later=target] takes G[a,b] with a > 0 for one" if late else ""
         raise Unsuitable(f"hprs: it needs a target, F or F G, and the formula has terms G alone{hint}")
     return safety, targets
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from stlbench import __version__
+from stlbench.cli.advise import advise
 from stlbench.cli.bundle import bundle
 from stlbench.cli.certify import certify
 from stlbench.cli.check import check
@@ -44,6 +45,7 @@ app.command("run", short_help="Train and score methods on tasks, and compare the
 app.command("plan", short_help="What the rewards of a task ask for, by planning, without training.")(plan)
 app.command("tune", short_help="Find a recipe for each method, with the same number of trials.")(tune)
 app.command("list")(list_plugins)
+app.command("advise", short_help="Which reward methods fit a task, and why the others do not.")(advise)
 app.command("new", short_help="Write a distribution with a method, task or agent to change.")(new)
 app.command("check", short_help="Does a plugin keep the rules of its contract?")(check)
 app.add_typer(show, name="show")

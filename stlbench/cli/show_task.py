@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from stlbench.cli.common import Json, print_json, warn
 from stlbench.cli.completion import names
+from stlbench.cli.fit import fit
 from stlbench.cli.show_task_text import print_task
 from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
-    from stlbench.contract import RewardMethod
     from stlbench.result import Score
     from stlbench.task.task import Task
 
@@ -138,32 +136,12 @@ def _methods(task: Task) -> dict[str, Any]:
     return methods
 
 
-def _refuse_dear(task: Task, method: RewardMethod) -> None:
-    """As a run would, with the task's own agent and its largest budget, where that agent can be built here."""
-    from stlbench.contract import Unsuitable
-    from stlbench.rollout.cost import refuse_dear
-    from stlbench.task import build_agent
-
-    with suppress(Unsuitable, UsageError):
-        agent = build_agent(task, task.own_agent)
-        refuse_dear(task, method, agent, max(budget.steps for budget in task.file.budgets.values()))
-
-
 def _method(task: Task, name: str) -> dict[str, Any]:
     """What a method with its default parameters makes of the task; status and reason where it does not fit."""
-    from stlbench.contract import Intractable, Unsuitable
     from stlbench.presentation import Described
-    from stlbench.registry import plugins
-    from stlbench.task import build_method
 
-    try:
-        method = build_method(task, name)
-        _refuse_dear(task, method)
-    except plugins.PluginError:
-        raise
-    except Intractable as reason:
-        return {"status": "intractable", "reason": one_line(reason)}
-    except (Unsuitable, UsageError) as reason:
-        return {"status": "unsuitable", "reason": one_line(reason)}
+    found = fit(task, name)
+    if (method := found.method) is None:
+        return {"status": found.status, "reason": found.reason}
     described = dict(method.describe()) if isinstance(method, Described) else {}
     return {"status": "suitable", "inputs_added": method.input_size, "scale": method.scale} | described

@@ -1,0 +1,80 @@
+"""`stlbench advise`, on made-up plugins, and on tasks of stlbench."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+
+def advice(say, *words):
+    done = say("advise", *words, "--json")
+    assert done.exit_code == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_what_fits_and_why_the_others_do_not(say, toy):
+    found = advice(say, "toy-line")
+    assert (found["task"], found["formula"]) == ("toy-line", "G[0,4] x <= 1")
+    fitting = {row["method"]: row for row in found["fit"]}
+    assert fitting["toy-raw"] == {"method": "toy-raw", "inputs": 0, "memory": 0, "also": [], "extension": ""}
+    assert fitting["machine"]["also"] == ["counterfactuals", "ends"]
+    refused = {row["method"]: row for row in found["do_not_fit"]}
+    assert refused["toy-large"] == {
+        "method": "toy-large",
+        "status": "intractable",
+        "reason": "needs 6003 inputs, limit 512",
+    }
+    assert refused["hprs"]["status"] == "unsuitable"
+    assert not set(fitting) & set(refused)
+
+
+def test_methods_can_be_asked_for_with_parameters(say):
+    found = advice(say, "robot-nav", "--methods", "tau-mdp,tau-mdp[every=10],hprs,hprs[later=target]")
+    assert [row["method"] for row in found["fit"]] == ["hprs[later=target]", "tau-mdp[every=10]"]
+    (dear, targetless) = found["do_not_fit"]
+    assert (dear["method"], dear["status"]) == ("tau-mdp", "intractable")
+    assert "hprs[later=target]" in targetless["reason"]
+
+
+def test_the_hint_is_given_where_it_helps(say):
+    (row,) = advice(say, "hold-disc", "--methods", "hprs")["do_not_fit"]
+    assert row["reason"].endswith("the formula has terms G alone")
+
+
+def test_results_put_the_best_first(say, toy, tmp_path):
+    run = say("run", "--tasks", "toy-line", "--methods", "toy-raw[weight=2],toy-raw", "--results", str(tmp_path))
+    assert run.exit_code == 0, run.stderr
+    first, second, *rest = advice(say, "toy-line", "--results", str(tmp_path))["fit"]
+    assert {first["method"], second["method"]} == {"toy-raw[weight=2]", "toy-raw"}
+    assert first["known"]["budget"] == "quick"
+    assert first["known"]["seeds"] == 2
+    assert first["known"]["satisfaction"] >= second["known"]["satisfaction"]
+    assert rest
+    assert not any("known" in row for row in rest)
+
+
+def test_on_a_screen(say, toy):
+    shown = say("advise", "toy-line").stdout
+    assert "Methods that fit" in shown
+    assert "Methods that do not" in shown
+    assert "needs 6003 inputs" in shown
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["hold-disk"], "error: no task 'hold-disk'; did you mean 'hold-disc'?\n"),
+        (["hold-disc", "--methods", "funel"], "error: no method 'funel'; did you mean 'funnel'?\n"),
+    ],
+)
+def test_bad_input_is_one_line(say, words, said):
+    done = say("advise", *words)
+    assert (done.exit_code, done.stderr) == (2, said)
+
+
+def test_results_without_the_task(say, toy, tmp_path):
+    assert say("run", "--tasks", "toy-line", "--methods", "toy-raw", "--results", str(tmp_path)).exit_code == 0
+    done = say("advise", "hold-disc", "--results", str(tmp_path))
+    assert done.exit_code == 2
+    assert "has no finished cell of hold-disc with dqn on the track shared" in done.stderr
