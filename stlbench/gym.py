@@ -32,12 +32,12 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from stlbench.contract import ActionGrid, Array, Integers
+from stlbench.contract import ActionGrid, Array, GymTask, Integers
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.presentation import Drawn, Pixels
 from stlbench.registry import plugins
 from stlbench.rollout.environment import Simulator
-from stlbench.task import build_method, load_task
+from stlbench.task import Task, build_method, load_task
 
 __all__ = ["StlEnv", "StlVectorEnv", "register_all"]
 
@@ -66,18 +66,18 @@ class _Copies:
 
     def __init__(self, task: str, method: str, scaled: bool, render_mode: str | None) -> None:
         self.task = load_task(task)
-        drawn = isinstance(self.task.dynamics, Drawn)
+        undrawn = _undrawn(self.task)
         decisions_per_second = 1 / (self.task.file.sampling_time * self.task.file.hold)
         self.metadata: Info = {
-            "render_modes": ["rgb_array"] if drawn else [],
+            "render_modes": [] if undrawn else ["rgb_array"],
             "render_fps": max(1, round(decisions_per_second)),
         }
         self.render_mode = render_mode if render_mode in self.metadata["render_modes"] else None
         if render_mode != self.render_mode:
-            modes = "rgb_array alone" if drawn else "nothing, as the task has no picture of itself"
+            modes = f"nothing, as {undrawn}" if undrawn else "rgb_array alone"
             gymnasium.logger.warn(f"task {task} renders {modes}; render_mode is None, in place of {render_mode!r}")
         self.method = build_method(self.task, method)
-        self._simulator = Simulator(self.task, self.method)
+        self._simulator = Simulator(self.task, self.method, drawn=self.render_mode is not None)
         self._scale = self.method.scale if scaled else 1.0
         self._running = False
         example = self._simulator.reset(self._draw(np.random.default_rng(0)))
@@ -115,10 +115,7 @@ class _Copies:
 
     def pictures(self) -> tuple[Pixels, ...] | None:
         """Each copy's state as a picture (height, width, 3); None without a render mode."""
-        drawn = self.task.dynamics
-        if self.render_mode is None or not isinstance(drawn, Drawn):
-            return None
-        return tuple(drawn.frame(state) for state in self._simulator.state)
+        return None if self.render_mode is None else self._simulator.world.frames()
 
     def _info(self, samples: Array) -> Info:
         return {"signals": samples, "t": self._simulator.t.copy()}
@@ -135,6 +132,13 @@ class _Copies:
         if states.shape not in ((len(names),), (count, len(names))) or not np.isfinite(states).all():
             raise UsageError(f"reset: the option 'state' takes finite numbers {', '.join(names)}, got {state!r}")
         return np.broadcast_to(states, (count, len(names)))
+
+
+def _undrawn(task: Task) -> str:
+    """Why a task has no pictures; nothing where it has."""
+    if isinstance(task.dynamics, GymTask):
+        return task.source.undrawn
+    return "" if isinstance(task.dynamics, Drawn) else "the task has no picture of itself"
 
 
 class StlEnv(gymnasium.Env[Single, Any]):

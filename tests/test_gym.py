@@ -126,6 +126,26 @@ class TestRender:
         with pytest.warns(UserWarning, match="renders rgb_array alone; render_mode is None, in place of 'ansi'"):
             assert gymnasium.make("stlbench/zz-drawn-v0", method="raw", render_mode="ansi").render_mode is None
 
+    def test_an_environment_draws_itself(self, tmp_path: Path) -> None:
+        pytest.importorskip("pygame", reason="Gymnasium draws a cart-pole with pygame")
+        (tmp_path / "pole").mkdir()
+        (tmp_path / "pole" / "task.yaml").write_text(
+            "{title: a, source: b, environment: {id: CartPole-v1, names: [x, v, theta, omega]}, formula: G x <= 1,"
+            " sampling_time: 0.02, steps: 20, signals: {x: {low: -3, high: 3}}, agents: {dqn: {}},"
+            " budgets: {smoke: {steps: 40}}}"
+        )
+        env = StlEnv(f"{tmp_path}/pole", "raw", render_mode="rgb_array")
+        env.reset(seed=0)
+        before = env.render()
+        for _ in range(6):
+            env.step(np.int64(1))
+        after = env.render()
+        assert before is not None
+        assert before.shape == (400, 600, 3)
+        assert after is not None
+        assert not np.array_equal(before, after)
+        assert StlEnv(f"{tmp_path}/pole", "raw").render() is None
+
     def test_copies_in_lock_step_have_a_picture_each(self, drawn: StlEnv) -> None:
         envs = StlVectorEnv(2, "zz-drawn", "raw", render_mode="rgb_array")
         envs.reset(options={"state": [[1], [2]]})

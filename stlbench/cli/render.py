@@ -12,7 +12,9 @@ from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
     from stlbench.result import Result
-    from stlbench.study.replay import Replay
+    from stlbench.rollout.reenactment import Reenactment
+    from stlbench.rollout.saved_policies import Which
+    from stlbench.study.replay import Replay, Start
 
 
 def render(
@@ -39,8 +41,9 @@ def render(
 ) -> None:
     """Film one cell: the best and the worst start of its report, side by side; or any one start of its stored policy.
 
-    Systems that draw themselves are shown so; of others, the plane that the task names, or the signals against time.
-    With --start, --start-index, --policy final or --format png the stored policy acts again.
+    Systems and environments that draw themselves are shown so; of others, the plane that the task names, or the signals
+    against time. With --start, --start-index, --policy final or --format png, and before an environment's camera, the
+    stored policy acts again.
 
     \b
     Examples:
@@ -68,8 +71,9 @@ def render(
     said += [f"start-{start or start_index}"] if chosen != Start() else []
     title = result.id.name + ", ".join(["", *said]).replace("start-", "start ")
     name = file_name(*result.id.name.split("/"), result.id.budget, *said)
+    acted = None if form == "png" else _before_camera(run, result, which, chosen, shown)
     try:
-        for path in _write(shown, title, out or run / "films", name, form):
+        for path in _write(shown, acted, title, out or run / "films", name, form):
             typer.echo(path)
     except OSError as error:
         raise UsageError(f"cannot write the film: {error}") from error
@@ -87,7 +91,28 @@ def _recorded(run: Path, result: Result) -> Replay:
     return Replay(task, None, load(task, result, run), result.measurement.selected[MAIN].robustness)
 
 
-def _write(shown: Replay, title: str, folder: Path, name: str, form: Literal["gif", "mp4", "png"]) -> list[Path]:
+def _before_camera(run: Path, result: Result, which: Which, start: Start, shown: Replay) -> Reenactment | None:
+    """The policy, ready to act again in an environment that draws itself; None, with a warning, where it cannot."""
+    from stlbench.contract import GymTask
+    from stlbench.study.replay import reenact
+
+    if not isinstance(shown.task.dynamics, GymTask) or shown.recording.film is None:
+        return None
+    try:
+        return reenact(run, result, which, start, shown.recording.film)
+    except UsageError as error:
+        warn(f"no pictures of the environment: {error}")
+        return None
+
+
+def _write(
+    shown: Replay,
+    acted: Reenactment | None,
+    title: str,
+    folder: Path,
+    name: str,
+    form: Literal["gif", "mp4", "png"],
+) -> list[Path]:
     """The film, or the pictures; their paths."""
     from stlbench.report.figures.cell_figures import draw_cell
     from stlbench.report.film import film
@@ -95,7 +120,9 @@ def _write(shown: Replay, title: str, folder: Path, name: str, form: Literal["gi
     if form == "png":
         return draw_cell(shown.task, shown.method, shown.recording, title, folder, name)
     path = folder / f"film-{name}.{form}"
-    remark = film.write(shown.task, shown.recording, shown.robustness, title, path)
+    remark = film.write(shown.task, shown.recording, shown.robustness, title, path, acted)
     if remark:
         warn(remark)
+    elif acted and shown.recording.film and not acted.repeats(shown.recording.traces[shown.recording.film.starts]):
+        warn("the pictures are of another course than was recorded: the environment did not do the same again")
     return [path]

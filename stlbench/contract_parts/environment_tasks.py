@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from stlbench.contract_parts.world import World
 
@@ -24,6 +24,10 @@ class GymTask:
     The environment may be random, and may have a state that nobody can set. It has to give the same episode for the
     same `reset(seed=...)` and the same actions.
     """
+
+    render_mode: Literal["rgb_array"] | None = None
+    """What `make` passes on to its environment: "rgb_array" of copies that films and `render` show, else None. A class
+    that does not pass it on has no pictures."""
 
     def make(self) -> gymnasium.Env[Any, Any] | None:
         """One environment, without a time limit; None, as by default, for that of the task file's `environment`."""

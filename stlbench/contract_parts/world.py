@@ -54,6 +54,13 @@ class World(ABC):
         """The states (N, n) of the copies; (N, 0) where they cannot be read."""
         return np.empty((len(self.signals), 0))
 
+    def frames(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """A picture of each copy, (height, width, 3), always of one size; None where the world has none of itself.
+
+        Raises `RuntimeError`, in one line, where this machine lacks what it takes to draw.
+        """
+        return None
+
     def by_hand(self, t: _Integers) -> _Array | None:
         """What a controller written by hand does at steps t (N,): actions (N, axes); None where there is none."""
         return None

@@ -40,6 +40,8 @@ class JointEnv(gymnasium.Env[Any, Any]):
     def __init__(self, env: Any) -> None:
         """Args: `env` a PettingZoo `ParallelEnv`. Raises `UsageError` where actions of agents do not go together."""
         self._env, self._names = env, tuple(env.possible_agents)
+        self.metadata = {"render_modes": list(getattr(env, "metadata", {}).get("render_modes", ()))}
+        self.render_mode = getattr(env, "render_mode", None)
         self._spaces = {name: env.action_space(name) for name in self._names}
         self.observation_space = Dict({name: env.observation_space(name) for name in self._names})
         self.action_space = _joined(self._spaces)
@@ -57,6 +59,10 @@ class JointEnv(gymnasium.Env[Any, Any]):
         observations, infos = self._env.reset(seed=seed, options=options)
         self._last = dict(observations)
         return dict(self._last), _flat(infos)
+
+    def render(self) -> Any:
+        """The parallel environment's picture of all agents."""
+        return self._env.render()
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One step by a joint action (axes,); the reward is the sum of all agents'."""

@@ -34,9 +34,16 @@ class Steps(NamedTuple):
 class Simulator:
     """N copies of a task with a method's memory, all at their own time, without restarts."""
 
-    def __init__(self, task: Task, method: RewardMethod, rewarded: bool = True) -> None:
-        """Args: `rewarded` whether rewards are wanted; without, those of a method without memory are NaN."""
-        self.task, self.method = task, method
+    def __init__(self, task: Task, method: RewardMethod, rewarded: bool = True, *, drawn: bool = False) -> None:
+        """What it simulates.
+
+        Args:
+            task: whose copies.
+            method: what pays, and has memory and inputs.
+            rewarded: whether rewards are wanted; without, those of a method without memory are NaN.
+            drawn: whether pictures are wanted, see `make_world`.
+        """
+        self.task, self.method, self._drawn = task, method, drawn
         self._rewarded = rewarded or method.memory_size > 0
         self.horizon, self.hold = task.file.steps, task.file.hold
         actions = task.actions
@@ -56,7 +63,7 @@ class Simulator:
 
     def reset(self, begun: Array) -> Array:
         """Begin an episode at each of the starts (N, s), states or seeds. Returns the first observation (N, D)."""
-        self.world: World = make_world(self.task, len(begun))
+        self.world: World = make_world(self.task, len(begun), drawn=self._drawn)
         self.world.restart(np.arange(len(begun)), begun)
         self.t: Integers = np.zeros(len(begun), dtype=np.int64)
         self.memory = self.method.initial_memory(self.signals, self.t)

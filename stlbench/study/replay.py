@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stlbench.contract import Array, RewardMethod
+from stlbench.contract import Array, GymTask, RewardMethod
 from stlbench.errors import UsageError
 from stlbench.result import Result
 from stlbench.rollout import referee
+from stlbench.rollout.reenactment import Reenactment
 from stlbench.rollout.saved_policies import Which
 from stlbench.rollout.saved_traces import Film
 from stlbench.rollout.traces import Recording
@@ -20,7 +21,7 @@ from stlbench.study.kept import load_policy
 from stlbench.task import Task
 from stlbench.task.start_sets import StateStarts
 
-__all__ = ["EVERY", "Replay", "Start", "parse_start", "replay"]
+__all__ = ["EVERY", "Replay", "Start", "parse_start", "reenact", "replay"]
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,18 @@ def replay(folder: Path, result: Result, which: Which = "selected", start: Start
     extremes = np.array([np.argmax(robustness), np.argmin(robustness)])[: len(traces)]
     states = np.stack(visited, axis=1)
     return Replay(task, method, Recording(traces, 1, Film(extremes, states[extremes])), robustness)
+
+
+def reenact(folder: Path, result: Result, which: Which, start: Start, film: Film) -> Reenactment:
+    """Let a cell's stored policy act before a camera, from the starts of a film.
+
+    Raises:
+        UsageError: as `replay`, or the task's environment has no pictures.
+    """
+    task, method, policy = load_policy(folder, result, which)
+    if isinstance(task.dynamics, GymTask) and task.source.undrawn:
+        raise UsageError(task.source.undrawn)
+    return Reenactment(task, method, policy, _begun(task, start)[film.starts])
 
 
 def _begun(task: Task, start: Start) -> Array:

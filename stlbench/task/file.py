@@ -51,6 +51,8 @@ class Environment(Entry):
     api: Literal["gymnasium", "pettingzoo"] = "gymnasium"
     kwargs: dict[str, Any] = Field(default_factory=dict)
     """What it is made with."""
+    drawn: dict[str, Any] = Field(default_factory=dict)
+    """What copies are made with beside that which films show, such as a camera's name. Changes no result."""
     names: tuple[str, ...] | dict[str, tuple[str, ...]] | None = None
     """Of all entries of the observation, in their order; of a Dict observation {key: names of its entries}."""
     scale: dict[str, Positive] = Field(default_factory=dict)

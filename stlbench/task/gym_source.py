@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from copy import copy
 from functools import lru_cache, partial
-from typing import Any
 
 from stlbench.contract import GymTask
 from stlbench.environments.acting import ActionAxis
 from stlbench.environments.joint import parallel
 from stlbench.environments.making import Gym, failed, made
-from stlbench.environments.source import GymSource
+from stlbench.environments.source import GymSource, RenderMode
 from stlbench.errors import UsageError
 from stlbench.task.file import Axis, Environment, TaskFile
 
@@ -53,9 +52,11 @@ def _of_file(file: TaskFile) -> GymSource:
     return _of_text(file.environment.model_dump_json(), json.dumps(_expressions(file)))
 
 
-def _made(file: TaskFile, task: GymTask) -> Gym:
+def _made(file: TaskFile, task: GymTask, render_mode: RenderMode) -> Gym:
+    maker = copy(task)
+    maker.render_mode = render_mode
     try:
-        env = task.make()
+        env = maker.make()
     except UsageError:
         raise
     except Exception as error:
@@ -64,11 +65,12 @@ def _made(file: TaskFile, task: GymTask) -> Gym:
         return env
     if file.environment is None:
         raise UsageError(_NONE)
-    return _by_id(file.environment.api, file.environment.id, file.environment.kwargs)
+    return _by_id(file.environment, render_mode)
 
 
-def _by_id(api: str, identifier: str, keywords: Mapping[str, Any]) -> Gym:
-    return made(identifier, keywords) if api == "gymnasium" else parallel(identifier, keywords)
+def _by_id(entry: Environment, render_mode: RenderMode) -> Gym:
+    keywords = entry.kwargs if render_mode is None else entry.kwargs | entry.drawn | {"render_mode": render_mode}
+    return (made if entry.api == "gymnasium" else parallel)(entry.id, keywords)
 
 
 def _expressions(file: TaskFile) -> dict[str, str]:
@@ -79,8 +81,7 @@ def _expressions(file: TaskFile) -> dict[str, str]:
 def _of_text(environment: str, texts: str) -> GymSource:
     """By JSON of the entry and of the expressions: tasks that differ in other things share their copies."""
     entry = Environment.model_validate_json(environment)
-    make = partial(_by_id, entry.api, entry.id, entry.kwargs)
-    return GymSource(make, json.loads(texts), entry.names, entry.scale)
+    return GymSource(partial(_by_id, entry), json.loads(texts), entry.names, entry.scale)
 
 
 def _check_actions(declared: dict[str, Axis], axes: tuple[ActionAxis, ...]) -> None:

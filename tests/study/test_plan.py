@@ -253,3 +253,18 @@ def test_what_only_people_read_is_not_part_of_the_key(monkeypatch, words):
     monkeypatch.setattr(planning, "load_task", lambda name: other)
     assert other.file != task.file
     assert key() == before
+
+
+def test_how_an_environment_is_drawn_is_not_part_of_the_key_and_how_it_is_made_is(monkeypatch):
+    pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    task = load_task("hopper")
+
+    def key(**changes):
+        environment = task.file.environment.model_copy(update=changes)
+        other = replace(task, file=task.file.model_copy(update={"environment": environment}))
+        monkeypatch.setattr(planning, "load_task", lambda name: other)
+        (cell,) = plan_cells(parse_choices("hopper"), parse_choices("flag"), parse_choices("td3"), [0], "smoke")
+        return cell.key
+
+    assert key(drawn={}) == key()
+    assert key(kwargs={}) != key()

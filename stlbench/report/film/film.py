@@ -1,7 +1,7 @@
 """Films of a cell: the best and the worst start of its report side by side, as GIF or MP4.
 
-What a film shows is the system's own pictures where it draws any (`presentation.Drawn`), else the plane that the task
-file names, else the signals against time.
+What a film shows is the pictures of a system that draws itself (`presentation.Drawn`) or of an environment, else the
+plane that the task file names, else the signals against time.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from stlbench.rollout.saved_traces import Film
 from stlbench.rollout.traces import Recording
 from stlbench.task.task import Task
 
-__all__ = ["Pace", "Scene", "pace", "scene", "write"]
+__all__ = ["Pace", "Pictures", "Scene", "pace", "scene", "write"]
 
 SHORTEST, LONGEST = 4.0, 12.0
 """Seconds that a film lasts, whatever the episode does: 150 frames at most."""
@@ -39,6 +39,8 @@ _PAUSE = 8
 
 Update = Callable[[int], None]
 """Shows the sample of that index."""
+Pictures = Callable[[int], Sequence[Pixels]]
+"""At a sample, a picture of each start that is shown. Asked for in the order of time."""
 
 
 class Pace(NamedTuple):
@@ -65,7 +67,14 @@ def pace(steps: int, dt: float) -> Pace:
     return Pace(np.linspace(0, steps, count).round().astype(np.int64), steps * dt * FRAMES_A_SECOND / count)
 
 
-def write(task: Task, recording: Recording, robustness: tuple[float, ...], title: str, path: Path) -> str:
+def write(
+    task: Task,
+    recording: Recording,
+    robustness: tuple[float, ...],
+    title: str,
+    path: Path,
+    pictures: Pictures | None = None,
+) -> str:
     """Write the film of a cell; the ending of `path`, gif or mp4, says as what.
 
     Args:
@@ -74,11 +83,12 @@ def write(task: Task, recording: Recording, robustness: tuple[float, ...], title
         robustness: of each start, as the referee scored it.
         title: the cell's name.
         path: the file; folders above it are made.
+        pictures: of the best and the worst start, where they are not of a system that draws itself.
 
     Returns:
         A remark on what is shown, or nothing.
     """
-    shown = scene(task, recording, robustness)
+    shown = scene(task, recording, robustness, pictures)
     write_video(_frames(task, shown, title), path)
     return shown.remark
 
@@ -110,44 +120,47 @@ def _heading(title: str, task: Task, sample: int, speed: float) -> str:
     return f"{title}, {speed:.2g} x real time: {sample * task.file.sampling_time:6.2f} s, step {sample:4d}"
 
 
-def scene(task: Task, recording: Recording, robustness: tuple[float, ...]) -> Scene:
+def scene(task: Task, recording: Recording, robustness: tuple[float, ...], pictures: Pictures | None = None) -> Scene:
     """The figure that a film moves: the best start on the left, the worst on the right; a single one alone."""
     chosen = np.array([np.argmax(robustness), np.argmin(robustness)])[: len(robustness)]
     which = ("best start: ", "worst start: ") if len(chosen) > 1 else ("",)
     names = [f"{said}robustness {robustness[i]:.3g}" for said, i in zip(which, chosen, strict=True)]
-    picture, remark = _first_picture(task, recording)
-    if picture is not None and recording.film is not None and isinstance(task.dynamics, Drawn):
-        hold = task.file.steps // (recording.film.states.shape[1] - 1)  # which the cell's track may have changed
-        return _pictures(task.dynamics, hold, recording.film, picture, names)
+    remark = ""
+    if isinstance(task.dynamics, Drawn):
+        pictures, remark = _of_system(task.dynamics, task.file.steps, recording.film)
+    if pictures is not None:
+        try:
+            return _pictures(pictures, names)
+        except RuntimeError as error:
+            remark = f"no pictures, {error}"
     drawn = _plane if task.file.plane else _signals
     return drawn(task, recording.traces[chosen], names)._replace(remark=remark)
 
 
-def _first_picture(task: Task, recording: Recording) -> tuple[Pixels | None, str]:
-    """The system's picture of the best start's first state, or none and why, where the system draws itself."""
-    if not isinstance(task.dynamics, Drawn):
-        return None, ""
-    if recording.film is None:
+def _of_system(system: Drawn, steps: int, film: Film | None) -> tuple[Pictures | None, str]:
+    """Those of the states that were recorded, or none and why."""
+    if film is None:
         return None, "no pictures of the system, as the cell's file of traces has no states; it is of an older version"
-    try:
-        return task.dynamics.frame(recording.film.states[0, 0]), ""
-    except RuntimeError as error:
-        return None, f"no pictures of the system, {error}"
+    last = film.states.shape[1] - 1
+    hold = steps // last  # which the cell's track may have changed
+    return lambda sample: [system.frame(states[min(sample // hold, last)]) for states in film.states], ""
 
 
-def _pictures(system: Drawn, hold: int, film: Film, first: Pixels, names: list[str]) -> Scene:
-    height, width = first.shape[:2]
+def _pictures(pictures: Pictures, names: list[str]) -> Scene:
+    """Raises `RuntimeError` where there are none of the first sample."""
+    first = pictures(0)
+    height, width = first[0].shape[:2]
     wide = _WIDTHS[len(names)]
     figure = Figure(figsize=(wide, 0.9 + wide / len(names) * height / width), dpi=_DPI, layout="constrained")
     images = []
-    for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
-        images.append(axes.imshow(first))
+    for axes, name, picture in zip(figure.subplots(1, len(names), squeeze=False)[0], names, first, strict=True):
+        images.append(axes.imshow(picture))
         axes.set_title(name, fontsize=10)
         axes.set_axis_off()
 
     def update(sample: int) -> None:
-        for image, states in zip(images, film.states, strict=True):
-            image.set_data(system.frame(states[min(sample // hold, len(states) - 1)]))
+        for image, picture in zip(images, pictures(sample), strict=True):
+            image.set_data(picture)
 
     return Scene(figure, update, images)
 

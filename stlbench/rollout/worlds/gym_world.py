@@ -13,6 +13,7 @@ from stlbench.environments.acting import as_action
 from stlbench.environments.expressions import unknown
 from stlbench.environments.source import GymSource, numbers
 from stlbench.errors import UsageError
+from stlbench.presentation import Pixels
 
 __all__ = ["GymWorld"]
 
@@ -23,10 +24,10 @@ class GymWorld(World):
     A copy has ended once the environment says that it is terminated or truncated.
     """
 
-    def __init__(self, task: GymTask, source: GymSource, count: int) -> None:
-        self._task, self._source = task, source
-        self._copies = source.borrow(count)
-        weakref.finalize(self, source.give_back, self._copies)
+    def __init__(self, task: GymTask, source: GymSource, count: int, *, drawn: bool = False) -> None:
+        self._task, self._source, self._drawn = task, source, drawn
+        self._copies = source.borrow(count, drawn=drawn)
+        weakref.finalize(self, source.give_back, self._copies, drawn=drawn)
         self._seen = np.zeros((count, source.observed.size))
         self._last: list[tuple[Any, Mapping[str, Any]]] = [(None, {})] * count
         self.signals = np.zeros((count, len(source.signals)))
@@ -60,6 +61,15 @@ class GymWorld(World):
     def features(self, t: Integers) -> Array:
         """See `World`: the observation, scaled."""
         return self._source.observed.scaled(self._seen)
+
+    def frames(self) -> tuple[Pixels, ...] | None:
+        """See `World`: what the environment renders, of copies that are drawn."""
+        if not self._drawn:
+            return None
+        pictures = tuple(np.asarray(copy.render()) for copy in self._copies)
+        if any(picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8 for picture in pictures):
+            raise RuntimeError("the environment's render() returns no picture (height, width, 3) of uint8")
+        return pictures
 
     def by_hand(self, t: Integers) -> Array | None:
         """See `World`."""

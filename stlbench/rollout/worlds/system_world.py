@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from stlbench.contract import Array, Integers, System, World
+from stlbench.presentation import Drawn, Pixels
 
 __all__ = ["SystemWorld"]
 
@@ -50,6 +51,10 @@ class SystemWorld(World):
         """See `World`."""
         system = self.system
         return system.features(self._state, t) if self._engineered else system.scaled_state(self._state)
+
+    def frames(self) -> tuple[Pixels, ...] | None:
+        """See `World`: of a system that draws itself."""
+        return tuple(map(self.system.frame, self._state)) if isinstance(self.system, Drawn) else None
 
     def by_hand(self, t: Integers) -> Array | None:
         """See `World`."""

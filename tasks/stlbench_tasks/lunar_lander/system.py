@@ -22,7 +22,8 @@ class LunarLander(GymTask):
 
         from stlbench_tasks.lunar_lander.crashes import Crashes
 
-        return Crashes(gymnasium.make("LunarLanderContinuous-v3", max_episode_steps=-1, disable_env_checker=True))
+        name, mode = "LunarLanderContinuous-v3", self.render_mode
+        return Crashes(gymnasium.make(name, max_episode_steps=-1, disable_env_checker=True, render_mode=mode))
 
     def controller(self, observation: Any, info: Mapping[str, Any], t: int) -> Sequence[float]:
         """Lean against the way to the pad, and fall the slower the nearer: throttle and side engines in [-1, 1]."""

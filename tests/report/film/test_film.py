@@ -116,10 +116,24 @@ def test_a_system_that_draws_itself_is_shown_so_at_the_latest_decision():
     assert remark == ""
 
 
+def test_pictures_of_an_environment_are_shown_as_they_come():
+    asked = []
+
+    def pictures(sample):
+        asked.append(sample)
+        return [np.full((6, 8, 3), 10 * i + sample, dtype=np.uint8) for i in (1, 2)]
+
+    figure, update, images, remark = film.scene(task(), RECORDING, ROBUSTNESS, pictures)
+    update(4)
+    assert [int(image.get_array()[0, 0, 0]) for image in images] == [14, 24]
+    assert (asked, remark) == ([0, 4], "")
+    assert figure.axes[1].get_title() == "worst start: robustness -1.25"
+
+
 @pytest.mark.parametrize(
     ("kind", "recording", "remark"),
     [
-        (Broken, filmed(), "no pictures of the system, the pencils are missing"),
+        (Broken, filmed(), "no pictures, the pencils are missing"),
         (Drawn, RECORDING, "no pictures of the system, as the cell's file of traces has no states"),
     ],
 )

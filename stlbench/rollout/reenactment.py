@@ -1,0 +1,43 @@
+"""A policy that acts again, in copies of an environment that draw themselves: what a film shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stlbench.contract import Array, Policy, RewardMethod
+from stlbench.presentation import Pixels
+from stlbench.rollout.environment import Simulator
+from stlbench.task.task import Task
+
+__all__ = ["Reenactment"]
+
+
+class Reenactment:
+    """Pictures of each copy in the order of time. The state of an environment cannot be set, so it is lived again."""
+
+    def __init__(self, task: Task, method: RewardMethod, policy: Policy, begun: Array) -> None:
+        """Args: `begun` the starts (n, s), one for each copy."""
+        self._policy, self._simulator = policy, Simulator(task, method, rewarded=False, drawn=True)
+        self._simulator.reset(begun)
+        self._samples = [self._simulator.signals[:, None].copy()]
+
+    def __call__(self, sample: int) -> Sequence[Pixels]:
+        """The pictures at the last decision before a sample, which is none before the one that was asked for last.
+
+        Raises `RuntimeError`, in one line, where there are no pictures.
+        """
+        simulator = self._simulator
+        while simulator.t[0] + simulator.hold <= sample:
+            self._samples.append(simulator.advance(self._policy.act(simulator.observe())).samples)
+        pictures = simulator.world.frames()
+        if pictures is None:
+            raise RuntimeError("the simulation has no picture of itself")
+        return pictures
+
+    def repeats(self, traces: Array) -> bool:
+        """Whether the samples up to now are those of traces (n, T + 1, k); after an early end these may be NaN."""
+        lived = np.concatenate(self._samples, axis=1)
+        recorded = traces[:, : lived.shape[1]]
+        return bool(np.allclose(np.where(np.isnan(recorded), lived, recorded), lived))
