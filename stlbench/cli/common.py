@@ -8,6 +8,7 @@ import os
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
+from io import TextIOWrapper
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
@@ -37,6 +38,8 @@ class Commands(TyperGroup):
         **extra: Any,
     ) -> Any:
         """Run the command line, and exit unless `standalone_mode` is off."""
+        if isinstance(sys.stdout, TextIOWrapper):
+            sys.stdout.reconfigure(errors="backslashreplace")  # names of files need be no text; stderr is so already
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
             try:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,15 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stlbench.contract_parts.texts import cause
 from stlbench.result import CellId
 
-__all__ = ["DAMAGED", "cell_file", "write"]
-
-DAMAGED = (
-    *(OSError, ValueError, TypeError, KeyError, EOFError, MemoryError, RuntimeError),
-    *(zipfile.BadZipFile, zlib.error),
-)
-"""What reading an .npz raises where it is damaged, encrypted, a pickle, or no .npz at all."""
+__all__ = ["cell_file", "read", "write"]
 
 
 def cell_file(folder: Path, cell: CellId, key: str) -> Path:
@@ -40,3 +33,20 @@ def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     with part.open("wb") as file:  # a path would be given the ending .npz
         np.savez_compressed(file, allow_pickle=False, **arrays)
     part.replace(path)
+
+
+def read(path: Path, prefix: str = "") -> dict[str, NDArray[Any]]:
+    """The arrays of a file whose names begin so.
+
+    Raises:
+        ValueError: in a line; it cannot be read, is damaged or encrypted, has objects, or is no .npz at all.
+    """
+    try:
+        with np.load(path) as saved:
+            found = {name: saved[name] for name in saved.files if name.startswith(prefix)}
+    except Exception as error:  # damage lets zipfile and NumPy raise nearly anything, even a tokenize.TokenError
+        raise ValueError(cause(error)[:200]) from error
+    for name, array in found.items():
+        if not isinstance(array, np.ndarray):  # bytes, where NumPy does not know the beginning
+            raise ValueError(f"'{name}' is no array")
+    return found

@@ -72,12 +72,11 @@ def read(results: Path, result: Result, which: Which) -> Arrays:
     there = "selected" if policies.selected == policies.final else which
     if not path.is_file():
         raise UsageError(f"{name} has no policy at {path}; `stlbench run` stores it when it trains a cell")
+    prefix = f"{there}/"
     try:
-        with np.load(path) as saved:
-            own = [entry for entry in saved.files if entry.startswith(f"{there}/")]
-            arrays = {entry.removeprefix(f"{there}/"): np.asarray(saved[entry]) for entry in own}
-    except npz.DAMAGED as error:
-        raise UsageError(f"cannot read {path} as policies of stlbench: {str(error)[:200]}") from error
+        arrays = {entry.removeprefix(prefix): array for entry, array in npz.read(path, prefix).items()}
+    except ValueError as error:
+        raise UsageError(f"cannot read {path} as policies of stlbench: {error}") from error
     if digest(arrays) != getattr(policies, which):
         raise UsageError(f"{path} does not have the {which} policy of {name}: its hash is not the recorded one")
     return arrays

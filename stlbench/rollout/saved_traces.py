@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stlbench.contract import Array, Integers
+from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 from stlbench.result import MAIN, CellId, Result
 from stlbench.rollout import npz
@@ -74,11 +75,13 @@ def read_saved(path: Path) -> SavedTraces:
         UsageError: no such file, or none with `traces` (N, T + 1, k) and the names of k `signals`.
     """
     try:
-        with np.load(path) as saved:
-            samples, names = np.asarray(saved["traces"], dtype=np.float64), tuple(map(str, saved["signals"].tolist()))
-            film = Film(saved["extremes"], saved["states"]) if "states" in saved else None
-    except npz.DAMAGED as error:
-        raise UsageError(f"cannot read {path} as traces of stlbench: {str(error)[:200]}") from error
+        arrays = npz.read(path)
+        samples, names = np.asarray(arrays["traces"], dtype=np.float64), tuple(map(str, arrays["signals"].tolist()))
+        film = Film(arrays["extremes"], arrays["states"]) if "states" in arrays else None
+    except KeyError as error:
+        raise UsageError(f"cannot read {path} as traces of stlbench: it has no {error}") from error
+    except (ValueError, TypeError) as error:
+        raise UsageError(f"cannot read {path} as traces of stlbench: {one_line(error)}") from error
     if samples.ndim != 3 or 0 in samples.shape or samples.shape[2] != len(names):
         raise UsageError(f"{path}: traces have shape (starts, steps, {len(names)} signals), got {samples.shape}")
     return SavedTraces(names, samples, film)

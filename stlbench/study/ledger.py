@@ -175,7 +175,11 @@ class Ledger:
         return {row.identity: row for row in sorted(rows, key=lambda row: (row.key in planned, row.number))}.values()
 
     def _planned(self) -> dict[str, tuple[str | int, ...]]:
-        return {key: tuple(identity) for key, *identity in self._rows(f"SELECT key, {_IDENTITY} FROM planned")}  # noqa: S608
+        try:
+            return {key: tuple(identity) for key, *identity in self._rows(f"SELECT key, {_IDENTITY} FROM planned")}  # noqa: S608
+        except sqlite3.DatabaseError as error:
+            warnings.warn(f"{self.path}: its plan is damaged and passed over ({error})", LedgerWarning, stacklevel=3)
+            return {}
 
     def _listed(self) -> list[_Row]:
         """All rows, one by one where a page of the file is damaged: then those that can be read."""
@@ -186,7 +190,11 @@ class Ledger:
 
     def _salvaged(self) -> list[_Row]:
         found, planned = list[_Row](), self._planned()
-        for number, key in self._rows("SELECT rowid, key FROM cells"):  # of an index, which is in other pages
+        try:
+            listed = self._rows("SELECT rowid, key FROM cells")  # of an index, which is in other pages
+        except sqlite3.DatabaseError as error:
+            raise UsageError(f"{self.path} is damaged so far that its cells cannot be told apart: {error}") from error
+        for number, key in listed:
             try:
                 (row,) = self._rows(f"{_LISTED} WHERE rowid = ?", number)
                 found.append(_Row.of(*row))

@@ -7,15 +7,16 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import folders
 from stlbench.registry.choices import Choice, choice_of, parse_choices
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
 from stlbench.study.tracks import read_recipes
+from stlbench.task.yaml_text import load_yaml
 
 __all__ = ["MOST_SEEDS", "Study", "parse_seeds"]
 
@@ -147,13 +148,13 @@ class Study(BaseModel):
 
 def _content(path: Path) -> Mapping[str, Any]:
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeError) as error:
         raise UsageError(f"cannot read the study {path}: {error}") from error
-    except yaml.YAMLError as error:
-        raise UsageError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
-    except RecursionError:
-        raise UsageError(f"{path} nests too deep") from None
+    try:
+        content = load_yaml(text, str(path))
+    except UsageError as error:
+        raise UsageError(one_line(error)) from error
     if not isinstance(content, dict):
         raise UsageError(f"{path}: a study has keys such as tasks and methods, got {content!r:.80}")
     return content

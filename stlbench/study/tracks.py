@@ -10,11 +10,13 @@ from typing import Any
 import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
 from stlbench.result import Track
 from stlbench.task.entry import Count
 from stlbench.task.task import Task
+from stlbench.task.yaml_text import load_yaml
 
 __all__ = ["Recipe", "Recipes", "on_track", "read_recipes", "write_recipes"]
 
@@ -55,11 +57,12 @@ class Recipes:
 def read_recipes(path: Path) -> Recipes:
     """The recipes of a file that `stlbench tune` wrote. Raises `UsageError` with the entry that is wrong."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-        recipes = content["recipes"]
+        recipes = load_yaml(path.read_text(encoding="utf-8"), str(path))["recipes"]
         found = TypeAdapter(dict[str, dict[str, dict[str, Recipe]]]).validate_python(recipes)
-    except (OSError, UnicodeError, yaml.YAMLError) as error:
-        raise UsageError(f"cannot read the recipes {path}: {' '.join(str(error).split())}") from error
+    except UsageError as error:
+        raise UsageError(f"cannot read the recipes {one_line(error)}") from error
+    except (OSError, UnicodeError) as error:
+        raise UsageError(f"cannot read the recipes {path}: {one_line(error)}") from error
     except (KeyError, TypeError) as error:
         raise UsageError(f"{path}: a file of recipes has the key recipes, as `stlbench tune` writes it") from error
     except ValidationError as error:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-import yaml
 from pydantic import ValidationError
 
 from stlbench.errors import UsageError
@@ -15,6 +14,7 @@ from stlbench.task.checks import check_entries
 from stlbench.task.entry import Timing
 from stlbench.task.file import TaskFile
 from stlbench.task.parts import Parts, as_parts, right_parts
+from stlbench.task.yaml_text import load_yaml
 
 __all__ = ["Reading", "errors_of", "read", "read_task_file"]
 
@@ -35,12 +35,7 @@ def read(text: str, name: str) -> Reading:
 
     Cached, since a command asks for its tasks several times, and YAML is slow to read.
     """
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise UsageError(f"task {name}: task.yaml is no YAML: {error}") from error
-    except RecursionError:
-        raise UsageError(f"task {name}: task.yaml nests too deep") from None
+    content = load_yaml(text, f"task {name}: task.yaml")
     timing = _timing(content)
     try:
         file = TaskFile.model_validate(content, context=timing)

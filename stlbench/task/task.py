@@ -191,6 +191,8 @@ def _text(name: str, kind: type) -> str:
         return place.joinpath("task.yaml").read_text(encoding="utf-8")
     except FileNotFoundError as error:
         raise UsageError(f"task {name}: there is no task.yaml in the package {package}") from error
+    except (OSError, UnicodeError) as error:
+        raise UsageError(f"task {name}: task.yaml cannot be read: {error}") from error
 
 
 def _dynamics(plugin: plugins.Plugin, parts: Parts) -> Dynamics | None:

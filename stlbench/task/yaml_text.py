@@ -1,0 +1,48 @@
+"""YAML from a user: plain values, or what is wrong with the text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+
+from stlbench.contract_parts.texts import cause
+from stlbench.errors import UsageError
+
+__all__ = ["load_yaml"]
+
+MOST = 200_000
+"""Values that a file may have, each alias counted as what it stands for."""
+
+
+def load_yaml(text: str, place: str) -> Any:
+    """The content of a text, which comes from `place`.
+
+    Raises:
+        UsageError: it is no YAML, a value is none of its type (2001-99-99), it nests too deep, or a few aliases make
+            more of it than any file would have.
+    """
+    try:
+        content = yaml.safe_load(text)
+        size = _size(content, {})
+    except yaml.YAMLError as error:
+        raise UsageError(f"{place} is no YAML: {error}") from error
+    except RecursionError:
+        raise UsageError(f"{place} nests too deep") from None
+    except Exception as error:  # of a value: a ValueError of a date, a KeyError of a word that should be true or false
+        raise UsageError(f"{place} is no YAML: a value is none of its type ({cause(error)})") from error
+    if size > MOST:
+        raise UsageError(f"{place} has more than {MOST} values, or an alias inside of what it stands for")
+    return content
+
+
+def _size(value: Any, known: dict[int, int]) -> int:
+    """How many values there are in it. What is within itself has too many."""
+    if not isinstance(value, Mapping | list | set | tuple):
+        return 1
+    if id(value) not in known:
+        known[id(value)] = MOST + 1
+        parts = [*value, *value.values()] if isinstance(value, Mapping) else value
+        known[id(value)] = 1 + sum(_size(part, known) for part in parts)
+    return known[id(value)]
