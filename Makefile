@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test quick lint types imports unit coverage lowest docs gate bench reference tuning alignment ablation agents clean
+.PHONY: run test quick lint types imports unit coverage lowest docs gate bench soak reference tuning alignment ablation agents clean
 
 ## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
 run: $(VENV)/ready
@@ -59,6 +59,13 @@ bench: $(VENV)/ready-bench
 	$(BIN)/python -m pytest $(PARTS) --benchmark-only -q --benchmark-json=results/benchmarks.json
 	$(BIN)/python tests/benchmarks/collect.py results/benchmarks.json --json results/bench.json \
 	  $(if $(filter-out tests/benchmarks,$(PARTS)),--merge) --page docs/performance.md
+
+## What takes too long for each change: 10,000 cells of which 500 misbehave, in a run that is killed 50 times, and damaged
+## input of all kinds; some hours. The first goes on where it was interrupted: make soak SOAK="--cells 2000 --kills 10"
+SOAK :=
+soak: $(VENV)/ready-dev
+	$(BIN)/python tests/long/soak.py --folder build/soak $(SOAK)
+	$(BIN)/python -m pytest -q -n auto -m long
 
 ## All tasks x all methods x 10 seeds, and the tracks plain and tuned on six of the tasks: about 4 hours of CPU time; goes
 ## on where it was interrupted. The recipes of the track tuned are those of `make tuning`. See docs/reproduction.md.

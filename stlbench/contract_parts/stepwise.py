@@ -48,8 +48,9 @@ def along_by_steps(method: Stepping, samples: Array, action: Array, t: Integers,
         before, after = samples[:-1].reshape(-1, k), samples[1:].reshape(-1, k)
         times = (t + np.arange(held)[:, None]).ravel()
         reward, _ = method.step(before, np.tile(action, (held, 1)), after, times, np.zeros((len(times), 0)))
-        return reward.reshape(held, rows), memory
-    rewards = np.empty((held, rows))
+        return (reward.reshape(held, rows) if np.shape(reward) == times.shape else reward), memory
+    rewards = []  # as they are: whoever asks checks their shape, which NumPy would stretch
     for i in range(held):
-        rewards[i], memory = method.step(samples[i], action, samples[i + 1], t + i, memory)
-    return rewards, memory
+        reward, memory = method.step(samples[i], action, samples[i + 1], t + i, memory)
+        rewards.append(reward)
+    return np.array(rewards, np.float64), memory

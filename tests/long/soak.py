@@ -102,7 +102,8 @@ class Soak:
             if until is not None and next(until):
                 run.kill()
                 self.found.kills += 1
-            time.sleep(0.02 if until is not None else 0.2)
+                break
+            time.sleep(0.05)
         if run.wait() not in (0, -signal.SIGKILL):
             self._broken(f"the run ended with exit code {run.wait()}")
             raise SystemExit("\n".join(self.found.broken))
@@ -139,6 +140,8 @@ class Soak:
             self._sampled = now
             with suppress(psutil.Error):
                 memory, descriptors = run.memory_info().rss, run.num_fds()
+                if not memory:  # it ends
+                    return
                 self.found.memory.append(memory)
                 self.found.descriptors.append(descriptors)
 

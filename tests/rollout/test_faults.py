@@ -194,3 +194,23 @@ def test_a_scale_that_nothing_can_be_divided_by(scale: float, monkeypatch: pytes
     monkeypatch.setattr(Raw, "__init__", lambda self, specification: setattr(self, "scale", scale))
     with pytest.raises(ValueError, match=r"^method raw: its scale should be finite and more than 0, it is"):
         build_method(line(), "raw")
+
+
+@pytest.mark.parametrize(("hold", "size"), [(1, 0), (2, 0), (1, 1), (2, 1)])
+@pytest.mark.parametrize("shape", [(), (1,), (5,)])
+def test_the_number_of_rewards_of_one_step(hold: int, size: int, shape: tuple[int, ...]) -> None:
+    """One for all copies is not stretched to as many as there are."""
+
+    class Odd(RewardMethod):
+        """Rewards of another shape."""
+
+        memory_size = size
+
+        def step(self, signals: Array, action: Array, after: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+            return np.zeros(shape), memory
+
+    task = line(hold=hold)
+    environment = BatchEnvironment(task, Odd(task.specification), 3, seed=0)
+    environment.reset()
+    with pytest.raises(PluginFault, match=r"^method Odd: the shape of its rewards is "):
+        environment.step(STAY)
