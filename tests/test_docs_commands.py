@@ -88,26 +88,6 @@ def test_every_command_and_option_is_in_the_reference() -> None:
             assert option == "--help" or f"`{option}" in text, f"{name} {option}"
 
 
-@pytest.mark.parametrize(
-    ("page", "heading", "kind", "name"),
-    [
-        ("reference/methods.md", "## funnel", "methods", "funnel"),
-        ("reference/methods.md", "## raw", "methods", "raw"),
-        ("reference/methods.md", "## flag", "methods", "flag"),
-        ("reference/methods.md", "## tau-mdp", "methods", "tau-mdp"),
-    ],
-)
-def test_parameters_and_defaults(page: str, heading: str, kind: str, name: str) -> None:
-    text = (DOCS / page).read_text(encoding="utf-8").partition(f"\n{heading}\n")[2].partition("\n## ")[0]
-    table = text[text.index("| parameter | default") :]
-    shown = dict(re.findall(r"^\| `(\w+)` \| (.*?) \|", table, re.MULTILINE))
-    declared = plugins.parameters(plugins.find(kind, name))
-    assert {key: value.strip("`") for key, value in shown.items()} == {
-        key: ", ".join(map(str, default)) if isinstance(default, tuple) else str(default)
-        for key, (_, default) in declared.items()
-    }
-
-
 def test_the_keys_of_a_task_file() -> None:
     table = rows("howto/task.md", "## The task file")
     assert set(table) == set(TaskFile.model_fields)
