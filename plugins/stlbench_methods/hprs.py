@@ -36,6 +36,8 @@ class Hprs(RewardMethod):
             for b - a + 1 samples.
         variant: `paper`, as above. `auto-shaping`, as that program has it: Phi_T = 0, since its product begins with 0,
             and the last transition is shaped, as a time limit is no end there.
+        violation: what a sample is that is not safe. `stays`: all goes on. `ends`: all is over, as the environments of
+            the source end an episode there; the transition to it has no shaping, and nothing is paid after it.
         gamma: 1 in the sources.
 
     Raises:
@@ -48,6 +50,7 @@ class Hprs(RewardMethod):
         *,
         later: Literal["safety", "target"] = "safety",
         variant: Literal["paper", "auto-shaping"] = "paper",
+        violation: Literal["stays", "ends"] = "stays",
         gamma: Annotated[float, Field(gt=0, le=1)] = 1.0,
     ) -> None:
         super().__init__(specification)
@@ -59,9 +62,10 @@ class Hprs(RewardMethod):
         self._needed = np.array([_samples(term) for term in self._targets])
         self._gamma, self._shaped = gamma, variant == "auto-shaping"
         self._weight = float(variant == "paper")
-        several = len(self._targets) > 1
-        self.memory_size = 2 if several else 0
-        self.extension = f"intervals are not looked at{'; several targets' if several else ''}"
+        self._counted = 2 if len(self._targets) > 1 else 0
+        self.can_end = violation == "ends"
+        self.memory_size = self._counted + int(self.can_end)
+        self.extension = f"intervals are not looked at{'; several targets' if self._counted else ''}"
         self.scale = 1.0 - self.floor
 
     @property
@@ -69,26 +73,40 @@ class Hprs(RewardMethod):
         """That of a step from the greatest potential to 0."""
         return -(len(self._safety) + self._weight * len(self._targets))
 
+    @property
+    def input_size(self) -> int:
+        """Two with several targets. Whether all is over is not shown."""
+        return self._counted
+
     def initial_memory(self, signals: Array, t: Integers) -> Array:
-        """None done before the first sample, which counts: (N, 2), or (N, 0) with one target."""
-        before = np.zeros((len(signals), self.memory_size))
-        return self._progress(truths(self._at, signals[None]), before)[1] if self.memory_size else before
+        """None done before the first sample, which counts as a target, and not as a violation: (N, m)."""
+        counted = self._progress(truths(self._at, signals[None]), np.zeros((len(signals), self._counted)))[1]
+        return np.concatenate([counted, np.zeros((len(signals), self.memory_size - self._counted))], axis=1)
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The rewards (h, N), and how many targets are done (N, 2)."""
-        at = truths(self._at, samples)
-        done, after = self._progress(at[:, 1:], memory)
-        potential = self._potential(samples, done)
+        """The rewards (h, N), and the memory at the last sample (N, m)."""
+        at, safe = truths(self._at, samples), truths(self._safe, samples)
+        done, after = self._progress(at[:, 1:], memory[:, : self._counted])
+        potential = self._potential(samples, safe, done)
         shaping = self._gamma * potential[1:] - potential[:-1]
         if not self._shaped:
             shaping[t + np.arange(len(shaping))[:, None] == self.specification.steps - 1] = 0.0
         reached = np.take_along_axis(at[:, 1:], done[None, :-1], axis=0)[0]
-        return reached + shaping, after
+        if not self.can_end:
+            return reached + shaping, after
+        over = np.logical_or.accumulate(np.concatenate([self.over(memory)[None], ~safe[:, 1:].all(axis=0)]))
+        rewards = np.where(over[:-1], 0.0, reached + np.where(over[1:], 0.0, shaping))
+        return rewards, np.column_stack([after, over[-1]])
+
+    def over(self, memory: Array) -> Truth:
+        """Whether a sample was not safe."""
+        over: Truth = memory[:, -1] > 0
+        return over
 
     def inputs(self, memory: Array) -> Array:
         """The share of the targets that is done, and of the samples that the one of now needs: in [0, 1]."""
-        if not self.memory_size:
-            return memory
+        if not self._counted:
+            return memory[:, :0]
         done = memory[:, 0].astype(np.int64)
         return np.stack([done / (len(self._targets) - 1), memory[:, 1] / self._needed[done]], axis=1)
 
@@ -97,9 +115,11 @@ class Hprs(RewardMethod):
         named = {"safety": self._safety, "targets": self._targets}
         return {kind: [str(term.formula) for term in terms] for kind, terms in named.items()}
 
-    def _potential(self, samples: Array, done: Integers) -> Array:
-        """Phi at the samples (h + 1, N, k), with so many targets done before the one of now (h + 1, N)."""
-        safe = truths(self._safe, samples)
+    def _potential(self, samples: Array, safe: Truth, done: Integers) -> Array:
+        """Phi at the samples (h + 1, N, k), with so many targets done before the one of now (h + 1, N).
+
+        `safe` (terms, h + 1, N) says which terms of safety hold.
+        """
         near = np.stack([_nearness(h(samples), low) for h, low in zip(self._near, self._least, strict=True)])
         now = np.take_along_axis(near, done[None], axis=0)[0]
         potential: Array = safe.sum(axis=0) + self._weight * safe.all(axis=0) * (done + now)
@@ -112,7 +132,7 @@ class Hprs(RewardMethod):
         """
         _, held, rows = at.shape
         now = np.zeros((held + 1, rows), dtype=np.int64)
-        if not self.memory_size:
+        if not self._counted:
             return now, memory
         last, row, count = len(self._targets) - 1, np.arange(rows), memory[:, 1]
         now[0] = memory[:, 0]

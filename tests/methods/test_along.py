@@ -18,8 +18,10 @@ from stlbench_methods.dense import Dense
 from stlbench_methods.flag import Flag
 from stlbench_methods.funnel import Funnel
 from stlbench_methods.hprs import Hprs
+from stlbench_methods.machine import Machine
 from stlbench_methods.raw import Raw
 from stlbench_methods.sparse import Sparse
+from stlbench_methods.tau_cmdp import TauCmdp
 from stlbench_methods.tau_mdp import TauMdp
 from stlbench_methods.tltl import Tltl
 
@@ -38,6 +40,9 @@ METHODS: dict[str, Callable[[Specification], RewardMethod]] = {
     "dense, difference": lambda spec: Dense(spec, mode="difference", semantics="agm"),
     "flag": lambda spec: Flag(spec, beta=2),
     "hprs": lambda spec: Hprs(spec, later="target"),
+    "hprs, ends": lambda spec: Hprs(spec, violation="ends"),
+    "machine": lambda spec: Machine(spec, shaping="phases"),
+    "tau-cmdp": lambda spec: TauCmdp(spec, beta=2),
     "sparse": Sparse,
     "tau-mdp": TauMdp,
     "tau-mdp, probability": lambda spec: TauMdp(spec, form="probability"),

@@ -36,6 +36,14 @@ class TestOneTarget:
         rewards, _ = run(Hprs(specification(SINGLE, BOX), variant="auto-shaping"), TRACE)
         assert rewards[0, 1:] == pytest.approx([0, 1, 0, 2, 0, 0])
 
+    def test_a_violation_that_ends_the_episode(self) -> None:
+        """Up to 3, which is not safe, as above; there 1[target] alone is paid, and then nothing."""
+        method = Hprs(specification(SINGLE, BOX), violation="ends")
+        rewards, memory = run(method, TRACE)
+        assert rewards[0, 1:] == pytest.approx([0.5, 1.5, 1, 0, 0, 0])
+        assert method.over(memory[0]).tolist() == [False] * 3 + [True] * 4
+        assert method.inputs(memory[0]).shape == (7, 0)
+
     def test_the_potentials_telescope(self) -> None:
         """The sum is how often the target held, and the difference of the potentials up to the last but one sample."""
         method = Hprs(specification(SINGLE, BOX))
@@ -98,6 +106,6 @@ def test_a_later_g_as_a_target() -> None:
 
 
 @pytest.mark.parametrize("task", ["reach-stay", "either-or", "dwell"])
-@pytest.mark.parametrize("options", [{}, {"variant": "auto-shaping"}, {"gamma": 0.9}], ids=str)
+@pytest.mark.parametrize("options", [{}, {"variant": "auto-shaping"}, {"gamma": 0.9}, {"violation": "ends"}], ids=str)
 def test_the_contract_is_kept(options: dict[str, Any], task: str) -> None:
     check_method(lambda specification: Hprs(specification, **options), task)  # type: ignore[arg-type]

@@ -26,6 +26,7 @@ VARIANTS = (
     "tau-mdp[beta=5]",
     "hprs[later=target]",
     "hprs[variant=auto-shaping,gamma=0.9]",
+    "hprs[violation=ends,later=target]",
     "machine[shaping=phases]",
     "cfer[flags=published]",
     "tau-cmdp[window=after]",
