@@ -96,8 +96,10 @@ def plan_alignment(
     if task.parameters:
         raise UsageError(f"{task}: name the task alone, and what it is to do without as a setting")
     loaded = load_task(task)
-    fit = tuple(map(Choice, fitting_methods(loaded)))
-    chosen = fit if methods is None else tuple(methods)
+    fitting = fitting_methods(loaded)
+    chosen = tuple(map(Choice, fitting)) if methods is None else tuple(methods)
+    # one that is not asked for its reward: that of the fewest inputs, which few other methods come before
+    plainest = [Choice(name) for name in sorted(fitting, key=lambda name: (fitting[name].input_size, name))]
     if not chosen:
         raise UsageError(f"no installed method fits task {task}")
     fineness = {} if resolution is None else {"resolution": f"{resolution:g}"}
@@ -110,7 +112,7 @@ def plan_alignment(
     for without in dict.fromkeys("hold" if setting.apart else "" for setting in settings):
         agents = [Choice(name, tuple(fineness.items())) for name in formula]
         if agents:
-            cells += plan_cells([_without(task, without)], (fit or chosen)[:1], agents, [0], budget)
+            cells += plan_cells([_without(task, without)], (plainest or chosen)[:1], agents, [0], budget)
     for setting in settings:
         parameters = tuple((fineness | dict(setting.parameters)).items())
         agents = [Choice(name, parameters) for name in planners]

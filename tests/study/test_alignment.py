@@ -49,7 +49,7 @@ def names(*words: object, task: str = "overlap", methods: str | None = "raw,funn
 
 def test_every_method_in_every_setting_after_the_formula_itself() -> None:
     best, *others = names("recipe", "without=cuts gamma=1")
-    assert best == "overlap/flag/best-possible/0"
+    assert best == "overlap/funnel/best-possible/0"
     assert others == [
         "overlap/raw/planner/0",
         "overlap/funnel/planner/0",
@@ -65,8 +65,8 @@ def test_the_formulas_cell_does_not_depend_on_what_else_is_planned() -> None:
 def test_where_actions_are_not_held_another_best_is_possible() -> None:
     cells = names("recipe", "without=hold", "without=cuts+hold", "without=cuts", methods="raw")
     assert cells[:3] == [
-        "overlap/flag/best-possible/0",
-        "overlap[without=hold]/flag/best-possible/0",
+        "overlap/funnel/best-possible/0",
+        "overlap[without=hold]/funnel/best-possible/0",
         "overlap/raw/planner/0",
     ]
     assert len(cells) == 2 + 4
@@ -74,7 +74,7 @@ def test_where_actions_are_not_held_another_best_is_possible() -> None:
 
 def test_the_resolution_is_every_agents_unless_a_setting_has_its_own() -> None:
     assert names("recipe", "gamma=1 resolution=2", methods="raw", resolution=0.6) == [
-        "overlap/flag/best-possible[resolution=0.6]/0",
+        "overlap/funnel/best-possible[resolution=0.6]/0",
         "overlap/raw/planner[resolution=0.6]/0",
         "overlap/raw/planner[gamma=1,resolution=2]/0",
     ]
