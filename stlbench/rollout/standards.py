@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from stlbench.contract import cause
 from stlbench.errors import UsageError
+from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.result import Score, Setting, Track
 from stlbench.rollout import controller
@@ -54,13 +57,13 @@ def standards(settings: Iterable[Setting]) -> dict[str, Standard]:
     for name, members in by_task.items():
         try:
             task = load_task(Choice(name))
-            alike = {pair: how for kind in _kinds(members) for pair, how in _alike(*kind).items()}
         except (UsageError, ImportError):
             continue
         except Exception as error:
             controller.warn(name, error)
             continue
         by_hand, at_random = controller.score(task), controller.score_at_random(task)
+        alike = {pair: how for kind in _kinds(members) for pair, how in _alike(*kind).items()}
         found[name] = Standard(by_hand, task.file.best_possible, task.own_agent, at_random, alike)
     return found
 
@@ -74,14 +77,18 @@ def _kinds(members: Iterable[Setting]) -> Iterable[tuple[Choice, Track, set[str]
 
 
 def _alike(choice: Choice, track: Track, methods: set[str]) -> dict[_Pair, Likeness]:
-    """Nothing where the ablation is none of the installed task any more."""
+    """Nothing where the ablation is none of the installed task any more, or a method cannot even be made or asked."""
     try:
         task = load_task(choice)
+        if track == "plain":
+            task = replace(task, file=task.file.plain())
+        found = equal_rewards(fitting_methods(task, sorted(methods)))
     except UsageError:
         return {}
-    if track == "plain":
-        task = replace(task, file=task.file.plain())
-    found = equal_rewards(fitting_methods(task, sorted(methods)))
+    except Exception as error:
+        said = f"task {choice}: its methods cannot be compared: {cause(error)}"
+        warnings.warn(said, plugins.PluginWarning, stacklevel=2)
+        return {}
     return {(choice, track, frozenset((each.one, each.other))): _likeness(each) for each in found}
 
 

@@ -15,6 +15,7 @@ from stlbench.result import Setting, Track
 from stlbench.rollout import standards
 from stlbench.task.file import BestPossible
 from stlbench.task.task import Task
+from stlbench_methods.raw import Raw
 
 
 @pytest.fixture(autouse=True)
@@ -113,3 +114,16 @@ def test_a_controller_that_fails_is_a_warning() -> None:
         "task line: its controller cannot be scored: ValueError: no such luck",
         "task unmade: its controller cannot be scored: OSError: its table is not there",
     ]
+
+
+def test_a_method_that_cannot_be_asked_leaves_the_scores_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(self: Raw, signals: Array, t: Integers) -> Array:
+        raise ValueError("no such luck")
+
+    monkeypatch.setattr(Raw, "arrival", broken)
+    with pytest.warns(
+        plugins.PluginWarning, match=r"^task up: its methods cannot be compared: ValueError: no such luck$"
+    ):
+        found = standards.standards(settings("up", "raw", "funnel"))["up"]
+    assert found.by_hand is not None
+    assert not found.alike
