@@ -31,7 +31,7 @@ def test_no_page_loads_anything_from_elsewhere(site: Path) -> None:
 
 
 def test_formulas_are_drawn_and_no_star_is_an_emphasis(site: Path) -> None:
-    page = (site / "reference" / "methods.html").read_text(encoding="utf-8")
+    page = (site / "methods" / "funnel.html").read_text(encoding="utf-8")
     assert "<msup><mi>t</mi><mo>\N{ASTERISK OPERATOR}</mo></msup>" in page
     assert '<math display="block">' in page
     for path in site.rglob("*.html"):

@@ -106,11 +106,13 @@ class RunningWindow:
 
     def _with(self, values: Array, memory: Array, t: Integers, last: Integers) -> Array:
         """The summary, and with it those of the newest steps' values (N, h) that count, up to steps `last` (N,)."""
+        decided = (t - self.ahead >= self.first)[:, None]
+        summary = np.where(decided, memory[:, : self.fold.size], self.fold.empty)
+        if not values.shape[1]:
+            return summary
         steps = t[:, None] - np.arange(values.shape[1])[::-1]
         counts: Truth = (steps >= self.first) & (steps <= last[:, None])
         newest = np.where(counts[..., None], self.fold.lift(values), self.fold.empty)
-        decided = (t - self.ahead >= self.first)[:, None]
-        summary = np.where(decided, memory[:, : self.fold.size], self.fold.empty)
         merged: Array = self.fold.merge.reduce(np.concatenate([summary[:, None], newest], axis=1), axis=1)
         return merged
 
