@@ -61,7 +61,7 @@ def test_an_item_that_turns_against_those_around_it_ends_alone(item, reason):
 
 
 def test_a_keeper_that_an_item_stops_is_replaced_after_a_while(monkeypatch):
-    monkeypatch.setattr("stlbench_executors.local.GRACE_SECONDS", 0.5)
+    monkeypatch.setattr("stlbench_executors.slot.GRACE_SECONDS", 0.5)
     found = outcomes(victims.family, ["stop", "a"], deadline=1.0)
     assert (found[0].status, found[0].reason, found[1].value) == ("timeout", "no result after 1 s", "a")
 

@@ -187,9 +187,9 @@ def test_no_worker_outlives_a_parent_that_is_interrupted_or_killed(tmp_path, sen
 
 
 UNABLE = """
-from stlbench_executors import local
+from stlbench_executors import local, slot
 from helpers import victims
-local.START_SECONDS = {seconds}
+slot.START_SECONDS = {seconds}
 for outcome in local.LocalExecutor(jobs=2).run(victims.pid, [0, 1, 2], [600.0] * 3):
     print(outcome.index, outcome.status, outcome.reason)
 """

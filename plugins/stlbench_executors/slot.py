@@ -1,0 +1,239 @@
+"""A place for one item at a time: a keeper, replaced where it ends or hangs, below a server made for the run.
+
+Why not a process pool: the well-kept ones (pebble, loky, concurrent.futures) use a process again for the next item,
+which then sees what the one before has changed; told to use each once, they start an interpreter and import everything
+for each, for seconds. The fork server of multiprocessing is one for the whole life of the calling process, so that it
+goes on with old code after a plugin has been edited, and ends no grandchildren. Here a server is made for each run:
+
+    this process -> server, which imports everything -> a keeper for each slot -> a process for each item
+
+A keeper (`keeper`) watches one item at a time: its deadline, its memory, its output, its end.
+"""
+
+from __future__ import annotations
+
+import atexit
+import math
+import os
+import pickle
+import signal
+import threading
+import time
+import weakref
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from multiprocessing import Pipe, resource_tracker
+from multiprocessing.connection import Connection
+
+from stlbench_executors.keeper import Ended, Task
+from stlbench_executors.server import Server
+
+__all__ = ["LOOK_SECONDS", "UNTAKEN", "Site", "Slot", "start", "stop"]
+
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Read when numpy or torch is imported, so a server must be born with them."""
+
+if not hasattr(signal, "pthread_sigmask"):
+    raise ImportError("stopping workers needs POSIX signals: Linux, macOS, or WSL on Windows")
+
+START_SECONDS = 120.0
+"""A server whose keepers have not said that they are there by then is replaced."""
+
+LOOK_SECONDS = 2.0
+"""How often, at most, it is looked at whether a slot is stuck."""
+
+STARTS = 3
+"""How many servers are started in place of one that ends or hangs before its keepers are there."""
+
+UNTAKEN = f"{STARTS} worker processes, one after the other, ended or hung before they took it"
+"""Of an item for which no slot has a keeper any more."""
+
+GRACE_SECONDS = 30.0
+"""A keeper that says nothing so long after the deadline of its item is killed."""
+
+STOP_SECONDS = 10.0
+"""The longest that keepers are waited for that were told to end what runs."""
+
+
+class Site:
+    """What slots have in common.
+
+    Args:
+        memory: bytes that the processes of one item may take together.
+        prepare: what to call before the first item, in the process from which those of items are forked.
+    """
+
+    def __init__(self, memory: int, prepare: Callable[[], None]) -> None:
+        self.memory, self.prepare = memory, pickle.dumps(prepare)
+        self.servers = list[Server]()
+
+
+class Slot:
+    """One keeper after the other, and the item that the present one has."""
+
+    def __init__(self, site: Site) -> None:
+        self.link: Connection | None = None
+        self.server: Server | None = None
+        self.site = site
+        self._keeper, self._starts = 0, 0
+        self._task: Task | None = None
+        _SLOTS.add(self)
+
+    @property
+    def is_busy(self) -> bool:
+        """It has an item."""
+        return self._task is not None
+
+    @property
+    def is_idle(self) -> bool:
+        """Its keeper waits for an item."""
+        return self.link is not None and self._keeper > 0 and not self.is_busy
+
+    def begin(self) -> tuple[Connection, bytes]:
+        """Expect a keeper: the far end of the link to it, and what is to be prepared; nothing, where that ended a
+        server before."""
+        self.link, far = Pipe()
+        self._keeper, self._since = 0, time.monotonic()
+        self._starts += 1
+        return far, self.site.prepare if self._starts == 1 else b""
+
+    def take(self, task: Task) -> bool:
+        """Give the item to the keeper; False where that has ended meanwhile."""
+        assert self.link is not None
+        try:
+            self.link.send(task)
+        except OSError:
+            self._lost()
+            return False
+        self._task, self._since = task, time.monotonic()
+        return True
+
+    def heard(self) -> Ended | None:
+        """What the keeper says: that it is there, or how its item ended."""
+        assert self.link is not None
+        try:
+            said = self.link.recv()
+        except (EOFError, OSError):
+            return self._lost()
+        if not self._keeper:
+            self._keeper, self._starts = said, 0
+            return None
+        self._task = None
+        assert isinstance(said, Ended)
+        return said
+
+    def look(self) -> None:
+        """Kill a keeper, or its server, that should have been heard long ago."""
+        if self.link is not None and time.monotonic() - self._since > self._patience:
+            self.kill()
+
+    @property
+    def _patience(self) -> float:
+        if self._task is not None:
+            return self._task.deadline + GRACE_SECONDS
+        return math.inf if self._keeper else START_SECONDS
+
+    def _lost(self) -> Ended | None:
+        """The keeper has ended: how its item did, and another one, unless none has come for some time."""
+        task, late = self._task, time.monotonic() - self._since > self._patience
+        self.close()
+        self._task = None
+        if self._starts < STARTS:
+            start([self])
+        if task is None:
+            return None
+        if late:
+            return Ended("timeout", reason=f"no result after {task.deadline:g} s")
+        return Ended("killed", reason="the process that watched over it ended")
+
+    def stop(self) -> None:
+        """Tell the keeper to end what runs."""
+        if self.link is not None and self._keeper:
+            with suppress(OSError):
+                self.link.send(None)
+
+    def wait(self, end: float) -> None:
+        """Until it has, or the time comes at which it is killed; a server without keepers is killed at once."""
+        if self.link is not None:
+            with suppress(EOFError, OSError):
+                while self._keeper and self.link.poll(max(0.0, end - time.monotonic())):
+                    self.link.recv()
+                self.kill()
+        self.close()
+
+    def kill(self) -> None:
+        """End the keeper, or the server where there is none yet, whatever it does."""
+        if self._keeper:
+            with suppress(ProcessLookupError):
+                os.kill(self._keeper, signal.SIGKILL)
+        elif self.server is not None:
+            self.server.kill()
+
+    def close(self) -> None:
+        """Let go of the link; a keeper that is there sees it and ends."""
+        if self.link is not None:
+            self.link.close()
+            self.link = None
+
+
+_SLOTS, _OWNER, _STARTING = weakref.WeakSet[Slot](), os.getpid(), threading.Lock()
+
+
+def start(slots: list[Slot]) -> None:
+    """A server, and from it a keeper for each of the slots, which are of one site."""
+    with _STARTING, _environment(ONE_THREAD):
+        begun = [slot.begin() for slot in slots]
+        site = slots[0].site
+        server = Server([far for far, _ in begun], site.memory, begun[0][1])
+        with _blocked_interrupts():
+            server.start()
+        site.servers = [server, *(other for other in site.servers if other.is_alive())]
+        for slot, (far, _) in zip(slots, begun, strict=True):
+            slot.server = server
+            far.close()
+
+
+def stop(slots: Iterable[Slot]) -> None:
+    """End all that runs, and wait for it."""
+    end, linked = time.monotonic() + STOP_SECONDS, list(slots)
+    for slot in linked:
+        slot.stop()
+    for slot in linked:
+        slot.wait(end)
+    for server in {server for slot in linked for server in slot.site.servers}:
+        server.join(max(1.0, end - time.monotonic()))
+        server.kill()  # where it is still there
+        server.join()
+
+
+@atexit.register
+def _stop_all() -> None:
+    """Where the caller has not closed the iterator; otherwise multiprocessing would wait for servers for ever."""
+    if os.getpid() == _OWNER:  # a child that the caller has forked has nothing to stop
+        stop(_SLOTS)
+
+
+@contextmanager
+def _environment(variables: Mapping[str, str]) -> Iterator[None]:
+    """Set variables for the processes that start meanwhile; numpy is imported here already and does not look."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _blocked_interrupts() -> Iterator[None]:
+    """What starts meanwhile never sees a ctrl-C, not even while Python starts up."""
+    resource_tracker.ensure_running()  # when a process start begins it, it unblocks the signals
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
