@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("stlbench", "plugins/stlbench_agents", "plugins/stlbench_executors", "plugins/stlbench_methods")
 EXTRAS = ("torch", "stable_baselines3", "mujoco", "dm_control", "gymnasium_robotics", "pettingzoo", "optuna")
-EXTRAS += ("Box2D", "highway_env", "onnx", "onnxruntime", "plotly", "jinja2")
+EXTRAS += ("Box2D", "highway_env", "onnx", "onnxruntime", "plotly", "jinja2", "dask", "distributed", "submitit")
 OWN = {"stlbench", "stlbench_agents", "stlbench_executors", "stlbench_methods", "stlbench_tasks"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
@@ -36,7 +36,8 @@ def imported() -> Iterator[str]:
 
 def test_all_that_is_imported_is_declared_and_all_that_is_declared_is_imported() -> None:
     extras = PROJECT["optional-dependencies"]
-    chosen = (extras[name] for name in ("sb3", "mujoco", "multi", "onnx", "tune", "field", "page"))
+    names = ("sb3", "mujoco", "multi", "onnx", "tune", "field", "page", "dask", "submitit")
+    chosen = (extras[name] for name in names)
     wanted = declared([*PROJECT["dependencies"], *(line for extra in chosen for line in extra)])
     providers = packages_distributions()
     third = {name for name in imported() if name not in sys.stdlib_module_names and name not in OWN}

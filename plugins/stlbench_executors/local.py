@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from multiprocessing import connection
@@ -25,20 +26,24 @@ class LocalExecutor(Executor):
     item changes, in modules, settings or files that are open, no other item sees. A deadline counts from when the
     item's process is there, with what the harness needs imported.
 
+    Args:
+        jobs: items at a time; two where it is None, or one on a single core.
+        memory: bytes for one item; where it is None, its share of nine tenths of the machine's.
+
     Attributes:
         memory: bytes that the processes of one item may take together; it is killed where they take more.
     """
 
-    def __init__(self, *, jobs: Annotated[int, Field(ge=1)] = 1, memory: Memory | None = None) -> None:
-        super().__init__(jobs=jobs)
-        self.memory = memory or share(jobs)
+    def __init__(self, *, jobs: Annotated[int, Field(ge=1)] | None = None, memory: Memory | None = None) -> None:
+        super().__init__(jobs=jobs or min(2, os.cpu_count() or 1))
+        self.memory = memory or share(self.jobs)
 
     def run(
         self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
     ) -> Generator[Outcome]:
         """See `Executor.run`."""
         order = Order(function, items, deadlines)
-        site = Site(self.memory, order.work.prepare)
+        site = Site(self.memory, order.prepare)
         slots = [Slot(site) for _ in range(min(self.jobs, len(order)))]
         if not slots:
             return

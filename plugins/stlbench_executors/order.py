@@ -26,16 +26,21 @@ class Order:
         if len(deadlines) != len(items) or any(deadline <= 0 for deadline in deadlines):
             raise ValueError("each item needs a deadline, in seconds and greater than 0")
         self.work = function if isinstance(function, Work) else Work(function)
-        self._items, self._deadlines = items, deadlines
+        self._items, self.deadlines = items, deadlines
 
     def __len__(self) -> int:
         return len(self._items)
+
+    @property
+    def prepare(self) -> bytes:
+        """Pickled: what many items need (`Work.prepare`)."""
+        return pickle.dumps(self.work.prepare)
 
     def task(self, index: int) -> Task:
         """What the keeper of an item is given."""
         item = self._items[index]
         log = None if self.work.log is None else Path(self.work.log(item)).absolute()
-        return Task(pickle.dumps((self.work.function, item)), self._deadlines[index], log)
+        return Task(pickle.dumps((self.work.function, item)), self.deadlines[index], log)
 
 
 def outcome_of(index: int, said: Ended) -> Outcome:

@@ -15,12 +15,11 @@ from __future__ import annotations
 import atexit
 import math
 import os
-import pickle
 import signal
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from multiprocessing import Pipe, resource_tracker
 from multiprocessing.connection import Connection
@@ -60,11 +59,11 @@ class Site:
 
     Args:
         memory: bytes that the processes of one item may take together.
-        prepare: what to call before the first item, in the process from which those of items are forked.
+        prepare: pickled: what to call before the first item, in the process from which those of items are forked.
     """
 
-    def __init__(self, memory: int, prepare: Callable[[], None]) -> None:
-        self.memory, self.prepare = memory, pickle.dumps(prepare)
+    def __init__(self, memory: int, prepare: bytes) -> None:
+        self.memory, self.prepare = memory, prepare
         self.servers = list[Server]()
 
 
@@ -137,7 +136,6 @@ class Slot:
         """The keeper has ended: how its item did, and another one, unless none has come for some time."""
         task, late = self._task, time.monotonic() - self._since > self._patience
         self.close()
-        self._task = None
         if self._starts < STARTS:
             start([self])
         if task is None:
@@ -173,7 +171,7 @@ class Slot:
         """Let go of the link; a keeper that is there sees it and ends."""
         if self.link is not None:
             self.link.close()
-            self.link = None
+            self.link = self._task = None
 
 
 _SLOTS, _OWNER, _STARTING = weakref.WeakSet[Slot](), os.getpid(), threading.Lock()

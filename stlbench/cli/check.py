@@ -62,13 +62,13 @@ def check(
 def _found(name: str, kind: Kind | None) -> Plugin:
     """The plugin that is meant. Raises `UsageError` where there is none, or several."""
     from stlbench.registry import folders, plugins
-    from stlbench.registry.choices import parse_choice
+    from stlbench.registry.choices import executor_of
 
-    if folders.is_path(name):
+    if folders.is_path(name.partition("[")[0]):
         if kind not in (None, "task"):
             raise UsageError(f"{name}: only a task can be a folder")
         return plugins.find("tasks", folders.parse_task(name).name)
-    alone = parse_choice(name).name
+    alone = executor_of(name).name
     if kind is not None:
         return plugins.find(f"{kind}s", alone)
     found = [plugins.find(each, alone) for each in plugins.KINDS if alone in plugins.available(each)]

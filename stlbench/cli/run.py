@@ -112,7 +112,7 @@ def run(
       stlbench run study.yaml --seeds 10
     """
     from stlbench.cli.progress import Progress
-    from stlbench.study.run import run_study
+    from stlbench.study.run import run_described
     from stlbench.study.study import Study
 
     options = {
@@ -133,8 +133,8 @@ def run(
     said = {name: value for name, value in options.items() if value is not None}
     described = Study.of(said, study) if study else Study.of(DEFAULTS | said)
     with interruptible(described.cells, described.results), Progress() as progress:
-        ended = run_study(described, progress=progress)
-    report_cells({result.id for result in ended}, ended.folder)
+        cells = run_described(described, progress)
+    report_cells({cell.id for cell in cells}, described.results)
 
 
 @contextmanager

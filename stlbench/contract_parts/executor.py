@@ -48,7 +48,17 @@ class Outcome:
 
 
 class Executor(ABC):
-    """Runs a function on many items, each isolated: one that raises, hangs or dies leaves the others alone."""
+    """Runs a function on many items, each isolated: one that raises, hangs or dies leaves the others alone.
+
+    The constructor, and `run`, raise `stlbench.contract.Unsuitable` where nothing can be run, as without a library or
+    without a cluster that answers; its text is what the user is told.
+
+    Args:
+        jobs: items at a time. The harness leaves it out where the user does not say, so that the default counts.
+
+    Attributes:
+        jobs: the same; 0 where it is only known while items run.
+    """
 
     def __init__(self, *, jobs: int = 1) -> None:
         self.jobs = jobs

@@ -6,6 +6,7 @@ import inspect
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -14,13 +15,26 @@ from pydantic_core import ErrorDetails
 
 from stlbench.errors import UsageError, did_you_mean
 
-__all__ = ["NAME", "Choice", "Parameter", "check", "choice_of", "declared", "parse_choice", "parse_choices", "split"]
+__all__ = [
+    "NAME",
+    "Choice",
+    "Parameter",
+    "check",
+    "choice_of",
+    "declared",
+    "executor_of",
+    "parse_choice",
+    "parse_choices",
+    "split",
+]
 
 NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
 """What a plugin may be called. Names become keys, paths and column heads, so nothing else is let in."""
 
 _KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _VALUE = re.compile(r"[A-Za-z0-9._+-]+")
+_PLACE = re.compile(r"[A-Za-z0-9._+:/~@%-]+")
+"""What an executor may be told besides, which is in no key and in no name of a file: addresses and paths."""
 
 
 @dataclass(frozen=True, order=True)
@@ -59,8 +73,18 @@ def choice_of(value: Choice | str) -> Choice:
     return parse_choice(value) if isinstance(value, str) else value
 
 
+def executor_of(value: Choice | str) -> Choice:
+    """The same for an executor, whose parameters may be addresses and paths: `dask[address=tcp://node1:8786]`."""
+    return _parsed(value, _PLACE, ". _ + - : / ~ @ %") if isinstance(value, str) else value
+
+
 def parse_choice(text: str) -> Choice:
     """One name, with or without parameters in brackets. Raises `UsageError`."""
+    return _parsed(text, _VALUE, ". _ + -")
+
+
+@lru_cache(maxsize=4096)  # a ledger says the same few of many cells
+def _parsed(text: str, allowed: re.Pattern[str], signs: str) -> Choice:
     name, bracket, rest = text.strip().partition("[")
     if not NAME.fullmatch(name.strip()):
         raise UsageError(f"'{text.strip()}': a name consists of a-z, 0-9 and -, as in funnel or tau-mdp")
@@ -72,6 +96,9 @@ def parse_choice(text: str) -> Choice:
     pairs = dict[str, str]()
     for item in inside.split(","):
         key, value = _pair(item, text.strip())
+        if not allowed.fullmatch(value):
+            said = f"the value of {key} consists of letters, digits and {signs}, got '{value}'"
+            raise UsageError(f"'{text.strip()}': {said}")
         if key in pairs:
             raise UsageError(f"'{text.strip()}': {key} is given twice")
         pairs[key] = value
@@ -84,8 +111,6 @@ def _pair(item: str, text: str) -> tuple[str, str]:
         raise UsageError(f"'{text}': expected key=value, got '{item.strip()}'")
     if not _KEY.fullmatch(key):
         raise UsageError(f"'{text}': '{key}' is no parameter name; one consists of letters, digits and _")
-    if not _VALUE.fullmatch(value):
-        raise UsageError(f"'{text}': the value of {key} consists of letters, digits and . _ + -, got '{value}'")
     return key, value
 
 

@@ -28,7 +28,7 @@ def collect(jobs: int) -> dict[str, str]:
         "python": platform.python_version(),
         **{name: _version(name) for name in PACKAGES},
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs, {_processor()}",
-        "jobs": str(jobs),
+        "jobs": str(jobs or "as many as there were places"),
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Protocol, cast
 
-from stlbench.contract import Executor, Work
+from stlbench.contract import Executor, Unsuitable, Work
+from stlbench.contract_parts.texts import one_line
+from stlbench.errors import UsageError
 from stlbench.registry import plugins
-from stlbench.registry.choices import Choice, choice_of
+from stlbench.registry.choices import Choice, executor_of
 from stlbench.result import CellId, Result
 from stlbench.study import scheduler, trial
 from stlbench.study.cell import Cell
@@ -26,7 +27,7 @@ from stlbench.study.superseded import note, superseded
 from stlbench.study.unchanged import run_unchanged
 from stlbench.study.warm import examples, warm
 
-__all__ = ["Progress", "build_executor", "run_cells", "run_study"]
+__all__ = ["Progress", "build_executor", "run_cells", "run_described", "run_study"]
 
 
 class Progress(Protocol):
@@ -51,18 +52,27 @@ class _Silent:
 
 
 def build_executor(choice: Choice | str = "local", jobs: int | None = None, memory: str | None = None) -> Executor:
-    """The chosen executor, with so many cells at a time; two where a machine has more than one core and none is said.
+    """The chosen executor, with so many cells at a time; as many as it thinks right where none is said.
 
     `memory` is the most that a cell may take, as in "4G"; what the executor chooses where it is not said.
 
     Raises:
-        UsageError: there is no such executor, or a parameter is wrong.
+        UsageError: there is no such executor, it cannot run here, or a parameter is wrong.
     """
-    chosen = choice_of(choice)
+    chosen = executor_of(choice)
     if memory is not None:
         chosen = Choice(chosen.name, tuple({"memory": memory, **dict(chosen.parameters)}.items()))
-    defaults = {"jobs": jobs or min(2, os.cpu_count() or 1)}
-    return cast(Executor, plugins.build("executors", chosen, defaults=defaults))
+    with _refusals():
+        return cast(Executor, plugins.build("executors", chosen, defaults={} if jobs is None else {"jobs": jobs}))
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """An executor that cannot run here says so in a line."""
+    try:
+        yield
+    except Unsuitable as error:
+        raise UsageError(one_line(error)) from error
 
 
 def run_study(
@@ -97,7 +107,7 @@ def run_study(
         budget: how much training: `quick` where left out.
         track: by which rules: `shared` where left out, `plain` or `tuned` (`stlbench.result.Track`).
         recipes: file of recipes of the track `tuned`, as `stlbench tune` writes it.
-        jobs: cells at a time; two, or one on a single core, where left out.
+        jobs: cells at a time; where left out, as many as the executor thinks right, two for `local`.
         memory: the most that a cell's processes may take together, as in "4G"; the cells' share of nine tenths of the
             machine's where left out.
         results: folder of ledger, traces and tables; `results` where left out.
@@ -129,13 +139,18 @@ def run_study(
         "keep_old": keep_old,
     }
     described = Study.of({name: value for name, value in options.items() if value is not None}, study)
-    cells = described.cells()
-    place = build_executor(described.executor, described.jobs, described.memory)
-    run_cells(cells, described.results, place, retry=described.retry, keep_old=described.keep_old, progress=progress)
+    cells = run_described(described, progress)
     with Ledger(described.results / FILE, create=False) as ledger:
         counted = ledger.counted()
         keys = {counted[cell.id] for cell in cells if cell.id in counted}
         return Results.of(ledger.results(keys), described.results)
+
+
+def run_described(study: Study, progress: Progress | None = None) -> tuple[Cell, ...]:
+    """Run what is missing of a study, and return its cells. No result is kept in memory. Raises as `run_study`."""
+    cells, place = study.cells(), build_executor(study.executor, study.jobs, study.memory)
+    run_cells(cells, study.results, place, retry=study.retry, keep_old=study.keep_old, progress=progress)
+    return cells
 
 
 def run_cells(
@@ -185,9 +200,10 @@ def run_cells(
         for agent, work in uncompiled(missing):
             told.note(f"compiling {agent}, once per machine")
             work()
-        in_folder = partial(run_unchanged, run_cell=run_cell or trial.run_cell, folder=folder)
-        work_on = Work(in_folder, partial(warm, examples(missing)), partial(log_of, folder))
-        with closing(scheduler.run(missing, ledger, executor, work_on, provenance)) as results:
+        place = folder.absolute()  # a worker elsewhere has another working directory
+        in_folder = partial(run_unchanged, run_cell=run_cell or trial.run_cell, folder=place)
+        work_on = Work(in_folder, partial(warm, examples(missing)), partial(log_of, place))
+        with _refusals(), closing(scheduler.run(missing, ledger, executor, work_on, provenance)) as results:
             for result in results:
                 told.ended(result)
 

@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import folders
-from stlbench.registry.choices import Choice, choice_of, parse_choices
+from stlbench.registry.choices import Choice, choice_of, executor_of, parse_choices
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
 from stlbench.study.tracks import read_recipes
@@ -104,12 +104,12 @@ class Study(BaseModel):
     recipes: Path | None = None
     """The file of recipes of the track `tuned`, as `stlbench tune` writes it."""
     jobs: Annotated[int, Field(ge=1)] | None = None
-    """Cells at a time; None is two, or one on a single core."""
+    """Cells at a time; None leaves it to the executor: two on this machine, or one on a single core."""
     memory: str | None = None
     """The most that a cell's processes may take together, as in 4G; None leaves it to the executor."""
     results: Path = Path("results")
     """Folder of ledger, traces and tables."""
-    executor: Annotated[Choice, BeforeValidator(choice_of)] = Choice("local")
+    executor: Annotated[Choice, BeforeValidator(executor_of)] = Choice("local")
     """Where cells run."""
     retry: bool = False
     """Run cells again that raised, ran out of time or were killed."""

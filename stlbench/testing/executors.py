@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, cast
 
 from stlbench.contract import Executor, Outcome
 from stlbench.registry import plugins
-from stlbench.registry.choices import parse_choice
+from stlbench.registry.choices import executor_of
 from stlbench.testing.rules import Rules
 
 __all__ = ["check_executor"]
@@ -67,7 +67,7 @@ def check_executor(executor: type[Executor] | str, rules: Rules | None = None) -
 def _made(executor: type[Executor] | str, jobs: int) -> Executor:
     if not isinstance(executor, str):
         return executor(jobs=jobs)
-    return cast(Executor, plugins.build("executors", parse_choice(executor), defaults={"jobs": jobs}))
+    return cast(Executor, plugins.build("executors", executor_of(executor), defaults={"jobs": jobs}))
 
 
 def _work(item: _Item, home: Place = ("", 0)) -> Any:

@@ -89,7 +89,7 @@ def test_each_item_has_a_process_of_its_own_below_as_many_keepers_as_jobs():
 
 
 def test_an_idle_keeper_that_is_killed_is_replaced():
-    running = LocalExecutor().run(victims.slow_parent, range(2), [60.0, 60.0])
+    running = LocalExecutor(jobs=1).run(victims.slow_parent, range(2), [60.0, 60.0])
     first = next(running).value
     os.kill(first, signal.SIGKILL)
     assert until(lambda: not alive(first))
@@ -157,7 +157,7 @@ def test_a_script_needs_no_guard_against_being_run_again_by_its_workers(tmp_path
         "from helpers import victims\n"
         "from stlbench_executors.local import LocalExecutor\n"
         "print('read once')\n"
-        "print([outcome.value for outcome in LocalExecutor().run(victims.work, ['a', 'b'], [60.0, 60.0])])\n"
+        "print([outcome.value for outcome in LocalExecutor(jobs=1).run(victims.work, ['a', 'b'], [60.0, 60.0])])\n"
     )
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     ran = subprocess.run([sys.executable, program], env=environment, capture_output=True, text=True)

@@ -218,3 +218,20 @@ def leave_pid(path: Path | None) -> None:
     if path is not None:
         path.write_text(str(os.getpid()))
         time.sleep(600)
+
+
+def stay_once(path: Path) -> str:
+    """At the first call as `leave_pid`; a later one returns."""
+    if path.exists():
+        return "later"
+    leave_pid(path)
+    return "never"
+
+
+def meet(name: str) -> str:
+    """Return when there are as many others in the folder as it is named: only where all run at the same time."""
+    path = Path(name)
+    path.touch()
+    while len(list(path.parent.iterdir())) < int(path.parent.name):
+        time.sleep(0.01)
+    return path.name

@@ -1,0 +1,202 @@
+"""The items of a run on the workers of a Dask scheduler: which worker has which, and what becomes of those it loses."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections import deque
+from collections.abc import Generator
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from stlbench.contract import Outcome, Unsuitable, cause
+from stlbench_executors.dask_worker import Run, join, leave, run_item
+from stlbench_executors.keeper import Ended
+from stlbench_executors.order import Order, outcome_of
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+__all__ = ["DaskRun"]
+
+LOOK_SECONDS = 1.0
+"""How often, at most, it is looked at which workers there are."""
+
+ALONE_SECONDS = 10.0
+"""A user who has started no worker by then is told."""
+
+OFFERS = 2
+"""To so many workers an item is sent, where each before was lost."""
+
+
+SILENCE_SECONDS = 600.0
+"""A worker from which nothing is heard so long after the deadline of an item is no longer waited for."""
+
+
+class _Flight(NamedTuple):
+    """An item that a worker has."""
+
+    key: str
+    """Dask's name of the call."""
+    item: int
+    """Which."""
+    worker: str
+    """Its address."""
+    future: Future[Ended | None]
+    end: float
+    """When it is no longer waited for, by the monotonic clock."""
+
+
+class DaskRun:
+    """What is to be run, where it runs, and what has ended.
+
+    Args:
+        client: of the scheduler.
+        run: what the workers are told of the run.
+        order: the items.
+        most: items at a time.
+        address: of the scheduler, for a user who has started no worker.
+    """
+
+    def __init__(self, client: Client, run: Run, order: Order, most: int, address: str) -> None:
+        from distributed import as_completed
+
+        self._client, self._run, self._order, self._most, self._address = client, run, order, most, address
+        self._waiting = deque(range(len(order)))
+        self._offers = dict.fromkeys(range(len(order)), 0)
+        self._flights, self._over = dict[str, _Flight](), deque[Outcome]()
+        self._free, self._refused = dict[str, int](), set[str]()
+        self._landed = as_completed(loop=client.loop, with_results=True, raise_errors=False)
+        self._begin, self._next_look, self._has_told = time.monotonic(), 0.0, False
+
+    def outcomes(self) -> Generator[Outcome]:
+        """One for each item, as they end. Raises `Unsuitable` where scheduler or workers cannot be used."""
+        while self._waiting or self._flights:
+            if time.monotonic() >= self._next_look:
+                self._look()
+            self._send()
+            if not self._landed.has_ready():
+                with self._landed.thread_condition:
+                    self._landed.thread_condition.wait(0.05)
+            for future, said in self._landed.next_batch(block=False):
+                self._take(future, said)
+            self._send()  # what the caller does with outcomes may take a while
+            while self._over:
+                yield self._over.popleft()
+
+    # ----------------------------------------------------------------------------------------------------- workers
+
+    def _look(self) -> None:
+        """Which workers there are now: new ones join, and what lost ones had is offered again."""
+        begin = time.monotonic()
+        there = self._present()
+        for worker in self._free.keys() - there.keys():
+            del self._free[worker]
+        for flight in [flight for flight in self._flights.values() if flight.worker not in there]:
+            self._forget(flight)
+            self._lose(flight)
+        for flight in [flight for flight in self._flights.values() if flight.end < begin]:
+            self._forget(flight)
+            self._over.append(Outcome(flight.item, "timeout", reason="its worker does not answer"))
+        self._join({worker: threads for worker, threads in there.items() if worker not in self._known})
+        self._tell_if_alone()
+        took = time.monotonic() - begin
+        self._next_look = time.monotonic() + max(LOOK_SECONDS, 10 * took)
+
+    @property
+    def _known(self) -> set[str]:
+        return self._free.keys() | self._refused
+
+    def _present(self) -> dict[str, int]:
+        """Address and threads of each worker."""
+        try:
+            return dict(self._client.nthreads())
+        except (OSError, TimeoutError, ValueError) as error:
+            said = (
+                "the Dask scheduler does not answer any more; what ended before is recorded, and the same call goes on"
+            )
+            raise Unsuitable(f"{said} ({cause(error)})") from error
+
+    def _join(self, new: dict[str, int]) -> None:
+        if not new:
+            return
+        answers = self._client.run(join, self._run, workers=list(new), on_error="return")
+        for worker, said in answers.items():
+            if isinstance(said, OSError):  # it went away again, or will be asked once more
+                continue
+            if problem := said if isinstance(said, str) else cause(said):
+                self._refuse(worker, problem)
+            else:
+                held = sum(flight.worker == worker for flight in self._flights.values())
+                self._free[worker] = new[worker] - held
+
+    def _refuse(self, worker: str, problem: str) -> None:
+        """At the beginning, the run; later, when others do their work, the worker alone."""
+        if not any(self._offers.values()):
+            raise Unsuitable(f"worker {worker} cannot be used: {problem}")
+        self._refused.add(worker)
+        warnings.warn(f"worker {worker} is not used: {problem}", stacklevel=2)
+
+    def _tell_if_alone(self) -> None:
+        if not self._free and not self._has_told and time.monotonic() - self._begin > ALONE_SECONDS:
+            self._has_told = True
+            start = f"dask worker {self._address} --nthreads 1 --no-nanny --memory-limit 0"
+            warnings.warn(f"waiting for a worker; one is started by `{start}`", stacklevel=2)
+
+    # ------------------------------------------------------------------------------------------------------- items
+
+    def _send(self) -> None:
+        while self._waiting and len(self._flights) < self._most:
+            worker = max(self._free, key=self._free.__getitem__, default=None)
+            if worker is None or self._free[worker] <= 0:
+                return
+            self._send_to(worker, self._waiting.popleft())
+
+    def _send_to(self, worker: str, index: int) -> None:
+        self._free[worker] -= 1
+        self._offers[index] += 1
+        key = f"{self._run.name}-{index}-{self._offers[index]}"
+        task = self._order.task(index)
+        future = self._client.submit(
+            *(run_item, self._run.name, task, key), key=key, workers=[worker], allow_other_workers=False, retries=0
+        )
+        end = time.monotonic() + task.deadline + SILENCE_SECONDS
+        self._flights[key] = _Flight(key, index, worker, future, end)
+        self._landed.add(future)
+
+    def _take(self, future: Future[Ended | None], said: Any) -> None:
+        """What became of a call."""
+        from distributed import KilledWorker
+
+        flight = self._flights.get(str(future.key))
+        if flight is None:
+            return  # of a worker that was lost
+        status = future.status
+        self._forget(flight)  # after which it is cancelled
+        if flight.worker in self._free:
+            self._free[flight.worker] += 1
+        if status == "finished" and isinstance(said, Ended):
+            self._over.append(outcome_of(flight.item, said))
+        elif status == "error" and not isinstance(said[1], KilledWorker):
+            self._over.append(Outcome(flight.item, "killed", reason=f"its worker could not run it: {cause(said[1])}"))
+        else:
+            self._present()  # or the scheduler is gone, and no worker to blame
+            self._free.pop(flight.worker, None)  # where it is there, it joins again
+            self._lose(flight)
+
+    def _lose(self, flight: _Flight) -> None:
+        if self._offers[flight.item] < OFFERS:
+            self._waiting.appendleft(flight.item)
+        else:
+            reason = f"the worker that ran it was lost, {OFFERS} times"
+            self._over.append(Outcome(flight.item, "killed", reason=reason))
+
+    def _forget(self, flight: _Flight) -> None:
+        del self._flights[flight.key]
+        flight.future.release()
+
+    def close(self) -> None:
+        """Stop what runs, and have the workers end all that they started for this run."""
+        with suppress(Exception):  # a scheduler that is not there any more
+            self._client.cancel([flight.future for flight in self._flights.values()], force=True)
+            self._client.run(leave, self._run.name, workers=list(self._free), on_error="ignore")

@@ -1,0 +1,152 @@
+"""The items of a run as jobs: which are submitted, which have ended, and what becomes of those whose job was lost."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Generator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from stlbench.contract import Outcome, Unsuitable
+from stlbench_executors.keeper import Ended
+from stlbench_executors.order import Order, outcome_of
+from stlbench_executors.slot import GRACE_SECONDS, START_SECONDS
+from stlbench_executors.submitit_job import OFFERS, Chunk, Desk, lost
+
+if TYPE_CHECKING:
+    from submitit import Job
+
+__all__ = ["SubmititRun", "minutes_for"]
+
+LOOK_SECONDS = 0.5
+"""How often it is looked at what has ended."""
+
+STATE_SECONDS = 10.0
+"""How often the states of jobs are asked for; submitit asks Slurm less and less often."""
+
+LAG_SECONDS = 15.0
+"""So much later than the end of a job a shared disk may show what it wrote."""
+
+STARTS = 5
+"""In so many jobs an item is that no job has begun."""
+
+LOST = ("NODE_FAIL", "BOOT_FAIL", "PREEMPTED", "REVOKED", "REQUEUED", "INTERRUPTED")
+"""States of Slurm, and one of submitit's own jobs on this machine, in which what ran did nothing wrong."""
+
+LATE = ("TIMEOUT", "DEADLINE")
+"""Those in which it took too long."""
+
+
+def minutes_for(deadlines: Sequence[float]) -> int:
+    """The walltime of a job for items with these deadlines, in seconds: with what it takes to start and to end them."""
+    return math.ceil((START_SECONDS + sum(deadline + GRACE_SECONDS for deadline in deadlines)) / 60)
+
+
+class SubmititRun:
+    """What is to be run, the jobs there are, and what has ended.
+
+    Args:
+        order: the items.
+        desk: where jobs say how items ended.
+        chunk: makes what a job is given of the numbers of its items.
+        submit: submits such chunks, as one array.
+        size: items of a job.
+        most: jobs at a time.
+        queued: jobs of an array, at most.
+    """
+
+    def __init__(
+        self,
+        order: Order,
+        desk: Desk,
+        chunk: Callable[[Sequence[int]], Chunk],
+        submit: Callable[[Sequence[Chunk]], Sequence[Job[Any]]],
+        size: int,
+        most: int,
+        queued: int,
+    ) -> None:
+        self._order, self._desk, self._chunk, self._submit = order, desk, chunk, submit
+        self._size, self._most, self._queued = size, most, queued
+        self._waiting, self._left = deque(range(len(order))), set(range(len(order)))
+        self._offers = [0] * len(order)
+        self._jobs: dict[Job[Any], list[int]] = {}
+        self._ended: dict[Job[Any], float] = {}
+        self._next_states, self._over = 0.0, deque[Outcome]()
+
+    def outcomes(self) -> Generator[Outcome]:
+        """One for each item, as they end. Raises `Unsuitable` where jobs cannot run them."""
+        while self._left:
+            self._send()
+            self._collect()
+            if time.monotonic() >= self._next_states:
+                self._look()
+                self._next_states = time.monotonic() + min(STATE_SECONDS, LAG_SECONDS)
+            yield from self._told()
+            if self._left:
+                time.sleep(LOOK_SECONDS)
+
+    def _told(self) -> Generator[Outcome]:
+        while self._over:
+            yield self._over.popleft()
+
+    @property
+    def jobs(self) -> Collection[Job[Any]]:
+        """Those with items that have not ended."""
+        return self._jobs.keys()
+
+    def _send(self) -> None:
+        """An array, as long as the last one was; a small one only where that fills a good part of the places."""
+        free = self._queued if not self._jobs else self._most - len(self._jobs)
+        if not self._waiting or (self._jobs and free < max(1, self._most // 4)):
+            return
+        chunks = list[list[int]]()
+        while self._waiting and len(chunks) < free:
+            chunks.append([self._waiting.popleft() for _ in range(min(self._size, len(self._waiting)))])
+        for index in (index for chunk in chunks for index in chunk):
+            self._offers[index] += 1
+        jobs = self._submit([self._chunk(indices) for indices in chunks])
+        self._jobs |= dict(zip(jobs, chunks, strict=True))
+
+    def _collect(self) -> None:
+        if problem := self._desk.refusal():
+            raise Unsuitable(f"jobs cannot run items of this run: {problem}")
+        ended = self._desk.ended()
+        for index in ended:
+            said = self._desk.take(index)
+            self._end(index, said)
+        if ended:
+            self._jobs = {job: indices for job, indices in self._jobs.items() if not self._left.isdisjoint(indices)}
+
+    def _end(self, index: int, said: Ended) -> None:
+        if index in self._left:  # else of a job that was thought lost
+            self._left.remove(index)
+            self._over.append(outcome_of(index, said))
+
+    def _look(self) -> None:
+        """Jobs that are over, with items of which nothing has come for a while."""
+        now = time.monotonic()
+        for job in [job for job in self._jobs if job.done()]:
+            if now - self._ended.setdefault(job, now) >= LAG_SECONDS:
+                indices = [index for index in self._jobs.pop(job) if index in self._left]
+                for index in indices:
+                    self._settle(index, job)
+
+    def _settle(self, index: int, job: Job[Any]) -> None:
+        """What becomes of an item whose job has ended before it did."""
+        state, begun = job.state.upper().split()[0], self._desk.has_begun(index)
+        if state in LOST or (not begun and state in (*LATE, "OUT_OF_MEMORY")):
+            if self._offers[index] < (OFFERS if begun else STARTS):
+                self._waiting.appendleft(index)
+            else:
+                self._end(index, lost())
+        elif begun or state == "CANCELLED" or len(self._left) < len(self._order):
+            reason = f"its job {job.job_id} ended before it: {state}"
+            self._end(index, Ended("timeout" if state in LATE else "killed", reason=reason))
+        else:
+            raise Unsuitable(f"job {job.job_id} ended as {state} before its first item began: {_last_words(job)}")
+
+
+def _last_words(job: Job[Any]) -> str:
+    lines = (job.stderr() or "").strip().splitlines()
+    return lines[-1] if lines else f"it wrote nothing to {job.paths.stderr}"
