@@ -1,5 +1,6 @@
 """The contract: what a plugin author reads. A plugin imports nothing else of stlbench but `stlbench.stl`, and
-`stlbench.presentation` if it has something to show.
+`stlbench.presentation` if it has something to show. Each part is a file of its own in `stlbench/contract_parts`, and
+is imported from here.
 
 Four kinds of plugin, each found by its entry-point group and named by its entry point:
 

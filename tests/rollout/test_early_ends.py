@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.episodes import specification
 from helpers.generated_formulas import NAMES, SEEDS, formulas, traces
+from helpers.latch import Latch
 from helpers.line_task import Probe, Rule
 from helpers.walk_task import WalkTask, walk
 from hypothesis import given, settings
@@ -13,7 +14,7 @@ from hypothesis import given, settings
 from stlbench import stl
 from stlbench.contract import Specification
 from stlbench.result import MAIN
-from stlbench.rollout.early_ends import greatest_and_least
+from stlbench.rollout.early_ends import greatest_and_least, remainder
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 
@@ -81,6 +82,37 @@ def test_an_end_at_the_last_step_is_the_time_limit() -> None:
     environment.step(np.array([RIGHT_INDEX]))
     last = environment.step(np.array([RIGHT_INDEX]))
     assert (last.reward.tolist(), last.discount.tolist(), last.ended.tolist()) == ([110.5], [1], [True])
+
+
+@pytest.mark.parametrize(
+    ("terminated", "reward", "discount", "once"),
+    [
+        ("hold", 0.5, 0.0, True),  # 1 at the second step, over 2; nothing is left to be paid
+        ("violated", 0.0, 0.0, True),  # and the floor, -1, but once
+        ("interval", 0.5, 0.0, True),  # the method says that nothing follows
+    ],
+)
+def test_a_method_that_can_end_is_paid_once(terminated: str, reward: float, discount: float, once: bool) -> None:
+    task = walk(WALL, terminated=terminated)
+    environment = BatchEnvironment(task, Latch(task.specification), 1, seed=0)
+    environment.reset()
+    assert environment.step(np.array([RIGHT_INDEX])).reward.tolist() == [0.025]
+    last = environment.step(np.array([RIGHT_INDEX]))
+    assert (last.reward.tolist(), last.discount.tolist(), last.ended.tolist()) == ([reward], [discount], [True])
+    assert last.once is not None
+    assert last.once.tolist() == [once]
+
+
+def test_what_is_left_to_a_method_that_can_end() -> None:
+    """Five steps at .5: a tenth of it each, and .9 ... .9^5 in all; the floor once; and 1 once at x = 1."""
+    method = Latch(specification("G[0,8] x <= 9", {"x": (-10.0, 10.0)}))
+    action, open_ = np.zeros((1, 1)), np.zeros((1, 1))
+    weights = sum(0.9**i for i in range(1, 6))
+    half, one = np.array([0.5]), np.array([1.0])
+    assert remainder(method, "hold", half, action, 3, open_, 0.9) == pytest.approx(0.05 * weights)
+    assert remainder(method, "violated", half, action, 3, open_, 0.9) == pytest.approx(-0.9)
+    assert remainder(method, "hold", one, action, 3, open_, 0.9) == pytest.approx(0.9)
+    assert remainder(method, "hold", one, action, 3, np.ones((1, 1)), 0.9) == 0
 
 
 # ---------------------------------------------------------------------------------------------------------- verdicts
