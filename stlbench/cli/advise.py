@@ -69,7 +69,7 @@ def advise(
 
 
 def facts(task: Task, known: Mapping[str, Mapping[str, Any]], asked: Iterable[str] | None = None) -> dict[str, Any]:
-    """Formula, the methods that fit and those that do not, as plain values.
+    """Formula and its other forms, the methods that fit and those that do not, as plain values.
 
     Args:
         task: whose formula it is.
@@ -83,7 +83,15 @@ def facts(task: Task, known: Mapping[str, Mapping[str, Any]], asked: Iterable[st
     fitting = [row for row in found if "status" not in row]
     fitting.sort(key=lambda row: (_rank(row.get("known")), row["extension"] != "", row["inputs"]))
     refused = [row for row in found if "status" in row]
-    return {"task": task.name, "formula": str(task.formula), "fit": fitting, "do_not_fit": refused}
+    given = task.specification
+    return {
+        "task": task.name,
+        "formula": str(task.formula),
+        "rewarded": str(given.formula),
+        "nested": None if given.nested is None else str(given.nested),
+        "fit": fitting,
+        "do_not_fit": refused,
+    }
 
 
 def _each(task: Task, choices: Iterable[str], known: Mapping[str, Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
@@ -151,7 +159,12 @@ def _matches(task: Task, group: Group) -> bool:
 def _print(content: dict[str, Any], known: bool) -> None:
     from stlbench.report import Column, Table, to_screen
 
-    typer.echo(f"{content['task']}: {content['formula']}\n")
+    typer.echo(f"{content['task']}: {content['formula']}")
+    if content["rewarded"] != content["formula"]:
+        typer.echo(f"as methods see it: {content['rewarded']}")
+    if content["nested"] is not None:
+        typer.echo(f"as windows: {content['nested']}")
+    typer.echo()
     results = (Column("budget", right=False), Column("seeds"), Column("satisfied %"), Column("robustness"))
     columns = (
         Column("method", right=False),

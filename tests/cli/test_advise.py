@@ -16,6 +16,7 @@ def advice(say, *words):
 def test_what_fits_and_why_the_others_do_not(say, toy):
     found = advice(say, "toy-line")
     assert (found["task"], found["formula"]) == ("toy-line", "G[0,4] x <= 1")
+    assert (found["rewarded"], found["nested"]) == ("G[0,4] x <= 1", None)
     fitting = {row["method"]: row for row in found["fit"]}
     assert fitting["toy-raw"] == {"method": "toy-raw", "inputs": 0, "memory": 0, "also": [], "extension": ""}
     assert fitting["machine"]["also"] == ["counterfactuals", "ends"]
@@ -52,6 +53,13 @@ def test_results_put_the_best_first(say, toy, tmp_path):
     assert first["known"]["satisfaction"] >= second["known"]["satisfaction"]
     assert rest
     assert not any("known" in row for row in rest)
+
+
+def test_the_forms_that_methods_see(say):
+    shown = say("advise", "hold-disc", "--methods", "flag").stdout
+    assert "as windows: G[0,190] G[0,10] norm(x - 2, y - 2) <= 1" in shown
+    assert "as methods see it" not in shown
+    assert "as methods see it: G[400,700] (min(20 *" in say("advise", "pendulum", "--methods", "raw").stdout
 
 
 def test_on_a_screen(say, toy):
