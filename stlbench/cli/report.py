@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stlbench.cli.common import Json, console, print_json
+from stlbench.cli.common import Json, console, print_json, warn
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -23,10 +23,11 @@ def report(
 ) -> None:
     """Rebuild the tables and figures from a ledger.
 
-    Covers all cells that are recorded in DIR, prints the tables and rewrites the files. --json prints an object with
-    the lists robustness, comparisons, aggregates, improvement, controllers, alignment, time and cells. --html writes
-    one file in place of all that: tables to sort and filter, charts, traces, and every cell, for any browser, without
-    a network. It needs the extra `page`. Prints its path; with --json an object with path and bytes.
+    Covers all cells that are recorded in DIR, prints the tables and rewrites the files; where DIR cannot be written, it
+    says so and prints the tables alone. --json prints an object with the lists robustness, comparisons, aggregates,
+    improvement, controllers, alignment, time and cells. --html writes one file in place of all that: tables to sort and
+    filter, charts, traces, and every cell, for any browser, without a network. It needs the extra `page`. Prints its
+    path; with --json an object with path and bytes.
 
     \b
     Examples:
@@ -39,7 +40,7 @@ def report(
 
         report_page(folder, as_json)
         return
-    from stlbench.report import condense, write
+    from stlbench.report import condense
     from stlbench.study import stored
 
     groups = condense(stored.read(folder), stored.missing(folder))
@@ -47,7 +48,7 @@ def report(
         raise UsageError(f"{stored.locate(folder)} holds no result yet")
     if as_json:
         known = standards_of(groups)
-        write(groups, known, folder)
+        _write(groups, known, folder)
         print_json(_content(groups, known))
     else:
         show_report(groups, groups, folder)
@@ -55,16 +56,30 @@ def report(
 
 def show_report(shown: Sequence[Group], groups: Sequence[Group], folder: Path) -> None:
     """Write all files, of all groups; then print the tables of those that are to be shown, and where the files lie."""
-    from stlbench.report import split, summary, to_screen, write
+    from stlbench.report import split, summary, to_screen
 
     out, known = console(), standards_of(groups)
-    write(groups, known, folder)
+    is_written = _write(groups, known, folder)
     tasks = {group.setting.task.name for group in shown}
     for table in summary(shown, {task: each for task, each in known.items() if task in tasks}, groups):
         to_screen(table, out)
+    if not is_written:
+        return
     planned = ", alignment" if split(groups)[1] else ""
     files = f"report.md, robustness, comparisons, controllers{planned} and time (.csv, .tex), cells.csv, figures/"
     typer.echo(f"Written to {folder}/: {files}")
+
+
+def _write(groups: Sequence[Group], known: Mapping[str, Standard], folder: Path) -> bool:
+    """Write all files. Whether that was possible: who may only read a folder is shown the tables, with a warning."""
+    from stlbench.report import write
+
+    try:
+        write(groups, known, folder)
+    except UsageError as error:
+        warn(str(error))
+        return False
+    return True
 
 
 def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:

@@ -213,6 +213,18 @@ def test_a_controller_that_fails_is_a_warning(run, say, down, monkeypatch):
     assert "Robustness: task toy-line" in done.stdout
 
 
+def test_a_folder_that_cannot_be_written_is_reported_on_the_screen(run, say):
+    run("toy-raw")
+    Path("results/report.md").unlink()
+    Path("results/report.md").mkdir()
+    done = say("report", "results")
+    assert done.exit_code == 0
+    assert done.stderr.startswith("warning: cannot write the report: ")
+    assert "toy-raw" in done.stdout
+    assert "Written to" not in done.stdout
+    assert json.loads(say("report", "results", "--json").stdout)["cells"]
+
+
 def test_report_says_where_it_looked(say):
     done = say("report", "nowhere")
     assert (done.exit_code, done.stderr) == (

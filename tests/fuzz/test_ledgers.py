@@ -44,7 +44,7 @@ def test_what_reads_a_ledger_reads_it_or_says_what_is_damaged(say, good, example
         shutil.copytree(good, "bad")
         (Path("bad") / FILE).write_bytes(data)
         read_all(Path("bad"))
-        answer(say("show", "cell", "toy-line/toy-raw/toy-agent/1", "--results", "bad"))
+        answer(say("show", "cell", "toy-line/toy-raw/toy-agent/1", "bad"))
         answer(say("export", "bad", "--format", "jsonl"))
         answer(say("results", "merge", "new", "bad"))
         shutil.rmtree("new", ignore_errors=True)
@@ -73,6 +73,6 @@ def test_lines_are_read_or_refused_with_their_place(say, good, examples):
         Path("bad").mkdir()
         (Path("bad") / LINES).write_bytes(data)
         read_all(Path("bad"))
-        answer(say("show", "cell", "toy-line/toy-raw/toy-agent/1", "--results", "bad"))
+        answer(say("show", "cell", "toy-line/toy-raw/toy-agent/1", "bad"))
 
     fuzz(examples, damaged((good / LINES).read_bytes(), 3), check)
