@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
-from stlbench.result import CellId, Planned, Setting, find_cell, from_json, to_json
+from stlbench.result import ACCIDENTS, CellId, Planned, Setting, accidents_of, find_cell, from_json, to_json
 
 CELL = CellId(
     Choice("overlap", (("without", "cuts"),)), Choice("funnel", (("ginf", "0.02"),)), Choice("dqn"), 3, "smoke"
@@ -108,3 +108,13 @@ def test_a_record_of_before_there_were_plans_is_of_a_learned_policy():
 def test_other_json_is_refused(text):
     with pytest.raises(ValueError):  # noqa: PT011
         from_json(text)
+
+
+def test_failures_to_try_again() -> None:
+    assert accidents_of("failed") == accidents_of(True) == accidents_of(["failed", "timeout"]) == ACCIDENTS
+    assert accidents_of("killed, raised") == ("raised", "killed")
+    assert accidents_of(None) == accidents_of(False) == ()
+    with pytest.raises(UsageError, match="no failure 'kiled'; did you mean 'killed'"):
+        accidents_of("kiled")
+    with pytest.raises(UsageError, match="no failure 'done'"):
+        accidents_of("done,killed")

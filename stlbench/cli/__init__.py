@@ -30,6 +30,7 @@ from stlbench.cli.run import run
 from stlbench.cli.score import score
 from stlbench.cli.show import app as show
 from stlbench.cli.tune import tune
+from stlbench.cli.verify import verify
 from stlbench.contract_parts import origin
 
 __all__ = ["app", "main"]
@@ -51,6 +52,7 @@ app.command("check", short_help="Does a plugin keep the rules of its contract?")
 app.add_typer(show, name="show")
 app.command("export", short_help="Write results for other programs.")(export)
 app.add_typer(results, name="results")
+app.command("verify", short_help="Is a folder of results whole? Have what is missing measured again.")(verify)
 app.command("bundle", short_help="Pack results into one file with checksums, for others.")(bundle)
 app.command("report")(report)
 app.command("plot", short_help="Draw a run: learning, robustness in time, trajectories.")(plot)

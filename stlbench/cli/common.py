@@ -15,14 +15,17 @@ import typer
 from typer.core import TyperGroup
 
 from stlbench.contract_parts.texts import one_line, printable
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, is_disk_full
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["Commands", "Json", "console", "print_json", "refuse", "warn"]
+__all__ = ["DISK_FULL", "Commands", "Json", "console", "print_json", "refuse", "warn"]
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, on stdout.")]
+
+DISK_FULL = 74
+"""The exit code where results cannot be written since the disk is full; that of an input/output error in sysexits.h."""
 
 
 class Commands(TyperGroup):
@@ -45,7 +48,11 @@ class Commands(TyperGroup):
             try:
                 code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
             except UsageError as error:
-                code = refuse(str(error))
+                code = refuse(str(error), DISK_FULL if is_disk_full(error) else 2)
+            except OSError as error:
+                if not is_disk_full(error):
+                    raise
+                code = refuse(str(error), DISK_FULL)
             except typer.TyperException as error:
                 code = refuse(error.format_message() + _where_to_look(error))
         if standalone_mode:
@@ -64,10 +71,10 @@ class Commands(TyperGroup):
             raise typer.Exit(128 + 13) from None  # what a shell says of a command that SIGPIPE stopped
 
 
-def refuse(message: str) -> int:
+def refuse(message: str, code: int = 2) -> int:
     """Print what is wrong as one line on stderr; return the exit code."""
     typer.echo(f"error: {printable(message)}", err=True)
-    return 2
+    return code
 
 
 def _where_to_look(error: typer.TyperException) -> str:

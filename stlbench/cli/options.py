@@ -15,7 +15,10 @@ Jobs = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Cells at a time.", show_default="2, or 1 on a single core")
 ]
 Executor = Annotated[str, typer.Option(metavar="NAME", help="Where cells run.")]
-Retry = Annotated[bool, typer.Option("--retry", help="Run cells again that raised, timed out or were killed.")]
+Retry = Annotated[
+    str | None,
+    typer.Option(metavar="LIST", help="Run cells again that ended so: failed, or some of raised, timeout, killed."),
+]
 
 
 def names(text: str | None) -> tuple[Choice, ...] | None:

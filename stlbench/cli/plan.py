@@ -50,7 +50,7 @@ def plan(
         "results/plan"
     ),
     executor: Executor = "local",
-    retry: Retry = False,
+    retry: Retry = None,
 ) -> None:
     """Say what the rewards of a task ask for: plan for them, and for the formula itself, without training.
 
@@ -65,13 +65,14 @@ def plan(
     """
     from stlbench.cli.progress import Progress
     from stlbench.registry.folders import task_of
+    from stlbench.result import accidents_of
     from stlbench.study.alignment import parse_settings, plan_alignment
     from stlbench.study.run import build_executor, run_cells
 
     chosen, said = choices(methods), None if settings is None else parse_settings(settings)
     cells = plan_alignment(task_of(task), chosen, said, resolution)
     with interruptible(lambda: cells, results), Progress() as progress:
-        run_cells(cells, results, build_executor(executor, jobs), retry=retry, progress=progress)
+        run_cells(cells, results, build_executor(executor, jobs), retry=accidents_of(retry), progress=progress)
     _say_equal([cell.id for cell in cells], chosen)
     report_cells({cell.id for cell in cells}, results)
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from stlbench.cli.common import Json, print_json
+from stlbench.cli.common import Json, print_json, warn
 
 app = typer.Typer(rich_markup_mode=None)
 
@@ -74,7 +74,8 @@ def merge(
 ) -> None:
     """Copy the cells of other folders of results, with their traces and policies.
 
-    Of a cell that several folders have, the result that was measured last stays.
+    Of a cell that several folders have, a result that is no failure stays, and of two such the one that was measured
+    last. Cells that were planned and have no result are planned in INTO too. Files are checked against their checksums.
 
     \b
     Example:
@@ -87,7 +88,12 @@ def merge(
         print_json([{"from": str(source), **counts[source]._asdict()} for source in sources])
         return
     for source, count in counts.items():
-        typer.echo(f"{source}: {count.added} new, {count.replaced} newer than in {into}/, {count.kept} left out")
+        planned = f", {count.planned} planned without a result" if count.planned else ""
+        typer.echo(f"{source}: {count.added} new, {count.replaced} better or newer, {count.kept} left out{planned}")
+        for name in count.conflicts:
+            warn(f"{name} has other scores in {source}/ than in {into}/, though the keys are the same")
+        for file in count.damaged:
+            warn(f"{file} is not as it was recorded, and not copied")
 
 
 def _count(cells: int) -> str:

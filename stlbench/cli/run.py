@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stlbench.cli.common import DISK_FULL, refuse
 from stlbench.cli.completion import names
 from stlbench.cli.options import Jobs, Retry
 from stlbench.cli.report import show_report
+from stlbench.errors import UsageError, is_disk_full
 
 if TYPE_CHECKING:
     from stlbench.result import CellId
@@ -94,7 +96,11 @@ def run(
         Path | None, typer.Option(metavar="DIR", help="Folder of ledger, traces, tables.", show_default="results")
     ] = None,
     executor: Annotated[str | None, typer.Option(metavar="NAME", help="Where cells run.", show_default="local")] = None,
-    retry: Retry = False,
+    retry: Retry = None,
+    attempts: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Give up cells that failed N times in a row.", show_default="3"),
+    ] = None,
     keep_old: Annotated[
         bool, typer.Option("--keep-old", help="Count results of before a change of the code as done.")
     ] = False,
@@ -102,8 +108,8 @@ def run(
     """Compare reward methods: train and score every task, method, agent and seed.
 
     Each cell is recorded in DIR as it ends. The same command again runs only what is missing and repeats the tables,
-    so an interrupted run goes on. The exit code is 1 if a cell raised, timed out or was killed, 2 for bad input, 130
-    after ctrl-C, otherwise 0.
+    so an interrupted run goes on. The exit code is 1 if a cell raised, timed out or was killed, 2 for bad input, 74 if
+    the disk is full, 130 after ctrl-C, otherwise 0.
 
     \b
     Examples:
@@ -127,7 +133,8 @@ def run(
         "memory": memory,
         "results": results,
         "executor": executor,
-        "retry": retry or None,
+        "retry": retry,
+        "attempts": attempts,
         "keep_old": keep_old or None,
     }
     said = {name: value for name, value in options.items() if value is not None}
@@ -139,18 +146,26 @@ def run(
 
 @contextmanager
 def interruptible(cells: Callable[[], Sequence[Cell]], folder: Path) -> Iterator[None]:
-    """Where someone interrupts what runs these cells, say how many of them are recorded, and exit with code 130."""
+    """Where someone interrupts what runs these cells, or the disk is full, say how many of them are recorded, and exit
+    with code 130 or `DISK_FULL`."""
     try:
         yield
     except KeyboardInterrupt:
-        from stlbench.study.ledger import FILE, Ledger
-
-        planned = cells()
-        with Ledger(folder / FILE) as ledger:
-            count = len(ledger.finished(cell.key for cell in planned))
-        said = f"{count} of {len(planned)} cells are recorded in {folder}/"
-        typer.echo(f"interrupted: {said}; say the same command again to go on", err=True)
+        typer.echo(f"interrupted: {_recorded(cells(), folder)}; say the same command again to go on", err=True)
         raise typer.Exit(130) from None
+    except UsageError as error:
+        if not is_disk_full(error):
+            raise
+        refuse(f"{error}: {_recorded(cells(), folder)}; make room, and say the same command again to go on")
+        raise typer.Exit(DISK_FULL) from None
+
+
+def _recorded(cells: Sequence[Cell], folder: Path) -> str:
+    from stlbench.study.ledger import FILE, Ledger
+
+    with Ledger(folder / FILE) as ledger:
+        count = len(ledger.finished(cell.key for cell in cells))
+    return f"{count} of {len(cells)} cells are recorded in {folder}/"
 
 
 def report_cells(cells: Container[CellId], folder: Path) -> None:

@@ -58,7 +58,7 @@ def tune(
         "results/tuning"
     ),
     executor: Executor = "local",
-    retry: Retry = False,
+    retry: Retry = None,
 ) -> None:
     """Find a recipe for each method on each task, with the same number of trials for all, for `run --track tuned`.
 
@@ -118,9 +118,9 @@ def _run(
 
     planned.update((cell.id, cell) for cell in cells)
     place = build_executor(study.executor, study.jobs)
-    run_cells(cells, study.results, place, retry=study.retry, progress=progress)
+    run_cells(cells, study.results, place, retry=study.retry, attempts=study.attempts, progress=progress)
     with Ledger(study.results / FILE, create=False) as ledger:
-        return {result.id: result for result in ledger.results({cell.key for cell in cells})}
+        return {result.id: result for result in ledger.results_of(cell.id for cell in cells)}
 
 
 def _write(found: Sequence[Entrant], study: Study, trials: int) -> None:

@@ -22,7 +22,8 @@ from stlbench.gate.snapshot import Sample, Snapshot, gather
 from stlbench.result import IDENTITY, NOT_RUN, OUTSIDE, CellId
 from stlbench.sharing.checked import unpacked
 from stlbench.study import stored
-from stlbench.study.ledger import FILE, is_sqlite
+from stlbench.study.ledger import FILE
+from stlbench.study.schema import is_sqlite
 
 __all__ = ["load", "save"]
 

@@ -15,6 +15,7 @@ from stlbench.gate.stamped_ledger import StampedLedger
 from stlbench.gate.trial import run_cell
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import fingerprint
+from stlbench.result import ACCIDENTS
 from stlbench.study.cell import Cell
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.plan import plan_cells
@@ -82,6 +83,6 @@ def measure(cells: Sequence[Cell], folder: Path, executor: Executor, progress: P
     stamp = {name: value for name, value in collect(executor.jobs).items() if name not in ("jobs", "time")}
     stamp["harness"] = fingerprint("stlbench.gate.trial")[:12]
     stamped = partial(StampedLedger, stamp=stamp)
-    run_cells(cells, folder, executor, retry=True, progress=progress, open_ledger=stamped, run_cell=run_cell)
+    run_cells(cells, folder, executor, retry=ACCIDENTS, progress=progress, open_ledger=stamped, run_cell=run_cell)
     with Ledger(folder / FILE, create=False) as ledger:
-        return gather(ledger.results({cell.key for cell in cells}))
+        return gather(ledger.results_of(cell.id for cell in cells))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from stlbench.gate.calibration import CALIBRATIONS
-from stlbench.result import Result
+from stlbench.result import Result, Status
 from stlbench.study.ledger import Ledger
 
 __all__ = ["StampedLedger"]
@@ -30,9 +30,9 @@ class StampedLedger(Ledger):
         """Write the result with its stamp."""
         super().record(replace(result, provenance={**result.provenance, **self._stamp}))
 
-    def finished(self, keys: Iterable[str], retry: bool = False) -> set[str]:
+    def finished(self, keys: Iterable[str], retry: Collection[Status] = (), attempts: int | None = None) -> set[str]:
         """See `Ledger.finished`; only what is calibrated and has this stamp."""
-        results, stamp = self.results(super().finished(keys, retry)), self._stamp.items()
+        results, stamp = self.results(super().finished(keys, retry, attempts)), self._stamp.items()
         return {result.key for result in results if stamp <= result.provenance.items() and _calibrated(result)}
 
 

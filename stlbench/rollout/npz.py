@@ -30,9 +30,13 @@ def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
             raise TypeError(f"array '{name}' has objects; numbers and texts can be kept")
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.name}.part")
-    with part.open("wb") as file:  # a path would be given the ending .npz
-        np.savez_compressed(file, allow_pickle=False, **arrays)
-    part.replace(path)
+    try:
+        with part.open("wb") as file:  # a path would be given the ending .npz
+            np.savez_compressed(file, allow_pickle=False, **arrays)
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def read(path: Path, prefix: str = "") -> dict[str, NDArray[Any]]:

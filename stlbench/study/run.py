@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,7 @@ from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, executor_of
-from stlbench.result import CellId, Result
+from stlbench.result import CellId, Result, Status
 from stlbench.study import scheduler, trial
 from stlbench.study.cell import Cell
 from stlbench.study.ledger import FILE, Ledger
@@ -89,7 +89,8 @@ def run_study(
     memory: str | None = None,
     results: str | Path | None = None,
     executor: str | None = None,
-    retry: bool | None = None,
+    retry: bool | str | Iterable[str] | None = None,
+    attempts: int | None = None,
     keep_old: bool | None = None,
     progress: Progress | None = None,
 ) -> Results:
@@ -112,7 +113,8 @@ def run_study(
             machine's where left out.
         results: folder of ledger, traces and tables; `results` where left out.
         executor: where cells run; `local` where left out.
-        retry: run cells again that raised, ran out of time or were killed.
+        retry: run cells again that ended so: `failed`, which is also True, or some of `raised`, `timeout`, `killed`.
+        attempts: a cell that failed so often in a row is given up; 3 where left out.
         keep_old: count results as done that are of other code than today's, of an older stlbench for example.
         progress: called with the progress of the study.
 
@@ -136,20 +138,27 @@ def run_study(
         "results": results,
         "executor": executor,
         "retry": retry,
+        "attempts": attempts,
         "keep_old": keep_old,
     }
     described = Study.of({name: value for name, value in options.items() if value is not None}, study)
     cells = run_described(described, progress)
     with Ledger(described.results / FILE, create=False) as ledger:
-        counted = ledger.counted()
-        keys = {counted[cell.id] for cell in cells if cell.id in counted}
-        return Results.of(ledger.results(keys), described.results)
+        return Results.of(ledger.results_of(cell.id for cell in cells), described.results)
 
 
 def run_described(study: Study, progress: Progress | None = None) -> tuple[Cell, ...]:
     """Run what is missing of a study, and return its cells. No result is kept in memory. Raises as `run_study`."""
     cells, place = study.cells(), build_executor(study.executor, study.jobs, study.memory)
-    run_cells(cells, study.results, place, retry=study.retry, keep_old=study.keep_old, progress=progress)
+    run_cells(
+        cells,
+        study.results,
+        place,
+        retry=study.retry,
+        attempts=study.attempts,
+        keep_old=study.keep_old,
+        progress=progress,
+    )
     return cells
 
 
@@ -158,7 +167,8 @@ def run_cells(
     folder: Path,
     executor: Executor,
     *,
-    retry: bool = False,
+    retry: Collection[Status] = (),
+    attempts: int | None = None,
     keep_old: bool | None = None,
     progress: Progress | None = None,
     open_ledger: Callable[[Path], Ledger] = Ledger,
@@ -173,7 +183,8 @@ def run_cells(
         cells: the whole plan (`plan_cells`).
         folder: of results: the ledger, the traces and the policies.
         executor: runs the cells.
-        retry: run cells again that raised, were stopped or killed.
+        retry: how cells ended that are run again, of `ACCIDENTS`.
+        attempts: a cell that failed so often in a row is not; None is no limit.
         keep_old: count results of other code than today's as done; None is no, where the user has no such choice.
         progress: called with its progress.
         open_ledger: makes the ledger from its path.
@@ -186,10 +197,12 @@ def run_cells(
     told = progress or _Silent()
     provenance = collect(executor.jobs)
     with open_ledger(folder / FILE) as ledger:
-        notes = check_cells(_missing(cells, ledger, retry))
+        notes = check_cells(_missing(cells, ledger, retry, attempts))
     with writing(folder), open_ledger(folder / FILE) as ledger:
-        missing = _missing(cells, ledger, retry)
-        if old := superseded(missing, ledger):
+        missing = _missing(cells, ledger, retry, attempts)
+        if retry and attempts and (lost := ledger.given_up({cell.key for cell in cells}, attempts)):
+            notes = (_given_up(lost, attempts), *notes)
+        if missing and (old := superseded(missing, ledger)):
             notes = (note(old, ledger, provenance, keep_old), *notes)
             kept = {cell.id for cell in old.values()} if keep_old else set[CellId]()
             missing = [cell for cell in missing if cell.id not in kept]
@@ -208,8 +221,14 @@ def run_cells(
                 told.ended(result)
 
 
-def _missing(cells: Iterable[Cell], ledger: Ledger, retry: bool) -> list[Cell]:
+def _given_up(cells: Sequence[CellId], attempts: int) -> str:
+    named = ", ".join(cell.name for cell in cells[:3]) + (", ..." if len(cells) > 3 else "")
+    said = f"{len(cells)} {'cell' if len(cells) == 1 else 'cells'} failed {attempts} times or more in a row"
+    return f"{said}, given up: {named}; --attempts with a greater number tries again"
+
+
+def _missing(cells: Iterable[Cell], ledger: Ledger, retry: Collection[Status], attempts: int | None) -> list[Cell]:
     """Those of the cells that are to be run, each once."""
     known = {cell.key: cell for cell in cells}
-    finished = ledger.finished(known, retry)
+    finished = ledger.finished(known, retry, attempts)
     return [cell for key, cell in known.items() if key not in finished]

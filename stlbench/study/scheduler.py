@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 
 from stlbench.contract import Executor, Outcome, cause
 from stlbench.contract_parts.texts import one_line
+from stlbench.errors import UsageError
 from stlbench.result import Result, from_json, to_json
 from stlbench.study.cell import Cell
 from stlbench.study.ledger import Ledger
 from stlbench.study.provenance import of_cell
-from stlbench.study.unchanged import key_without_code
+from stlbench.study.unchanged import NoSpace, key_without_code
 
 __all__ = ["run"]
 
@@ -26,7 +28,8 @@ def run(
 ) -> Generator[Result]:
     """Yield the result of each cell, as they end. A result is in the ledger when it is yielded.
 
-    ctrl-C, or closing the iterator, stops the workers; what ended before is recorded.
+    ctrl-C, or closing the iterator, stops the workers; what ended before is recorded. So it is with a full disk, which
+    raises `UsageError`.
 
     Args:
         cells: what to run, in the order in which to begin.
@@ -47,6 +50,9 @@ def run(
 def _result(cell: Cell, outcome: Outcome) -> Result:
     if outcome.status != "done":
         return cell.ended(outcome.status, outcome.reason, outcome.details)
+    if isinstance(outcome.value, NoSpace):
+        said = f"cannot store what {cell.id.name} gave: {outcome.value.reason}"
+        raise UsageError(said) from OSError(errno.ENOSPC, outcome.value.reason)
     if not (isinstance(outcome.value, Result) and outcome.value.key in (cell.key, key_without_code(cell))):
         said = one_line(_Shown(outcome.value))[:200]
         return cell.ended("raised", f"the cell's function returned no result of this cell but {said}")

@@ -13,6 +13,7 @@ from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import folders
 from stlbench.registry.choices import Choice, choice_of, executor_of, parse_choices
+from stlbench.result import Status, accidents_of
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
 from stlbench.study.tracks import read_recipes
@@ -111,8 +112,10 @@ class Study(BaseModel):
     """Folder of ledger, traces and tables."""
     executor: Annotated[Choice, BeforeValidator(executor_of)] = Choice("local")
     """Where cells run."""
-    retry: bool = False
-    """Run cells again that raised, ran out of time or were killed."""
+    retry: Annotated[tuple[Status, ...], BeforeValidator(accidents_of)] = ()
+    """Run cells again that ended so: `failed`, or some of `raised`, `timeout` and `killed`."""
+    attempts: Annotated[int, Field(ge=1)] = 3
+    """A cell that failed so often in a row is given up."""
     keep_old: bool = False
     """Count results as done that are of other code than today's."""
 

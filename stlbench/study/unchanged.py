@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from stlbench.contract_parts.texts import one_line
+from stlbench.contract_parts.texts import cause, one_line
+from stlbench.errors import is_disk_full
 from stlbench.registry import folders
 from stlbench.result import Result
 from stlbench.study.beside import files_beside
 from stlbench.study.cell import Cell, digest
 
-__all__ = ["changed", "key_without_code", "run_unchanged"]
+__all__ = ["NoSpace", "changed", "key_without_code", "run_unchanged"]
 
 
-def run_unchanged(cell: Cell, run_cell: Callable[..., Result], folder: Path) -> Result:
+@dataclass(frozen=True)
+class NoSpace:
+    """In the place of a result: the disk was full, so that the cell has none, and no other could be stored either."""
+
+    reason: str
+
+
+def run_unchanged(cell: Cell, run_cell: Callable[..., Result], folder: Path) -> Result | NoSpace:
     """What a cell's function returns; a failure where the cell's code is not what it was planned with.
 
     Such a failure has a key that no plan has. So the cell is run again by the next command, also where the edit has
@@ -31,7 +40,9 @@ def run_unchanged(cell: Cell, run_cell: Callable[..., Result], folder: Path) -> 
     if place is None:
         try:
             result = run_cell(cell, folder=folder)
-        except Exception:
+        except Exception as error:
+            if is_disk_full(error):
+                return NoSpace(cause(error))
             if (place := changed(cell)) is None:
                 raise
         else:

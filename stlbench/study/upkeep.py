@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Collection, Iterable
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean
-from stlbench.result import CellId, Result, Status
+from stlbench.result import ACCIDENTS, CellId, Result, Status
 from stlbench.study import stored
 from stlbench.study.beside import files_beside
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writing
 from stlbench.study.results import Results
+from stlbench.study.verify import verify
 
 __all__ = ["Merged", "choose", "merge", "remove", "take_out"]
 
@@ -80,20 +82,27 @@ def take_out(folder: Path, ledger: Ledger, cell: CellId) -> None:
 
 
 class Merged(NamedTuple):
-    """How many cells of a folder went into another."""
+    """What became of the cells of a folder that were copied into another."""
 
     added: int
     """That were not there."""
     replaced: int
-    """In place of an older result."""
+    """In place of a result that is older, or that was a failure."""
     kept: int
-    """Left out, as there is one there that is not older."""
+    """Left out, as there is one there that is not older, or no failure."""
+    planned: int
+    """Without a result in either, which are missing now in both."""
+    conflicts: tuple[str, ...]
+    """Names of cells that have other scores in the two, though their keys are the same: one of them stays."""
+    damaged: tuple[str, ...]
+    """Files that are not as they were recorded, which were not copied."""
 
 
 def merge(into: Path, source: Path) -> Merged:
-    """Copy the results of `source` into the ledger of `into`, and their traces, policies and logs.
+    """Copy the results of `source` into the ledger of `into`, their traces, policies and logs, and its plan.
 
-    Of two results of a cell the one stays whose run began later, and where both began together that of `into`.
+    Of two results of a cell one that is no failure stays, then the one whose run began later, and where both began
+    together that of `into`. A merge that was interrupted can be said again.
 
     Raises:
         UsageError: `source` has no results, or it is `into` itself.
@@ -103,30 +112,68 @@ def merge(into: Path, source: Path) -> Merged:
     incoming = Results.load(source)
     if stored.locate(into) and not (into / FILE).is_file():
         raise UsageError(f"{into} has no {FILE} but {stored.LINES}; merge into a new folder, and export that")
-    added = replaced = 0
+    damaged = _damaged(source)
+    counts, conflicts, left_out = Counter[str](), list[str](), list[str]()
     with writing(into), Ledger(into / FILE) as ledger:
         present = {result.id: result for result in ledger.results()}
         for result in incoming:
             before = present.get(result.id)
-            if before is not None and _begun(result) <= _begun(before):
+            conflicts += [] if before is None or _agree(result, before) else [result.id.name]
+            if before is not None and not _is_better(result, before):
+                counts["kept"] += 1
                 continue
             if before is not None:
                 take_out(into, ledger, before.id)
-            _copy_files(incoming.folder, into, result)
+            left_out += _copy_files(incoming.folder, into, result, damaged)
             ledger.record(result)
-            added, replaced = added + (before is None), replaced + (before is not None)
-    return Merged(added, replaced, len(incoming) - added - replaced)
+            counts["added" if before is None else "replaced"] += 1
+        planned = _plan(source, ledger)
+    return Merged(counts["added"], counts["replaced"], counts["kept"], planned, tuple(conflicts), tuple(left_out))
 
 
-def _begun(result: Result) -> str:
-    """When its run began, in UTC, so that texts compare as times do; empty where it is not known."""
-    return result.provenance.get("time", "")
+def _is_better(result: Result, before: Result) -> bool:
+    """Ordered by whether it is a failure, then by when the run began, in UTC, so that texts compare as times do."""
+
+    def rank(one: Result) -> tuple[bool, str]:
+        return one.status not in ACCIDENTS, one.provenance.get("time", "")
+
+    return rank(result) > rank(before)
 
 
-def _copy_files(source: Path, into: Path, result: Result) -> None:
-    pairs = zip(files_beside(source, result.id, result.key), files_beside(into, result.id, result.key), strict=True)
-    for recorded, copy in pairs:
-        if recorded.is_file():
+def _agree(result: Result, before: Result) -> bool:
+    """Whether two results can both be of the code in their key: times differ, scores do not."""
+    one, other = result.measurement, before.measurement
+    if result.key != before.key or one is None or other is None:
+        return True
+    return (one.selected, one.final) == (other.selected, other.final)
+
+
+def _damaged(source: Path) -> set[tuple[str, str]]:
+    """Key and kind of the files that are not as they were recorded."""
+    found = verify(source)
+    return {(damage.key, damage.what) for damage in found.damages}
+
+
+def _plan(source: Path, ledger: Ledger) -> int:
+    """Take over what the source has planned and lacks; how many cells there are of which the ledger did not know."""
+    if not (source / FILE).is_file():
+        return 0
+    with Ledger(source / FILE, create=False) as other:
+        planned, lacking = other.planned(), set(other.missing())
+    known = {*ledger.counted(), *ledger.planned().values()}
+    new = {key: cell for key, cell in planned.items() if cell in lacking and cell not in known}
+    ledger.plan_also(new)
+    return len(new)
+
+
+def _copy_files(source: Path, into: Path, result: Result, damaged: Collection[tuple[str, str]]) -> Iterator[str]:
+    """Those that are there; gives the ones that are damaged."""
+    here, there = files_beside(source, result.id, result.key), files_beside(into, result.id, result.key)
+    for kind, recorded in here._asdict().items():
+        if (result.key, kind) in damaged:
+            yield str(recorded)
+        elif recorded.is_file():
+            copy: Path = getattr(there, kind)
             try:
                 copy.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(recorded, copy)

@@ -237,6 +237,8 @@ def test_removing_without_asking(say, ledger):
 def test_merging_says_how_many(say, ledger):
     stored.write_lines([result("funnel"), result("funnel", 5)], Path("more") / stored.LINES)
     done = say("results", "merge", "results", "more")
-    assert done.stdout == "more: 1 new, 0 newer than in results/, 1 left out\n"
+    assert done.stdout == "more: 1 new, 0 better or newer, 1 left out\n"
     again = json.loads(say("results", "merge", "results", "more", "--json").stdout)
-    assert again == [{"from": "more", "added": 0, "replaced": 0, "kept": 2}]
+    assert again == [
+        {"from": "more", "added": 0, "replaced": 0, "kept": 2, "planned": 0, "conflicts": [], "damaged": []},
+    ]

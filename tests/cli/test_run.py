@@ -117,7 +117,7 @@ def test_retry_runs_accidents_again(run, monkeypatch):
     run("toy-wrong,toy-raw")
     module = importlib.import_module("toy_plugins.methods")
     monkeypatch.setattr(module.Wrong, "step", module.Raw.step)
-    done = run("toy-wrong,toy-raw", "--retry")
+    done = run("toy-wrong,toy-raw", "--retry", "failed")
     assert done.exit_code == 0
     assert done.stderr.splitlines()[0] == "4 cells, 2 of them done before"
     assert {status for _, _, status in cells()} == {"done"}

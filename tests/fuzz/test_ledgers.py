@@ -46,6 +46,7 @@ def test_what_reads_a_ledger_reads_it_or_says_what_is_damaged(say, good, example
         read_all(Path("bad"))
         answer(say("show", "cell", "toy-line/toy-raw/toy-agent/1", "bad"))
         answer(say("export", "bad", "--format", "jsonl"))
+        assert say("verify", "bad").exit_code in (0, 1, 2)
         answer(say("results", "merge", "new", "bad"))
         shutil.rmtree("new", ignore_errors=True)
 
@@ -61,7 +62,8 @@ def test_what_writes_a_ledger_goes_on_or_refuses_it(brief, good, examples):
         (Path("bad") / FILE).write_bytes(data)
         answer(brief("results", "remove", "bad", "toy-line/toy-wrong/*", "--yes"))
         answer(brief(*RUN, *HERE, "--results", "bad"))
-        answer(brief(*RUN, *HERE, "--results", "bad", "--retry"))
+        answer(brief(*RUN, *HERE, "--results", "bad", "--retry", "failed"))
+        answer(brief("verify", "bad", "--repair"))
 
     fuzz(examples, damaged((good / FILE).read_bytes(), 3), check)
 

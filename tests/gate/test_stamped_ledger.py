@@ -9,7 +9,7 @@ from helpers import synthetic_results
 
 from stlbench.gate.calibration import CALIBRATIONS
 from stlbench.gate.stamped_ledger import StampedLedger
-from stlbench.result import Result
+from stlbench.result import ACCIDENTS, Result
 from stlbench.study.ledger import Ledger
 
 
@@ -37,7 +37,7 @@ def test_what_other_code_computed_is_not_finished(tmp_path: Path) -> None:
         ledger.record(calibrated(0))
         ledger.record(calibrated(1, "raised"))
         assert ledger.finished(keys) == set(keys[:2])
-        assert ledger.finished(keys, retry=True) == set(keys[:1])
+        assert ledger.finished(keys, retry=ACCIDENTS) == set(keys[:1])
     with StampedLedger(path, stamp | {"numpy": "3"}) as other:
         assert other.finished(keys) == set()
     with StampedLedger(path, {"numpy": "2"}) as fewer:

@@ -15,7 +15,9 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.study.ledger import VERSION, Ledger, LedgerWarning
+from stlbench.result import ACCIDENTS
+from stlbench.study.ledger import Ledger, LedgerWarning
+from stlbench.study.schema import VERSION
 
 
 @pytest.fixture
@@ -90,7 +92,7 @@ def test_accidents_are_finished_unless_they_are_to_be_tried_again(path):
             ledger.record(entry)
         assert ledger.finished([*keys.values(), "unknown"]) == set(keys.values())
         kept = {keys["done"], keys["intractable"], keys["unsuitable"]}
-        assert ledger.finished(keys.values(), retry=True) == kept
+        assert ledger.finished(keys.values(), retry=ACCIDENTS) == kept
         assert ledger.finished([keys["raised"]]) == {keys["raised"]}
 
 
@@ -371,7 +373,7 @@ def test_a_damaged_row_is_named_and_passed_over_and_measured_again_by_retry(path
             assert [entry.id.seed for entry in ledger.results()] == [0, 2]
         assert ledger.finished(keys) == set(keys)
         with pytest.warns(LedgerWarning):
-            assert ledger.finished(keys, retry=True) == {keys[0], keys[2]}
+            assert ledger.finished(keys, retry=ACCIDENTS) == {keys[0], keys[2]}
 
 
 def test_a_damaged_page_costs_the_rows_in_it_and_no_other(path, tmp_path):

@@ -8,6 +8,7 @@ from helpers import scripted_cells
 from stlbench.contract import Executor, Outcome
 from stlbench.errors import UsageError
 from stlbench.registry.choices import choice_of
+from stlbench.result import ACCIDENTS
 from stlbench.study import run, trial
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.run import build_executor, run_cells
@@ -95,7 +96,7 @@ def test_retry_runs_accidents_again_and_nothing_else(tmp_path):
     cells = scripted_cells.cells("a", "raise")
     study(tmp_path, cells)
     assert study(tmp_path, cells)[0] == []
-    assert study(tmp_path, cells, retry=True)[0] == [("raise", 60)]
+    assert study(tmp_path, cells, retry=ACCIDENTS)[0] == [("raise", 60)]
 
 
 def test_a_cell_given_twice_runs_once(tmp_path):
@@ -165,3 +166,34 @@ def test_memory_is_a_parameter_of_the_executor_and_what_is_in_brackets_goes_firs
         build_executor(memory="lots")
     with pytest.raises(UsageError, match=r"memory .*greater than or equal to 1048576"):
         build_executor(memory="4K")
+
+
+def test_retry_is_by_how_a_cell_failed(tmp_path):
+    cells = scripted_cells.cells("a", "raise")
+    study(tmp_path, cells)
+    assert study(tmp_path, cells, retry=["timeout", "killed"])[0] == []
+    assert study(tmp_path, cells, retry=["raised"])[0] == [("raise", 60)]
+
+
+def test_a_cell_that_failed_so_often_is_given_up_and_the_caller_is_told(tmp_path):
+    cells = scripted_cells.cells("a", "raise")
+    for _ in range(3):
+        assert study(tmp_path, cells, retry=ACCIDENTS, attempts=3)[0][-1] == ("raise", 60)
+    ran, lines = study(tmp_path, cells, retry=ACCIDENTS, attempts=3)
+    assert ran == []
+    said = "1 cell failed 3 times or more in a row, given up: task/raise/agent/1; "
+    said += "--attempts with a greater number tries again"
+    assert lines == [([], 2), said]
+    assert study(tmp_path, cells, attempts=3)[1] == [([], 2)]  # nothing is to be tried again
+    assert study(tmp_path, cells, retry=ACCIDENTS, attempts=4)[0] == [("raise", 60)]
+    assert study(tmp_path, cells, retry=ACCIDENTS)[0] == [("raise", 60)]
+
+
+def test_a_success_forgets_the_failures_of_before(tmp_path):
+    (cell,) = scripted_cells.cells("a")
+    with Ledger(tmp_path / FILE) as ledger:
+        for status in ("killed", "timeout", "unsuitable", "killed"):
+            ledger.record(cell.ended(status))
+        assert ledger.given_up([cell.key], 2) == []
+        ledger.record(cell.ended("raised"))
+        assert ledger.given_up([cell.key], 2) == [cell.id]

@@ -30,7 +30,7 @@ def test_a_lone_number_is_a_count_and_a_list_is_what_it_says(seeds, read):
 
 def test_what_is_left_out():
     study = Study.of({"tasks": "a", "methods": "b"})
-    assert (study.agents, study.budget, study.jobs, study.retry) == (None, "quick", None, False)
+    assert (study.agents, study.budget, study.jobs, study.retry) == (None, "quick", None, ())
     assert (study.results, study.executor) == (Path("results"), Choice("local"))
 
 
@@ -57,7 +57,7 @@ def test_all_errors_at_once(tmp_path):
         "no key 'methds'; did you mean 'methods'?",
         "seeds: a count, as in 3, or seeds below 10000",
         "jobs: Input should be greater than or equal to 1",
-        "retry: Input should be a valid boolean",
+        "retry: no failure 'maybe'; there are: failed, killed, raised, timeout",
     ):
         assert part in message
 

@@ -32,15 +32,19 @@ def folder_of(path: Path, *results: Result) -> Path:
     """A ledger, and files of traces and of policies for each of the results; their content is the folder's name."""
     with Ledger(path / FILE) as ledger:
         for one in results:
-            ledger.record(one)
             for file in (trace_file(path / FOLDER, one.id, one.key), policy_file(path, one.id, one.key)):
-                file.parent.mkdir(exist_ok=True)
+                file.parent.mkdir(parents=True, exist_ok=True)
                 file.write_text(path.name)
+            ledger.record(one)
     return path
 
 
 def at(time: str, one: Result, key: str | None = None) -> Result:
     return replace(one, provenance={"time": time}, key=key or one.key)
+
+
+def counts(added=0, replaced=0, kept=0, planned=0, conflicts=(), damaged=()):
+    return Merged(added, replaced, kept, planned, conflicts, damaged)
 
 
 @pytest.fixture
@@ -104,7 +108,7 @@ def test_merging_counts_and_the_newest_wins(tmp_path):
     a, b, c = (result("funnel", seed) for seed in range(3))
     into = folder_of(tmp_path / "into", at(MORNING, a), at(EVENING, b), at(MORNING, result("flag")))
     source = folder_of(tmp_path / "source", at(EVENING, a, "newer"), at(MORNING, b), at(MORNING, c))
-    assert merge(into, source) == Merged(added=1, replaced=1, kept=1)
+    assert merge(into, source) == counts(added=1, replaced=1, kept=1)
     merged = {one.id.name: one for one in Results.load(into)}
     assert len(merged) == 4
     assert merged[a.id.name].key == "newer"
@@ -115,13 +119,13 @@ def test_merging_counts_and_the_newest_wins(tmp_path):
     assert policy_file(into, a.id, "newer").read_text() == "source"
     assert policy_file(into, b.id, b.key).read_text() == "into"
     assert not policy_file(into, a.id, a.key).exists()
-    assert merge(into, source) == Merged(added=0, replaced=0, kept=3)
+    assert merge(into, source) == counts(kept=3)
     assert len(Results.load(source)) == 3
 
 
 def test_merging_into_a_new_folder_from_lines(tmp_path):
     stored.write_lines([result("funnel"), result("flag", 1, "raised")], tmp_path / "text" / stored.LINES)
-    assert merge(tmp_path / "new", tmp_path / "text") == Merged(2, 0, 0)
+    assert merge(tmp_path / "new", tmp_path / "text") == counts(added=2)
     assert Results.load(tmp_path / "new").results == Results.load(tmp_path / "text").results
 
 
@@ -133,3 +137,43 @@ def test_folders_that_cannot_be_merged(folder, tmp_path):
     stored.write_lines([result("funnel")], tmp_path / "text" / stored.LINES)
     with pytest.raises(UsageError, match="merge into a new folder, and export that"):
         merge(tmp_path / "text", folder)
+
+
+def test_a_failure_gives_way_to_a_result_whenever_either_was_measured(tmp_path):
+    done, failed = result("funnel", 0), result("funnel", 0, "killed")
+    into = folder_of(tmp_path / "into", at(EVENING, failed), at(MORNING, result("funnel", 1)))
+    source = folder_of(tmp_path / "source", at(MORNING, done), at(EVENING, result("funnel", 1, "timeout")))
+    assert merge(into, source) == counts(replaced=1, kept=1)
+    assert [one.status for one in Results.load(into)] == ["done", "done"]
+    assert merge(source, into) == counts(replaced=1, kept=1)
+    assert Results.load(source).results == Results.load(into).results
+
+
+def test_other_scores_under_the_same_key_are_named_and_those_of_an_edited_plugin_are_not(tmp_path):
+    a, b, c = (result("funnel", seed) for seed in range(3))
+    other = replace(result("funnel", 0, robustness=(0.1, 0.2)), key=a.key)
+    slower = replace(result("funnel", 1, training_cpu_seconds=99.0), key=b.key)
+    edited = replace(result("funnel", 2, robustness=(0.1, 0.2)), key="f" * 64)
+    into = folder_of(tmp_path / "into", at(MORNING, a), at(MORNING, b), at(MORNING, c))
+    source = folder_of(tmp_path / "source", at(EVENING, other), at(EVENING, slower), at(EVENING, edited))
+    assert merge(into, source) == counts(replaced=3, conflicts=("hold-disc/funnel/dqn/0",))
+
+
+def test_what_the_source_has_planned_and_lacks_is_planned_here_too(tmp_path):
+    a, b, c = (result("funnel", seed) for seed in range(3))
+    into, source = folder_of(tmp_path / "into", a), folder_of(tmp_path / "source", b)
+    with Ledger(source / FILE) as ledger:
+        ledger.plan({one.key: one.id for one in (a, b, c)})
+    assert merge(into, source) == counts(added=1, planned=1)
+    assert Results.load(into).missing == (c.id,)
+    assert merge(into, source) == counts(kept=1)
+
+
+def test_a_damaged_file_is_not_copied_and_named(tmp_path):
+    a = result("funnel", 0)
+    source = folder_of(tmp_path / "source", a)
+    file = trace_file(source / FOLDER, a.id, a.key)
+    file.write_text("not as it was recorded")
+    assert merge(tmp_path / "into", source) == counts(added=1, damaged=(str(file),))
+    assert not trace_file(tmp_path / "into" / FOLDER, a.id, a.key).exists()
+    assert policy_file(tmp_path / "into", a.id, a.key).exists()

@@ -63,4 +63,4 @@ def unfinished_table(groups: Iterable[Group]) -> Table:
     rows = [row for group in groups for row in group.rows if row.status in ACCIDENTS]
     columns = tuple(Column(title, right=False) for title in ("cell", "budget", "status", "reason"))
     cells = tuple((row.id.name, row.id.budget, row.status, row.reason or None) for row in rows)
-    return Table("Cells without a result", columns, cells, ("`stlbench run --retry` runs them again.",))
+    return Table("Cells without a result", columns, cells, ("`stlbench run --retry failed` runs them again.",))

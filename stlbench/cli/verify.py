@@ -1,0 +1,76 @@
+"""`stlbench verify`: is a folder of results whole?"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stlbench.cli.common import Json, print_json
+
+if TYPE_CHECKING:
+    from stlbench.study.verify import Verified
+
+
+def verify(
+    folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `stlbench run` wrote.")],
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Have the next run measure again what is damaged or missing.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Check that a folder of results is whole: its ledger, each row, the files of traces and policies.
+
+    Rows and files are compared with the checksums that were recorded with them. Whatever is damaged or missing is
+    named, and the exit code is 1. With --repair these cells are marked, and the `stlbench run` that measured them
+    measures them again; their results stay until then. A ledger of which SQLite cannot read a part is written anew, and
+    the old file is kept as ledger.sqlite.damaged; the exit code is 0.
+
+    \b
+    Examples:
+      stlbench verify results
+      stlbench verify results --repair
+    """
+    from stlbench.study import verify as verifying
+    from stlbench.study.ledger import LedgerWarning
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LedgerWarning)  # all of it is said below
+        found = verifying.repair(folder) if repair else verifying.verify(folder)
+    if as_json:
+        print_json(_facts(found, repair))
+    else:
+        _say(found, repair, folder)
+    if not (found.is_whole or repair):
+        raise typer.Exit(1)
+
+
+def _facts(found: Verified, repaired: bool) -> dict[str, object]:
+    cells = [
+        {"cell": damage.name, "key": damage.key, "what": damage.what, "problem": damage.problem}
+        for damage in found.damages
+    ]
+    counts = {name: getattr(found, name) for name in ("rows", "files", "unknown", "marked")}
+    lists = {"structure": list(found.structure), "damages": cells}
+    return {"whole": found.is_whole, **counts, **lists, "repaired": repaired}
+
+
+def _say(found: Verified, repaired: bool, folder: Path) -> None:
+    for line in found.structure:
+        typer.echo(f"ledger: {line}")
+    for damage in found.damages:
+        typer.echo(f"{damage.name}: {damage.what}: {damage.problem}")
+    cells = len({damage.key for damage in found.damages})
+    verdict = "whole" if found.is_whole else f"{cells} with damage" if cells else "its structure is damaged"
+    typer.echo(f"{folder}/: {found.rows} rows, {found.files} files as they were recorded: {verdict}")
+    if found.unknown:
+        typer.echo(f"{found.unknown} rows are of an older stlbench, which recorded no checksums; they can be read")
+    if found.marked:
+        cells_are = "1 cell is" if found.marked == 1 else f"{found.marked} cells are"
+        typer.echo(f"{cells_are} marked, for the next `stlbench run` to measure again")
+    if found.is_whole:
+        return
+    again = "the `stlbench run` that measured them measures them again"
+    typer.echo(f"repaired: {again}" if repaired else f"--repair marks the cells, and {again}")

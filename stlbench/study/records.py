@@ -1,0 +1,153 @@
+"""What is in the file of a ledger, row by row; a part that is damaged is named and passed over."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from stlbench.contract_parts.texts import one_line
+from stlbench.errors import UsageError
+from stlbench.result import IDENTITY, CellId, Result
+from stlbench.study.rows import LISTED, Row, cell_of, result_of
+from stlbench.study.salvage import salvage
+from stlbench.study.schema import is_sqlite, open_to_read
+
+__all__ = ["LedgerWarning", "Records"]
+
+_IDENTITY = ", ".join(IDENTITY)
+
+
+class LedgerWarning(UserWarning):
+    """A part of a ledger is damaged; the others can be read."""
+
+
+class Records:
+    """The rows and the plan of a ledger, as a context manager.
+
+    Args:
+        path: the file.
+        create: whether there may be none; then there are no rows. Otherwise that is a `UsageError`.
+
+    Raises:
+        UsageError: the file is something else, or was written by a newer version.
+    """
+
+    def __init__(self, path: Path, *, create: bool = True) -> None:
+        self.path = path
+        self._database: sqlite3.Connection | None = None
+        if (path.exists() and not path.is_file()) or (_has_content(path) and not is_sqlite(path)):
+            raise UsageError(f"{path} is no ledger of stlbench; it is left as it is")
+        if path.exists():
+            self._database = open_to_read(path)
+        elif not create:
+            raise UsageError(f"there is no ledger at {path}; `stlbench run` writes one")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file. All that was recorded is there already."""
+        if self._database is not None:
+            self._database.close()
+
+    def planned(self) -> dict[str, CellId]:
+        """The cells that were planned, by key."""
+        if self._database is None:
+            return {}
+        found, planned = salvage(self._database, "planned", f"key, {_IDENTITY}"), dict[str, CellId]()
+        for _, key, *identity in found.rows:
+            try:
+                planned[key] = cell_of(*identity)
+            except ValueError as error:
+                self._warn("a part of the plan", str(error))
+        if found.problem:
+            self._warn("a part of the plan", found.problem)
+        return planned
+
+    def problems(self) -> list[str]:
+        """What SQLite says of the file's structure; nothing where that is whole."""
+        if self._database is None:
+            return []
+        try:
+            said = [str(row[0]) for row in self._database.execute("PRAGMA integrity_check(20)")]
+        except sqlite3.DatabaseError as error:
+            return [str(error)]
+        return [line for text in said for line in text.splitlines() if line != "ok"]
+
+    def rows(self) -> list[tuple[Row, Mapping[str, str] | None, Result | str]]:
+        """Every row that can be found, the checksums of its files (None where an older stlbench recorded none), and its
+        result or what is wrong with it."""
+        found = list[tuple[Row, Mapping[str, str] | None, Result | str]]()
+        for row in self.listed():
+            try:
+                result, files = self._content(row)
+                found.append((row, files, result))
+            except (sqlite3.DatabaseError, ValueError) as error:
+                found.append((row, None, one_line(str(error).splitlines()[0])))
+        return found
+
+    def lost(self) -> dict[str, CellId | None]:
+        """The keys of rows of which no more is known, with their cells where the plan has them."""
+        if self._database is None:
+            return {}
+        planned = self.planned()
+        return {key: planned.get(key) for key in salvage(self._database, "cells", LISTED).lost.values()}
+
+    def listed(self) -> list[Row]:
+        """All rows, one by one where a page of the file is damaged: then those that can be read."""
+        if self._database is None:
+            return []
+        found, rows = salvage(self._database, "cells", LISTED), list[Row]()
+        for columns in found.rows:
+            try:
+                rows.append(Row.of(*columns))
+            except ValueError as error:
+                self._warn(f"the row of the cell with key {columns[1]}", str(error))
+        planned = self.planned() if found.lost else {}
+        for key in found.lost.values():
+            name = planned[key].name if key in planned else f"the cell with key {key}"
+            self._warn(f"the row of {name}", found.problem)
+        if found.problem and not found.lost:
+            self._warn("a part of its rows", found.problem)
+        return rows
+
+    def read(self, row: Row) -> Result | None:
+        """The result of a row; None, with a warning, where it is damaged."""
+        try:
+            return self._content(row)[0]
+        except (sqlite3.DatabaseError, ValueError) as error:
+            self._warn(f"the row of {row.cell.name}", str(error))
+            return None
+
+    def _content(self, row: Row) -> tuple[Result, Mapping[str, str] | None]:
+        """Its result and the checksums of its files. Raises `DatabaseError` or `ValueError` where it is damaged."""
+        assert self._database is not None
+        query = "SELECT result, checksum, files FROM cells WHERE rowid = ? AND key = ?"
+        ((text, checksum, files),) = self._database.execute(query, (row.number, row.key)).fetchall()
+        return result_of(text, checksum), json.loads(files) if files else None
+
+    def columns(self, row: Row) -> dict[str, Any]:
+        """All columns of a row; none where they cannot be read."""
+        assert self._database is not None
+        try:
+            found = self._database.execute("SELECT * FROM cells WHERE rowid = ?", (row.number,))
+            return dict(zip([column[0] for column in found.description], found.fetchone(), strict=True))
+        except sqlite3.DatabaseError:
+            return {}
+
+    def _warn(self, what: str, problem: str) -> None:
+        way = f"`stlbench verify {self.path.parent} --repair` has it measured again"
+        said = f"{self.path}: {what} is damaged and passed over; {way} ({one_line(problem.splitlines()[0])})"
+        warnings.warn(said, LedgerWarning, stacklevel=3)
+
+
+def _has_content(path: Path) -> bool:
+    return path.is_file() and path.stat().st_size > 0

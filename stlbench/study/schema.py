@@ -1,0 +1,158 @@
+"""The tables of a ledger, and how its file is opened: to read without a right to write, to write in one file."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+from stlbench.errors import UsageError
+
+__all__ = ["VERSION", "is_sqlite", "open_to_read", "open_to_write"]
+
+VERSION = 4
+"""Of the tables below, in `PRAGMA user_version`. Version 1 had no plan, version 2 no tracks, version 3 no checksums,
+no count of failures, and no mark of what is to be measured again."""
+
+APPLICATION = int.from_bytes(b"STLB", "big")
+"""In `PRAGMA application_id`: tells a ledger from any other SQLite file."""
+
+_FIRST = (
+    """CREATE TABLE IF NOT EXISTS cells (
+    key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL, seed INTEGER NOT NULL,
+    budget TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL, robustness_mean REAL, satisfaction REAL,
+    training_cpu_seconds REAL, training_wall_seconds REAL, recorded_at TEXT NOT NULL, result TEXT NOT NULL
+    )""",
+    """CREATE TABLE IF NOT EXISTS planned (
+    key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL, seed INTEGER NOT NULL,
+    budget TEXT NOT NULL
+    )""",
+)
+
+_ADDED = {
+    "cells": {
+        "track": "TEXT NOT NULL DEFAULT 'shared'",
+        "checksum": "TEXT NOT NULL DEFAULT ''",
+        "files": "TEXT NOT NULL DEFAULT ''",
+        "failures": "INTEGER NOT NULL DEFAULT 0",
+        "again": "INTEGER NOT NULL DEFAULT 0",
+    },
+    "planned": {"track": "TEXT NOT NULL DEFAULT 'shared'"},
+}
+"""Columns that came later: `checksum` of the text `result`, and `files`, those of the files beside it, as JSON; how
+often in a row the cell has failed; whether it is to be measured again, though it has a result."""
+
+
+def open_to_read(path: Path) -> sqlite3.Connection:
+    """The file, or a copy in memory of one of an older version; also in a folder that cannot be written.
+
+    Raises:
+        UsageError: it cannot be opened, is no ledger, or one of a newer version.
+    """
+    return _opened(path, lambda: _connect_to_read(path), lambda database: _to_read(path, database))
+
+
+def open_to_write(path: Path) -> sqlite3.Connection:
+    """The file, which is made where there is none, with its folder; one of an older version becomes one of this.
+
+    Raises:
+        UsageError: as `open_to_read`, or it cannot be made.
+    """
+    return _opened(path, lambda: _connect_to_write(path), lambda database: _to_write(path, database))
+
+
+def is_sqlite(path: Path) -> bool:
+    """Whether a file begins as SQLite's do; one of a byte or two looks empty to SQLite, which would write over it."""
+    with path.open("rb") as file:
+        return file.read(16) == b"SQLite format 3\0"
+
+
+def _opened(
+    path: Path,
+    connect: Callable[[], sqlite3.Connection],
+    prepared: Callable[[sqlite3.Connection], sqlite3.Connection],
+) -> sqlite3.Connection:
+    try:
+        with ExitStack() as undone:
+            database = connect()
+            undone.callback(database.close)
+            ready = prepared(database)
+            undone.pop_all()
+            return ready
+    except (OSError, sqlite3.Error) as error:
+        can = "open" if isinstance(error, OSError | sqlite3.OperationalError) else "read"
+        raise UsageError(f"cannot {can} the ledger {path}: {error}") from error
+
+
+# ------------------------------------------------------------------------------------------------------------ reading
+
+
+def _connect_to_read(path: Path) -> sqlite3.Connection:
+    uri = f"{path.absolute().as_uri()}?mode=ro"
+    database = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None)
+    try:
+        database.execute("SELECT count(*) FROM sqlite_schema")
+    except sqlite3.OperationalError:  # in WAL mode, of before, SQLite wants to write beside it
+        database.close()
+        beside = path.with_name(f"{path.name}-wal")
+        if beside.is_file() and beside.stat().st_size > 0:
+            raise
+        database = sqlite3.connect(f"{uri}&immutable=1", uri=True, isolation_level=None)
+    return database
+
+
+def _to_read(path: Path, database: sqlite3.Connection) -> sqlite3.Connection:
+    if _version(path, database) == VERSION:
+        return database
+    copy = sqlite3.connect(":memory:", isolation_level=None)
+    database.backup(copy)
+    database.close()
+    _migrate(copy)
+    return copy
+
+
+# ------------------------------------------------------------------------------------------------------------ writing
+
+
+def _connect_to_write(path: Path) -> sqlite3.Connection:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return sqlite3.connect(path, timeout=30, isolation_level=None)
+
+
+def _to_write(path: Path, database: sqlite3.Connection) -> sqlite3.Connection:
+    version = _version(path, database)
+    # not WAL, in which what was recorded lies in another file until some time later
+    database.execute("PRAGMA journal_mode = DELETE")
+    if version < VERSION:
+        _migrate(database)
+    return database
+
+
+def _version(path: Path, database: sqlite3.Connection) -> int:
+    """0 of a file that is empty. Raises `UsageError` where it is no ledger, or one of a newer version."""
+    application, version, tables = (
+        int(database.execute(query).fetchone()[0])
+        for query in ("PRAGMA application_id", "PRAGMA user_version", "SELECT count(*) FROM sqlite_schema")
+    )
+    if (application, version, tables) == (0, 0, 0):
+        return 0
+    if application != APPLICATION:
+        raise UsageError(f"{path} is no ledger of stlbench")
+    if version > VERSION:
+        raise UsageError(f"{path} is a ledger of version {version}; this stlbench reads version {VERSION}")
+    return version
+
+
+def _migrate(database: sqlite3.Connection) -> None:
+    """Make what is not there, in a file of any older version or an empty one: all of it or nothing."""
+    with database:
+        database.execute("BEGIN IMMEDIATE")
+        for statement in _FIRST:
+            database.execute(statement)
+        for table, columns in _ADDED.items():
+            present = {row[1] for row in database.execute(f"PRAGMA table_info({table})")}
+            for name in columns.keys() - present:
+                database.execute(f"ALTER TABLE {table} ADD COLUMN {name} {columns[name]}")
+        database.execute(f"PRAGMA application_id = {APPLICATION}")
+        database.execute(f"PRAGMA user_version = {VERSION}")

@@ -1,0 +1,161 @@
+"""Is a folder of results whole? Its ledger, each row, and the files of traces and policies, by their checksums."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from stlbench.errors import UsageError
+from stlbench.result import CellId, Result
+from stlbench.rollout import saved_policies, saved_traces
+from stlbench.study import stored
+from stlbench.study.beside import files_beside
+from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.lock import writing
+from stlbench.study.rows import Row, checksums_beside
+
+__all__ = ["Damage", "Verified", "repair", "verify"]
+
+DAMAGED = FILE + ".damaged"
+"""Where `repair` leaves a ledger of which a part cannot be read."""
+
+
+_LOST = "it cannot be read"
+
+
+class Damage(NamedTuple):
+    """One thing that is not as it was recorded."""
+
+    key: str
+    """Of the cell."""
+    cell: CellId | None
+    """None where that cannot be read either."""
+    what: str
+    """row, traces or policies."""
+    problem: str
+
+    @property
+    def name(self) -> str:
+        """The cell for people."""
+        return f"the cell with key {self.key}" if self.cell is None else f"{self.cell.name} {self.cell.budget}"
+
+
+class Verified(NamedTuple):
+    """What was found."""
+
+    rows: int
+    """That were looked at."""
+    files: int
+    """That have the checksum that was recorded."""
+    unknown: int
+    """Rows and files of an older stlbench, which recorded no checksum: they can be read, and no more is known."""
+    structure: tuple[str, ...]
+    """What SQLite says of the ledger's own structure."""
+    damages: tuple[Damage, ...]
+    marked: int
+    """Cells that are to be measured again by the next run."""
+
+    @property
+    def is_whole(self) -> bool:
+        """Nothing is damaged or missing."""
+        return not (self.structure or self.damages)
+
+
+def verify(folder: Path) -> Verified:
+    """Look at all that is recorded in a folder; nothing is written.
+
+    Raises:
+        UsageError: there are no results, or the ledger cannot be opened at all.
+    """
+    if (file := stored.locate(folder)) is not None and file.name == stored.LINES:
+        return Verified(sum(1 for _ in stored.read(folder)), 0, 0, (), (), 0)
+    with Ledger(folder / FILE, create=False) as ledger:
+        listed, damages = ledger.rows(), [Damage(key, cell, "row", _LOST) for key, cell in ledger.lost().items()]
+        found = [_looked_at(folder, *each) for each in listed]
+        return Verified(
+            rows=len(listed),
+            files=sum(one.files for one in found),
+            unknown=sum(one.unknown for one in found),
+            structure=tuple(ledger.problems()),
+            damages=(*damages, *(damage for one in found for damage in one.damages)),
+            marked=sum(row.again for row, *_ in listed),
+        )
+
+
+class _Found(NamedTuple):
+    """Of one row."""
+
+    damages: tuple[Damage, ...]
+    files: int
+    unknown: bool
+
+
+def _looked_at(folder: Path, row: Row, checksums: Mapping[str, str] | None, result: Result | str) -> _Found:
+    if isinstance(result, str):
+        return _Found((Damage(row.key, row.cell, "row", result),), 0, unknown=False)
+    if checksums is None:
+        return _Found(tuple(_unreadable(folder, row, result)), 0, unknown=True)
+    damages = tuple(_changed(folder, row, checksums, result))
+    return _Found(damages, len(checksums) - len(damages), unknown=False)
+
+
+def _changed(folder: Path, row: Row, checksums: Mapping[str, str], result: Result) -> Iterator[Damage]:
+    beside, there = files_beside(folder, row.cell, row.key), checksums_beside(folder, result)
+    for what, path in (("traces", beside.traces), ("policies", beside.policies)):
+        if what in checksums and there.get(what) != checksums[what]:
+            problem = "is not as it was recorded" if what in there else "is missing"
+            yield Damage(row.key, row.cell, what, f"{path} {problem}")
+
+
+def _unreadable(folder: Path, row: Row, result: Result) -> Iterator[Damage]:
+    """Of files without a checksum: those that are there and cannot be read."""
+    beside = files_beside(folder, row.cell, row.key)
+    kept = result.measurement is not None and result.measurement.policies is not None and beside.policies.is_file()
+    try:
+        if beside.traces.is_file():
+            saved_traces.read_saved(beside.traces)
+    except UsageError as error:
+        yield Damage(row.key, row.cell, "traces", str(error))
+    try:
+        if kept:
+            saved_policies.read(folder, result, "selected")
+            saved_policies.read(folder, result, "final")
+    except UsageError as error:
+        yield Damage(row.key, row.cell, "policies", str(error))
+
+
+# ------------------------------------------------------------------------------------------------------------- repair
+
+
+def repair(folder: Path) -> Verified:
+    """Mark the cells of which something is damaged or missing, so that the next run measures them again.
+
+    Their results stay until then. A ledger with a damaged structure is written anew, with all that can be read; the old
+    one stays beside it. Returns what was found.
+
+    Raises:
+        UsageError: as `verify`; or another process writes in the folder, or it cannot be written.
+    """
+    with writing(folder):
+        found = verify(folder)
+        if found.structure:
+            _write_anew(folder / FILE)
+        if found.damages:
+            with Ledger(folder / FILE) as ledger:
+                ledger.mark(damage.key for damage in found.damages)
+    return found
+
+
+def _write_anew(path: Path) -> None:
+    new, kept = path.with_name(f"{path.name}.new"), path.with_name(DAMAGED)
+    try:
+        new.unlink(missing_ok=True)
+        with Ledger(path, create=False) as source, Ledger(new) as target:
+            target.copy(source)
+        if not kept.exists():
+            shutil.copyfile(path, kept)
+        new.replace(path)
+    except OSError as error:
+        raise UsageError(f"cannot write {new}: {error}") from error

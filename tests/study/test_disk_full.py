@@ -1,0 +1,122 @@
+"""A full disk ends a run with what is recorded, a clear line and a code of its own; the same command goes on."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sqlite3
+import subprocess
+
+import pytest
+from helpers import scripted_cells
+
+from stlbench.errors import UsageError, is_disk_full
+from stlbench.rollout import npz
+from stlbench.study import run
+from stlbench.study.ledger import FILE, Ledger
+
+
+@pytest.fixture(autouse=True)
+def scripted(monkeypatch):
+    monkeypatch.setattr(run, "check_cells", lambda cells: ())
+    monkeypatch.setattr(run, "uncompiled", lambda cells: ())
+
+
+class Small(Ledger):
+    """In a file that may have so many pages and no more, which SQLite calls a full disk."""
+
+    pages = 7
+
+    def record(self, result):
+        with self._writing() as database:
+            database.execute(f"PRAGMA max_page_count = {self.pages}")
+        super().record(result)
+
+
+def study(folder, *methods, **words):
+    run.run_cells(scripted_cells.cells(*methods), folder, run.build_executor(jobs=1), **words)
+
+
+def recorded(folder):
+    with Ledger(folder / FILE, create=False) as ledger:
+        return len(list(ledger.results()))
+
+
+def test_where_the_ledger_has_no_space_the_run_ends_and_goes_on_later(tmp_path):
+    names = [f"cell-{number}" for number in range(60)]
+    with pytest.raises(UsageError, match=r"cannot write the ledger .*: database or disk is full") as caught:
+        study(tmp_path, *names, open_ledger=Small, run_cell=scripted_cells.run_in)
+    assert is_disk_full(caught.value)
+    count = recorded(tmp_path)
+    assert 0 < count < 60
+    study(tmp_path, *names, run_cell=scripted_cells.run_in)
+    assert recorded(tmp_path) == 60
+
+
+def fill(cell, folder):
+    """Linux' device that is always full, for the second cell."""
+    if cell.id.seed == 1:
+        with open("/dev/full", "w") as file:
+            file.write("x" * 100_000)
+    return scripted_cells.run_in(cell, folder)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no /dev/full")
+def test_where_a_cell_has_no_space_the_run_ends_and_the_cell_is_no_failure(tmp_path):
+    with pytest.raises(UsageError, match=r"cannot store what task/b/agent/1 gave: OSError: \[Errno 28\]") as caught:
+        study(tmp_path, "a", "b", "c", run_cell=fill)
+    assert is_disk_full(caught.value)
+    assert recorded(tmp_path) == 1
+    study(tmp_path, "a", "b", "c", run_cell=scripted_cells.run_in)
+    assert recorded(tmp_path) == 3
+
+
+def test_which_errors_are_of_a_full_disk():
+    full = sqlite3.OperationalError("database or disk is full")
+    full.sqlite_errorcode = sqlite3.SQLITE_FULL
+    assert is_disk_full(full)
+    assert is_disk_full(OSError(errno.EDQUOT, "Disk quota exceeded"))
+    assert not is_disk_full(sqlite3.OperationalError("database is locked"))
+    assert not is_disk_full(PermissionError(errno.EACCES, "no"))
+    wrapped = UsageError("cannot write")
+    wrapped.__cause__ = full
+    assert is_disk_full(wrapped)
+
+
+def test_no_half_of_a_file_of_arrays_is_left(tmp_path, monkeypatch):
+    import numpy as np
+
+    def half(file, **_):
+        file.write(b"half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", half)
+    with pytest.raises(OSError, match="No space"):
+        npz.write(tmp_path / "traces" / "a.npz", {"a": np.zeros(3)})
+    assert list((tmp_path / "traces").iterdir()) == []
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 256 KiB, where this user may make one."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(place)]
+    if os.geteuid() != 0 or subprocess.run(command, capture_output=True, check=False).returncode != 0:
+        pytest.skip("this user may not mount a file system")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)
+
+
+def test_on_a_real_disk_that_is_full(small_disk):
+    names = [f"cell-{number}" for number in range(20)]
+    ballast = small_disk / "ballast"
+    study(small_disk / "results", *names[:2], run_cell=scripted_cells.run_in)
+    free = os.statvfs(small_disk)
+    ballast.write_bytes(bytes(free.f_bavail * free.f_bsize))
+    with pytest.raises(UsageError, match="cannot write") as caught:
+        study(small_disk / "results", *names, run_cell=scripted_cells.run_in)
+    assert is_disk_full(caught.value)
+    ballast.unlink()
+    study(small_disk / "results", *names, run_cell=scripted_cells.run_in)
+    assert recorded(small_disk / "results") == 20
