@@ -18,6 +18,7 @@ from stlbench.cli import app
 from stlbench.contract import Outcome
 from stlbench.registry import choices, plugins
 from stlbench.registry.choices import Choice
+from stlbench.registry.folders import task_of
 from stlbench.study.plan import plan_cells
 from stlbench.study.trial import run_cell
 from stlbench.task import load_task
@@ -111,6 +112,40 @@ def test_the_gymnasium_page() -> None:
     result = doctest.testfile(str(DOCS / "howto/gymnasium.md"), module_relative=False)
     assert result.attempted >= 15
     assert result.failed == 0
+
+
+FROM_OTHERS = {
+    "gym-pendulum": ROOT / "examples/gym-pendulum",
+    "dm-balance": ROOT / "examples/dm-balance",
+    "hopper": ROOT / "tasks/stlbench_tasks/hopper",
+    "lunar-lander": ROOT / "tasks/stlbench_tasks/lunar_lander",
+}
+
+
+def test_how_much_there_is_to_write_is_counted() -> None:
+    shown = rows("howto/environment.md", "## How much there is to write")
+    assert {name: list(map(int, row[1:])) for name, row in shown.items()} == {
+        name: _lines(folder) for name, folder in FROM_OTHERS.items()
+    }
+
+
+def _lines(folder: Path) -> list[int]:
+    """Lines that are not empty: of the task file, of these for people, of Python."""
+    lines = [line for line in (folder / "task.yaml").read_text(encoding="utf-8").splitlines() if line.strip()]
+    keys = [line.partition(":")[0] for line in lines if not line.startswith(" ")]
+    people, key = 0, ""
+    for line in lines:
+        key = key if line.startswith(" ") else line.partition(":")[0]
+        people += key in ("title", "source", "notes")
+    assert len(keys) == len(set(keys))
+    code = [path.read_text(encoding="utf-8") for path in folder.glob("*.py") if path.name != "__init__.py"]
+    return [len(lines), people, sum(bool(line.strip()) for text in code for line in text.splitlines())]
+
+
+@pytest.mark.parametrize(("name", "library"), [("gym-pendulum", "gymnasium"), ("dm-balance", "shimmy")])
+def test_the_examples_on_environments_follow_the_rules(name: str, library: str) -> None:
+    pytest.importorskip(library, reason=f"the example needs {library}")
+    check_task(task_of(str(FROM_OTHERS[name])))
 
 
 def test_the_python_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

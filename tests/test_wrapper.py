@@ -216,6 +216,14 @@ def test_stable_baselines_trains_on_it_and_its_monitor_has_the_verdict() -> None
     assert [row["satisfied"] for row in model.ep_info_buffer or ()]
 
 
+def test_torchrl_takes_it() -> None:
+    torchrl: Any = pytest.importorskip("torchrl.envs", reason="TorchRL is not installed")
+    env = stlbench.wrap(gymnasium.make("CartPole-v1"), "G abs(theta) <= 0.2", **CART)
+    episode = torchrl.GymWrapper(env).rollout(500)
+    assert bool(episode["next", "done"][-1])
+    assert episode["observation"].shape[1:] == env.observation_space.shape
+
+
 # --------------------------------------------------------------------------------------- the same as within the harness
 
 
