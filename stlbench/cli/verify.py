@@ -9,15 +9,22 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stlbench.cli.common import Json, print_json
+from stlbench.cli.verify_bundle import verify_bundle
+from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
     from stlbench.study.verify import Verified
 
 
 def verify(
-    folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `stlbench run` wrote.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="RESULTS", help="A folder that `stlbench run` wrote, or a bundle (.zip).")
+    ],
     repair: Annotated[
         bool, typer.Option("--repair", help="Have the next run measure again what is damaged or missing.")
+    ] = False,
+    rescore: Annotated[
+        bool, typer.Option("--rescore", help="Of a bundle: have the referee score its policies again.")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -28,11 +35,22 @@ def verify(
     measures them again; their results stay until then. A ledger of which SQLite cannot read a part is written anew, and
     the old file is kept as ledger.sqlite.damaged; the exit code is 0.
 
+    A bundle is compared with its own list of checksums. With --rescore the referee scores the policies in it on this
+    machine, and the exit code is 1 where the bundle claims more than it finds.
+
     \b
     Examples:
       stlbench verify results
       stlbench verify results --repair
+      stlbench verify submission.zip --rescore
     """
+    if folder.suffix == ".zip":
+        if repair:
+            raise UsageError(f"{folder} is a bundle, which is packed anew and not repaired; leave --repair out")
+        verify_bundle(folder, rescore, as_json)
+        return
+    if rescore:
+        raise UsageError("--rescore is for bundles; `stlbench score TASK CELL` scores a stored cell again")
     from stlbench.study import verify as verifying
     from stlbench.study.ledger import LedgerWarning
 

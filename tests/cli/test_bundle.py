@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from helpers.bundles import changed
 
 from stlbench.sharing.checked import check
 
@@ -44,3 +45,31 @@ def test_compare_reads_bundles(say, recorded) -> None:
 def test_bad_input_is_one_line(say) -> None:
     done = say("bundle", "nothing")
     assert (done.exit_code, len(done.stderr.splitlines())) == (2, 1)
+
+
+def test_verify_scores_a_bundle_again(say, recorded) -> None:
+    say("bundle", "results", "mine.zip")
+    done = say("verify", "mine.zip", "--rescore")
+    assert done.exit_code == 0
+    assert done.stdout.startswith("mine.zip: 2 cells, policies of 2: every file as it was packed\n")
+    assert done.stdout.count("as recorded") == 2
+    assert done.stderr.splitlines()[0] == "[1] toy-line/toy-raw/toy-agent/0: as recorded"
+    said = json.loads(say("verify", "mine.zip", "--rescore", "--json").stdout)
+    assert (said["whole"], [each["verdict"] for each in said["rescored"]]) == (True, ["as recorded"] * 2)
+    assert said["rescored"][0]["recorded_mean"] == said["rescored"][0]["found_mean"]
+
+
+def test_verify_names_what_is_wrong_with_a_bundle(say, recorded) -> None:
+    say("bundle", "results", "mine.zip")
+    changed(Path("mine.zip"), Path("other.zip"), {"report.md": b"better"})
+    done = say("verify", "other.zip", "--rescore")
+    assert done.exit_code == 1
+    assert done.stdout.startswith("report.md: 6 bytes, and ro-crate-metadata.json says ")
+    assert done.stdout.endswith("other.zip: 2 cells, policies of 2: not what it says\n")
+
+
+def test_options_that_do_not_fit_are_one_line(say, recorded) -> None:
+    say("bundle", "results", "mine.zip")
+    for words in (("mine.zip", "--repair"), ("results", "--rescore"), ("no.zip",)):
+        done = say("verify", *words)
+        assert (done.exit_code, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)

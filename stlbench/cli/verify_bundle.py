@@ -1,0 +1,87 @@
+"""`stlbench verify` of a bundle: is it what it says, and what does the referee say of its policies?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from stlbench.cli.common import console, print_json
+
+if TYPE_CHECKING:
+    from stlbench.report import Table
+    from stlbench.sharing.checked import Checked
+    from stlbench.sharing.rescored import Rescored
+
+
+def verify_bundle(path: Path, rescore: bool, as_json: bool) -> None:
+    """Print what was found; exit code 1 where anything is not as the bundle says."""
+    from stlbench.sharing.checked import check
+    from stlbench.sharing.rescored import rescore as score
+
+    found = check(path)
+    scored = list(_shown(score(path), as_json)) if rescore and not found.problems else []
+    if as_json:
+        print_json({"whole": not found.problems, **found._asdict(), "rescored": [_facts(each) for each in scored]})
+    else:
+        _say(path, found, scored)
+    if found.problems or any(each.verdict == "claims more" for each in scored):
+        raise typer.Exit(1)
+
+
+def _shown(scored: Iterable[Rescored], quiet: bool) -> Iterable[Rescored]:
+    """Each as it comes, as a policy may take seconds."""
+    for number, each in enumerate(scored, 1):
+        if not quiet:
+            typer.echo(f"[{number}] {each.cell.name}: {each.verdict}{f', {each.why}' if each.why else ''}", err=True)
+        yield each
+
+
+def _say(path: Path, found: Checked, scored: list[Rescored]) -> None:
+    from stlbench.report import to_screen
+
+    for problem in found.problems:
+        typer.echo(problem)
+    verdict = "not what it says" if found.problems else "every file as it was packed"
+    typer.echo(f"{path}: {found.cells} cells, policies of {found.policies}: {verdict}")
+    if scored:
+        to_screen(_table(scored), console())
+
+
+def _table(scored: list[Rescored]) -> Table:
+    from stlbench.report import Column, Table
+
+    columns = (
+        Column("cell", right=False),
+        Column("recorded", digits=3),
+        Column("found", digits=3),
+        Column("satisfied, recorded", digits=3),
+        Column("found", digits=3),
+        Column("verdict", right=False),
+    )
+    rows = tuple(
+        (
+            each.cell.name,
+            each.recorded.mean,
+            each.found and each.found.mean,
+            each.recorded.satisfaction,
+            each.found and each.found.satisfaction,
+            each.verdict,
+        )
+        for each in scored
+    )
+    return Table(
+        "Scored again", columns, rows, ("Robustness, mean over the report's starts, and share that satisfies.",)
+    )
+
+
+def _facts(each: Rescored) -> dict[str, object]:
+    scores = {"recorded": each.recorded, "found": each.found}
+    numbers = {
+        f"{name}_{part}": None if score is None else getattr(score, part)
+        for name, score in scores.items()
+        for part in ("mean", "satisfaction")
+    }
+    return {"cell": each.cell.name, "verdict": each.verdict, "why": each.why, **numbers}
