@@ -81,7 +81,10 @@ class GymWorld(World):
         """The signals (r, k) of the newest observations of these rows, which are kept for `features` too."""
         source, last = self._source, [self._last[row] for row in rows.tolist()]
         try:
-            self._seen[rows] = [source.observed.flat(observation) for observation, _ in last]
+            seen = [source.observed.flat(observation) for observation, _ in last]
+            if wrong := {np.size(each) for each in seen} - {source.observed.size}:
+                raise ValueError(f"{min(wrong)} numbers in place of {source.observed.size}")
+            self._seen[rows] = seen
         except (TypeError, ValueError) as error:
             raise UsageError(f"the environment returned an observation outside its space: {error}") from error
         signals = self._by_function(last) if source.function else source.values(self._named(rows, last))

@@ -139,7 +139,7 @@ class Odd(Walk):
         observation, reward, terminated, truncated, info = super().step(action)
         self.count += 1
         if self.count > 2:
-            faults = {"nan": np.array([np.nan, 0]), "longer": np.zeros(3), "text": np.array(["a", "b"])}
+            faults = {"nan": np.array([np.nan, 0]), "longer": np.zeros(3), "shorter": np.zeros(1), "text": np.array(["a", "b"])}
             observation = faults.get(self.fault, observation)
             info = {} if self.fault == "no info" else {"doubled": "much"} if self.fault == "no number" else info
         return observation, reward, terminated, truncated, info
@@ -149,7 +149,8 @@ class Odd(Walk):
     ("fault", "said"),
     [
         ("nan", "the environment's signal x is nan at step 3"),
-        ("longer", "the environment returned an observation outside its space: "),
+        ("longer", "the environment returned an observation outside its space: 3 numbers in place of 2"),
+        ("shorter", "the environment returned an observation outside its space: 1 numbers in place of 2"),
         ("text", "the environment returned an observation outside its space: "),
         ("no info", "signals: no 'doubled': the observation has x, minus, the info nothing"),
         ("no number", "signals: 'doubled' of the info is no number, but 'much'"),
