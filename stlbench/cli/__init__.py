@@ -31,6 +31,7 @@ from stlbench.cli.score import score
 from stlbench.cli.show import app as show
 from stlbench.cli.tune import tune
 from stlbench.cli.verify import verify
+from stlbench.cli.watch import watch
 from stlbench.contract_parts import origin
 
 __all__ = ["app", "main"]
@@ -55,6 +56,7 @@ app.add_typer(results, name="results")
 app.command("verify", short_help="Is a folder of results whole? Have what is missing measured again.")(verify)
 app.command("bundle", short_help="Pack results into one file with checksums, for others.")(bundle)
 app.command("report")(report)
+app.command("watch", short_help="What runs in a folder of results, from another terminal.")(watch)
 app.command("plot", short_help="Draw a run: learning, robustness in time, trajectories.")(plot)
 app.command("render", short_help="Film the best and the worst start of a cell.")(render)
 app.command("falsify", short_help="Search for a start from which a policy fails.")(falsify)

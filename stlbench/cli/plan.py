@@ -71,7 +71,7 @@ def plan(
 
     chosen, said = choices(methods), None if settings is None else parse_settings(settings)
     cells = plan_alignment(task_of(task), chosen, said, resolution)
-    with interruptible(lambda: cells, results), Progress() as progress:
+    with interruptible(lambda: cells, results), Progress(results) as progress:
         run_cells(cells, results, build_executor(executor, jobs), retry=accidents_of(retry), progress=progress)
     _say_equal([cell.id for cell in cells], chosen)
     report_cells({cell.id for cell in cells}, results)

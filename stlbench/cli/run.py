@@ -139,7 +139,7 @@ def run(
     }
     said = {name: value for name, value in options.items() if value is not None}
     described = Study.of(said, study) if study else Study.of(DEFAULTS | said)
-    with interruptible(described.cells, described.results), Progress() as progress:
+    with interruptible(described.cells, described.results), Progress(described.results) as progress:
         cells = run_described(described, progress)
     report_cells({cell.id for cell in cells}, described.results)
 

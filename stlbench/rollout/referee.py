@@ -179,6 +179,10 @@ def _crowds(policies: Sequence[Policy | StatePolicy], most: int) -> Iterator[tup
         yield crowd, len(crowd.policies)
 
 
+_FEW = 8
+"""Starts of a glance, about."""
+
+
 class Referee:
     """Scores the policies of one cell: checkpoints for selection, then the report.
 
@@ -205,6 +209,11 @@ class Referee:
         These share no state with the report's.
         """
         satisfied, robustness = self._verdicts([policy], self._selection)
+        return float(satisfied.mean()), float(robustness.mean())
+
+    def glance(self, policy: Policy | StatePolicy) -> tuple[float, float]:
+        """As `select`, from a few of these starts: for someone who watches a training, and for nothing else."""
+        satisfied, robustness = self._verdicts([policy], self._selection[:: max(1, len(self._selection) // _FEW)])
         return float(satisfied.mean()), float(robustness.mean())
 
     def choose(self, policies: Sequence[Policy | StatePolicy]) -> Race:

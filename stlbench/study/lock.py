@@ -13,7 +13,7 @@ from pathlib import Path
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 
-__all__ = ["FILE", "writing"]
+__all__ = ["FILE", "writer", "writing"]
 
 FILE = ".lock"
 """Its name in a folder of results. It stays there; what counts is whether a process holds it."""
@@ -37,6 +37,19 @@ def writing(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
+
+
+def writer(folder: Path) -> str | None:
+    """Who writes in the folder just now: "process 12 on host, since ..."; None where nobody does, or nobody knows."""
+    path = folder / FILE
+    with suppress(FileNotFoundError, PermissionError), path.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return _holder(path)
+        except OSError:  # a file system without locks
+            return None
+    return None
 
 
 def _hold(descriptor: int, path: Path) -> None:

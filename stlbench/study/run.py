@@ -14,7 +14,7 @@ from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, executor_of
 from stlbench.result import CellId, Result, Status
-from stlbench.study import scheduler, trial
+from stlbench.study import running, scheduler, trial
 from stlbench.study.cell import Cell
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writing
@@ -207,6 +207,7 @@ def run_cells(
             kept = {cell.id for cell in old.values()} if keep_old else set[CellId]()
             missing = [cell for cell in missing if cell.id not in kept]
         ledger.plan({cell.key: cell.id for cell in cells})
+        running.clear(folder)
         told.begin([cell.id for cell in missing], len(cells) - len(missing))
         for line in notes:
             told.note(line)
@@ -217,8 +218,12 @@ def run_cells(
         in_folder = partial(run_unchanged, run_cell=run_cell or trial.run_cell, folder=place)
         work_on = Work(in_folder, partial(warm, examples(missing)), partial(log_of, place))
         with _refusals(), closing(scheduler.run(missing, ledger, executor, work_on, provenance)) as results:
-            for result in results:
-                told.ended(result)
+            try:
+                for result in results:
+                    running.ended(folder, result.id)
+                    told.ended(result)
+            finally:
+                running.clear(folder)
 
 
 def _given_up(cells: Sequence[CellId], attempts: int) -> str:

@@ -23,6 +23,7 @@ from stlbench.rollout.rehearsal import rehearse
 from stlbench.rollout.worlds import make_world
 from stlbench.study.cell import Cell, derive_seed
 from stlbench.study.meter import Meter, MeteredEnvironment
+from stlbench.study.running import Notice, announce
 from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.task.file import Budget
@@ -51,7 +52,8 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         method = build_method(task, cell.id.method)
         agent = build_agent(task, cell.id.agent)
         refuse_dear(task, method, agent, task.budget(cell.id.budget).steps)
-        measured = measure(task, method, agent, cell)
+        notice = announce(folder, cell.id, task.budget(cell.id.budget).steps)
+        measured = measure(task, method, agent, cell, notice)
     except Intractable as reason:
         return cell.ended("intractable", one_line(reason))
     except Unsuitable as reason:
@@ -120,11 +122,11 @@ class _Trained(NamedTuple):
     observation_size: int
 
 
-def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> Measured:
-    """Train, and score the selected and the final policy."""
+def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell, notice: Notice | None = None) -> Measured:
+    """Train, and score the selected and the final policy. `notice` is told of every checkpoint."""
     whole = _Clock()
     referee = Referee(task, method, task.budget(cell.id.budget).random_starts)
-    trained = _train(task, method, agent, cell)
+    trained = _train(task, method, agent, cell, _told(notice, referee))
     selected, curve = _choose(referee, trained.checkpoints)
     assessment = referee.assess(selected.policy)
     last = assessment if selected.policy is trained.final else referee.assess(trained.final)
@@ -156,7 +158,23 @@ def _planned(agent: Agent, policy: Policy | StatePolicy, assessment: Assessment)
     return Planned(agent.plans, float(np.mean(values)))
 
 
-def _train(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> _Trained:
+def _told(notice: Notice | None, referee: Referee) -> Callable[[Policy | StatePolicy, int], None]:
+    """What is done with a checkpoint beside keeping it: who watches is told. It changes no result."""
+
+    def told(policy: Policy | StatePolicy, steps: int) -> None:
+        if notice is not None:
+            notice.at(steps, partial(referee.glance, policy) if isinstance(policy, Policy) else None)
+
+    return told
+
+
+def _train(
+    task: Task,
+    method: RewardMethod,
+    agent: Agent,
+    cell: Cell,
+    told: Callable[[Policy | StatePolicy, int], None],
+) -> _Trained:
     """Rehearse, unless the agent plans, and train by the clock.
 
     Raises `RuntimeError` where the agent takes more steps than its budget, also by what it has kept of the rehearsal,
@@ -171,6 +189,7 @@ def _train(task: Task, method: RewardMethod, agent: Agent, cell: Cell) -> _Train
         clock.pause()
         meter.check(steps)
         reported.append(_Reported(policy, steps, clock.cpu))
+        told(policy, steps)
         clock.resume()
 
     training = _training(task, method, cell, budget, report, meter, used.append)

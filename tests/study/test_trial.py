@@ -23,7 +23,7 @@ from stlbench.errors import UsageError
 from stlbench.registry.choices import parse_choices
 from stlbench.result import MAIN, CellId, Measurement, Planned, Result
 from stlbench.rollout.saved_traces import FOLDER, trace_file
-from stlbench.study import trial
+from stlbench.study import running, trial
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
 from stlbench.task import build_agent, build_method, load_task, starts
@@ -123,6 +123,19 @@ def test_the_same_cell_gives_the_same_bits(folder: Path, tmp_path: Path, measure
     ]
     files = [np.load(trace_file(place / FOLDER, smoke().id, smoke().key))["traces"] for place in (folder, tmp_path)]
     assert np.array_equal(*files)
+
+
+def test_who_watches_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: Measurement) -> None:
+    """Every checkpoint is scored at once, for someone who watches; without a folder, none is."""
+    monkeypatch.setattr(running, "_SECONDS", 0.0)
+    monkeypatch.setattr(running, "_SHARE", 1e9)
+    watched, alone = (trial.run_cell(smoke(), place).measurement for place in (tmp_path, None))
+    (seen,) = running.running(tmp_path)
+    assert seen.robustness is not None
+    assert watched is not None
+    assert alone is not None
+    assert watched.selected == alone.selected == measured.selected
+    assert watched.final == alone.final
 
 
 def test_another_seed_gives_another_result(measured: Measurement) -> None:

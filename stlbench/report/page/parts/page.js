@@ -263,7 +263,7 @@ async function curveOf([steps, satisfied, robustness], body) {
     margin: { l: 56, r: 56, t: 8, b: 44 }, showlegend: false,
     xaxis: { title: { text: "environment steps" }, tickformat: "~s" },
     yaxis: { title: { text: "mean robustness" }, zeroline: true },
-    yaxis2: { title: { text: "satisfied [%]" }, overlaying: "y", side: "right", range: [-4, 104], showgrid: false, tickmode: "linear", tick0: 0, dtick: 25 },
+    yaxis2: { title: { text: "satisfied [%]" }, overlaying: "y", side: "right", range: [-4, 104], showgrid: false, zeroline: false, tickmode: "linear", tick0: 0, dtick: 25 },
   };
   const entries = [
     { group: "r", label: "mean robustness", color: "#0072B2", line: "-" },

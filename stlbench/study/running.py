@@ -1,0 +1,129 @@
+"""What runs just now: each cell says in a file of the folder of results how far it is, for whoever looks."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from stlbench.result import CellId
+
+__all__ = ["FOLDER", "Glance", "Notice", "Running", "announce", "clear", "ended", "running"]
+
+FOLDER = "running"
+"""Name of the folder, in a folder of results. It has a file for each cell that runs."""
+
+Glance = Callable[[], tuple[float, float]]
+"""Scores a checkpoint from a few starts: the share that satisfies, in [0, 1], and the mean robustness."""
+
+_SHARE = 0.02
+"""Of its time, a cell may spend so much on scores that only someone who watches needs."""
+_SECONDS = 0.2
+"""Between two writings at least."""
+
+
+@dataclass(frozen=True)
+class Running:
+    """A cell that runs."""
+
+    name: str
+    budget: str
+    of: int
+    """Environment steps of its training."""
+    began: float
+    """When, in seconds since 1970."""
+    steps: int = 0
+    """Environment steps at its last checkpoint."""
+    told: float = 0.0
+    """When that was; at first when it began."""
+    satisfaction: float | None = None
+    """From a few starts, at the last checkpoint that was scored; None before one was."""
+    robustness: float | None = None
+
+    @property
+    def id(self) -> CellId:
+        """Which cell. Raises `UsageError` where the name is none."""
+        return CellId.parse(self.name, self.budget)
+
+    @property
+    def share(self) -> float:
+        """Of the training that is done, in [0, 1]."""
+        return min(1.0, self.steps / self.of) if self.of else 0.0
+
+
+class Notice:
+    """Tells how far one cell is; does nothing without a file. What cannot be written is not told."""
+
+    def __init__(self, path: Path | None, now: Running) -> None:
+        self._path, self._now, self._spent, self._written = path, now, 0.0, 0.0
+
+    def begin(self) -> None:
+        """The cell has begun."""
+        self._write()
+
+    def at(self, steps: int, glance: Glance | None = None) -> None:
+        """A checkpoint after so many steps; it is scored where that takes little of the cell's time."""
+        if self._path is None or time.time() - self._written < _SECONDS:
+            return
+        self._now = replace(self._now, steps=steps, told=time.time())
+        if glance is not None and self._spent <= _SHARE * (time.time() - self._now.began):
+            self._score(glance)
+        self._write()
+
+    def _score(self, glance: Glance) -> None:
+        began = time.time()
+        with suppress(Exception):  # whatever is wrong with a policy is said where it counts, by the referee
+            satisfaction, robustness = glance()
+            self._now = replace(self._now, satisfaction=satisfaction, robustness=robustness)
+        self._spent += time.time() - began
+
+    def _write(self) -> None:
+        if self._path is not None:
+            self._written = time.time()
+            with suppress(OSError, ValueError):
+                self._path.parent.mkdir(parents=True, exist_ok=True)
+                part = self._path.with_suffix(".part")
+                part.write_text(json.dumps(asdict(self._now)), encoding="utf-8")
+                part.replace(self._path)
+
+
+def announce(folder: Path | None, cell: CellId, steps: int) -> Notice:
+    """From now on the cell is among those that run in the folder, until it has `ended`; nowhere without a folder."""
+    now = time.time()
+    path = None if folder is None else _file(folder, cell)
+    notice = Notice(path, Running(cell.name, cell.budget, steps, now, told=now))
+    notice.begin()
+    return notice
+
+
+def _file(folder: Path, cell: CellId) -> Path:
+    return folder / FOLDER / f"{cell.name.replace('/', '_')}_{cell.budget}.json"
+
+
+def ended(folder: Path, cell: CellId) -> None:
+    """The cell runs no more, however it ended. Said where its result is recorded, so that it is never neither."""
+    with suppress(OSError):
+        _file(folder, cell).unlink(missing_ok=True)
+
+
+def clear(folder: Path) -> None:
+    """Nothing runs in the folder: files of cells whose machine went off are taken away."""
+    for path in (folder / FOLDER).glob("*"):
+        with suppress(OSError):
+            path.unlink()
+    with suppress(OSError):
+        (folder / FOLDER).rmdir()
+
+
+def running(folder: Path) -> list[Running]:
+    """The cells that run, in the order in which they began. Files that say nothing are passed over."""
+    found = list[Running]()
+    for path in sorted((folder / FOLDER).glob("*.json")):
+        with suppress(OSError, ValueError, TypeError, KeyError):
+            one = Running(**json.loads(path.read_text(encoding="utf-8")))
+            if isinstance(one.of, int) and isinstance(one.steps, int) and one.began + one.told and one.id:
+                found.append(one)
+    return sorted(found, key=lambda one: (one.began, one.name))

@@ -1,0 +1,84 @@
+"""`stlbench watch`, beside a run that a test plays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from helpers.synthetic_results import result
+
+from stlbench.cli import progress
+from stlbench.cli.progress import Progress
+from stlbench.result import CellId
+from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.lock import writer, writing
+from stlbench.study.running import announce
+
+
+def planned(folder: Path) -> list[CellId]:
+    """A ledger of three cells, one of them done in 16 seconds, one raised."""
+    results = [result(seed=0), result(seed=1, status="raised", reason="ValueError: no")]
+    cells = [CellId.parse(f"hold-disc/funnel/dqn/{seed}", "quick") for seed in range(3)]
+    with Ledger(folder / FILE) as ledger:
+        ledger.plan({f"{cell.name}/quick": cell for cell in cells})
+        for each in results:
+            ledger.record(each)
+    return cells
+
+
+def test_it_says_what_runs_and_how_long_the_rest_takes(tmp_path, say):
+    cells = planned(tmp_path)
+    with writing(tmp_path):
+        announce(tmp_path, cells[2], 4000)
+        lines = say("watch", tmp_path, "--once").stdout.splitlines()
+    assert lines[0].startswith("2 of 3 cells, 1 done, 1 raised, 1 running, about 1")  # 16 s, less what has passed
+    assert lines[0].endswith(" s left")
+    assert lines[1].startswith("  hold-disc/funnel/dqn/2: 0 %, 0 of 4,000 steps")
+
+
+def test_it_ends_when_nobody_writes(tmp_path, say):
+    planned(tmp_path)
+    assert say("watch", tmp_path).stdout == "2 of 3 cells, 1 done, 1 raised, nobody writes here\n"
+
+
+def test_a_folder_without_a_ledger_is_one_line(tmp_path, say):
+    said = say("watch", tmp_path / "nowhere")
+    assert (said.exit_code, said.stdout, said.stderr.count("\n")) == (2, "", 1)
+    assert "there is no ledger in" in said.stderr
+
+
+def test_who_writes(tmp_path):
+    assert writer(tmp_path) is None
+    with writing(tmp_path):
+        assert (writer(tmp_path) or "").startswith("process ")
+    assert writer(tmp_path) is None
+
+
+def test_in_a_pipe_a_run_says_a_line_a_minute(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(progress, "_MINUTE", 0.05)
+    cells = [CellId.parse(f"hold-disc/funnel/dqn/{seed}", "quick") for seed in range(2)]
+    said = ""
+    with Progress(tmp_path) as told:
+        told.begin(cells, 0)
+        announce(tmp_path, cells[0], 4000)
+        for _ in range(200):
+            told.over.wait(0.05)
+            said += capsys.readouterr().err
+            if "running" in said:
+                break
+    line = next(line for line in said.splitlines() if "running" in line)
+    assert line.startswith("0 of 2 done; running hold-disc/funnel/dqn/0: 0 %, 0 of 4,000 steps")
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5])
+def test_the_time_left_counts_checkpoints_of_cells_that_run(tmp_path, monkeypatch, share):
+    cells = [CellId.parse(f"hold-disc/funnel/dqn/{seed}", "quick") for seed in range(2)]
+    seconds = [1000.0]
+    monkeypatch.setattr(progress.time, "time", lambda: seconds[0])
+    with Progress(tmp_path) as told:
+        told.begin(cells, 0)
+        notices = [announce(tmp_path, cell, 4000) for cell in cells]
+        seconds[0] += 60
+        for notice in notices:
+            notice.at(int(4000 * share))
+        assert told._left() == {0.25: "about 3 min 0 s left", 0.5: "about 1 min 0 s left"}[share]

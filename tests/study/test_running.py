@@ -1,0 +1,81 @@
+"""Which cells run, and how far they are."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from stlbench.result import CellId
+from stlbench.study import running as room
+from stlbench.study.running import FOLDER, announce, clear, ended, running
+
+CELL = CellId.parse("hold-disc/funnel/dqn/0", "quick")
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The time; set the only entry."""
+    seconds = [1000.0]
+    monkeypatch.setattr(room.time, "time", lambda: seconds[0])
+    return seconds
+
+
+def test_a_cell_is_among_those_that_run_while_it_does(tmp_path: Path, clock: list[float]) -> None:
+    notice = announce(tmp_path, CELL, 4000)
+    (found,) = running(tmp_path)
+    assert (found.id, found.steps, found.share, found.began) == (CELL, 0, 0.0, 1000.0)
+    clock[0] = 1060.0
+    notice.at(1000, lambda: (0.5, -0.25))
+    (found,) = running(tmp_path)
+    assert (found.share, found.told, found.satisfaction, found.robustness) == (0.25, 1060.0, 0.5, -0.25)
+    ended(tmp_path, CELL)
+    assert running(tmp_path) == []
+
+
+def test_of_cells_whose_names_begin_alike_one_ends(tmp_path: Path) -> None:
+    cells = [CELL, CellId.parse("hold-disc/funnel/dqn/0/tuned", "quick"), CellId.parse(CELL.name, "smoke")]
+    for cell in cells:
+        announce(tmp_path, cell, 4000)
+    ended(tmp_path, CELL)
+    assert {one.id for one in running(tmp_path)} == {*cells[1:]}
+
+
+def test_scores_that_only_a_watcher_needs_take_a_fiftieth_of_the_time(tmp_path: Path, clock: list[float]) -> None:
+    asked = list[int]()
+
+    def glance() -> tuple[float, float]:
+        asked.append(1)
+        clock[0] += 10.0
+        return 1.0, 1.0
+
+    notice = announce(tmp_path, CELL, 100_000)
+    for step in range(1, 1001):
+        clock[0] += 1.0
+        notice.at(100 * step, glance)
+    assert sum(asked) * 10.0 <= 0.02 * (clock[0] - 1000.0) + 10.0
+    assert len(asked) >= 2
+
+
+def test_a_score_that_raises_is_none(tmp_path: Path, clock: list[float]) -> None:
+    notice = announce(tmp_path, CELL, 4000)
+    clock[0] = 1001.0
+    notice.at(1000, lambda: (1 // 0, 0.0))
+    assert running(tmp_path)[0].robustness is None
+    assert running(tmp_path)[0].steps == 1000
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"name": 3}', json.dumps({"name": "no cell", "budget": "quick"})])
+def test_files_that_say_nothing_are_passed_over(tmp_path: Path, text: str) -> None:
+    (tmp_path / FOLDER).mkdir()
+    (tmp_path / FOLDER / "x.json").write_text(text)
+    assert running(tmp_path) == []
+    clear(tmp_path)
+    assert not (tmp_path / FOLDER).exists()
+
+
+def test_without_a_folder_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    announce(None, CELL, 4000).at(1000, lambda: pytest.fail("scored for nobody"))
+    assert not any(tmp_path.iterdir())
