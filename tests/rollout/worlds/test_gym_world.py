@@ -139,7 +139,8 @@ class Odd(Walk):
         observation, reward, terminated, truncated, info = super().step(action)
         self.count += 1
         if self.count > 2:
-            faults = {"nan": np.array([np.nan, 0]), "longer": np.zeros(3), "shorter": np.zeros(1), "text": np.array(["a", "b"])}
+            faults = {"nan": np.array([np.nan, 0]), "longer": np.zeros(3), "shorter": np.zeros(1)}
+            faults["text"] = np.array(["a", "b"])
             observation = faults.get(self.fault, observation)
             info = {} if self.fault == "no info" else {"doubled": "much"} if self.fault == "no number" else info
         return observation, reward, terminated, truncated, info
