@@ -144,7 +144,7 @@ def test_results_say_what_ran_beside_them(run):
     with Ledger(Path("results/ledger.sqlite"), create=False) as ledger:
         (provenance,) = {tuple(sorted(result.provenance.items())) for result in ledger.results()}
     assert dict(provenance)["jobs"] == "3"
-    assert set(dict(provenance)) == {"python", "machine", "jobs", "time", *PACKAGES}
+    assert set(dict(provenance)) == {"python", "machine", "jobs", "time", "code", *PACKAGES}
 
 
 def test_numbers_are_those_of_the_task(run):
