@@ -11,7 +11,7 @@ import typer
 from stlbench.cli.common import console, print_json
 
 if TYPE_CHECKING:
-    from stlbench.report import Table
+    from stlbench.report import Table, Value
     from stlbench.sharing.checked import Checked
     from stlbench.sharing.rescored import Rescored
 
@@ -61,20 +61,13 @@ def _table(scored: list[Rescored]) -> Table:
         Column("found", digits=3),
         Column("verdict", right=False),
     )
-    rows = tuple(
-        (
-            each.cell.name,
-            each.recorded.mean,
-            each.found and each.found.mean,
-            each.recorded.satisfaction,
-            each.found and each.found.satisfaction,
-            each.verdict,
-        )
-        for each in scored
-    )
-    return Table(
-        "Scored again", columns, rows, ("Robustness, mean over the report's starts, and share that satisfies.",)
-    )
+    note = "Robustness, mean over the report's starts, and share that satisfies."
+    return Table("Scored again", columns, tuple(map(_row, scored)), (note,))
+
+
+def _row(each: Rescored) -> tuple[Value, ...]:
+    mean, satisfied = (None, None) if each.found is None else (each.found.mean, each.found.satisfaction)
+    return (each.cell.name, each.recorded.mean, mean, each.recorded.satisfaction, satisfied, each.verdict)
 
 
 def _facts(each: Rescored) -> dict[str, object]:
