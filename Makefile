@@ -123,7 +123,7 @@ ablation: $(VENV)/ready-all
 AGENTS := $(BIN)/stlbench run --results results/agents --methods raw
 agents: $(VENV)/ready-all
 	$(AGENTS) --seeds 2 --tasks fetch-reach --agents "td3[averaging=0],sb3-td3,sb3-sac,sb3-ppo"
-	$(AGENTS) --seeds 5 --tasks reach-stay --agents "\
+	$(AGENTS) --seeds 5 --tasks reach-stay,robot-nav --agents "\
 	dqn[head=joint],dqn[averaging=0],dqn[n_steps=1],dqn[double=false]"
 	$(AGENTS) --seeds 2 --tasks pendulum --agents "dqn[head=joint],dqn[averaging=0]"
 	$(BIN)/stlbench report results/agents

@@ -11,6 +11,8 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
+import ablation
+
 from stlbench import Results
 
 ROOT = Path(__file__).parents[1]
@@ -88,14 +90,19 @@ def tracks() -> str:
     return table(["task", "method", *(f"`{track}`" for track in found)], body, right=0)
 
 
-def features() -> str:
-    """One row per task and method: what is learned from the state alone, beside the whole recipe."""
-    whole, body = learned_by("shared"), []
-    for row in rows("robustness", ROOT / "results" / "ablation-features"):
-        task = row["task"].partition("[")[0]
-        own = {**row, "mark": ""}, {**whole[task, row["method"]], "mark": ""}
-        body.append([f"`{task}`", f"`{row['method']}`", *map(entry, own)])
-    return table(["task", "method", "without features", "with"], body, right=0)
+def without(part: str) -> Callable[[], str]:
+    """One row per task and method: what is learned without one part of the recipe, beside the whole recipe."""
+    return lambda: table(
+        ["task", "method", f"without `{part}`", "the whole recipe", "verdict"], ablation.of_part(part), right=0
+    )
+
+
+def parameters() -> str:
+    """One row per task and parameter of the agent: what is learned without it, beside the whole recipe, with raw."""
+    body = [
+        [f"`{task}`", f"`{agent}`", str(seeds), str(whole)] for task, agent, seeds, whole in ablation.of_parameters()
+    ]
+    return table(["task", "agent", "so", "as in the recipe"], body, right=0)
 
 
 def verdicts() -> str:
@@ -239,7 +246,8 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "verdicts": verdicts,
         "across": across,
         "recipes": recipes,
-        "features": features,
+        **{part: without(part) for part in ablation.PARTS},
+        "parameters": parameters,
         "pendulum": by_seed("pendulum"),
         "measures": measures,
         "overlap": by_seed("overlap"),

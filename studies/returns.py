@@ -76,7 +76,8 @@ def discounted(task: Task, method: RewardMethod, samples: Array, gamma: float) -
     for t in range(0, task.file.steps, hold):
         rewards, _ = method.along(samples[:, t : t + hold + 1].transpose(1, 0, 2), nothing, np.full(rows, t), memory)
         over, paid = first_end(ends, samples[:, t + 1 : t + hold + 1], np.full(rows, t + hold))
-        ended = paid * (method.scale * forever(1.0, gamma, (task.file.steps - t) // hold))
+        times = 1.0 if method.can_end else forever(1.0, gamma, (task.file.steps - t) // hold)
+        ended = paid * (method.scale * times)
         returns += alive * weight * np.where(over, ended, rewards.mean(axis=0))
         alive &= ~over
         weight *= gamma

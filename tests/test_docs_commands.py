@@ -193,7 +193,7 @@ def test_the_examples_of_task_and_agent_run_together(site: Callable[..., Path], 
 def test_the_examples_on_an_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(plugins._ADDED, "tasks", {})
     page = DOCS / "howto/environment.md"
-    steady, held, several = blocks(page, "yaml")
+    steady, held, several, _ = blocks(page, "yaml")
     for name, files in {
         "steady-pole": {"task.yaml": steady},
         "held-pole": {"task.yaml": held, "system.py": blocks(page, "python")[0]},

@@ -8,8 +8,10 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from stlbench.study.cell import Cell
+if TYPE_CHECKING:
+    from stlbench.study.cell import Cell
 
 __all__ = ["CODE", "TASK_FOLDER", "code_of", "collect", "of_cell"]
 

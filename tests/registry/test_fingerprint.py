@@ -187,4 +187,4 @@ def test_the_harness_is_what_trains_and_scores_and_neither_reports_nor_the_comma
     names = {name for name, _ in code_of("stlbench.study.trial").files}
     assert {"stlbench.rollout.referee", "stlbench.stl.recorded.robustness", "stlbench.task.starts"} <= names
     others = ("stlbench.cli", "stlbench.report", "stlbench.gate", "stlbench.study.ledger", "stlbench.study.run")
-    assert not [name for name in names if name.startswith(others)]
+    assert not [name for name in names if f"{name}.".startswith(tuple(f"{other}." for other in others))]

@@ -8,17 +8,17 @@ from stlbench.contract import Array, End, Model
 from stlbench_agents.planning.grid import Floats, Grid
 from stlbench_agents.planning.moves import ActionSet
 
-__all__ = ["Ends", "worth"]
+__all__ = ["Ends", "forever", "worth"]
 
 
 def worth(model: Model, end: End, gamma: float, decisions: int) -> float:
-    """The return of an end's reward, which is paid for ever; without a discount, for the decisions that are left.
+    """The return of an end's reward, which is paid for ever, and by a method that can end once."""
+    return end.reward if model.method.can_end else forever(end.reward, gamma, decisions)
 
-    A method that can end is paid it once.
-    """
-    if model.method.can_end:
-        return end.reward
-    return end.reward / (1 - gamma) if gamma < 1 else end.reward * decisions
+
+def forever(reward: float, gamma: float, decisions: int) -> float:
+    """The return of a reward that is paid for ever; without a discount, for the decisions that are left."""
+    return reward / (1 - gamma) if gamma < 1 else reward * decisions
 
 
 class Ends:

@@ -1,0 +1,171 @@
+"""What each part of each recipe is worth, from results/ablation, results/agents and results/reference.
+
+python studies/ablation.py          draw docs/figures/ablation.svg; studies/pages.py writes the tables
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from stlbench.report.figures.palette import COLOURS
+from stlbench.report.statistics.differences import Difference, Pair, differences
+from stlbench.report.statistics.intervals import interval, iqm
+from stlbench.report.tables.comparisons import MATTERS
+from stlbench.report.tables.rows import LEARNED
+
+RESULTS = Path(__file__).parents[1] / "results"
+FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "ablation.svg"
+
+METHODS = ("funnel", "raw", "flag")
+PARTS = {
+    "features": "features beyond the state",
+    "rewarded": "the form that is rewarded",
+    "cuts": "cuts of returns",
+    "ends": "early ends of episodes",
+    "exploring": "exploring starts",
+    "hold": "held actions",
+}
+"""Of a recipe: what `task[without=PART]` leaves out, in words."""
+
+
+@dataclass(frozen=True)
+class Seeds:
+    """What was recorded of one method on one task, seed by seed, with the selected policies."""
+
+    robustness: tuple[float, ...]
+    satisfaction: tuple[float, ...]
+    final: tuple[float, ...]
+    """Share of starts that the final policies satisfy."""
+
+    @property
+    def learned(self) -> tuple[int, int]:
+        """Seeds in which the selected and the final policy learned the task."""
+        selected, final = (sum(share >= LEARNED for share in shares) for shares in (self.satisfaction, self.final))
+        return selected, final
+
+    def __str__(self) -> str:
+        """ "0.396 [0.395, 0.397] 5, 4 of 5"."""
+        ends = interval(self.robustness)
+        shown = "" if ends is None else f" [{ends.low:.3f}, {ends.high:.3f}]"
+        return f"{iqm(self.robustness):.3f}{shown} {', '.join(map(str, self.learned))} of {len(self.robustness)}"
+
+
+@dataclass(frozen=True)
+class Ablation:
+    """One method on one task, without a part of its recipe and with the whole of it."""
+
+    task: str
+    method: str
+    part: str
+    without: Seeds
+    whole: Seeds
+    verdict: Difference
+    """Of what is without the part, against the whole recipe."""
+
+
+Key = tuple[str, str, str]
+"""Task, method, agent."""
+
+
+def recorded(folder: str) -> dict[Key, Seeds]:
+    """The seeds of each setting that learned on the track shared."""
+    found: dict[Key, list[Mapping[str, str]]] = {}
+    with (RESULTS / folder / "cells.csv").open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            if row["track"] == "shared" and row["budget"] == "quick" and row["status"] == "done":
+                found.setdefault((row["task"], row["method"], row["agent"]), []).append(row)
+    names = ("robustness_mean", "satisfaction", "final_satisfaction")
+    return {key: Seeds(*(tuple(float(row[name]) for row in rows) for name in names)) for key, rows in found.items()}
+
+
+@cache
+def ablations() -> tuple[Ablation, ...]:
+    """Those that were run, in the order of the parts; verdicts after Holm's correction for all of them."""
+    whole, by_hand = recorded("reference"), _by_hand()
+    found = []
+    for (name, method, agent), seeds in recorded("ablation").items():
+        task, _, part = name.removesuffix("]").partition("[without=")
+        found.append((task, method, part, seeds, whole[task, method, agent]))
+    found.sort(key=lambda each: (list(PARTS).index(each[2]), each[0], METHODS.index(each[1])))
+    pairs = [Pair(one.robustness, other.robustness, MATTERS * abs(by_hand[task])) for task, _, _, one, other in found]
+    return tuple(Ablation(*each, verdict) for each, verdict in zip(found, differences(pairs), strict=True))
+
+
+def _by_hand() -> dict[str, float]:
+    with (RESULTS / "reference" / "controllers.csv").open(newline="", encoding="utf-8") as file:
+        return {row["task"]: float(row["mean robustness"]) for row in csv.DictReader(file)}
+
+
+def of_part(part: str) -> list[list[str]]:
+    """Lines of the table of one part: task, method, without it, with the whole recipe, verdict."""
+    return [
+        [f"`{each.task}`", f"`{each.method}`", str(each.without), str(each.whole), str(each.verdict)]
+        for each in ablations()
+        if each.part == part
+    ]
+
+
+def of_parameters() -> list[tuple[str, str, Seeds, Seeds]]:
+    """Task, agent with a parameter left out, its seeds, and those of the whole recipe, all with `raw`."""
+    whole = recorded("reference")
+    return [
+        (task, agent, seeds, whole[task, method, agent.partition("[")[0]])
+        for (task, method, agent), seeds in recorded("agents").items()
+    ]
+
+
+def draw(found: Sequence[Ablation]) -> Figure:
+    """One panel per part; one line per task and method, from the satisfied starts with the whole recipe to those
+    without the part, as means over seeds."""
+    parts = [part for part in PARTS if any(each.part == part for each in found)]
+    columns = [[each for each in found if each.part == part] for part in parts]
+    heights = [len({each.task for each in column}) for column in columns]
+    figure = Figure(figsize=(10.0, 0.9 + 0.34 * sum(heights) / 2 + 1.6), layout="constrained")
+    for axes, part, column in zip(_panels(figure, heights), parts, columns, strict=True):
+        _panel(axes, part, column)
+    figure.legend(handles=_keys(), loc="outside lower center", ncols=5, frameon=False, fontsize=9)
+    return figure
+
+
+def _panels(figure: Figure, heights: Sequence[int]) -> list[Axes]:
+    """In two columns of about the same height."""
+    halves = figure.subfigures(1, 2)
+    first = int(np.argmin([abs(sum(heights[:k]) - sum(heights[k:])) for k in range(1, len(heights))])) + 1
+    both = zip(halves, (heights[:first], heights[first:]), strict=True)
+    return [axes for half, own in both for axes in half.subplots(len(own), 1, height_ratios=own, squeeze=False)[:, 0]]
+
+
+def _panel(axes: Axes, part: str, column: Iterable[Ablation]) -> None:
+    own = list(column)
+    tasks = sorted({each.task for each in own})
+    for each in own:
+        place = METHODS.index(each.method)
+        height, colour = tasks.index(each.task) + 0.24 * (place - 1), COLOURS[place]
+        ends = [100 * float(np.mean(seeds.satisfaction)) for seeds in (each.whole, each.without)]
+        axes.plot(ends, [height] * 2, "-", color=colour, linewidth=1.6)
+        axes.plot(ends[:1], [height], "o", color=colour, markerfacecolor="white", markersize=5)
+        axes.plot(ends[1:], [height], "o", color=colour, markersize=5)
+    axes.set_yticks(range(len(tasks)), tasks)
+    axes.set(ylim=(len(tasks) - 0.5, -0.5), xlim=(-4, 104), xlabel="satisfied starts, mean over seeds [%]")
+    axes.set_title(f"without {PARTS[part]}", fontsize=10, loc="left")
+    axes.grid(axis="x", alpha=0.3)
+
+
+def _keys() -> list[Line2D]:
+    lines = [Line2D([], [], color=COLOURS[place], label=method) for place, method in enumerate(METHODS)]
+    whole = Line2D([], [], color="0.3", marker="o", markerfacecolor="white", linestyle="", label="the whole recipe")
+    return [*lines, whole, Line2D([], [], color="0.3", marker="o", linestyle="", label="without the part")]
+
+
+if __name__ == "__main__":
+    draw(ablations()).savefig(FIGURE, metadata={"Date": None})
+    print(FIGURE)
