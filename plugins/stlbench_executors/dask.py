@@ -7,6 +7,7 @@ that has a free place (`dask_run`), and is looked after there by a keeper (`dask
 
 from __future__ import annotations
 
+import re
 import uuid
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 __all__ = ["DaskExecutor"]
 
 CONNECT_SECONDS = 20.0
+_ADDRESS = re.compile(r"inproc://.+|\w+://.+:\d+")
+"""Dask says what is wrong with others only after it has waited, and with a traceback beside it."""
 
 
 class DaskExecutor(Executor):
@@ -50,6 +53,8 @@ class DaskExecutor(Executor):
     ) -> None:
         if find_spec("distributed") is None:
             raise Unsuitable("executor dask needs Dask: pip install 'stlbench-rl[dask]'")
+        if address is not None and not _ADDRESS.fullmatch(address):
+            raise Unsuitable(f"executor dask: the address of a scheduler is like tcp://node1:8786, got {address}")
         super().__init__(jobs=jobs or (0 if address else 2))
         self.memory, self.address = memory, address
 

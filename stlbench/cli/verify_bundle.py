@@ -61,20 +61,23 @@ def _table(scored: list[Rescored]) -> Table:
         Column("found", digits=3),
         Column("verdict", right=False),
     )
-    note = "Robustness, mean over the report's starts, and share that satisfies."
+    note = "Robustness and share that satisfies, of the starts that tables report; the verdict is of all protocols."
     return Table("Scored again", columns, tuple(map(_row, scored)), (note,))
 
 
 def _row(each: Rescored) -> tuple[Value, ...]:
-    mean, satisfied = (None, None) if each.found is None else (each.found.mean, each.found.satisfaction)
-    return (each.cell.name, each.recorded.mean, mean, each.recorded.satisfaction, satisfied, each.verdict)
+    from stlbench.result import reported
+
+    said = reported(each.recorded)
+    found = None if each.found is None else reported(each.found)
+    mean, satisfied = (None, None) if found is None else (found.mean, found.satisfaction)
+    return (each.cell.name, said.mean, mean, said.satisfaction, satisfied, each.verdict)
 
 
 def _facts(each: Rescored) -> dict[str, object]:
-    scores = {"recorded": each.recorded, "found": each.found}
+    sides = {"recorded": each.recorded, "found": each.found or {}}
     numbers = {
-        f"{name}_{part}": None if score is None else getattr(score, part)
-        for name, score in scores.items()
-        for part in ("mean", "satisfaction")
+        side: {name: {"mean": score.mean, "satisfaction": score.satisfaction} for name, score in scores.items()}
+        for side, scores in sides.items()
     }
     return {"cell": each.cell.name, "verdict": each.verdict, "why": each.why, **numbers}

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 from stlbench.errors import UsageError
 from stlbench.outside.again import score_again
-from stlbench.result import MAIN, CellId, Score
+from stlbench.result import CellId, Score
 from stlbench.sharing.checked import unpacked
 from stlbench.study.results import Results
 from stlbench.task import load_task
@@ -21,25 +21,30 @@ rounds otherwise, and a policy that is torn between two actions then takes the o
 
 
 class Rescored(NamedTuple):
-    """A cell's selected policy, as recorded and as found."""
+    """A cell's selected policy, as recorded and as found, by each protocol of its task."""
 
     cell: CellId
-    recorded: Score
-    found: Score | None
+    recorded: Mapping[str, Score]
+    found: Mapping[str, Score] | None
     """None where it cannot be scored here."""
     why: str = ""
     """Why not."""
 
     @property
     def verdict(self) -> str:
-        """In words; "claims more" where the referee finds less than `MORE` allows."""
+        """In words; "claims more" where by any protocol the referee finds less than `MORE` allows."""
         if self.found is None:
             return "not scored"
         if self.found == self.recorded:
             return "as recorded"
-        lost = self.recorded.mean - self.found.mean
-        worse = self.recorded.satisfaction - self.found.satisfaction
-        return "claims more" if lost > MORE * abs(self.recorded.mean) or worse > MORE else "within rounding"
+        found = self.found
+        more = any(name not in found or _claims_more(said, found[name]) for name, said in self.recorded.items())
+        return "claims more" if more else "within rounding"
+
+
+def _claims_more(recorded: Score, found: Score) -> bool:
+    lost = recorded.mean - found.mean
+    return lost > MORE * abs(recorded.mean) or recorded.satisfaction - found.satisfaction > MORE
 
 
 def rescore(path: Path) -> Iterator[Rescored]:
@@ -54,10 +59,10 @@ def rescore(path: Path) -> Iterator[Rescored]:
         for result in Results.load(folder):
             if result.measurement is None or result.measurement.policies is None:
                 continue
-            recorded = result.measurement.selected[MAIN]
+            recorded = result.measurement.selected
             try:
                 again = score_again(load_task(result.id.task), result, folder, "selected")
             except UsageError as error:
                 yield Rescored(result.id, recorded, None, str(error))
             else:
-                yield Rescored(result.id, recorded, again.scores[MAIN])
+                yield Rescored(result.id, recorded, again.scores)

@@ -56,7 +56,8 @@ def test_verify_scores_a_bundle_again(say, recorded) -> None:
     assert done.stderr.splitlines()[0] == "[1] toy-line/toy-raw/toy-agent/0: as recorded"
     said = json.loads(say("verify", "mine.zip", "--rescore", "--json").stdout)
     assert (said["whole"], [each["verdict"] for each in said["rescored"]]) == (True, ["as recorded"] * 2)
-    assert said["rescored"][0]["recorded_mean"] == said["rescored"][0]["found_mean"]
+    assert said["rescored"][0]["recorded"] == said["rescored"][0]["found"]
+    assert said["rescored"][0]["found"]["formula"]["satisfaction"] <= 1
 
 
 def test_verify_names_what_is_wrong_with_a_bundle(say, recorded) -> None:

@@ -197,6 +197,12 @@ def test_a_worker_below_a_nanny_that_forbids_processes_is_refused(tmp_path: Path
             outcomes(made.address, victims.work, ["a"])
 
 
+@pytest.mark.parametrize("address", ["foo", "tcp://foo", "node1:8786", ""])
+def test_an_address_without_a_port_is_refused_at_once(address: str) -> None:
+    with pytest.raises(Unsuitable, match=r"^executor dask: the address of a scheduler is like tcp://node1:8786, got "):
+        DaskExecutor(address=address)
+
+
 def test_where_no_scheduler_answers_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stlbench_executors.dask.CONNECT_SECONDS", 0.5)
     with pytest.raises(

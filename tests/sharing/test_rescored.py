@@ -45,7 +45,7 @@ def test_a_claim_is_not_believed(bundle, tmp_path) -> None:
     better = lambda score: replace(score, robustness=tuple(value + 0.5 for value in score.robustness))  # noqa: E731
     (found,) = rescore(claiming(bundle, tmp_path / "claim.zip", better))
     assert found.verdict == "claims more"
-    assert found.recorded.mean == pytest.approx(found.found.mean + 0.5)
+    assert found.recorded[MAIN].mean == pytest.approx(found.found[MAIN].mean + 0.5)
 
 
 def test_a_task_that_is_not_installed_is_said(bundle, monkeypatch) -> None:
@@ -71,6 +71,13 @@ def test_how_much_is_rounding(mean, satisfied, verdict) -> None:
     """Of a recorded robustness of 1 from 10 starts, which all satisfy."""
 
     def scored(value, count):
-        return Score((value,) * 10, tuple(number < count for number in range(10)), {})
+        return {MAIN: Score((value,) * 10, tuple(number < count for number in range(10)), {})}
 
     assert Rescored(None, scored(1.0, 10), scored(mean, satisfied)).verdict == verdict
+
+
+def test_every_protocol_counts() -> None:
+    one = Score((1.0,), (True,), {})
+    assert Rescored(None, {MAIN: one, "random": one}, {MAIN: one}).verdict == "claims more"
+    worse = {MAIN: one, "random": Score((0.5,), (True,), {})}
+    assert Rescored(None, {MAIN: one, "random": one}, worse).verdict == "claims more"
