@@ -6,15 +6,14 @@ from typing import Literal
 
 import numpy as np
 
-from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification
-from stlbench_methods.progress import Progress
-from stlbench_methods.values import Margins, SemanticsName, Sharpness
+from stlbench_methods.followed import Followed
+from stlbench_methods.values import SemanticsName, Sharpness
 
 __all__ = ["Dense"]
 
 
-class Dense(RewardMethod):
+class Dense(Followed, RewardMethod):
     """The formula's robustness on the samples so far, or the growth of what is certain of it.
 
     `level` is the robustness of the trace up to now, with windows cut at its end, as STLGym has it. An F of which no
@@ -44,25 +43,14 @@ class Dense(RewardMethod):
     ) -> None:
         super().__init__(specification)
         self._difference = mode == "difference"
-        values = Margins(specification, stl.semantics(semantics, sharpness))
-        self._progress = Progress(specification, values)
-        self.memory_size = self._progress.size
+        self._follow(specification, semantics, sharpness)
         low, high = self._progress.ends
         self.scale = high - low if self._difference else max(abs(low), abs(high))
-
-    @property
-    def input_size(self) -> int:
-        """See `Progress.inputs`."""
-        return self._progress.input_size
 
     @property
     def floor(self) -> float:
         """What is certain never shrinks: 0. Of `level` the least robustness over the box of the signals."""
         return 0.0 if self._difference else self._progress.ends[0]
-
-    def initial_memory(self, signals: Array, t: Integers) -> Array:
-        """How far the first sample is, as if it had been there since step 0."""
-        return self._progress.begin(signals, t)
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
         """The rewards (h, N), in the unit of the predicates or of [-1, 1], and the memory at the last sample."""
@@ -72,7 +60,3 @@ class Dense(RewardMethod):
             return np.stack([progress.so_far(each, t + i) for i, each in enumerate(after, 1)]), after[-1]
         levels = [progress.at_least(each, t + i) for i, each in enumerate([memory, *after])]
         return np.diff(np.stack(levels), axis=0), after[-1]
-
-    def inputs(self, memory: Array) -> Array:
-        """What there is to know of each term, its range scaled to [-1, 1]."""
-        return self._progress.inputs(memory)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification
-from stlbench_methods.progress import Progress
-from stlbench_methods.values import Margins, SemanticsName, Sharpness
+from stlbench_methods.followed import Followed
+from stlbench_methods.values import SemanticsName, Sharpness
 
 __all__ = ["Tltl"]
 
 
-class Tltl(RewardMethod):
+class Tltl(Followed, RewardMethod):
     """The formula's robustness at the last transition of an episode, and 0 before it.
 
     The source has no discount, gamma = 1. Here that is the agent's, so an agent that discounts sees little of the
@@ -35,24 +34,13 @@ class Tltl(RewardMethod):
         self, specification: Specification, *, semantics: SemanticsName = "classic", sharpness: Sharpness = 10.0
     ) -> None:
         super().__init__(specification)
-        values = Margins(specification, stl.semantics(semantics, sharpness))
-        self._progress = Progress(specification, values)
-        self.memory_size = self._progress.size
+        self._follow(specification, semantics, sharpness)
         self.scale = max(map(abs, self._progress.ends))
-
-    @property
-    def input_size(self) -> int:
-        """See `Progress.inputs`."""
-        return self._progress.input_size
 
     @property
     def floor(self) -> float:
         """The formula's least robustness over the box of the signals, or 0 if that is less."""
         return min(0.0, self._progress.ends[0])
-
-    def initial_memory(self, signals: Array, t: Integers) -> Array:
-        """How far the first sample is, as if it had been there since step 0."""
-        return self._progress.begin(signals, t)
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
         """The rewards (h, N), in the unit of the predicates or of [-1, 1], and the memory at the last sample."""
@@ -61,7 +49,3 @@ class Tltl(RewardMethod):
         if (over := end == self.specification.steps).any():
             rewards[-1, over] = self._progress.so_far(memory[over], end[over])
         return rewards, memory
-
-    def inputs(self, memory: Array) -> Array:
-        """What there is to know of each term, its range scaled to [-1, 1]."""
-        return self._progress.inputs(memory)
