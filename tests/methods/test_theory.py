@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from stlbench import stl
 from stlbench.contract import Array, Integers, Model, RewardMethod, Specification
 from stlbench_agents.planning import sums
+from stlbench_agents.planning.memories import Limits
 from stlbench_methods.dense import Dense
 from stlbench_methods.flag import Flag
 from stlbench_methods.funnel import Funnel
@@ -74,6 +75,17 @@ def test_tltl_and_difference_have_the_best_robustness_for_their_optimum(formula:
         assert difference[1].value(start[None]) == pytest.approx([best - certain_at(start, spec)], abs=1e-4)
         for model, policy in (tltl, difference):
             assert lattice.robustness(model, lattice.followed(model, policy, start[None]).samples) == best
+
+
+def test_a_memory_that_is_rounded_to_the_values_it_has_is_planned_for_alike() -> None:
+    """The running minimum of margins 1 - |x - 1| on the lattice is a whole number, so evenly spaced values have it."""
+    method = Tltl(lattice.specification("G[1,5] abs(x - 1) <= 1", STEPS))
+    model, exact = planned(method, 2)
+    values = np.ptp(exact.memories.values) + 1
+    limits = Limits(values=1, rounded=int(values))
+    rounded = sums.plan(model, *lattice.whole(model, 2), 1.0, limits)
+    assert rounded.memories.values.shape == (values, 1)
+    assert rounded.value(STARTS) == pytest.approx(exact.value(STARTS))
 
 
 @FORMULAS

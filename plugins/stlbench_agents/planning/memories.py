@@ -10,10 +10,35 @@ from numpy.typing import NDArray
 from stlbench.contract import Array, Model, Unsuitable
 from stlbench_agents.planning.moves import ActionSet, held
 
-__all__ = ["MOST", "Memories"]
+__all__ = ["USUAL", "Limits", "Memories"]
 
-MOST = 64
-"""The most values of a memory that are planned with."""
+
+@dataclass(frozen=True)
+class Limits:
+    """How many values of a memory are planned with; see the parameters of `planner`."""
+
+    values: int = 64
+    """The most that are enumerated."""
+    rounded: int = 0
+    """To how many a memory of one number is rounded that takes more; 0: such a memory is refused."""
+
+    def rounds(self, distinct: Array) -> bool:
+        """Whether these values (M, m) of a memory must be rounded.
+
+        Raises:
+            Unsuitable: they must be and cannot.
+        """
+        if len(distinct) <= self.values:
+            return False
+        if self.rounded > 1 and distinct.shape[1] == 1:
+            return True
+        raise Unsuitable(
+            f"a memory of {distinct.shape[1]} numbers that takes more than {self.values} values; a planner enumerates "
+            "them, as many as memories= says, or rounds one number to rounded= values"
+        )
+
+
+USUAL = Limits()
 
 
 @dataclass(frozen=True)
@@ -32,11 +57,11 @@ class Memories:
         return cls(np.empty((1, 0)))
 
     @classmethod
-    def of(cls, model: Model, probes: Array, actions: ActionSet) -> Memories:
+    def of(cls, model: Model, probes: Array, actions: ActionSet, limits: Limits) -> Memories:
         """All that the method's memory becomes from the states `probes` (N, n) by random actions, at any decision.
 
         Raises:
-            Unsuitable: they are more than 64.
+            Unsuitable: they are more than `limits` allows.
         """
         method = model.method
         if not method.memory_size:
@@ -44,11 +69,14 @@ class Memories:
         chosen = actions.vectors[np.random.default_rng(0).integers(len(actions), size=len(probes))]
         _, samples = held(model, probes, chosen)
         first = np.concatenate([model.system.signals(model.starts), samples[0]])
-        known = _distinct(method.initial_memory(first, np.zeros(len(first), dtype=np.int64)))
+        known = np.unique(method.initial_memory(first, np.zeros(len(first), dtype=np.int64)), axis=0)
+        spaced = limits.rounds(known)
         for t in range(0, model.steps, model.hold):
             times = np.full(len(probes), t)
             then = [method.along(samples, chosen, times, np.tile(row, (len(probes), 1)))[1] for row in known]
-            known = _distinct(np.concatenate([known, *map(_distinct, then)]))
+            known = np.unique(np.concatenate([known, *then]), axis=0)
+            spaced = spaced or limits.rounds(known)
+            known = np.linspace(known[0], known[-1], limits.rounded) if spaced else known
         return cls(known)
 
     def numbers(self, memory: Array) -> NDArray[np.int32]:
@@ -63,13 +91,3 @@ class Memories:
         nearer = np.where(asked - ascending[right - 1] <= ascending[right] - asked, right - 1, right)
         numbers: NDArray[np.int32] = order[nearer].astype(np.int32)
         return numbers
-
-
-def _distinct(memory: Array) -> Array:
-    """Each row once. Refuses more than can be planned with."""
-    distinct = np.unique(memory, axis=0)
-    if len(distinct) > MOST:
-        raise Unsuitable(
-            f"a memory of {memory.shape[1]} numbers that takes more than {MOST} values; a planner enumerates them"
-        )
-    return distinct

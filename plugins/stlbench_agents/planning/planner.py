@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from stlbench.contract import Agent, Model, StatePolicy, Training
 from stlbench_agents.compiled_code import is_ready, note_ready
-from stlbench_agents.parameter_types import Count, Positive, Share
+from stlbench_agents.parameter_types import Count, Positive, Share, Whole
 from stlbench_agents.planning.axes import AxisRecipe
 
 if TYPE_CHECKING:
@@ -72,11 +72,16 @@ class Planner(_OnGrid):
 
     gamma: Share = 0.95
     """discount of a decision, that is, of `hold` steps"""
+    memories: Count = 64
+    """the most values of the method's memory that are planned with"""
+    rounded: Whole = 0
+    """to how many values a memory of one number is rounded that takes more: fit for a running minimum or maximum, not
+    for a count; 0 refuses it"""
 
     def _solve(self, model: Model, grid: Grid, actions: ActionSet) -> StatePolicy:
-        from stlbench_agents.planning import sums
+        from stlbench_agents.planning import memories, sums
 
-        return sums.plan(model, grid, actions, self.gamma)
+        return sums.plan(model, grid, actions, self.gamma, memories.Limits(self.memories, self.rounded))
 
 
 @dataclass(frozen=True, kw_only=True)

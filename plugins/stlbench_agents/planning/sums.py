@@ -12,7 +12,7 @@ from stlbench_agents.planning.arrivals import MOST_SIGNALS, Arrivals
 from stlbench_agents.planning.ends import Ends, worth
 from stlbench_agents.planning.grid import Floats, Grid, Places
 from stlbench_agents.planning.kernels import pay_best
-from stlbench_agents.planning.memories import Memories
+from stlbench_agents.planning.memories import USUAL, Limits, Memories
 from stlbench_agents.planning.moves import ActionSet, held, sweep
 from stlbench_agents.planning.setup import refuse_beyond
 from stlbench_agents.planning.transitions import KEPT, Transitions
@@ -87,7 +87,7 @@ class SumPolicy(StatePolicy):
         return by_action
 
 
-def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float) -> SumPolicy:
+def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float, limits: Limits = USUAL) -> SumPolicy:
     """Solve for the method's rewards by the rules of the task's training episodes.
 
     At a cut the return goes on as if the decision before it came again and again; without a discount it stops there.
@@ -97,7 +97,7 @@ def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float) -> SumPolic
         Unsuitable: the method's memory takes too many values, or more than fit the memory of a machine.
     """
     tabled = model.method.paid_on_arrival and len(model.method.specification.signals) <= MOST_SIGNALS
-    rewards = (Arrivals if tabled else Transitions)(model, grid, actions)
+    rewards = Arrivals(model, grid, actions) if tabled else Transitions(model, grid, actions, limits)
     if (values := len(rewards.memories)) > 1:
         numbers = values * (model.steps // model.hold + KEPT * 2 * len(actions))
         what = f"a grid of {grid} points with {values} values of the method's memory"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stlbench.contract import Array, Model
 from stlbench_agents.planning.arrivals import refuse_nan
 from stlbench_agents.planning.grid import Floats, Grid
-from stlbench_agents.planning.memories import Memories
+from stlbench_agents.planning.memories import Limits, Memories
 from stlbench_agents.planning.moves import ActionSet, held
 
 __all__ = ["KEPT", "Transitions"]
@@ -26,13 +26,13 @@ KEPT = 2
 class Transitions:
     """The rewards of any method, for each action from each state at a decision, and its next memories."""
 
-    def __init__(self, model: Model, grid: Grid, actions: ActionSet) -> None:
+    def __init__(self, model: Model, grid: Grid, actions: ActionSet, limits: Limits) -> None:
         generator = np.random.default_rng(1)
         self._model, self._grid, self._actions = model, grid, actions
         states = grid.points[generator.integers(grid.size, size=_PROBES)]
         self._chosen = actions.vectors[generator.integers(len(actions), size=_PROBES)]
         _, self._probes = held(model, states, self._chosen)
-        self.memories = Memories.of(model, states, actions)
+        self.memories = Memories.of(model, states, actions, limits)
         self._kinds = dict[bytes, tuple[Floats, NDArray[np.int32]]]()
 
     def see(self, action: int, samples: Array) -> None:

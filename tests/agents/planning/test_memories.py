@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench.contract import Array, Integers, RewardMethod, Unsuitable
-from stlbench_agents.planning.memories import Memories
+from stlbench_agents.planning.memories import USUAL, Limits, Memories
 from stlbench_agents.planning.moves import ActionSet
 
 FLAGS = st.lists(st.tuples(*[st.integers(-2, 3)] * 3), min_size=1, max_size=20, unique=True)
@@ -30,10 +30,10 @@ class Counts(RewardMethod):
         return memory[:, 0], np.minimum(memory + 1, self.limit)
 
 
-def found(limit: int, steps: int, hold: int = 1) -> Memories:
+def found(limit: int, steps: int, hold: int = 1, limits: Limits = USUAL) -> Memories:
     model = lattice.model(Counts(limit, steps), hold)
     grid, actions = lattice.whole(model)
-    return Memories.of(model, grid.points, ActionSet.of(model.actions, len(actions)))
+    return Memories.of(model, grid.points, ActionSet.of(model.actions, len(actions)), limits)
 
 
 @given(FLAGS)
@@ -64,6 +64,25 @@ def test_more_than_can_be_planned_with_are_refused() -> None:
         Unsuitable, match=r"^a memory of 1 numbers that takes more than 64 values; a planner enumerates"
     ):
         found(99, 99)
+
+
+def test_as_many_as_are_asked_for_are_found() -> None:
+    assert len(found(99, 99, limits=Limits(values=100))) == 100
+
+
+def test_one_number_is_rounded_to_evenly_spaced_values_between_its_ends() -> None:
+    memories = found(99, 99, limits=Limits(values=7, rounded=5))
+    assert memories.values[:, 0].tolist() == [0, 24.75, 49.5, 74.25, 99]
+    assert memories.numbers(np.array([[0.0], [12.0], [13.0], [98.0]])).tolist() == [0, 0, 1, 4]
+
+
+def test_what_fits_is_not_rounded() -> None:
+    assert len(found(3, 6, limits=Limits(rounded=2))) == 4
+
+
+def test_several_numbers_are_not_rounded() -> None:
+    with pytest.raises(Unsuitable, match=r"^a memory of 2 numbers that takes more than 3 values"):
+        Limits(values=3, rounded=9).rounds(np.arange(8.0).reshape(4, 2))
 
 
 def test_a_method_without_memory_has_one_value() -> None:
