@@ -10,9 +10,10 @@ Gymnasium 1.x looks for no plugins by itself. Without the second import, the mod
 
 Actions are indices into the task's grid, or vectors where a task's actions are continuous. Observations are what every
 agent of stlbench sees, as float32, unbounded though about in [-1, 1]. An episode has a fixed length and is truncated at
-its end, never terminated: no state of a task is terminal, and a learner may bootstrap there. A task on an environment
-of Gymnasium that ends an episode by itself stands still from then on. Of what a task file says
-under `training`, only where episodes start is done here; the rest is for the agents of stlbench.
+its end, never terminated: no state of a task is terminal, and a learner may bootstrap there. An environment
+of Gymnasium that ends an episode by itself stands still from then on. It is paid as the task's `terminated` says:
+`hold` what the method pays for the last sample, `violated` the method's least at every step, `interval` nothing. Of
+what a task file says under `training`, only where episodes start is done here; the rest is for the agents of stlbench.
 
 `info["signals"]` has the samples of the trace that a step added, and `info["t"]` the time in steps. All of an
 episode's samples, in order, are a trace that `stlbench.stl` can score with `env.unwrapped.task.formula`.
@@ -36,6 +37,7 @@ from stlbench.contract import ActionGrid, Array, GymTask, Integers
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.presentation import Drawn, Pixels
 from stlbench.registry import plugins
+from stlbench.rollout.early_ends import standing_still
 from stlbench.rollout.environment import Simulator
 from stlbench.task import Task, build_method, load_task
 
@@ -108,7 +110,12 @@ class _Copies:
         """Hold the actions (N,) or (N, axes): observations (N, D), rewards (N,), the end, signals."""
         if not self._running:
             raise ResetNeeded(_RESET)
-        reward, samples = self._simulator.advance(action)
+        simulator, before = self._simulator, self._before()
+        reward, samples = simulator.advance(action)
+        if simulator.world.can_end:
+            now, t, memory = simulator.world.ended, simulator.t, simulator.memory
+            says = self.task.file.terminated
+            reward = standing_still(self.method, says, reward, before, now, t, memory, simulator.hold)
         over = bool(self._simulator.t[0] >= self._simulator.horizon)
         self._running = not over
         return self._simulator.observe().astype(np.float32), reward / self._scale, over, self._info(samples)
@@ -116,6 +123,12 @@ class _Copies:
     def pictures(self) -> tuple[Pixels, ...] | None:
         """Each copy's state as a picture (height, width, 3); None without a render mode."""
         return None if self.render_mode is None else self._simulator.world.frames()
+
+    def _before(self) -> Booleans:
+        """Which copies (N,) have ended already, or are over for the method."""
+        simulator = self._simulator
+        ended = simulator.world.ended.copy()
+        return ended | simulator.over(simulator.memory) if self.method.can_end else ended
 
     def _info(self, samples: Array) -> Info:
         return {"signals": samples, "t": self._simulator.t.copy()}

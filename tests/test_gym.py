@@ -6,6 +6,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,18 @@ from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.spaces import Box
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from helpers.line_task import line, text
+from helpers.latch import Latch
+from helpers.line_task import Probe, line, text
+from helpers.walk_env import Walk
+from helpers.walk_task import WalkTask, walk
 
 import stlbench.gym
-from stlbench import stl
+from stlbench import stl, wrap
+from stlbench.contract import RewardMethod, Specification
 from stlbench.errors import UsageError
 from stlbench.gym import StlEnv, StlVectorEnv
 from stlbench.registry import plugins
+from stlbench_methods.tltl import Tltl
 
 FORWARD = 20 * 13 + 6
 """hold-disc's action v = 5, omega = 0: the last of 21 speeds, the middle of 13 turning rates."""
@@ -312,6 +318,37 @@ def test_continuous_actions(monkeypatch: pytest.MonkeyPatch) -> None:
     assert envs.step(np.array([[0.5], [-1]], np.float32))[0][:, 0].tolist() == [0.25, -0.5]
     with pytest.raises(InvalidAction, match=r"an action is a vector between \[-1\.0\] and \[1\.0\], got array"):
         env.step(np.array([1.5], np.float32))
+
+
+@pytest.mark.parametrize(
+    ("method", "terminated", "paid"),
+    [
+        (Probe, "hold", [5, 110.5, 211, 311, 411, 511, 611, 711]),
+        (Probe, "violated", [5, 110.5, *[-0.5] * 6]),  # the floor at each step that is left
+        (Probe, "interval", [5, 110.5, *[0] * 6]),
+        (Latch, "hold", [0.05, 1, *[0] * 6]),
+        (Latch, "violated", [0.05, 0, *[0] * 6]),  # 1 at the wall, and the floor, -1, once
+        (Latch, "interval", [0.05, 1, *[0] * 6]),
+        (partial(Tltl, pays="terminated"), "interval", [0, -0.25, *[0] * 6]),
+    ],
+)
+def test_an_environment_that_has_ended_is_paid_as_the_task_says(
+    method: Callable[[Specification], RewardMethod], terminated: str, paid: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It ends at x = 1, after two of eight steps, and stands still from then on; wrapped, it is paid the sum."""
+    task = walk(WalkTask(wall=1.0), terminated=terminated, formula="G[0,4] x <= 0.75")
+    monkeypatch.setattr("stlbench.gym.load_task", lambda name: task)
+    monkeypatch.setattr("stlbench.gym.build_method", lambda task, name: method(task.specification))
+    env, envs = StlEnv("walk", "made"), StlVectorEnv(2, "walk", "made")
+    env.reset(seed=0)
+    envs.reset(seed=0)
+    assert [env.step(np.int64(2))[1] for _ in range(8)] == pytest.approx(paid)
+    assert [envs.step(np.array([1, 2]))[1][1] for _ in range(8)] == pytest.approx(paid)
+    options: dict[str, Any] = {"names": ("x", "minus"), "ranges": {"x": (-10, 10)}, "steps": 8}
+    says: Any = terminated
+    wrapped = wrap(Walk(wall=1.0), "G[0,4] x <= 0.75", method=method, terminated=says, **options)
+    wrapped.reset(seed=0)
+    assert sum(wrapped.step(np.int64(2))[1] for _ in range(2)) == pytest.approx(sum(paid))
 
 
 def test_a_step_needs_a_reset() -> None:

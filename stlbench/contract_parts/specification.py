@@ -33,6 +33,8 @@ class Specification:
     """Sampling time in seconds."""
     nested: stl.Formula | None = None
     """The same task as one outer operator over a window, `G[0,190] G[0,10] psi`, where the task file gives one."""
+    can_end: bool = True
+    """Whether an episode may be ended before step T by its environment; False for a `System`."""
 
     @cached_property
     def terms(self) -> tuple[stl.Term, ...]:

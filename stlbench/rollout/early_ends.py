@@ -13,7 +13,7 @@ from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
 from stlbench.task.file import EarlyEnd
 
-__all__ = ["Verdicts", "greatest_and_least", "judge", "remainder", "without_end"]
+__all__ = ["Verdicts", "greatest_and_least", "judge", "remainder", "standing_still", "without_end"]
 
 
 class Verdicts(NamedTuple):
@@ -98,7 +98,7 @@ def remainder(
     """What an end at step t is paid beside its own step, in the method's unit; 0 at the last step.
 
     Args:
-        method: what pays.
+        method: what pays. What it says itself of an early end comes before what the task says.
         terminated: `hold` pays what the method pays while the last sample stays, `violated` its floor for each step
             that is left, or once where the method can end, `interval` nothing.
         last: the sample (k,) at t.
@@ -108,7 +108,11 @@ def remainder(
         discount: by which later rewards count.
     """
     left = method.specification.steps - t
-    if left == 0 or terminated == "interval":
+    if left == 0:
+        return 0.0
+    if (own := method.ended_early(np.array([t]), memory)) is not None:
+        return float(own[0])
+    if terminated == "interval":
         return 0.0
     weights = discount ** np.arange(1.0, left + 1)
     if terminated == "violated":
@@ -116,6 +120,40 @@ def remainder(
     samples = np.tile(last, (left + 1, 1, 1))
     rewards, _ = method.along(samples, action, np.array([t]), memory)
     return float(weights @ rewards[:, 0])
+
+
+def standing_still(
+    method: RewardMethod,
+    terminated: EarlyEnd,
+    reward: Array,
+    before: Truth,
+    now: Truth,
+    t: Integers,
+    memory: Array,
+    hold: int,
+) -> Array:
+    """Rewards (N,) of one decision to steps t (N,), where a copy that has ended stands still up to step T.
+
+    Over the steps that are left they add up to what `remainder` pays in one sum, without a discount.
+
+    Args:
+        method: what pays.
+        terminated: as for `remainder`.
+        reward: what the method pays for the samples, the mean over the steps of a decision, (N,).
+        before: which copies have ended, or were over for the method, before the decision, (N,).
+        now: which copies the environment has ended after it, (N,).
+        t: after it, (N,).
+        memory: after it, (N, m).
+        hold: steps of a decision.
+    """
+    own = method.ended_early(t, memory)
+    if own is None and terminated == "hold":
+        return reward
+    violated = own is None and terminated == "violated"
+    later = method.floor if violated and not method.can_end else 0.0
+    once = own if own is not None else np.full(len(t), method.floor if violated and method.can_end else 0.0)
+    stops: Truth = now & ~before & (t < method.specification.steps)
+    return np.where(before, later, reward) + np.where(stops, once / hold, 0.0)
 
 
 def without_end(traces: Array, last: Integers) -> Array:

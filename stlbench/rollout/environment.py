@@ -201,10 +201,10 @@ class BatchEnvironment:
 
     def _stop(self, stopped: Truth, reward: Array, discount: Array, action: Array) -> Array:
         """Pay those copies that the world has ended, in place; returns the discounts."""
-        if self.task.file.terminated == "interval":
-            return discount  # nobody knows what would follow: it is worth what going on would be
         simulator = self.simulator
         method = simulator.method
+        if self.task.file.terminated == "interval" and method.ended_early(simulator.t, simulator.memory) is None:
+            return discount  # nobody knows what would follow: it is worth what going on would be
         for row in np.flatnonzero(stopped):
             t, last, memory = int(simulator.t[row]), simulator.signals[row], simulator.memory[[row]]
             left = remainder(method, self.task.file.terminated, last, action[[row]], t, memory) / method.scale

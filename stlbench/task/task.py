@@ -106,6 +106,7 @@ class Task:
             steps=self.file.steps,
             dt=self.file.sampling_time,
             nested=self.file.nested,
+            can_end=not isinstance(self.dynamics, System),
         )
 
     @property
