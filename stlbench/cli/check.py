@@ -38,6 +38,7 @@ def check(
       stlbench check ./my-task
     """
     from stlbench.contract import Intractable, Unsuitable
+    from stlbench.rollout.faults import PluginFault
     from stlbench.testing import RuleBroken, Rules
 
     plugin, rules = _found(name, kind), Rules()
@@ -46,6 +47,8 @@ def check(
     broken = ""
     try:
         _run(plugin, name, task, rules)
+    except PluginFault as fault:
+        broken = f"it raises nothing that the contract does not name; got {_raised(fault)}"
     except UsageError:
         raise
     except (Unsuitable, Intractable) as refusal:

@@ -7,11 +7,13 @@ of the copies.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Array, Integers, RewardMethod, Truth
+from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.task.task import Task
 
@@ -26,8 +28,11 @@ __all__ = [
 ]
 
 
-class PluginFault(RuntimeError):
-    """A plugin gave what its contract rules out: "method hprs: reward is nan at step 17 in 3 of 16 copies"."""
+class PluginFault(UsageError):
+    """A plugin, or an environment, gave what its contract rules out.
+
+    In one line: "method hprs: reward is nan at step 17 in 3 of 16 copies".
+    """
 
 
 def check_rewards(method: RewardMethod, rewards: Array, hold: int, t: Integers) -> None:
@@ -55,7 +60,7 @@ def check_samples(task: Task, samples: Array, hold: int, t: Integers) -> None:
     """Signals (hold + 1, N, k), of which the first are at steps t (N,)."""
     _shaped(task, "signals", samples, (hold + 1, len(t), len(task.signals)))
     if not _finite(samples):
-        _tell(task, "signal", samples.transpose(1, 0, 2), t)
+        _tell(task, "signal", samples.transpose(1, 0, 2), t, task.signals)
 
 
 def check_observation(task: Task, method: RewardMethod, parts: list[Array], observation: Array, t: Integers) -> None:
@@ -65,7 +70,7 @@ def check_observation(task: Task, method: RewardMethod, parts: list[Array], obse
     if _finite(observation):
         return
     if not _finite(parts[0]):
-        _tell(task, "feature", parts[0][:, None], t)
+        _tell(task, "feature", parts[0][:, None], t, range(parts[0].shape[1]))
     _tell(method, "input", parts[2][:, None], t)
 
 
@@ -98,13 +103,17 @@ def _finite(values: Array) -> bool:
     return math.isfinite(np.add.reduce(values, None))
 
 
-def _tell(owner: RewardMethod | Task, what: str, values: Array, t: Integers) -> None:
-    """Of values (N, steps, ...), the first of a row at step t; nothing where only their sum is infinite."""
+def _tell(owner: RewardMethod | Task, what: str, values: Array, t: Integers, names: Sequence[object] = ()) -> None:
+    """Of values (N, steps, ...), the first of a row at step t; nothing where only their sum is infinite.
+
+    `names` are those along the last axis, if there are any.
+    """
     wrong = ~np.isfinite(values)
     if wrong.any():
         row, later, *_ = place = tuple(np.argwhere(wrong)[0].tolist())
         copies = int(wrong.reshape(len(values), -1).any(axis=1).sum())
-        _fault(owner, f"{what} is {values[place]} at step {t[row] + later} in {copies} of {len(values)} copies")
+        which = f"{what} {names[place[-1]]}" if names else what
+        _fault(owner, f"{which} is {values[place]} at step {t[row] + later} in {copies} of {len(values)} copies")
 
 
 def _fault(owner: RewardMethod | Task, what: str) -> NoReturn:

@@ -155,9 +155,9 @@ class Hidden(Line):
 @pytest.mark.parametrize(
     ("system", "said"),
     [
-        (Torn(0.5), "task line: signal is nan at step 1 in 1 of 3 copies"),
+        (Torn(0.5), "task line: signal x is nan at step 1 in 1 of 3 copies"),
         (Wide(0.5), r"task line: the shape of its signals is \(3, 3, 2\), the contract says \(3, 3, 1\)"),
-        (Hidden(0.5), "task line: feature is inf at step 0 in 3 of 3 copies"),
+        (Hidden(0.5), "task line: feature 0 is inf at step 0 in 3 of 3 copies"),
     ],
 )
 def test_what_a_system_gives(system: Line, said: str) -> None:

@@ -41,7 +41,7 @@ class GymWorld(World):
         self.signals[rows] = self._read(rows)
 
     def advance(self, action: Array, steps: int) -> Array:
-        """See `World`. Raises `UsageError` where a signal or an observation is none, with the copy and its step."""
+        """See `World`. Raises `UsageError` where an observation is outside its space, or a signal is missing."""
         samples = np.empty((steps + 1, *self.signals.shape))
         samples[0] = self.signals
         taken = [as_action(self._source.action_space, vector) for vector in action]
@@ -87,9 +87,7 @@ class GymWorld(World):
             self._seen[rows] = seen
         except (TypeError, ValueError) as error:
             raise UsageError(f"the environment returned an observation outside its space: {error}") from error
-        signals = self._by_function(last) if source.function else source.values(self._named(rows, last))
-        self._check(rows, signals)
-        return signals
+        return self._by_function(last) if source.function else source.values(self._named(rows, last))
 
     def _by_function(self, last: list[tuple[Any, Mapping[str, Any]]]) -> Array:
         assert self._source.function is not None
@@ -113,11 +111,3 @@ class GymWorld(World):
             return float(info[name])
         except (TypeError, ValueError) as error:
             raise UsageError(f"signals: '{name}' of the info is no number, but {info[name]!r}") from error
-
-    def _check(self, rows: Integers, signals: Array) -> None:
-        for what, values in (("signal", signals), ("entry of the observation", self._seen[rows])):
-            if np.isfinite(values).all():
-                continue
-            row, column = np.argwhere(~np.isfinite(values))[0].tolist()
-            name = f" {self._source.signals[column]}" if what == "signal" else f" {column}"
-            raise UsageError(f"the environment's {what}{name} is {values[row, column]} at step {self.lived[rows[row]]}")

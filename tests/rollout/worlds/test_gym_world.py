@@ -14,8 +14,10 @@ from helpers.walk_task import WalkTask, walk
 
 from stlbench.contract import Array, GymTask, World
 from stlbench.errors import UsageError
+from stlbench.rollout.environment import Simulator
 from stlbench.rollout.worlds import make_world
 from stlbench.task.task import Task
+from stlbench_methods.raw import Raw
 
 NOISY = WalkTask(noise=1.0)
 
@@ -149,7 +151,6 @@ class Odd(Walk):
 @pytest.mark.parametrize(
     ("fault", "said"),
     [
-        ("nan", "the environment's signal x is nan at step 3"),
         ("longer", "the environment returned an observation outside its space: 3 numbers in place of 2"),
         ("shorter", "the environment returned an observation outside its space: 1 numbers in place of 2"),
         ("text", "the environment returned an observation outside its space: "),
@@ -169,6 +170,32 @@ def test_what_an_environment_must_not_do_is_said_in_a_line(fault: str, said: str
     world.advance(act(2), 2)
     with pytest.raises(UsageError, match=f"^{said}[^\n]*$"):
         world.advance(act(2), 1)
+
+
+@pytest.mark.parametrize(
+    ("signal", "said"),
+    [
+        ("x", "task walk: signal x is nan at step 3 in 1 of 1 copies"),
+        ("minus", "task walk: feature 0 is nan at step 3 in 1 of 1 copies"),  # the policy sees x all the same
+    ],
+)
+def test_an_observation_that_is_none_is_told_where_all_such_things_are(signal: str, said: str) -> None:
+    class Faulty(GymTask):
+        def make(self) -> gymnasium.Env[Any, Any]:
+            return Odd("nan")
+
+    task = walk(Faulty(), signals={"x": {"low": -9, "high": 9, "expression": signal}})
+    simulator = Simulator(task, Raw(task.specification))
+    simulator.reset(np.zeros((1, 1)))
+
+    def step() -> None:
+        simulator.advance(np.array([2]))
+        simulator.observe()
+
+    step()
+    step()
+    with pytest.raises(UsageError, match=f"^{said}$"):
+        step()
 
 
 class Taking(Walk):
