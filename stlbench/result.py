@@ -345,7 +345,10 @@ def to_json(result: Result) -> str:
 
 def from_json(text: str | bytes) -> Result:
     """The inverse of `to_json`. Raises `ValueError` on anything else."""
-    content = json.loads(text)
+    try:
+        content = json.loads(text)
+    except RecursionError as error:
+        raise ValueError("brackets inside brackets, too deep to read") from error
     if not isinstance(content, dict):
         raise ValueError(f"expected an object, got {text!r:.80}")
     identity = {name: content.pop(name) for name in IDENTITY if name in content}

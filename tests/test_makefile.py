@@ -24,7 +24,21 @@ def test_a_python_that_is_too_old(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "target", ["run", "test", "quick", "coverage", "gate", "soak", "reference", "tuning", "ablation", "agents", "docs"]
+    "target",
+    [
+        "run",
+        "test",
+        "quick",
+        "coverage",
+        "gate",
+        "soak",
+        "reference",
+        "tuning",
+        "ablation",
+        "agents",
+        "leaderboard",
+        "docs",
+    ],
 )
 def test_every_target_names_files_that_are_there(target: str) -> None:
     dry = subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True, text=True, check=False)

@@ -73,7 +73,9 @@ class GreedyPolicy(Policy):
         return self.network.views(self.flat)
 
     def act(self, observation: Array) -> Integers:
-        """The greedy actions' indices: (N, D) -> (N,)."""
+        """The greedy actions' indices: (N, D) -> (N,). Another D never reaches compiled code: `ValueError`."""
+        if observation.shape[1:] != (self.network.inputs,):
+            raise ValueError(f"the network has {self.network.inputs} inputs, observations are {observation.shape[1:]}")
         return greedy_actions(self.flat, self.network.engine, observation)
 
     def arrays(self) -> Arrays:
@@ -107,11 +109,16 @@ class GreedyPolicy(Policy):
         """The policy that gave these `arrays`, for so many actions along each axis. Raises `Unsuitable` for others."""
         if (own := tuple(arrays["grid"].tolist())) != grid:
             raise Unsuitable(f"the policy chooses among {_times(own)} actions, the task has {_times(grid)}")
-        inputs, *hidden = arrays["widths"].tolist()
+        widths = arrays["widths"]
+        if widths.ndim != 1 or widths.dtype.kind != "i" or not widths.size or widths.min() < 1:
+            raise Unsuitable("the widths of a network are whole numbers, at least 1")
+        inputs, *hidden = widths.tolist()
         network = QNetwork(inputs, hidden, grid, "additive" if arrays["head"] == "additive" else "joint")
-        if arrays["weights"].shape != (network.size,):
-            raise Unsuitable(f"a network of these widths has {network.size} weights, got {arrays['weights'].shape}")
-        return cls(network, [arrays["weights"]])
+        weights = arrays["weights"]
+        if weights.shape != (network.size,) or weights.dtype != np.float32:
+            asked = f"a network of these widths has {network.size} weights of type float32"
+            raise Unsuitable(f"{asked}, got {weights.shape} of type {weights.dtype}")
+        return cls(network, [weights])
 
 
 def _times(grid: tuple[int, ...]) -> str:

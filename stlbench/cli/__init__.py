@@ -18,6 +18,7 @@ from stlbench.cli.export import export
 from stlbench.cli.export_policy import export_policy
 from stlbench.cli.falsify import falsify
 from stlbench.cli.gate import gate
+from stlbench.cli.leaderboard import leaderboard
 from stlbench.cli.listing import list_plugins
 from stlbench.cli.monitor import monitor
 from stlbench.cli.new import new
@@ -55,6 +56,7 @@ app.command("export", short_help="Write results for other programs.")(export)
 app.add_typer(results, name="results")
 app.command("verify", short_help="Is a folder of results whole? Have what is missing measured again.")(verify)
 app.command("bundle", short_help="Pack results into one file with checksums, for others.")(bundle)
+app.command("leaderboard", short_help="Bundles in a table, their policies scored on fresh starts.")(leaderboard)
 app.command("report")(report)
 app.command("watch", short_help="What runs in a folder of results, from another terminal.")(watch)
 app.command("plot", short_help="Draw a run: learning, robustness in time, trajectories.")(plot)

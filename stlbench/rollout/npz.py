@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from stlbench.contract_parts.texts import cause
 from stlbench.result import CellId
 
-__all__ = ["cell_file", "read", "write"]
+__all__ = ["cell_file", "read", "unpacked_size", "write"]
 
 
 def cell_file(folder: Path, cell: CellId, key: str) -> Path:
@@ -54,3 +55,12 @@ def read(path: Path, prefix: str = "") -> dict[str, NDArray[Any]]:
         if not isinstance(array, np.ndarray):  # bytes, where NumPy does not know the beginning
             raise ValueError(f"'{name}' is no array")
     return found
+
+
+def unpacked_size(path: Path) -> int:
+    """Bytes that the arrays of a file have by its own list, which no reader goes beyond. Raises `ValueError`."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return sum(info.file_size for info in archive.infolist())
+    except Exception as error:
+        raise ValueError(cause(error)[:200]) from error

@@ -13,18 +13,20 @@ from typing import NamedTuple
 from stlbench import __version__
 from stlbench.errors import UsageError
 from stlbench.result import Result
-from stlbench.rollout.saved_policies import policy_file
+from stlbench.rollout.saved_policies import FOLDER, policy_file
 from stlbench.rollout.saved_traces import FOLDER as TRACES
 from stlbench.rollout.saved_traces import trace_file
 from stlbench.sharing.crate import METADATA, About, Content, document
 from stlbench.study import stored
 from stlbench.study.results import Results
 
-__all__ = ["CITATION", "Packed", "pack"]
+__all__ = ["CITATION", "Packed", "may_hold", "pack"]
 
 CITATION = "CITATION.cff"
 _TABLES = (".csv", ".md", ".html")
 """Files of a folder of results that `stlbench report` writes, and that a bundle takes along."""
+_ARRAYS = (FOLDER, TRACES)
+"""Its folders, which have files of arrays and nothing else."""
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 """The date of every file inside, so that equal results give equal bundles."""
 
@@ -71,6 +73,14 @@ def pack(folder: Path, target: Path, about: About, traces: bool = False) -> Pack
         return Packed(len(results), len(kept), len(listed), target.stat().st_size)
     except OSError as error:
         raise UsageError(f"cannot pack {folder}: {error}") from error
+
+
+def may_hold(path: str) -> bool:
+    """Whether a path inside a bundle is one that `pack` writes, but for the metadata: no ledger, no code."""
+    *folder, name = path.split("/")
+    if not folder:
+        return name in (stored.LINES, CITATION) or name.endswith(_TABLES)
+    return len(folder) == 1 and folder[0] in _ARRAYS and name.endswith(".npz")
 
 
 def _write(archive: zipfile.ZipFile, path: str, data: bytes) -> None:

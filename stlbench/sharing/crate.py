@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 
-__all__ = ["METADATA", "About", "Content", "document", "listed"]
+__all__ = ["METADATA", "About", "Content", "about", "document", "listed"]
 
 METADATA = "ro-crate-metadata.json"
 """The file that says all this, the only one that is not in its own list."""
@@ -83,3 +84,20 @@ def listed(text: str) -> dict[str, Content]:
         return {str(entry["@id"]): Content(str(entry["sha256"]), int(entry["contentSize"])) for entry in files}
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise UsageError(f"{METADATA} is not that of a bundle of stlbench: {type(error).__name__} {error}") from error
+
+
+def about(text: str) -> About:
+    """What people say of a bundle, from its metadata: each in one line, and empty where they say nothing.
+
+    Raises `UsageError` where these are no metadata of a bundle.
+    """
+    try:
+        entries: dict[str, dict[str, Any]] = {str(entry["@id"]): entry for entry in json.loads(text)["@graph"]}
+        root = entries["./"]
+        authors = [entries[str(author["@id"])].get("name", "") for author in root.get("author", [])]
+        license = str(root.get("license", {}).get("@id", "")).rpartition("/")[2]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise UsageError(f"{METADATA} is not that of a bundle of stlbench: {type(error).__name__} {error}") from error
+    texts = (root.get("name", ""), root.get("description", ""), license, root.get("datePublished", ""))
+    title, description, license, date = map(one_line, texts)
+    return About(title, description, tuple(map(one_line, authors)), license, date)

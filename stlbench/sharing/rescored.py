@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from stlbench.contract_parts.texts import cause
 from stlbench.errors import UsageError
 from stlbench.outside.again import score_again
-from stlbench.result import CellId, Score
-from stlbench.sharing.checked import unpacked
-from stlbench.study.results import Results
+from stlbench.result import CellId, Result, Score
+from stlbench.sharing.checked import results_in, unpacked
 from stlbench.task import load_task
 
-__all__ = ["MORE", "Rescored", "rescore"]
+__all__ = ["MORE", "Rescored", "rescore", "score_cell"]
 
 MORE = 0.01
 """What a bundle may claim beyond what the referee finds: share of the robustness, and of the starts. Another processor
@@ -56,13 +56,20 @@ def rescore(path: Path) -> Iterator[Rescored]:
     with unpacked(path) as (folder, problems):
         if problems:
             raise UsageError(f"{path} is not scored: {problems[0]}")
-        for result in Results.load(folder):
-            if result.measurement is None or result.measurement.policies is None:
-                continue
-            recorded = result.measurement.selected
-            try:
-                again = score_again(load_task(result.id.task), result, folder, "selected")
-            except UsageError as error:
-                yield Rescored(result.id, recorded, None, str(error))
-            else:
-                yield Rescored(result.id, recorded, again.scores)
+        for result in results_in(folder):
+            if (found := score_cell(result, folder)) is not None:
+                yield found
+
+
+def score_cell(result: Result, folder: Path) -> Rescored | None:
+    """The same of one cell of an unpacked bundle; None where it has no policy."""
+    if result.measurement is None or result.measurement.policies is None:
+        return None
+    recorded = result.measurement.selected
+    try:
+        again = score_again(load_task(result.id.task), result, folder, "selected")
+    except UsageError as error:
+        return Rescored(result.id, recorded, None, str(error))
+    except Exception as error:  # whatever arrays of others do, the next cell is scored
+        return Rescored(result.id, recorded, None, cause(error))
+    return Rescored(result.id, recorded, again.scores)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from stlbench.contract import ActionGrid, Array
+from stlbench.contract import ActionGrid, Array, Unsuitable
 from stlbench_agents.engine import greedy_actions
 from stlbench_agents.network import GreedyPolicy, QNetwork, Single
 from stlbench_agents.parameter_types import Head
@@ -125,3 +125,37 @@ def test_views_share_the_memory_of_the_flat_vector() -> None:
     assert np.array_equal(np.concatenate([weight.ravel() for weight in weights]), flat)
     weights[2][:] = 0
     assert flat.tolist() == [*range(1, 10), *[0] * 12, *range(22, 26)]
+
+
+def of(**changed):
+    """The arrays of a policy that sees two numbers, some of them changed."""
+    arrays = {"widths": np.array([2, 3]), "grid": np.array([2]), "head": np.array("joint")}
+    return GreedyPolicy.of(arrays | {"weights": np.zeros(2 * 3 + 3 + 3 * 2 + 2, np.float32)} | changed, (2,))
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"widths": np.array([-2, 3])},
+        {"widths": np.array([2, 0])},
+        {"widths": np.array([2.0, 3.0])},
+        {"widths": np.array(2)},
+        {"widths": np.array([], np.int64)},
+        {"weights": np.zeros(16, np.float32)},
+        {"weights": np.zeros(17, np.float64)},
+        {"weights": np.zeros((1, 17), np.float32)},
+        {"grid": np.array([3])},
+    ],
+)
+def test_arrays_of_others_that_do_not_fit_are_refused(changed):
+    """Compiled code trusts them: it would read, and write, beside them."""
+    with pytest.raises(Unsuitable):
+        of(**changed)
+
+
+def test_a_network_with_more_inputs_than_there_are_sees_nothing():
+    policy = of()
+    assert policy.act(np.zeros((4, 2))).shape == (4,)
+    for observation in (np.zeros((4, 1)), np.zeros((4, 3)), np.zeros(2)):
+        with pytest.raises(ValueError, match="the network has 2 inputs"):
+            policy.act(observation)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from helpers import line_task
 from helpers.line_task import SYSTEM
@@ -31,9 +32,14 @@ class Restores(Keeps):
 """
 
 
-def trained(site: Callable[..., Path], folder: Path, agent: str = "Restores") -> Result:
-    """Install it, with one of its two agents, and train a cell of `line_task` into a folder of results."""
-    files = {"__init__.py": "", "system.py": SYSTEM, "agent.py": AGENT, "task.yaml": line_task.text()}
-    site("zz-kept", ENTRIES + agent + "\n", {f"zz_kept/{name}": content for name, content in files.items()})
+def install(site: Callable[..., Path], agent: str = "Restores", **changes: Any) -> None:
+    """The distribution, with one of its two agents and some entries of the task file replaced."""
+    content = {"__init__.py": "", "system.py": SYSTEM, "agent.py": AGENT, "task.yaml": line_task.text(**changes)}
+    site("zz-kept", ENTRIES + agent + "\n", {f"zz_kept/{name}": text for name, text in content.items()})
     importlib.invalidate_caches()
+
+
+def trained(site: Callable[..., Path], folder: Path, agent: str = "Restores") -> Result:
+    """Install it, and train a cell of `line_task` into a folder of results."""
+    install(site, agent)
     return trial.run_cell(Cell(CellId.parse("zz-line/raw/zz-kept/0", "smoke"), 32 * "0", 60), folder)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import zipfile
 
 import numpy as np
@@ -29,14 +27,7 @@ def altered(bundle, tmp_path):
     """The bundle with other files; `told` has the list in its metadata say what they are now."""
 
     def alter(files, told=False):
-        if told:
-            with zipfile.ZipFile(bundle) as archive:
-                document = json.loads(archive.read(METADATA))
-            for entry in document["@graph"]:
-                if (data := files.get(entry["@id"])) is not None:
-                    entry.update(sha256=hashlib.sha256(data).hexdigest(), contentSize=str(len(data)))
-            files = files | {METADATA: json.dumps(document).encode()}
-        return bundles.changed(bundle, tmp_path / "altered.zip", files)
+        return (bundles.told if told else bundles.changed)(bundle, tmp_path / "altered.zip", files)
 
     return alter
 
@@ -75,13 +66,8 @@ def test_results_and_policies_have_to_fit_even_where_the_checksums_do(bundle, al
 
 
 @pytest.mark.parametrize("name", ["../out", "/tmp/out", "a\\b", "c:out", "a/../../out"])
-def test_no_file_is_written_outside(bundle, altered, tmp_path, name) -> None:
-    with zipfile.ZipFile(bundle) as archive:
-        document = json.loads(archive.read(METADATA))
-    content = {"sha256": hashlib.sha256(b"x").hexdigest(), "contentSize": "1"}
-    document["@graph"].append({"@id": name, "@type": "File", **content})
-    path = altered({name: b"x", METADATA: json.dumps(document).encode()})
-    with unpacked(path) as (folder, problems):
+def test_no_file_is_written_outside(altered, tmp_path, name) -> None:
+    with unpacked(altered({name: b"x"}, told=True)) as (folder, problems):
         assert f"{name}: not a path inside the bundle" in problems
         assert not list(folder.rglob("*out*"))
     assert not (tmp_path / "out").exists()

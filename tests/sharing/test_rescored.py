@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import zipfile
 from dataclasses import replace
 
 import pytest
 from helpers import bundles
 
 from stlbench.errors import UsageError
-from stlbench.result import MAIN, Score, from_json, to_json
-from stlbench.sharing.crate import METADATA
+from stlbench.result import MAIN, Score
 from stlbench.sharing.rescored import Rescored, rescore
 
 
@@ -21,18 +17,15 @@ def bundle(site, tmp_path):
     return bundles.packed(site, tmp_path)[0]
 
 
-def claiming(bundle, target, change):
-    """The bundle with another main score in its results, and all checksums put right."""
-    with zipfile.ZipFile(bundle) as archive:
-        result = from_json(archive.read("cells.jsonl").decode())
-        document = json.loads(archive.read(METADATA))
-    measured = result.measurement
-    selected = dict(measured.selected) | {MAIN: change(measured.selected[MAIN])}
-    data = (to_json(replace(result, measurement=replace(measured, selected=selected))) + "\n").encode()
-    for entry in document["@graph"]:
-        if entry["@id"] == "cells.jsonl":
-            entry.update(sha256=hashlib.sha256(data).hexdigest(), contentSize=str(len(data)))
-    return bundles.changed(bundle, target, {"cells.jsonl": data, METADATA: json.dumps(document).encode()})
+def main_score(change):
+    """A result with another main score."""
+
+    def changed(result):
+        measured = result.measurement
+        selected = dict(measured.selected) | {MAIN: change(measured.selected[MAIN])}
+        return replace(result, measurement=replace(measured, selected=selected))
+
+    return changed
 
 
 def test_what_was_recorded_is_found_again(bundle) -> None:
@@ -43,7 +36,7 @@ def test_what_was_recorded_is_found_again(bundle) -> None:
 
 def test_a_claim_is_not_believed(bundle, tmp_path) -> None:
     better = lambda score: replace(score, robustness=tuple(value + 0.5 for value in score.robustness))  # noqa: E731
-    (found,) = rescore(claiming(bundle, tmp_path / "claim.zip", better))
+    (found,) = rescore(bundles.claiming(bundle, tmp_path / "claim.zip", main_score(better)))
     assert found.verdict == "claims more"
     assert found.recorded[MAIN].mean == pytest.approx(found.found[MAIN].mean + 0.5)
 
@@ -55,6 +48,15 @@ def test_a_task_that_is_not_installed_is_said(bundle, monkeypatch) -> None:
     monkeypatch.setattr("stlbench.sharing.rescored.load_task", nowhere)
     (found,) = rescore(bundle)
     assert (found.found, found.verdict, found.why) == (None, "not scored", "there is no task 'zz-line'")
+
+
+def test_whatever_a_policy_does_the_next_is_scored(bundle, monkeypatch) -> None:
+    def fails(*_):
+        raise IndexError("no such layer")
+
+    monkeypatch.setattr("stlbench.sharing.rescored.score_again", fails)
+    (found,) = rescore(bundle)
+    assert (found.verdict, found.why) == ("not scored", "IndexError: no such layer")
 
 
 def test_a_damaged_bundle_is_not_scored(bundle, tmp_path) -> None:
