@@ -39,7 +39,7 @@ def plot(
 ) -> None:
     """Draw a run: learning curves, robustness against time in its funnel, trajectories, and an overview of each task.
 
-    Each figure is written as PNG and SVG, over the one of before; the files are printed.
+    Each figure is written as PNG, SVG and PDF, over the one of before; the files are printed.
 
     \b
     Examples:

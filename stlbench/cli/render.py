@@ -27,7 +27,8 @@ def render(
         Path | None, typer.Option(metavar="DIR", help="Folder of the files.", show_default="RUN/films")
     ] = None,
     form: Annotated[
-        Literal["gif", "mp4", "png"], typer.Option("--format", help="mp4 needs ffmpeg; png: still pictures, SVG too.")
+        Literal["gif", "mp4", "png"],
+        typer.Option("--format", help="mp4 needs ffmpeg; png: still pictures, as vectors too."),
     ] = "gif",
     which: Annotated[
         Literal["selected", "final"], typer.Option("--policy", help="Which of the cell's two policies.")

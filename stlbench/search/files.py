@@ -18,7 +18,7 @@ __all__ = ["write"]
 
 
 def write(found: Falsification, folder: Path) -> list[Path]:
-    """Write the least robust trace as .npz and .csv, and its picture as PNG and SVG; the paths.
+    """Write the least robust trace as .npz and .csv, and its picture as PNG, SVG and PDF; the paths.
 
     The .npz has `traces` (1, T + 1, k), `signals` (k,), the names of the initial state's `coordinates` (n,) and its
     values `start` (n,). The .csv has a column for the time in seconds, and one for each signal. `stlbench monitor`

@@ -51,7 +51,7 @@ def test_a_counterexample_with_its_files(cells: Callable[..., Result]) -> None:
     assert failed == "failed:     G[0,4] x <= 1"
     assert because.startswith("because:    x <= 1 at step 4 (2 s): margin -1.")
     stem = "results/falsified/counterexample-toy-line-toy-raw-toy-agent[action=2]-0-quick"
-    assert paths == [f"{stem}.{end}" for end in ("npz", "csv", "png", "svg")]
+    assert paths == [f"{stem}.{end}" for end in ("npz", "csv", "png", "svg", "pdf")]
     judged = cells("monitor", "G[0,4] x <= 1", paths[0], "--json").stdout
     assert json.loads(judged)[0]["robustness"] == pytest.approx(-1.9, abs=0.02)
     assert "violated" in cells("monitor", "G[0,2] x <= 1", paths[1], "--dt", 0.5).stdout

@@ -38,12 +38,12 @@ def test_plot_prints_the_files_it_wrote(run, say):
     assert done.exit_code == 0
     kinds = ("time", "trajectories")
     names = ["learning-toy-line", *(f"{kind}-toy-line-toy-raw-toy-agent-quick" for kind in kinds)]
-    written = [f"pictures/{name}.{end}" for name in names for end in ("png", "svg")]
+    written = [f"pictures/{name}.{end}" for name in names for end in ("png", "svg", "pdf")]
     assert done.stdout.splitlines() == written
     assert {str(path) for path in Path("pictures").iterdir()} == set(written)
     assert done.stderr.splitlines() == [
         "[1/2] toy-line/toy-large/toy-agent quick: 0 files",
-        "[2/2] toy-line/toy-raw/toy-agent quick: 4 files",
+        "[2/2] toy-line/toy-raw/toy-agent quick: 6 files",
     ]
 
 
@@ -53,7 +53,9 @@ def test_plot_draws_the_rewarded_form_where_it_is_asked_for(run, say, toy):
     task.write_text(yaml.safe_dump(content | {"rewarded": "G[0,4] 2 * x <= 2"}, sort_keys=False))
     run("toy-raw")
     written = say("plot", "results", "--out", "pictures", "--rewarded").stdout.splitlines()
-    assert {f"pictures/rewarded-toy-line-toy-raw-toy-agent-quick.{end}" for end in ("png", "svg")} <= set(written)
+    assert {f"pictures/rewarded-toy-line-toy-raw-toy-agent-quick.{end}" for end in ("png", "svg", "pdf")} <= set(
+        written
+    )
 
 
 def test_plot_draws_only_the_kinds_that_are_named(run, say):
@@ -68,7 +70,7 @@ def test_plot_draws_what_is_asked_for_beside_the_report(run, say):
     run("toy-raw,toy-raw[weight=2]")
     done = say("plot", "results", "--methods", "toy-raw[weight=2]", "--tasks", "toy-line")
     assert done.exit_code == 0
-    assert len(done.stdout.splitlines()) == 6
+    assert len(done.stdout.splitlines()) == 9
     assert "results/figures/time-toy-line-toy-raw[weight=2]-toy-agent-quick.svg" in done.stdout
     assert "toy-raw-toy-agent" not in done.stdout
 

@@ -206,7 +206,7 @@ class TestStored:
         assert done.stdout.splitlines() == [
             f"results/films/{kind}-toy-line-toy-raw-toy-agent-0-quick-final-start-3.{end}"
             for kind in ("trajectories", "time")
-            for end in ("png", "svg")
+            for end in ("png", "svg", "pdf")
         ]
 
     @pytest.mark.parametrize(

@@ -81,7 +81,9 @@ def test_cells_csv_has_one_row_per_cell(tmp_path):
 def test_what_was_planned_has_a_table_and_a_figure_of_its_own(tmp_path):
     results = [*RESULTS, plan("flag", value=2.0), plan("flag", "best", 0.5, "formula", robustness=(0.6,))]
     paths = write(condense(results), SCORES, tmp_path)
-    assert {"alignment.csv", "alignment.tex", "alignment.png", "alignment.svg"} <= {path.name for path in paths}
+    assert {"alignment.csv", "alignment.tex", "alignment.png", "alignment.svg", "alignment.pdf"} <= {
+        path.name for path in paths
+    }
     with (tmp_path / "alignment.csv").open(newline="") as file:
         formula, flag = csv.DictReader(file)
     assert list(flag) == [
@@ -100,7 +102,11 @@ def test_what_was_planned_has_a_table_and_a_figure_of_its_own(tmp_path):
 
 def test_a_folder_of_plans_alone_has_a_report(tmp_path):
     paths = write(condense([plan(), plan("raw", status="unsuitable", reason="22 numbers")]), {}, tmp_path)
-    assert {path.name for path in paths if path.parent.name == "figures"} == {"alignment.png", "alignment.svg"}
+    assert {path.name for path in paths if path.parent.name == "figures"} == {
+        "alignment.png",
+        "alignment.svg",
+        "alignment.pdf",
+    }
     headings = [line for line in (tmp_path / "report.md").read_text().splitlines() if line.startswith("#")]
     assert headings == ["# stlbench report", "## Alignment", "## Circumstances"]
 

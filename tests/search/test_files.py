@@ -23,7 +23,9 @@ def found() -> Falsification:
 
 def test_all_four(found: Falsification, tmp_path: Path) -> None:
     paths = write(found, tmp_path / "deep" / "down")
-    assert [path.name for path in paths] == [f"counterexample-still.{end}" for end in ("npz", "csv", "png", "svg")]
+    assert [path.name for path in paths] == [
+        f"counterexample-still.{end}" for end in ("npz", "csv", "png", "svg", "pdf")
+    ]
     assert all(path.stat().st_size for path in paths)
 
 

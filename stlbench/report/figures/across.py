@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from stlbench.contract import Array
 from stlbench.report.figures import layout
-from stlbench.report.figures.palette import COLOURS, LINES, Line
+from stlbench.report.figures.palette import COLOURS
+from stlbench.report.figures.robustness import MIDDLE
+from stlbench.report.figures.style import DOUBLE, TINY, styled
 from stlbench.report.statistics.across import Estimate, profile
-from stlbench.report.tables.across import Field, aggregates
+from stlbench.report.tables.across import Entry, Field, aggregates
 
 __all__ = ["SCALE", "across_tasks", "place", "profiles", "ticks"]
 
@@ -25,7 +27,7 @@ _BEST = 0.999
 """Scores from here on are drawn here."""
 SCALE = "0 acts at random, 1 is the best possible"
 """What scores are."""
-_MARKERS = ("D", "s")
+_MARKERS, _FIELDS = ("D", "s"), (MIDDLE, COLOURS[0])
 
 
 def place(score: float) -> float:
@@ -33,20 +35,33 @@ def place(score: float) -> float:
     return -math.log10(1 - min(score, _BEST))
 
 
+@styled
 def across_tasks(fields: Sequence[Field]) -> Figure:
     """Draw the fields of one budget and track: all tasks, and where there are others those that all methods finished.
 
     Left the interquartile mean of each method with its interval, for each field; right the performance profile over all
-    tasks, with its band.
+    tasks, with its band, in as many panels as colours tell methods apart.
     """
     every = fields[0]
-    figure = Figure(figsize=(11.0, 3.0 + 0.34 * len(every.entries)), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=(1, 1.1))
-    _aggregates(left, fields)
-    _profiles(right, every)
+    parts = list(_parts(len(every.entries)))
+    height = max(1.1 + 0.25 * len(every.entries), 0.3 + 2.3 * len(parts))
+    figure = Figure(figsize=(DOUBLE, height + 0.3), layout="constrained")
+    left, right = figure.subfigures(1, 2, squeeze=False)[0]
+    _aggregates(left.subplots(), fields)
+    panels = right.subplots(len(parts), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, part in zip(panels, parts, strict=True):
+        _profiles(axes, every, part)
+    _scores(panels[-1], "score", _lowest(every))
     layout.title(figure, f"Robustness across {len(every.tasks)} tasks (budget {every.budget}, track {every.track})")
-    figure.legend(handles=_keys(fields), loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    figure.legend(handles=_keys(fields), loc="outside lower center", ncols=2)
     return figure
+
+
+def _parts(count: int) -> Iterator[range]:
+    """The rows of each panel of profiles."""
+    panels = math.ceil(count / len(COLOURS))
+    ends = [round(i * count / panels) for i in range(panels + 1)]
+    return (range(start, end) for start, end in pairwise(ends))
 
 
 def _aggregates(axes: Axes, fields: Sequence[Field]) -> None:
@@ -54,14 +69,14 @@ def _aggregates(axes: Axes, fields: Sequence[Field]) -> None:
     for number, field in enumerate(fields):
         for row, found in enumerate(aggregates(field)):
             value, interval = found.middle
-            height, colour = row + 0.2 * number - 0.1 * (len(fields) - 1), _colour(row)
+            height = row + 0.26 * number - 0.13 * (len(fields) - 1)
             if interval is not None:
-                axes.plot(
-                    [*map(place, interval)], [height] * 2, "-", color=colour, linewidth=2.5, solid_capstyle="butt"
-                )
-            axes.plot([place(value)], [height], _MARKERS[number], color=colour, markersize=7, markeredgecolor="white")
+                ends_of = [*map(place, interval)]
+                axes.plot(ends_of, [height] * 2, "-", color=_FIELDS[number], linewidth=2, solid_capstyle="butt")
+            (mark,) = axes.plot([place(value)], [height], _MARKERS[number], color=_FIELDS[number], markersize=5)
+            mark.set(markeredgecolor="white", markeredgewidth=0.6)
             ends += [value, *(interval or ())]
-    methods = [entry.method for entry in fields[0].entries]
+    methods = [_label(entry) for entry in fields[0].entries]
     axes.set_yticks(range(len(methods)), methods)
     axes.set_ylim(len(methods) - 0.5, -0.5)
     _scores(axes, "interquartile mean of the scores", min(ends))
@@ -78,15 +93,18 @@ def _lowest(field: Field) -> float:
     return min(score for entry in field.entries for seeds in entry.scores for score in seeds)
 
 
-def _profiles(axes: Axes, field: Field) -> None:
+def _profiles(axes: Axes, field: Field, rows: range) -> None:
     places, lines = profiles(field)
-    for row, shares in enumerate(lines):
-        axes.plot(places, [100 * value for value, _ in shares], _line(row), color=_colour(row), linewidth=1.8)
+    for row, colour in zip(rows, COLOURS, strict=False):
+        shares = lines[row]
+        method = field.entries[row].method
+        axes.plot(places, [100 * value for value, _ in shares], color=colour, linewidth=1.3, label=method)
         if all(interval is not None for _, interval in shares):
             low, high = zip(*(interval for _, interval in shares if interval), strict=True)
-            axes.fill_between(places, 100 * np.array(low), 100 * np.array(high), color=_colour(row), alpha=0.15, lw=0)
+            axes.fill_between(places, 100 * np.array(low), 100 * np.array(high), color=colour, alpha=0.15, lw=0)
     axes.set(ylabel="runs with a higher score [%]", ylim=(-3, 103))
-    _scores(axes, "score", _lowest(field))
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower left", fontsize=TINY)
 
 
 def ticks(lowest: float) -> list[tuple[float, str]]:
@@ -103,30 +121,15 @@ def _scores(axes: Axes, label: str, lowest: float) -> None:
     axes.grid(alpha=0.3)
 
 
-def _colour(row: int) -> str:
-    return COLOURS[row % len(COLOURS)]
-
-
-def _line(row: int) -> Line:
-    return LINES[row // len(COLOURS) % len(LINES)]
-
-
-def _keys(fields: Iterable[Field]) -> list[Artist]:
-    """Entries of the legend: the methods, then what is left of each field."""
-    listed = list(fields)
-    methods: list[Artist] = [
-        Line2D(
-            [], [], color=_colour(row), linestyle=LINES[row // len(COLOURS) % len(LINES)], linewidth=1.8, label=label
-        )
-        for row, label in enumerate(_labels(listed[0]))
+def _keys(fields: Iterable[Field]) -> list[Line2D]:
+    """Entries of the legend: what is left of each field."""
+    looks = zip((field.name for field in fields), _MARKERS, _FIELDS, strict=False)
+    return [
+        Line2D([], [], color=colour, marker=marker, markersize=5, linewidth=2, label=f"IQM over {name}, 95 % interval")
+        for name, marker, colour in looks
     ]
-    shapes: list[Artist] = [
-        Line2D([], [], color="0.3", marker=marker, linewidth=2.5, label=f"IQM over {field.name}, 95 % interval")
-        for field, marker in zip(listed, _MARKERS, strict=False)
-    ]
-    return [*methods, *shapes]
 
 
-def _labels(field: Field) -> list[str]:
-    """Methods, with how the cells ended that count as 0."""
-    return [f"{entry.method} ({entry.unfinished})" if entry.unfinished else entry.method for entry in field.entries]
+def _label(entry: Entry) -> str:
+    """The method, with how the cells ended that count as 0."""
+    return f"{entry.method}\n({entry.unfinished})" if entry.unfinished else entry.method

@@ -18,6 +18,7 @@ from stlbench.report.figures import layout, plane
 from stlbench.report.figures.palette import TRACE
 from stlbench.report.figures.regions import heading, terms
 from stlbench.report.figures.signals import signals_in_time
+from stlbench.report.figures.style import DOUBLE, SMALL, styled
 from stlbench.report.figures.units import robustness_unit, signal_label, time_label
 from stlbench.task.task import Task
 
@@ -50,6 +51,7 @@ class Place(NamedTuple):
         return found if isinstance(found, stl.Predicate) else None
 
 
+@styled
 def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title: str) -> Figure:
     """Draw a trace with the predicate and the step that its robustness comes from.
 
@@ -64,7 +66,7 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
     """
     here, wide = place_of(task, trace, witness), task.file.plane is not None
     rows = len(task.signals) + (here.predicate is not None)
-    figure = Figure(figsize=(12.5 if wide else 9.0, max(4.5, 1.6 + 1.7 * rows)), layout="constrained")
+    figure = Figure(figsize=(DOUBLE, max(3.2, 1.2 + 1.1 * rows)), layout="constrained")
     grid = figure.add_gridspec(rows, 2 if wide else 1)
     in_time = [figure.add_subplot(grid[0, 0])]
     in_time += [figure.add_subplot(grid[row, 0], sharex=in_time[0]) for row in range(1, rows)]
@@ -77,7 +79,7 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
         drawn |= set(_plane(figure.add_subplot(grid[:, 1]), task, trace, here))
     layout.title(figure, title)
     keys = _keys(task, sorted(drawn), here)
-    figure.legend(handles=keys, loc="outside lower center", ncols=2 if wide else 1, fontsize=9, frameon=False)
+    figure.legend(handles=keys, loc="outside lower center", ncols=1)
     return figure
 
 
@@ -97,10 +99,10 @@ def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: Place) -> lis
     drawn, predicate = signals_in_time(rows, task), here.predicate
     read = task.signals if predicate is None else stl.signals(predicate)
     for axes, name, values in zip(rows, task.signals, trace.T, strict=True):
-        axes.plot(values, "-", color=TRACE, linewidth=1.3, zorder=4)
+        axes.plot(values, "-", color=TRACE, linewidth=1.0, zorder=4)
         axes.axvline(here.step, color=_HERE, linewidth=0.9, linestyle="--", zorder=3)
         if name in read:
-            axes.plot(here.step, values[here.step], "o", color=_HERE, markersize=7, zorder=6)
+            axes.plot(here.step, values[here.step], "o", color=_HERE, markersize=5, zorder=6)
         axes.set_ylabel(signal_label(task, name))
         axes.set_xlabel("")
         axes.tick_params(labelbottom=False)
@@ -113,17 +115,17 @@ def _margin(axes: Axes, task: Task, trace: Array, here: Place) -> None:
     predicate, step, margin = here.witness.predicate, here.step, here.witness.margin
     margins = margins_of(task, predicate, trace)
     axes.axhline(0, color=layout.LEVEL, linewidth=0.9)
-    axes.plot(margins, "-", color=TRACE, linewidth=1.3)
-    axes.vlines(step, min(0.0, margin), max(0.0, margin), color=_HERE, linewidth=2.5, zorder=5)
-    axes.plot(step, margin, "o", color=_HERE, markersize=7, zorder=6)
+    axes.plot(margins, "-", color=TRACE, linewidth=1.0)
+    axes.vlines(step, min(0.0, margin), max(0.0, margin), color=_HERE, linewidth=1.8, zorder=5)
+    axes.plot(step, margin, "o", color=_HERE, markersize=5, zorder=6)
     early = step < task.file.steps / 2
     text = axes.annotate(here.text, (step, margin), (6 if early else -6, 6), textcoords="offset points")
-    text.set(ha="left" if early else "right", color=_HERE, fontsize=9, bbox=_PAPER, zorder=7)
+    text.set(ha="left" if early else "right", color=_HERE, fontsize=SMALL, bbox=_PAPER, zorder=7)
     axes.margins(y=0.25)
     if 0 < _CLOSE * abs(margin) < np.abs(margins).max():
         axes.set_ylim(-_CLOSE * abs(margin), _CLOSE * abs(margin))
     axes.grid(alpha=0.25)
-    axes.set_title(f"margin of {predicate}", fontsize=9, loc="left", family="monospace")
+    axes.set_title(f"margin of {predicate}", fontsize=SMALL, loc="left", family="monospace")
     axes.set_ylabel(f"margin\n[{robustness_unit(task, predicate)}]")
 
 
@@ -137,11 +139,11 @@ def _plane(axes: Axes, task: Task, trace: Array, here: Place) -> tuple[int, ...]
     """The plane; which terms have a region there."""
     view = plane.lay_out(axes, task, trace[None])
     plane.draw_traces(axes, task, view, trace[None])
-    axes.plot(*trace[here.step, list(view.columns)], "o", color=_HERE, markersize=9, zorder=8, clip_on=False)
+    axes.plot(*trace[here.step, list(view.columns)], "o", color=_HERE, markersize=6, zorder=8, clip_on=False)
     return view.drawn
 
 
 def _keys(task: Task, drawn: Sequence[int], here: Place) -> list[Artist]:
     told, named = textwrap.fill(here.told, _LETTERS), terms(task)
-    mark = Line2D([], [], linestyle="", marker="o", color=_HERE, markersize=7, label=told)
+    mark = Line2D([], [], linestyle="", marker="o", color=_HERE, markersize=5, label=told)
     return [mark, *(layout.term_patch(i, f"{heading(named[i])} {named[i].psi}") for i in drawn)]

@@ -1,4 +1,4 @@
-"""Files of figures, PNG and SVG: their names, writing them, and what each of them says it was drawn from."""
+"""Files of figures, PNG, SVG and PDF: their names, writing them, and what each of them says it was drawn from."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ __all__ = ["drawn", "file_name", "save", "source_of"]
 
 _HEAD = 4096
 """Bytes of a file within which it says what it was drawn from."""
+_ENDS = ("png", "svg", "pdf")
+_DPI = 200
 
 
 def file_name(*parts: str) -> str:
@@ -48,9 +50,13 @@ def _drawing() -> tuple[str, ...]:
 
 
 def drawn(folder: Path, name: str, source: str) -> list[Path]:
-    """The files of a figure where both are there and were drawn from this source (`source_of`); else none."""
-    paths = [folder / f"{name}.png", folder / f"{name}.svg"]
-    return paths if all(source.encode() in _head(path) for path in paths) else []
+    """The files of a figure where all are there and were drawn from this source (`source_of`); else none.
+
+    A PDF says nothing of its source within its first bytes; it is written before the others, which do.
+    """
+    png, svg, pdf = (folder / f"{name}.{end}" for end in _ENDS)
+    alike = pdf.is_file() and all(source.encode() in _head(path) for path in (png, svg))
+    return [png, svg, pdf] if alike else []
 
 
 def _head(path: Path) -> bytes:
@@ -62,7 +68,9 @@ def _head(path: Path) -> bytes:
 
 
 def save(figure: Figure, folder: Path, name: str, source: str = "") -> list[Path]:
-    """Write the figure as `name`.png and `name`.svg, the same bytes whenever it is drawn again; their paths.
+    """Write the figure as `name`.png, .svg and .pdf, the same bytes whenever it is drawn again; their paths.
+
+    In the vector files text is text.
 
     The PNG has 256 colours, a third of the size: reports are committed. They are chosen for coverage; by the usual
     median cut, colours of few pixels such as a legend's were merged with their neighbours.
@@ -71,22 +79,28 @@ def save(figure: Figure, folder: Path, name: str, source: str = "") -> list[Path
         figure: what to write.
         folder: is made where it is not there.
         name: without the ending.
-        source: of the figure (`source_of`), kept in both files for `drawn`; none is kept where it is empty.
+        source: of the figure (`source_of`), kept in PNG and SVG for `drawn`; none is kept where it is empty.
     """
     import matplotlib as mpl
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
-    picture, few, svg, note = BytesIO(), BytesIO(), BytesIO(), PngInfo()
-    with mpl.rc_context({"svg.hashsalt": "stlbench"}):
-        figure.savefig(picture, format="png", dpi=120)
+    from stlbench.report.figures.style import RC
+
+    picture, few, svg, pdf, note = BytesIO(), BytesIO(), BytesIO(), BytesIO(), PngInfo()
+    with mpl.rc_context(RC):
+        figure.savefig(pdf, format="pdf", metadata={"CreationDate": None})
+        figure.savefig(picture, format="png", dpi=_DPI)
         figure.savefig(svg, format="svg", metadata={"Date": None, "Identifier": source or None})
     if source:
         note.add_text("Source", source)
     colours = Image.open(picture).convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     colours.save(few, format="png", optimize=True, pnginfo=note)
     folder.mkdir(parents=True, exist_ok=True)
-    return [_written(folder / f"{name}.{end}", file) for end, file in (("png", few), ("svg", svg))]
+    written = {
+        end: _written(folder / f"{name}.{end}", file) for end, file in (("pdf", pdf), ("svg", svg), ("png", few))
+    }
+    return [written[end] for end in _ENDS]
 
 
 def _written(path: Path, content: BytesIO) -> Path:

@@ -16,14 +16,14 @@ __all__ = ["LEVEL", "REGION_ALPHA", "level_key", "patch", "term_patch", "title"]
 LEVEL = "0.15"
 """The grey of the line at robustness 0."""
 REGION_ALPHA = 0.18
-_LETTERS_PER_INCH = 11.5
-"""Of a title, which is set in 11 points."""
+_LETTERS_PER_INCH = 13.5
+"""Of a title, which is set in 9 points."""
 
 
 def title(figure: Figure, text: str) -> None:
     """The figure's title, on as many lines as its width takes."""
     width = int(_LETTERS_PER_INCH * figure.get_figwidth())
-    figure.suptitle(textwrap.fill(text, width), fontsize=11)
+    figure.suptitle(textwrap.fill(text, width))
 
 
 def level_key(label: str) -> Line2D:

@@ -17,6 +17,7 @@ from stlbench.report.figures import layout
 from stlbench.report.figures.palette import COLOURS, TRACE
 from stlbench.report.figures.regions import rewarded_terms, terms
 from stlbench.report.figures.scale import linear_threshold, set_symlog
+from stlbench.report.figures.style import DOUBLE, SMALL, styled
 from stlbench.report.figures.units import robustness_unit, time_label
 from stlbench.rollout.traces import Recording
 from stlbench.stl import Term
@@ -30,6 +31,7 @@ _SINGLE_TRACES = 7
 BAND_ELSEWHERE = "the method's bounds are of the rewarded form: `stlbench plot --rewarded`"
 
 
+@styled
 def robustness_in_time(
     task: Task, recording: Recording, bands: Sequence[Band], title: str, *, rewarded: bool = False
 ) -> Figure | None:
@@ -48,7 +50,7 @@ def robustness_in_time(
     rows = rewarded_terms(task) if rewarded else terms(task)
     if not rows:
         return None
-    figure = Figure(figsize=(9.0, 1.3 + 2.5 * len(rows)), layout="constrained")
+    figure = Figure(figsize=(DOUBLE, 1.0 + 1.6 * len(rows)), layout="constrained")
     by_term = {band.term: band for band in bands} if rewarded or task.file.rewarded is None else {}
     for axes, term in zip(figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0], rows, strict=True):
         unit = "rewarded form, no unit" if rewarded else robustness_unit(task, term.psi)
@@ -57,14 +59,14 @@ def robustness_in_time(
     count = f"{len(recording.traces)} traces" + (f", {recording.seeds} seeds" if recording.seeds > 1 else "")
     form = " of the rewarded form" if rewarded else ""
     layout.title(figure, f"{title}: robustness{form} against time ({count})")
-    figure.legend(handles=_keys(bands, by_term), loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    figure.legend(handles=_keys(bands, by_term), loc="outside lower center", ncols=3)
     return figure
 
 
 def _row(axes: Axes, task: Task, term: Term, traces: Array, band: Band | None, unit: str) -> None:
     margins = task.specification.margin(term.psi)(traces)
     axes.axvspan(term.start, term.end, color=READ, linewidth=0, zorder=0)
-    axes.axhline(0, color=layout.LEVEL, linewidth=0.9, zorder=1)
+    axes.axhline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)
     if band is not None:
         _band(axes, band)
     _traces(axes, margins, term)
@@ -74,9 +76,9 @@ def _row(axes: Axes, task: Task, term: Term, traces: Array, band: Band | None, u
     threshold = linear_threshold([[best]], max(-low, high)) if best > 0 else None
     if threshold is not None:
         label += f"\n{set_symlog(axes, 'y', threshold, low, high)}"
-    axes.set_title(textwrap.fill(str(term.formula), 98), fontsize=9, loc="left", family="monospace")
+    axes.set_title(textwrap.fill(str(term.formula), 105), fontsize=SMALL, loc="left", family="monospace")
     axes.set_xlim(0, task.file.steps)
-    axes.set_ylabel(label, fontsize=8)
+    axes.set_ylabel(label, fontsize=SMALL)
 
 
 def _traces(axes: Axes, margins: Array, term: Term) -> None:
@@ -87,27 +89,27 @@ def _traces(axes: Axes, margins: Array, term: Term) -> None:
     read = margins[:, term.start : term.end + 1]
     order = np.argsort(read.min(axis=1) if term.kind == "G" else read.max(axis=1))
     for i in np.unique(np.linspace(0, len(order) - 1, _SINGLE_TRACES).round().astype(np.int64)):
-        axes.plot(t, margins[order[i]], color=SINGLE, linewidth=0.5, alpha=0.7, zorder=4)
-    axes.plot(t, middle, color=TRACE, linewidth=1.8, zorder=5)
+        axes.plot(t, margins[order[i]], color=SINGLE, linewidth=0.4, alpha=0.7, zorder=4)
+    axes.plot(t, middle, color=TRACE, linewidth=1.3, zorder=5)
 
 
 def _band(axes: Axes, band: Band) -> None:
     t = np.arange(band.start, band.start + len(band.lower))
     axes.fill_between(t, band.lower, band.upper, color=BAND, alpha=0.12, linewidth=0, zorder=1)
     for bound in (band.lower, band.upper):
-        axes.plot(t, bound, "--", color=BAND, linewidth=1.4, zorder=6)
+        axes.plot(t, bound, "--", color=BAND, linewidth=1.1, zorder=6)
 
 
 def _keys(bands: Sequence[Band], shown: object) -> list[Artist]:
     keys: list[Artist] = [
-        Line2D([], [], color=TRACE, linewidth=1.8, label="median"),
+        Line2D([], [], color=TRACE, linewidth=1.3, label="median"),
         layout.patch(TRACE, "5 to 95 %", alpha=0.25),
         Line2D([], [], color=SINGLE, linewidth=0.5, label="single traces"),
         layout.patch(READ, "steps that the term reads"),
         layout.level_key("0: psi holds above"),
     ]
     if shown:
-        keys.append(Line2D([], [], color=BAND, linestyle="--", linewidth=1.4, label="the method's bounds"))
+        keys.append(Line2D([], [], color=BAND, linestyle="--", linewidth=1.1, label="the method's bounds"))
     elif bands:
         keys.append(Line2D([], [], linestyle="", label=BAND_ELSEWHERE))
     return keys

@@ -14,7 +14,8 @@ from stlbench.contract import Array
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.palette import styles
 from stlbench.report.figures.regions import terms
-from stlbench.report.figures.robustness import draw_robustness, robustness_keys
+from stlbench.report.figures.robustness import draw_robustness
+from stlbench.report.figures.style import DOUBLE, TINY, styled
 from stlbench.report.figures.trajectories import term_keys
 from stlbench.report.figures.units import robustness_unit, time_label
 from stlbench.report.tables.rows import Group, Numbers
@@ -24,10 +25,11 @@ __all__ = ["METHODS_PER_OVERVIEW", "overview"]
 
 METHODS_PER_OVERVIEW = 6
 _COLUMNS = 3
-_WIDTH = 13.34
-"""Inches: 1600 pixels."""
+_LETTERS = 62
+"""Of an entry of the legend, which has two columns."""
 
 
+@styled
 def overview(task: Task, groups: Sequence[Group], traces: Sequence[Array | None]) -> Figure:
     """Draw groups of one task that names a plane.
 
@@ -42,17 +44,16 @@ def overview(task: Task, groups: Sequence[Group], traces: Sequence[Array | None]
         for name, group, shown in zip(names, groups, traces, strict=True)
         if shown is not None
     ]
-    columns = min(_COLUMNS, len(panels))
-    rows = math.ceil(len(panels) / columns)
-    heights = [0.75 + 0.42 * len(groups), *[3.7] * rows]
-    figure = Figure(figsize=(_WIDTH, sum(heights) + 0.9 + 0.12 * len(terms(task))), layout="constrained")
-    grid = figure.add_gridspec(1 + rows, columns, height_ratios=heights)
-    draw_robustness(figure.add_subplot(grid[0, :]), groups, robustness_unit(task, task.formula))
-    below = [figure.add_subplot(grid[1 + i // columns, i % columns]) for i in range(len(panels))]
-    keys = [*robustness_keys(), *_draw_panels(below, task, panels)]
+    rows = math.ceil(len(panels) / _COLUMNS)
+    heights = [0.45 + 0.32 * len(groups), *[2.2] * rows]
+    figure = Figure(figsize=(DOUBLE, sum(heights) + 0.7 + 0.11 * len(terms(task))), layout="constrained")
+    grid = figure.add_gridspec(1 + rows, _COLUMNS, height_ratios=heights)
+    keys = draw_robustness(figure.add_subplot(grid[0, :]), groups, robustness_unit(task, task.formula))
+    below = [figure.add_subplot(grid[1 + i // _COLUMNS, i % _COLUMNS]) for i in range(len(panels))]
+    keys += _draw_panels(below, task, panels)
     figure.colorbar(below[0].collections[-1], ax=below, label=time_label(task), aspect=30)
     layout.title(figure, f"{task.name}: {task.file.title}")
-    figure.legend(handles=keys, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    figure.legend(handles=keys, loc="outside lower center", ncols=2, fontsize=TINY)
     return figure
 
 
@@ -67,5 +68,7 @@ def _draw_panels(below: Sequence[Axes], task: Task, panels: Sequence[tuple[str, 
         view = plane.lay_out(axes, task, every)
         plane.draw_traces(axes, task, view, traces)
         away = plane.leaving(view, traces).sum()
-        axes.set_title(name + (f"\nleaving the picture: {away} of {len(traces)} traces" if away else ""), fontsize=10)
-    return [*term_keys(task, view.drawn), *plane.mark_keys(plane.leaving(view, every))]
+        axes.set_title(
+            name + (f"\nleaving the picture: {away} of {len(traces)} traces" if away else ""), fontsize=TINY + 1
+        )
+    return [*term_keys(task, view.drawn, _LETTERS), *plane.mark_keys(plane.leaving(view, every))]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Literal, NamedTuple, TypeVar
 
 from stlbench.report.tables.rows import Group
@@ -19,7 +21,8 @@ TIME = "cividis"
 Shown = TypeVar("Shown")
 Line = Literal["-", "--", ":"]
 LINES: tuple[Line, ...] = ("-", "--", ":")
-GROUPS_PER_FIGURE = len(COLOURS) * len(LINES)
+GROUPS_PER_FIGURE = len(COLOURS)
+"""In figures that tell them apart by colour."""
 TERM_COLOURS = COLOURS[1:6]
 """Without those of traces and of their ends."""
 HATCHES = ("", "///", "...", "xxx")
@@ -43,7 +46,7 @@ class TermStyle(NamedTuple):
 
 
 def styles(groups: Sequence[Group]) -> list[GroupStyle]:
-    """The styles of the groups of one task, at most `GROUPS_PER_FIGURE` of them all different."""
+    """The styles of the groups of one task; `GROUPS_PER_FIGURE` differ in colour, further ones in their line."""
     several = [len({getattr(group.setting, name) for group in groups}) > 1 for name in ("agent", "budget", "track")]
     result = []
     for i, group in enumerate(groups):
@@ -64,9 +67,14 @@ def _standing(group: Group) -> str:
 
 
 def pages(shown: Sequence[Shown], size: int = GROUPS_PER_FIGURE) -> Iterator[tuple[str, Sequence[Shown]]]:
-    """At most `size` groups, or others, at a time, and how names of their files end: "", then "_2", "_3", ..."""
-    for start in range(0, len(shown), size):
-        yield f"_{start // size + 1}" if start else "", shown[start : start + size]
+    """At most `size` groups, or others, at a time, about as many on each page, and how names of their files end.
+
+    The endings are "", then "_2", "_3", ...
+    """
+    count = math.ceil(len(shown) / size)
+    ends = [round(i * len(shown) / count) for i in range(count + 1)] if count else []
+    for i, (start, end) in enumerate(pairwise(ends)):
+        yield f"_{i + 1}" if i else "", shown[start:end]
 
 
 def term_style(i: int) -> TermStyle:

@@ -41,12 +41,13 @@ class _Mark(NamedTuple):
             marker=self.marker,
             color=self.colour,
             markeredgecolor=self.edge,
+            markeredgewidth=0.7,
             markersize=self.size,
             label=label,
         )
 
 
-_START, _END, _LEAVES = _Mark("o", "white", "black", 5), _Mark("s", "black", "black", 4), _Mark("X", TRACE, "white", 9)
+_START, _END, _LEAVES = _Mark("o", "white", "black", 4), _Mark("s", "black", "black", 3), _Mark("X", TRACE, "white", 6)
 _NOWHERE = np.zeros((0, 2))
 
 
@@ -100,7 +101,7 @@ def _fill(axes: Axes, grid: Sequence[Array], margin: Array, inside: Truth, i: in
     filled = axes.contourf(*grid, inside.T.astype(float), levels=levels, colors=[fill], hatches=[hatch], zorder=1)
     filled.set_edgecolor(colour)  # of the hatch
     filled.set_linewidth(0)
-    axes.contour(*grid, margin.T, levels=(0.0,), colors=[colour], linewidths=1.3, zorder=2)
+    axes.contour(*grid, margin.T, levels=(0.0,), colors=[colour], linewidths=1.0, zorder=2)
 
 
 def _around(places: Array, whole: View) -> View:
@@ -118,7 +119,7 @@ def draw_traces(axes: Axes, task: Task, view: View, traces: Array) -> LineCollec
     chosen = np.linspace(0, places.shape[1] - 1, min(_POINTS, places.shape[1])).round().astype(np.int64)
     points = places[:, chosen]
     segments = np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 2)
-    lines = LineCollection(list(segments), cmap=TIME, linewidths=1.1, zorder=4)
+    lines = LineCollection(list(segments), cmap=TIME, linewidths=0.9, zorder=4)
     lines.set_array(np.tile(chosen[:-1].astype(float), len(traces)))
     lines.set_clim(0, task.file.steps)
     axes.add_collection(lines)

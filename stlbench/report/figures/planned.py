@@ -16,6 +16,7 @@ from stlbench.contract import Array
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.palette import TRACE
 from stlbench.report.figures.signals import READ
+from stlbench.report.figures.style import DOUBLE, SMALL, TINY, styled
 from stlbench.report.figures.trajectories import term_keys, traces_in_time
 from stlbench.report.figures.units import time_label
 from stlbench.task.task import Task
@@ -44,6 +45,7 @@ class Plan(NamedTuple):
         return f"{self.name}\nrobustness {self.robustness:.3g}, satisfies from {100 * self.satisfaction:.0f} %"
 
 
+@styled
 def planned(task: Task, plans: Sequence[Plan]) -> Figure:
     """Draw at most `PLANS_PER_FIGURE` plans of one task: in its plane, or each signal against time."""
     columns = min(_COLUMNS, len(plans))
@@ -54,35 +56,35 @@ def planned(task: Task, plans: Sequence[Plan]) -> Figure:
 
 def _in_plane(task: Task, plans: Sequence[Plan], columns: int) -> Figure:
     rows = math.ceil(len(plans) / columns)
-    figure = Figure(figsize=(4.4 * columns + 0.8, 4.4 * rows + 1.3), layout="constrained")
+    figure = Figure(figsize=(DOUBLE * max(columns, 2) / _COLUMNS, 2.6 * rows + 0.9), layout="constrained")
     panels = [figure.add_subplot(rows, columns, i + 1) for i in range(len(plans))]
     every = np.concatenate([plan.traces for plan in plans])
     for axes, plan in zip(panels, plans, strict=True):
         view = plane.lay_out(axes, task, every)
         lines = plane.draw_traces(axes, task, view, plan.traces)
-        axes.set_title(plan.title, fontsize=10)
+        axes.set_title(plan.title, fontsize=SMALL)
     keys = [*term_keys(task, view.drawn), *plane.mark_keys(plane.leaving(view, every))]
     figure.colorbar(lines, ax=panels, label=time_label(task), aspect=30)
-    figure.legend(handles=keys, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    figure.legend(handles=keys, loc="outside lower center", ncols=1, fontsize=TINY)
     return figure
 
 
 def _in_time(task: Task, plans: Sequence[Plan], columns: int) -> Figure:
     bands, signals = math.ceil(len(plans) / columns), len(task.signals)
-    figure = Figure(figsize=(4.6 * columns, 0.9 + 1.9 * bands * signals), layout="constrained")
+    figure = Figure(figsize=(DOUBLE * max(columns, 2) / _COLUMNS, 0.8 + 1.2 * bands * signals), layout="constrained")
     grid = figure.subplots(bands * signals, columns, sharex=True, squeeze=False)
     drawn = list[int]()
     for i, plan in enumerate(plans):
         band, column = divmod(i, columns)
         rows = list(grid[band * signals : (band + 1) * signals, column])
         drawn = traces_in_time(rows, task, plan.traces)
-        rows[0].set_title(plan.title, fontsize=10)
+        rows[0].set_title(plan.title, fontsize=SMALL)
     _same_limits(grid[: bands * signals].reshape(bands, signals, columns))
     for axes in grid.ravel()[[not axes.has_data() for axes in grid.ravel()]]:
         axes.set_visible(False)
     one_trace = Line2D([], [], color=TRACE, linewidth=0.8, label="one trace")
     keys: list[Artist] = [*term_keys(task, drawn), layout.patch(READ, label="steps that a term reads"), one_trace]
-    figure.legend(handles=keys, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    figure.legend(handles=keys, loc="outside lower center", ncols=1, fontsize=TINY)
     return figure
 
 

@@ -23,31 +23,35 @@ if TYPE_CHECKING:
 __all__ = ["draw", "draw_across", "draw_alignment", "draw_learning"]
 
 Kind = Literal["robustness", "learning"]
+ROWS_PER_FIGURE = 24
+"""Groups that have a row each."""
 
 
 def draw(groups: Sequence[Group], folder: Path) -> list[Path]:
     """Draw what has changed of both figures of each task that has a finished cell; the paths of all files.
 
-    Where a task has more groups than can be told apart, further figures have names that end in _2, _3, ... There are no
+    Where a task has more groups than one figure takes, further figures have names that end in _2, _3, ... There are no
     learning curves of results without checkpoints.
     """
     paths = []
     for _, members in groupby(groups, key=lambda group: group.setting.task):
         of_task = list(members)
         if any(group.done for group in of_task):
-            for end, page in pages(of_task):
+            for end, page in pages(of_task, ROWS_PER_FIGURE):
                 paths += _draw("robustness", page, folder, end)
             paths += draw_learning(of_task, folder)
     return paths
 
 
 def draw_learning(groups: Sequence[Group], folder: Path) -> list[Path]:
-    """Draw the learning curves of one task's groups, on as many pages as it takes; the files' paths."""
+    """Draw the learning curves of one task's groups, each track by itself, on as many pages as it takes; the paths."""
+    tracks = dict.fromkeys(group.setting.track for group in groups)
     return [
         path
-        for end, page in pages(groups)
+        for track in tracks
+        for end, page in pages([group for group in groups if group.setting.track == track])
         if any(numbers.curve for group in page for numbers in group.done)
-        for path in _draw("learning", page, folder, end)
+        for path in _draw("learning", page, folder, f"{'' if track == 'shared' else f'-{track}'}{end}")
     ]
 
 

@@ -11,41 +11,49 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from stlbench.report.figures import layout
-from stlbench.report.figures.palette import GroupStyle, styles
-from stlbench.report.figures.scale import linear_threshold, set_symlog
+from stlbench.report.figures.beyond import Window, beside, beyond_key, number, window
+from stlbench.report.figures.palette import COLOURS, styles
+from stlbench.report.figures.style import DOUBLE, styled
 from stlbench.report.statistics.intervals import interval, iqm
 from stlbench.report.tables.rows import Group
 
-__all__ = ["draw_robustness", "robustness_by_method", "robustness_keys"]
+__all__ = ["MIDDLE", "SEED", "draw_robustness", "robustness_by_method"]
+
+SEED, MIDDLE = COLOURS[0], COLOURS[1]
+"""Of seeds, and of what is said of all of them. Methods have a row each, and need no colour."""
 
 
+@styled
 def robustness_by_method(groups: Sequence[Group], unit: str) -> Figure:
     """A point per seed, the interquartile mean with its interval under it; groups of one task."""
-    figure = Figure(figsize=(8.0, 1.8 + 0.6 * len(groups)), layout="constrained")
-    draw_robustness(figure.subplots(), groups, unit)
+    figure = Figure(figsize=(DOUBLE, 1.1 + 0.34 * len(groups)), layout="constrained")
+    keys = draw_robustness(figure.subplots(), groups, unit)
     layout.title(figure, f"{groups[0].setting.task}: robustness by method")
-    figure.legend(handles=robustness_keys(), loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    figure.legend(handles=keys, loc="outside lower center", ncols=4)
     return figure
 
 
-def draw_robustness(axes: Axes, groups: Sequence[Group], unit: str) -> None:
-    """One row per group. Where values span orders of magnitude, the axis is logarithmic away from 0."""
+def draw_robustness(axes: Axes, groups: Sequence[Group], unit: str) -> list[Artist]:
+    """One row per group; entries of the legend.
+
+    Where values lie orders of magnitude below the others, the axis ends before them, and their rows have the numbers.
+    """
     looks = styles(groups)
     values = [group.values(lambda numbers: numbers.robustness_mean) for group in groups]
-    for place, (seeds, style) in enumerate(zip(values, looks, strict=True)):
-        _points(axes, place, seeds, style)
-    axes.axvline(0, color=layout.LEVEL, linewidth=0.9, zorder=1)
+    shown = window(values)
+    for place, seeds in enumerate(values):
+        _points(axes, place, seeds, shown)
+    axes.axvline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)
     axes.set_yticks(range(len(groups)), [style.label.replace(": ", "\n") for style in looks])
     axes.set_ylim(len(groups) - 0.5, -0.5)
     axes.grid(axis="x", alpha=0.3)
-    label = f"mean robustness over the report starts [{unit}]"
+    axes.set_xlabel(f"mean robustness over the report starts [{unit}]")
     every = [value for seeds in values for value in seeds]
-    threshold = linear_threshold(values, max(map(abs, every), default=0.0))
-    if threshold is not None:
-        label += f"\n{set_symlog(axes, 'x', threshold, min(every), max(every))}"
+    if shown is not None:
+        axes.set_xlim(shown.limits)
     elif every and np.isfinite(every).all():
         _limit(axes, values, [0.0, *every])
-    axes.set_xlabel(label)
+    return _keys(shown)
 
 
 def _limit(axes: Axes, values: Sequence[Sequence[float]], shown: Sequence[float]) -> None:
@@ -57,22 +65,38 @@ def _limit(axes: Axes, values: Sequence[Sequence[float]], shown: Sequence[float]
     axes.set_xlim(left - margin, right + margin)
 
 
-def _points(axes: Axes, place: int, values: Sequence[float], style: GroupStyle) -> None:
+def _points(axes: Axes, place: int, values: Sequence[float], shown: Window | None) -> None:
     if not values:
         where = axes.get_yaxis_transform()
         axes.text(0.5, place, "no result", transform=where, ha="center", va="center", color="0.4", backgroundcolor="w")
         return
-    axes.plot(values, np.full(len(values), place - 0.12), "o", color=style.colour, alpha=0.6, markersize=6, mew=0)
+    far = [value for value in values if shown is not None and value < shown.low]
+    near = [value for value in values if value not in far]
+    if near:
+        axes.plot(near, np.full(len(near), place - 0.14), "o", color=SEED, alpha=0.6, markersize=4.5, mew=0)
     centre, ends = iqm(values), interval(values)
+    below = shown is not None and centre < shown.low
     if ends is not None:
-        axes.plot(ends, (place + 0.15, place + 0.15), "-", color=style.colour, linewidth=2.5, solid_capstyle="butt")
-    axes.plot([centre], [place + 0.15], "D", color=style.colour, markersize=7, markeredgecolor="white")
+        axes.plot(ends, (place + 0.16, place + 0.16), "-", color=MIDDLE, linewidth=2, solid_capstyle="butt")
+    if not below:
+        axes.plot([centre], [place + 0.16], "D", color=MIDDLE, markersize=5, markeredgecolor="white", mew=0.6)
+    if far:
+        beside(axes, place - 0.14, [(_far(far), SEED)])
+    if below:
+        beside(axes, place + 0.2, [(number(centre), MIDDLE)])
 
 
-def robustness_keys() -> list[Artist]:
-    """Entries of the legend for what `draw_robustness` draws."""
-    return [
-        Line2D([], [], color="0.3", marker="o", linestyle="", alpha=0.6, label="one seed"),
-        Line2D([], [], color="0.3", marker="D", linewidth=2.5, label="IQM over seeds and its 95 % interval"),
+def _far(values: Sequence[float]) -> str:
+    """ "10 seeds, -29 to -35"."""
+    if len(values) == 1:
+        return f"1 seed, {number(values[0])}"
+    return f"{len(values)} seeds, {number(max(values))} to {number(min(values))}"
+
+
+def _keys(shown: Window | None) -> list[Artist]:
+    keys: list[Artist] = [
+        Line2D([], [], color=SEED, marker="o", linestyle="", alpha=0.6, markersize=4.5, label="one seed"),
+        Line2D([], [], color=MIDDLE, marker="D", linewidth=2, markersize=5, label="IQM over seeds, 95 % interval"),
         layout.level_key("0: satisfied above"),
     ]
+    return keys if shown is None else [*keys, beyond_key("<", "beyond the axis")]

@@ -23,12 +23,12 @@ def test_what_lacks_a_tenth_is_one_further():
 
 def test_each_method_has_its_aggregate_in_each_field():
     left, _ = across_tasks([EVERY, COMMON]).axes
-    assert [label.get_text() for label in left.get_yticklabels()] == ["bad", "good"]
+    assert [label.get_text() for label in left.get_yticklabels()] == ["bad\n(2 intractable)", "good"]
     marked = {
-        (line.get_marker(), round(line.get_ydata()[0], 1)): line for line in left.lines if line.get_marker() in "Ds"
+        (line.get_marker(), round(line.get_ydata()[0], 2)): line for line in left.lines if line.get_marker() in "Ds"
     }
-    assert set(marked) == {("D", -0.1), ("D", 0.9), ("s", 0.1), ("s", 1.1)}
-    assert marked["s", 0.1].get_xdata()[0] == pytest.approx(place(0.5))
+    assert set(marked) == {("D", -0.13), ("D", 0.87), ("s", 0.13), ("s", 1.13)}
+    assert marked["s", 0.13].get_xdata()[0] == pytest.approx(place(0.5))
 
 
 def test_a_profile_falls_from_all_runs_to_none():
@@ -41,21 +41,29 @@ def test_a_profile_falls_from_all_runs_to_none():
     assert at_random == pytest.approx(100 * 4 / 6)
 
 
-def test_the_legend_says_what_counts_as_no_better_than_random():
-    (legend,) = across_tasks([EVERY, COMMON]).legends
-    assert [text.get_text() for text in legend.get_texts()] == [
-        "bad (2 intractable)",
-        "good",
+def test_the_rows_say_what_counts_as_no_better_than_random():
+    figure = across_tasks([Field("quick", "shared", EVERY.tasks, 3, (BAD, GOOD)), COMMON])
+    left, right = figure.axes
+    assert [label.get_text() for label in left.get_yticklabels()] == ["bad\n(2 intractable)", "good"]
+    assert [text.get_text() for text in right.get_legend().get_texts()] == ["bad", "good"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
         "IQM over all 3, 95 % interval",
         "IQM over the 2 of 3 that all finished, 95 % interval",
     ]
+
+
+def test_no_panel_of_profiles_has_a_colour_twice():
+    entries = tuple(Entry(f"method-{i}", GOOD.scores, "") for i in range(9))
+    figure = across_tasks([Field("quick", "shared", EVERY.tasks, 3, entries)])
+    _, *panels = figure.axes
+    assert [len(axes.lines) for axes in panels] == [4, 5]
+    assert all(len({line.get_color() for line in axes.lines}) == len(axes.lines) for axes in panels)
 
 
 def test_one_figure_for_each_budget_and_track(tmp_path):
     plain = Field("quick", "plain", EVERY.tasks, 3, EVERY.entries)
     paths = report_figures.draw_across((plain, EVERY, COMMON), tmp_path)
     assert [path.name for path in paths] == [
-        *("across-quick-plain.png", "across-quick-plain.svg"),
-        *("across-quick-shared.png", "across-quick-shared.svg"),
+        f"across-quick-{track}.{end}" for track in ("plain", "shared") for end in ("png", "svg", "pdf")
     ]
     assert report_figures.draw_across((), tmp_path) == []

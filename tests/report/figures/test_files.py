@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -11,6 +12,7 @@ from PIL import Image
 from stlbench.errors import UsageError
 from stlbench.report.figures import files
 from stlbench.report.figures.files import drawn, file_name, save, source_of
+from stlbench.report.figures.style import RC
 
 
 def test_parts_of_a_name():
@@ -29,13 +31,22 @@ def test_the_same_figure_gives_the_same_files(tmp_path):
         figure.subplots().plot([0, 1], [0, 1])
         return save(figure, tmp_path / folder, "name")
 
-    (png, svg), again = drawn("a"), drawn("b")
-    assert (png.name, svg.name) == ("name.png", "name.svg")
+    (png, svg, pdf), again = drawn("a"), drawn("b")
+    assert (png.name, svg.name, pdf.name) == ("name.png", "name.svg", "name.pdf")
     assert png.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
-    assert [path.read_bytes() for path in (png, svg)] == [path.read_bytes() for path in again]
+    assert [path.read_bytes() for path in (png, svg, pdf)] == [path.read_bytes() for path in again]
 
 
-def test_both_files_say_what_they_were_drawn_from(tmp_path):
+def test_text_in_vector_files_is_text(tmp_path):
+    """So that it can be searched, read aloud and edited, and looks like the rest of a paper."""
+    figure = Figure()
+    figure.suptitle("robustness by method")
+    _, svg, pdf = save(figure, tmp_path, "name")
+    assert "robustness by method</text>" in svg.read_text(encoding="utf-8")
+    assert b"/FontFile2" in pdf.read_bytes()  # TrueType, which journals take, not Type 3
+
+
+def test_files_say_what_they_were_drawn_from(tmp_path):
     source = source_of("a figure", (0.1, 0.2))
     assert drawn(tmp_path, "name", source) == []
     paths = save(Figure(), tmp_path, "name", source)
@@ -54,15 +65,22 @@ def test_a_figure_of_which_a_file_is_gone_or_another_is_not_there(tmp_path, lost
     assert drawn(tmp_path, "name", source) == []
 
 
+def test_a_figure_of_before_there_were_pdfs_is_drawn_again(tmp_path):
+    source = source_of("a figure")
+    *_, pdf = save(Figure(), tmp_path, "name", source)
+    pdf.unlink()
+    assert drawn(tmp_path, "name", source) == []
+
+
 def test_a_figure_without_a_source_says_none(tmp_path):
-    png, svg = save(Figure(), tmp_path, "name")
+    png, svg, _ = save(Figure(), tmp_path, "name")
     assert b"Source" not in png.read_bytes()
     assert b"identifier" not in svg.read_bytes()
 
 
 def test_nothing_but_the_figure_is_left_in_the_folder(tmp_path):
     save(Figure(), tmp_path, "name")
-    assert {path.name for path in tmp_path.iterdir()} == {"name.png", "name.svg"}
+    assert {path.name for path in tmp_path.iterdir()} == {"name.png", "name.svg", "name.pdf"}
 
 
 def test_another_version_is_another_source(monkeypatch):
@@ -84,8 +102,9 @@ def test_a_colour_of_few_pixels_is_kept_among_thousands_of_shades(tmp_path):
         for alpha in (0.18, 0.35):
             box = Rectangle(corner, 0.02, 0.02, transform=figure.transFigure, facecolor=colour, alpha=alpha)
             figure.add_artist(box)
-    figure.savefig(tmp_path / "true.png", dpi=120)
-    png, _ = save(figure, tmp_path, "name")
+    with mpl.rc_context(RC):
+        figure.savefig(tmp_path / "true.png", dpi=200)
+    png, *_ = save(figure, tmp_path, "name")
     true, few = (np.asarray(Image.open(path).convert("RGB")).astype(int) for path in (tmp_path / "true.png", png))
     assert len(np.unique(true.reshape(-1, 3), axis=0)) > 1000
     assert len(np.unique(few.reshape(-1, 3), axis=0)) <= 256

@@ -12,9 +12,14 @@ from stlbench.report import condense
 from stlbench.report.figures.palette import COLOURS, GROUPS_PER_FIGURE, TIME, TRACE, pages, styles, term_style
 
 
-def test_up_to_so_many_groups_all_look_different_though_there_are_more_than_colours():
+def test_all_groups_of_a_figure_have_colours_of_their_own():
     looks = styles(condense(result(f"method-{i:02}") for i in range(GROUPS_PER_FIGURE)))
-    assert len({(style.colour, style.line) for style in looks}) == GROUPS_PER_FIGURE > len(COLOURS)
+    assert len({style.colour for style in looks}) == GROUPS_PER_FIGURE
+
+
+def test_more_groups_than_colours_differ_in_their_lines():
+    looks = styles(condense(result(f"method-{i:02}") for i in range(2 * GROUPS_PER_FIGURE)))
+    assert len({(style.colour, style.line) for style in looks}) == 2 * GROUPS_PER_FIGURE
 
 
 def test_twenty_terms_all_look_different():
@@ -44,10 +49,11 @@ def test_a_colour_blind_reader_tells_the_colours_apart(seen):
     assert apart.min() > 0.14
 
 
-def test_pages_have_so_many_groups_each():
+def test_pages_have_about_as_many_groups_each():
     groups = condense(result(f"method-{i}") for i in range(5))
-    assert [(end, [str(group.setting.method)[-1] for group in page]) for end, page in pages(groups, 2)] == [
+    assert [(end, [str(group.setting.method)[-1] for group in page]) for end, page in pages(groups, 3)] == [
         ("", ["0", "1"]),
-        ("_2", ["2", "3"]),
-        ("_3", ["4"]),
+        ("_2", ["2", "3", "4"]),
     ]
+    assert [len(page) for _, page in pages(range(14))] == [7, 7]
+    assert list(pages([])) == []

@@ -14,21 +14,21 @@ from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
 from stlbench.report import Group, condense
 from stlbench.report.figures import report_figures
-from stlbench.report.figures.palette import GROUPS_PER_FIGURE
+from stlbench.report.figures.report_figures import ROWS_PER_FIGURE
 from stlbench.result import CurvePoint, Result
 
 CURVE = (CurvePoint(100, 0.0, 1.0, 0.1),)
 CELLS = [*(result(method, seed) for method in ("funnel", "flag") for seed in (0, 1)), result(task="other")]
 
 
-def test_two_figures_a_task_as_png_and_svg(tmp_path: Path) -> None:
+def test_two_figures_a_task_as_png_svg_and_pdf(tmp_path: Path) -> None:
     groups = condense([result(), result(task="other"), result(task="third", status="raised")])
     paths = report_figures.draw(groups, tmp_path)
     names = {
         f"{kind}-{task}.{end}"
         for kind in ("robustness", "learning")
         for task in ("hold-disc", "other")
-        for end in ("png", "svg")
+        for end in ("png", "svg", "pdf")
     }
     assert {path.name for path in paths} == {path.name for path in tmp_path.iterdir()} == names
     assert all(path.stat().st_size > 1000 for path in paths)
@@ -49,15 +49,21 @@ def test_a_task_cannot_leave_the_folder(tmp_path: Path) -> None:
 
 
 def test_groups_that_do_not_fit_into_one_figure_go_into_the_next(tmp_path: Path) -> None:
-    results = [result(f"method-{i:02}", curve=CURVE) for i in range(GROUPS_PER_FIGURE + 1)]
-    names = {path.name for path in report_figures.draw(condense(results), tmp_path)}
-    assert {"robustness-hold-disc.png", "robustness-hold-disc_2.png", "learning-hold-disc_2.svg"} <= names
-    assert len(names) == 8
+    results = [result(f"method-{i:02}", curve=CURVE) for i in range(ROWS_PER_FIGURE + 1)]
+    names = {path.stem for path in report_figures.draw(condense(results), tmp_path)}
+    learning = {"learning-hold-disc", *(f"learning-hold-disc_{i}" for i in range(2, 5))}
+    assert names == {"robustness-hold-disc", "robustness-hold-disc_2", *learning}  # 7 colours for 25 groups
+
+
+def test_each_track_has_its_learning_curves(tmp_path: Path) -> None:
+    results = [result(method, track=track) for method in ("funnel", "raw") for track in ("shared", "plain")]
+    names = {path.stem for path in report_figures.draw(condense(results), tmp_path)}
+    assert names == {"robustness-hold-disc", "learning-hold-disc", "learning-hold-disc-plain"}
 
 
 def test_results_without_checkpoints_have_no_learning_curves(tmp_path: Path) -> None:
     names = {path.name for path in report_figures.draw(condense([result(curve=())]), tmp_path)}
-    assert names == {"robustness-hold-disc.png", "robustness-hold-disc.svg"}
+    assert names == {f"robustness-hold-disc.{end}" for end in ("png", "svg", "pdf")}
 
 
 def test_a_report_names_the_unit_of_the_task(tmp_path: Path) -> None:

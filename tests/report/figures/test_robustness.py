@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from helpers.synthetic_results import result
 
@@ -41,11 +40,13 @@ def test_a_method_without_a_result_keeps_its_place():
     assert [(text.get_text(), text.get_position()[1]) for text in axes.texts] == [("no result", 2)]
 
 
-def test_a_method_has_one_colour_in_both_figures():
-    points = {line.get_color() for line in robustness_by_method(GROUPS, "m").axes[0].lines if line.get_marker() == "D"}
-    curves = [line.get_color() for line in learning_curves(GROUPS, "m").axes[0].lines]
-    assert len(set(curves)) == 2
-    assert set(curves) == points
+def test_no_two_things_have_one_colour():
+    """Seeds have one, and what is said of all of them another; methods have a row each."""
+    (axes,) = robustness_by_method(GROUPS, "m").axes
+    seeds = {line.get_color() for line in axes.lines if line.get_marker() == "o"}
+    middles = {line.get_color() for line in axes.lines if line.get_marker() == "D"}
+    assert len(seeds) == len(middles) == 1
+    assert seeds != middles
 
 
 PENDULUM = {
@@ -67,17 +68,24 @@ def pendulum(**curves):
 
 def test_methods_near_zero_are_told_apart_beside_one_at_minus_100():
     (axes,) = robustness_by_method(pendulum(), "rad or rad/s").axes
-    assert axes.get_xlabel() == "mean robustness over the report starts [rad or rad/s]\nlogarithmic beyond ±0.1"
-    assert axes.xaxis.get_transform().linthresh == 0.1
-    assert [label.get_text() for label in axes.get_xticklabels()] == ["-100", "-10", "-1", "-0.1", "0", "0.1"]
-    points = {line.get_ydata()[0]: line.get_xdata() for line in axes.lines if line.get_marker() == "o"}
-    _, funnel, raw = (sorted(points[place - 0.12]) for place in range(3))
+    assert axes.get_xlabel() == "mean robustness over the report starts [rad or rad/s]"
+    assert axes.get_xscale() == "linear"
     low, high = axes.get_xlim()
-    transform = axes.xaxis.get_transform().transform
-    width = np.diff(transform([low, high])).item()
-    assert (transform(funnel[-1]) - transform(raw[0])) / width > 0.04  # .030 and .004, of -102 to .1
-    assert (transform(funnel[1]) - transform(funnel[0])) / width > 0.1  # .022 and -.074
-    assert low < min(map(min, points.values()))
+    points = {line.get_ydata()[0]: line.get_xdata() for line in axes.lines if line.get_marker() == "o"}
+    funnel, raw = (sorted(points[place - 0.14]) for place in (1, 2))
+    assert (funnel[-1] - raw[0]) / (high - low) > 0.2  # .030 and .004
+    assert low < funnel[0] == -0.0742
+    assert len(points) == 2
+
+
+def test_what_lies_beyond_the_axis_is_an_arrow_with_its_numbers():
+    figure = robustness_by_method(pendulum(), "rad or rad/s")
+    (axes,) = figure.axes
+    told = {text.get_text(): text.xy[1] for text in axes.texts}
+    assert told == {"5 seeds, -29.5 to -102": -0.14, "-41.6": 0.2}
+    arrows = [line for line in axes.lines if line.get_marker() == "<"]
+    assert [(line.get_xdata()[0], line.get_ydata()[0]) for line in arrows] == [(0.0, -0.14), (0.0, 0.2)]
+    assert "beyond the axis" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 def test_values_of_one_size_have_a_linear_axis_in_the_unit_that_is_given():
@@ -107,7 +115,8 @@ def test_learning_curves_of_methods_near_zero_are_told_apart():
         **{name: curve(*((100 * i, 0.0, value) for i, value in enumerate(values))) for name, values in rising.items()}
     )
     _, right = learning_curves(groups, "rad").axes
-    assert right.get_ylabel() == "mean robustness [rad]\nlogarithmic beyond ±0.1"
+    assert right.get_ylabel() == "mean robustness [rad]"
     low, high = right.get_ylim()
-    assert low < -700
+    assert -0.1 < low < 0
     assert high > 0.03
+    assert [text.get_text() for text in right.texts] == ["-160"]

@@ -46,7 +46,7 @@ def run(tmp_path):
 
 
 def files(*names):
-    return {f"{name}.{end}" for name in names for end in ("png", "svg")}
+    return {f"{name}.{end}" for name in names for end in ("png", "svg", "pdf")}
 
 
 def test_two_figures_per_method_and_two_per_task(run):
@@ -63,8 +63,8 @@ def test_two_figures_per_method_and_two_per_task(run):
     )
     assert run.warnings == []
     assert run.told == [
-        "[1/2] hold-disc/funnel/dqn quick: 4 files",
-        "[2/2] hold-disc/raw/dqn quick: 4 files",
+        "[1/2] hold-disc/funnel/dqn quick: 6 files",
+        "[2/2] hold-disc/raw/dqn quick: 6 files",
     ]
 
 

@@ -1,0 +1,41 @@
+"""One style for all figures."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+from matplotlib.figure import Figure
+
+from stlbench.report.figures import style
+from stlbench.report.figures.style import DOUBLE, RC, SINGLE, styled
+
+FOLDER = Path(style.__file__).parent
+
+
+def test_what_is_drawn_has_the_style_and_leaves_none_behind():
+    @styled
+    def draw() -> Figure:
+        figure = Figure()
+        figure.subplots().set_title("title")
+        return figure
+
+    before = mpl.rcParams["axes.titlesize"], mpl.rcParams["font.size"]
+    (axes,) = draw().axes
+    assert axes.title.get_fontsize() == RC["axes.titlesize"]
+    assert (mpl.rcParams["axes.titlesize"], mpl.rcParams["font.size"]) == before
+
+
+def test_columns_are_those_of_ieee():
+    assert 2 * SINGLE < DOUBLE < 7.2
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)
+def test_sizes_of_text_and_widths_of_figures_are_said_in_one_place(path: Path):
+    """A number in points, or a figure's width in inches, stands in no other file than style.py."""
+    if path.stem != "style":
+        text = path.read_text(encoding="utf-8")
+        assert not re.findall(r"(?:fontsize|labelsize)=\d", text)
+        assert not re.findall(r"figsize=\(\d", text)
