@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test quick lint types imports unit coverage lowest docs gate bench soak reference tuning alignment ablation agents leaderboard clean
+.PHONY: run test quick lint types imports unit coverage lowest docs gate bench soak reference tuning alignment ablation agents leaderboard paper-figures clean
 
 ## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
 run: $(VENV)/ready
@@ -138,6 +138,14 @@ leaderboard: $(VENV)/ready
 	$(BIN)/stlbench bundle build/leaderboard/cheap build/leaderboard/stlbench-cheap.zip \
 	  --author "The stlbench maintainers" --title "Three methods on two cheap tasks"
 	$(BIN)/stlbench leaderboard build/leaderboard/stlbench-cheap.zip $(SUBMITTED) --output $(LEADERBOARD)
+
+## The subjects of the paper's figures, from one seed of each; 6 minutes of CPU time. See docs/figures-of-the-paper.md.
+PAPER := $(BIN)/stlbench run --results results/paper --seeds 1
+paper-figures: $(VENV)/ready-all
+	$(PAPER) --tasks pendulum,robot-nav,integrator-or,annulus,overlap,fetch-reach,cartpole,ball-in-cup --methods funnel
+	$(PAPER) --tasks robot-nav --methods raw
+	$(PAPER) --tasks hold-disc-coarse --methods flag,funnel
+	$(BIN)/python studies/paper_figures.py results/paper
 
 clean:
 	rm -rf $(VENV) $(VENV)-lowest site dist build

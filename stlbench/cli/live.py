@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stlbench.registry.choices import Choice
 from stlbench.result import CellId
@@ -13,10 +15,14 @@ from stlbench.study import running
 from stlbench.study.outlook import Begun, Took, time_left
 from stlbench.study.running import Running
 
-__all__ = ["MOST", "Sight", "begun_of", "duration", "line_of", "remaining", "size_of"]
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = ["MOST", "Sight", "begun_of", "draws", "duration", "line_of", "remaining", "size_of", "sparkline"]
 
 MOST = 8
 """Cells that are listed; the others are counted."""
+_BARS = 20
 
 
 class Sight:
@@ -36,11 +42,30 @@ class Sight:
         return self._seen
 
 
-def line_of(one: Running, now: float) -> str:
-    """hold-disc/funnel/dqn/3: 42 %, 16,800 of 40,000 steps, 12 s; satisfied 88 %, robustness 0.310."""
+def line_of(one: Running, now: float, *, drawn: bool = False) -> str:
+    """hold-disc/funnel/dqn/3: 42 %, 16,800 of 40,000 steps, 12 s; satisfied 88 %, robustness 0.310.
+
+    Where it is `drawn`, for a terminal, with the robustness of the checkpoints so far: ▁▃▅▇.
+    """
     score = "" if one.satisfaction is None or one.robustness is None else _score(one.satisfaction, one.robustness)
     done = f"{100 * one.share:.0f} %, {one.steps:,} of {one.of:,} steps" if one.share < 1 else "trained, is scored"
-    return f"{one.name}: {done}, {duration(max(0.0, now - one.began))}{score}"
+    curve = f" {sparkline([mean for _, _, mean in one.curve])}" if drawn and one.curve else ""
+    return f"{one.name}: {done}, {duration(max(0.0, now - one.began))}{score}{curve}"
+
+
+def sparkline(values: Sequence[float]) -> str:
+    """At most 20 values as bars, the latest, from the least of them to the greatest; a gap where one is no number."""
+    shown = values[-_BARS:]
+    known = [value for value in shown if math.isfinite(value)]
+    low, span = min(known, default=0.0), max(known, default=0.0) - min(known, default=0.0)
+    heights = [round(7 * (value - low) / span) if span else 3 for value in shown if math.isfinite(value)]
+    bars = iter(heights)
+    return "".join("▁▂▃▄▅▆▇█"[next(bars)] if math.isfinite(value) else " " for value in shown)
+
+
+def draws(console: Console) -> bool:
+    """Whether bars can be seen: on a terminal, not in a pipe, and in an encoding that has them."""
+    return console.is_terminal and console.encoding.lower().startswith("utf")
 
 
 def _score(satisfaction: float, robustness: float) -> str:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Self
 from rich.console import Console, RenderableType
 from rich.text import Text
 
-from stlbench.cli.live import MOST, Sight, begun_of, line_of, remaining
+from stlbench.cli.live import MOST, Sight, begun_of, draws, line_of, remaining
 from stlbench.registry.choices import Choice
 from stlbench.result import ACCIDENTS, CellId, Result, reported
 from stlbench.study.outlook import Took
@@ -110,7 +110,7 @@ class Progress:
             self.bar.tasks[0].description = self._left()
         cells, now = self.sight.look(), time.time()
         more = [f"and {len(cells) - MOST} more"] if len(cells) > MOST else []
-        return [*(line_of(one, now) for one in cells[:MOST]), *more]
+        return [*(line_of(one, now, drawn=draws(self.console)) for one in cells[:MOST]), *more]
 
     def _tell(self) -> None:
         """Where nobody sees a bar: a line a minute."""

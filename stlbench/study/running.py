@@ -23,6 +23,8 @@ _SHARE = 0.02
 """Of its time, a cell may spend so much on scores that only someone who watches needs."""
 _SECONDS = 0.2
 """Between two writings at least."""
+_POINTS = 200
+"""Of a curve, at most; budgets have ten to twenty checkpoints."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,8 @@ class Running:
     satisfaction: float | None = None
     """From a few starts, at the last checkpoint that was scored; None before one was."""
     robustness: float | None = None
+    curve: tuple[tuple[int, float, float], ...] = ()
+    """Of the checkpoints that were scored, the latest: steps, share that satisfies, mean robustness."""
 
     @property
     def id(self) -> CellId:
@@ -77,7 +81,8 @@ class Notice:
         began = time.time()
         with suppress(Exception):  # whatever is wrong with a policy is said where it counts, by the referee
             satisfaction, robustness = glance()
-            self._now = replace(self._now, satisfaction=satisfaction, robustness=robustness)
+            curve = (*self._now.curve, (self._now.steps, satisfaction, robustness))[-_POINTS:]
+            self._now = replace(self._now, satisfaction=satisfaction, robustness=robustness, curve=curve)
         self._spent += time.time() - began
 
     def _write(self) -> None:
@@ -122,8 +127,10 @@ def running(folder: Path) -> list[Running]:
     """The cells that run, in the order in which they began. Files that say nothing are passed over."""
     found = list[Running]()
     for path in sorted((folder / FOLDER).glob("*.json")):
-        with suppress(OSError, ValueError, TypeError, KeyError):
-            one = Running(**json.loads(path.read_text(encoding="utf-8")))
+        with suppress(OSError, ValueError, TypeError, KeyError, AttributeError):
+            said = json.loads(path.read_text(encoding="utf-8"))
+            curve = tuple((int(steps), float(share), float(mean)) for steps, share, mean in said.pop("curve", ()))
+            one = Running(**said, curve=curve[-_POINTS:])
             if isinstance(one.of, int) and isinstance(one.steps, int) and one.began + one.told and one.id:
                 found.append(one)
     return sorted(found, key=lambda one: (one.began, one.name))

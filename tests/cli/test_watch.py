@@ -8,6 +8,8 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.cli import progress
+from stlbench.cli.live import sparkline
+from stlbench.cli.looker import Looker
 from stlbench.cli.progress import Progress
 from stlbench.result import CellId
 from stlbench.study.ledger import FILE, Ledger
@@ -82,3 +84,37 @@ def test_the_time_left_counts_checkpoints_of_cells_that_run(tmp_path, monkeypatc
         for notice in notices:
             notice.at(int(4000 * share))
         assert told._left() == {0.25: "about 3 min 0 s left", 0.5: "about 1 min 0 s left"}[share]
+
+
+def test_bars_of_a_curve():
+    assert sparkline([0.0, 0.5, 1.0]) == "▁▅█"
+    assert sparkline([2.0, 2.0]) == "▄▄"
+    assert sparkline([float("nan"), -1.0, 1.0]) == " ▁█"
+    assert len(sparkline([float(i) for i in range(100)])) == 20
+    assert sparkline([]) == ""
+
+
+def test_the_curve_is_drawn_on_a_terminal_and_not_in_a_pipe(tmp_path, say, monkeypatch):
+    monkeypatch.setattr("stlbench.study.running._SECONDS", 0.0)
+    monkeypatch.setattr("stlbench.study.running._SHARE", 1.0)
+    cells = planned(tmp_path)
+    with writing(tmp_path):
+        notice = announce(tmp_path, cells[2], 4000)
+        for steps, mean in ((1000, -1.0), (2000, 0.5)):
+            notice.at(steps, lambda mean=mean: (0.5, mean))
+        piped = say("watch", tmp_path, "--once").stdout
+        view = Looker(tmp_path).look()
+    assert "▁" not in piped
+    assert piped.isascii()
+    assert view.lines(drawn=True)[1].endswith("robustness 0.500 ▁█")
+
+
+def test_results_are_in_the_order_in_which_they_came(tmp_path):
+    cells = planned(tmp_path)
+    looker = Looker(tmp_path)
+    assert [each.id.seed for each in looker.look().results] == [0, 1]
+    with Ledger(tmp_path / FILE) as ledger:
+        ledger.plan({f"hold-disc/cfer/dqn/0/{cells[0].budget}": CellId.parse("hold-disc/cfer/dqn/0", "quick")})
+        ledger.record(result("cfer"))
+    looker.stamp = ()
+    assert [str(each.id.method) for each in looker.look().results] == ["funnel", "funnel", "cfer"]

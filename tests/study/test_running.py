@@ -79,3 +79,20 @@ def test_without_a_folder_nothing_is_written(tmp_path: Path, monkeypatch: pytest
     monkeypatch.chdir(tmp_path)
     announce(None, CELL, 4000).at(1000, lambda: pytest.fail("scored for nobody"))
     assert not any(tmp_path.iterdir())
+
+
+def test_the_curve_so_far_is_kept(tmp_path: Path, clock: list[float]) -> None:
+    notice = announce(tmp_path, CELL, 4000)
+    for steps, mean in ((1000, -1.0), (2000, 0.5)):
+        clock[0] += 60.0
+        notice.at(steps, lambda mean=mean: (0.5, mean))
+    (found,) = running(tmp_path)
+    assert found.curve == ((1000, 0.5, -1.0), (2000, 0.5, 0.5))
+
+
+@pytest.mark.parametrize("curve", ["x", [[1]], [[1, "a", 2]], 3])
+def test_a_cell_whose_curve_is_none_is_passed_over(tmp_path: Path, clock: list[float], curve: object) -> None:
+    announce(tmp_path, CELL, 4000)
+    (path,) = (tmp_path / FOLDER).iterdir()
+    path.write_text(json.dumps({**json.loads(path.read_text()), "curve": curve}))
+    assert running(tmp_path) == []
