@@ -57,6 +57,10 @@ class Agent(ABC):
     """What it makes the most of where it plans: the method's reward, or the formula's robustness, whatever the method.
     It is then given dynamics and reward themselves, as `Training.model`, in place of environments to learn from. What
     it finds shows what a reward asks for, or what is possible; it is no rival of learned policies."""
+    trains: ClassVar[bool] = True
+    """Whether it learns by steps of environments. False of one whose policy is there without, as a controller by hand;
+    one that plans need not say it. Of one that trains and has taken no step, no policy is scored: the cell is
+    `raised`."""
     search_space: ClassVar[Mapping[str, tuple[float | int | str | bool, ...]]] = MappingProxyType({})
     """What `stlbench tune` tries, the same for every method: parameter -> values. `hold` stands for the steps for which
     the task holds an action; of its values those count that fit the task. The value of the task's own recipe is tried

@@ -67,16 +67,21 @@ class Ledger(Records):
             failures = _failures(*before) + 1 if before else 1
             _insert(database, values(result, self.path.parent, failures if result.status in ACCIDENTS else 0))
 
-    def mark(self, keys: Iterable[str]) -> None:
-        """Have the cells with these keys measured again. Their results count until there are others."""
+    def mark(self, key: str, own: str) -> None:
+        """Have the cell with this key measured again. Its result counts until there is another.
+
+        `own` is the key that its result says; a row with another one gets it, unless there is one that has it.
+        """
         with self._writing() as database:
-            database.executemany("UPDATE cells SET again = 1 WHERE key = ?", [(key,) for key in keys])
+            database.execute("UPDATE OR IGNORE cells SET again = 1, key = ? WHERE key = ?", (own, key))
+            if own != key:
+                database.execute("DELETE FROM cells WHERE key = ?", (key,))
 
     def copy(self, source: Ledger) -> None:
         """Take over the plan and the rows of another ledger, as they are, as far as they can be read."""
         self.plan_also(source.planned())
         with self._writing() as database:
-            for row in source.listed():
+            for row in source.listed(from_index=False):
                 _insert(database, source.columns(row))
 
     def remove(self, cell: CellId) -> list[str]:

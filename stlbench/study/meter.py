@@ -43,6 +43,14 @@ class Meter:
                 f"agent {self._agent} reports a policy after {reported} environment steps, and had taken {self.taken}"
             )
 
+    def check_trained(self) -> None:
+        """Raises `RuntimeError` where no step was taken: such a policy was not trained."""
+        if self.taken == 0:
+            raise RuntimeError(
+                f"agent {self._agent} returned a policy and took no environment step: an agent trains on environments "
+                "of `training.make`, or says `trains = False`"
+            )
+
     def __deepcopy__(self, memo: dict[int, Any]) -> Meter:
         return self  # the copy of an environment counts where the environment does
 

@@ -5,25 +5,41 @@ from __future__ import annotations
 import json
 import sqlite3
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 from stlbench.result import IDENTITY, CellId, Result
-from stlbench.study.rows import LISTED, Row, cell_of, result_of
+from stlbench.study.rows import LISTED, Row, cell_of, result_of, texts
 from stlbench.study.salvage import salvage
 from stlbench.study.schema import is_sqlite, open_to_read
 
-__all__ = ["LedgerWarning", "Records"]
+__all__ = ["LedgerWarning", "Recorded", "Records"]
 
 _IDENTITY = ", ".join(IDENTITY)
 
 
 class LedgerWarning(UserWarning):
     """A part of a ledger is damaged; the others can be read."""
+
+
+class Recorded(NamedTuple):
+    """One row, and what is wrong with it."""
+
+    key: str
+    cell: CellId | None
+    """None where that cannot be read."""
+    files: Mapping[str, str] | None
+    """Checksums of the files beside it; None where an older stlbench recorded none."""
+    result: Result | str
+    """What is wrong with it in place of a result."""
+    again: bool = False
+    """Whether it is to be measured again."""
+    own_key: str = ""
+    """That of its result, where its columns are damaged."""
 
 
 class Records:
@@ -82,17 +98,22 @@ class Records:
             return [str(error)]
         return [line for text in said for line in text.splitlines() if line != "ok"]
 
-    def rows(self) -> list[tuple[Row, Mapping[str, str] | None, Result | str]]:
-        """Every row that can be found, the checksums of its files (None where an older stlbench recorded none), and its
-        result or what is wrong with it."""
-        found = list[tuple[Row, Mapping[str, str] | None, Result | str]]()
-        for row in self.listed():
-            try:
-                result, files = self._content(row)
-                found.append((row, files, result))
-            except (sqlite3.DatabaseError, ValueError) as error:
-                found.append((row, None, one_line(str(error).splitlines()[0])))
-        return found
+    def recorded(self) -> Iterator[Recorded]:
+        """Every row that can be found, whatever is in it, one at a time."""
+        if self._database is not None:
+            for columns in salvage(self._database, "cells", LISTED).rows:
+                yield self._recorded(*columns)
+
+    def _recorded(self, number: int, key: str, *columns: Any) -> Recorded:
+        again = bool(columns[2])
+        try:
+            result, files = self._content(number, key)
+        except (sqlite3.DatabaseError, ValueError) as error:
+            said = one_line(str(error).splitlines()[0])
+            return Recorded(key, _cell(number, key, *columns), None, said, again=again)
+        if (key, *columns) != (result.key, result.status, *columns[1:3], *texts(result.id)):
+            return Recorded(key, result.id, None, "its columns do not say what its result says", again, result.key)
+        return Recorded(key, result.id, files, result, again)
 
     def lost(self) -> dict[str, CellId | None]:
         """The keys of rows of which no more is known, with their cells where the plan has them."""
@@ -101,11 +122,15 @@ class Records:
         planned = self.planned()
         return {key: planned.get(key) for key in salvage(self._database, "cells", LISTED).lost.values()}
 
-    def listed(self) -> list[Row]:
-        """All rows, one by one where a page of the file is damaged: then those that can be read."""
+    def listed(self, *, from_index: bool = True) -> list[Row]:
+        """All rows in the order in which they were recorded; where a page is damaged, those that can be read.
+
+        `from_index` reads the index, which is far shorter than the table; what is damaged of the table alone is seen
+        when a result is read.
+        """
         if self._database is None:
             return []
-        found, rows = salvage(self._database, "cells", LISTED), list[Row]()
+        found, rows = salvage(self._database, "cells", LISTED, from_index=from_index), list[Row]()
         for columns in found.rows:
             try:
                 rows.append(Row.of(*columns))
@@ -122,16 +147,16 @@ class Records:
     def read(self, row: Row) -> Result | None:
         """The result of a row; None, with a warning, where it is damaged."""
         try:
-            return self._content(row)[0]
+            return self._content(row.number, row.key)[0]
         except (sqlite3.DatabaseError, ValueError) as error:
             self._warn(f"the row of {row.cell.name}", str(error))
             return None
 
-    def _content(self, row: Row) -> tuple[Result, Mapping[str, str] | None]:
+    def _content(self, number: int, key: str) -> tuple[Result, Mapping[str, str] | None]:
         """Its result and the checksums of its files. Raises `DatabaseError` or `ValueError` where it is damaged."""
         assert self._database is not None
         query = "SELECT result, checksum, files FROM cells WHERE rowid = ? AND key = ?"
-        ((text, checksum, files),) = self._database.execute(query, (row.number, row.key)).fetchall()
+        ((text, checksum, files),) = self._database.execute(query, (number, key)).fetchall()
         return result_of(text, checksum), json.loads(files) if files else None
 
     def columns(self, row: Row) -> dict[str, Any]:
@@ -147,6 +172,13 @@ class Records:
         way = f"`stlbench verify {self.path.parent} --repair` has it measured again"
         said = f"{self.path}: {what} is damaged and passed over; {way} ({one_line(problem.splitlines()[0])})"
         warnings.warn(said, LedgerWarning, stacklevel=3)
+
+
+def _cell(number: int, key: str, *columns: Any) -> CellId | None:
+    try:
+        return Row.of(number, key, *columns).cell
+    except ValueError:
+        return None
 
 
 def _has_content(path: Path) -> bool:

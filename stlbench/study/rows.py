@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, Self, cast
+from typing import Any, NamedTuple, Self, cast, get_args
 
 from stlbench.registry.choices import parse_choice
 from stlbench.result import IDENTITY, CellId, Result, Status, Track, from_json, reported, to_json
@@ -36,6 +36,8 @@ class Row(NamedTuple):
     @classmethod
     def of(cls, number: int, key: str, status: Status, failures: int, again: int, *identity: str | int) -> Self:
         """That of a rowid and the columns `LISTED`. Raises `ValueError` where they are damaged."""
+        if status not in get_args(Status):
+            raise ValueError(f"no status {status!r:.80}")
         return cls(number, key, status, failures, bool(again), cell_of(*identity))
 
 
@@ -47,6 +49,8 @@ def cell_of(*identity: str | int) -> CellId:
     task, method, agent, seed, budget, track = identity
     if not isinstance(seed, int):
         raise ValueError(f"a seed should be a number, got {seed!r:.80}")
+    if track not in get_args(Track):
+        raise ValueError(f"no track {track!r:.80}")
     return CellId(
         _choice(str(task)), _choice(str(method)), _choice(str(agent)), seed, str(budget), cast(Track, str(track))
     )

@@ -8,12 +8,17 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from stlbench.errors import UsageError
+from stlbench.study.rows import LISTED
 
 __all__ = ["VERSION", "is_sqlite", "open_to_read", "open_to_write"]
 
-VERSION = 4
+VERSION = 5
 """Of the tables below, in `PRAGMA user_version`. Version 1 had no plan, version 2 no tracks, version 3 no checksums,
-no count of failures, and no mark of what is to be measured again."""
+no count of failures, and no mark of what is to be measured again; version 4 had no index of what rows say without their
+results."""
+
+_ALIKE = 4
+"""From this version on, all tables have the same columns, so that a file is read as it is."""
 
 APPLICATION = int.from_bytes(b"STLB", "big")
 """In `PRAGMA application_id`: tells a ledger from any other SQLite file."""
@@ -42,6 +47,11 @@ _ADDED = {
 }
 """Columns that came later: `checksum` of the text `result`, and `files`, those of the files beside it, as JSON; how
 often in a row the cell has failed; whether it is to be measured again, though it has a result."""
+
+
+_INDEX = f"CREATE INDEX IF NOT EXISTS listed ON cells ({LISTED})"
+"""With it, what is missing of a study is found without a look at the pages that results are in: for 100,000 cells 10 MB
+in place of a GB."""
 
 
 def open_to_read(path: Path) -> sqlite3.Connection:
@@ -103,7 +113,7 @@ def _connect_to_read(path: Path) -> sqlite3.Connection:
 
 
 def _to_read(path: Path, database: sqlite3.Connection) -> sqlite3.Connection:
-    if _version(path, database) == VERSION:
+    if _version(path, database) >= _ALIKE:
         return database
     copy = sqlite3.connect(":memory:", isolation_level=None)
     database.backup(copy)
@@ -154,5 +164,6 @@ def _migrate(database: sqlite3.Connection) -> None:
             present = {row[1] for row in database.execute(f"PRAGMA table_info({table})")}
             for name in columns.keys() - present:
                 database.execute(f"ALTER TABLE {table} ADD COLUMN {name} {columns[name]}")
+        database.execute(_INDEX)
         database.execute(f"PRAGMA application_id = {APPLICATION}")
         database.execute(f"PRAGMA user_version = {VERSION}")

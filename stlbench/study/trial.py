@@ -178,7 +178,7 @@ def _train(
     """Rehearse, unless the agent plans, and train by the clock.
 
     Raises `RuntimeError` where the agent takes more steps than its budget, also by what it has kept of the rehearsal,
-    or reports more than it took.
+    reports more than it took, or trains and takes none.
     """
     used: list[MeteredEnvironment] = []
     reported: list[_Reported] = []
@@ -201,6 +201,8 @@ def _train(
     clock.resume()
     final = agent.train(training)
     clock.pause()
+    if agent.trains and agent.plans is None:
+        meter.check_trained()
     taken = meter.taken
     size = max((environment.observation_size for environment in used), default=0)
     return _Trained(final, reported or [_Reported(final, taken, clock.cpu)], taken, clock, size)

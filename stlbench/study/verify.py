@@ -14,7 +14,8 @@ from stlbench.study import stored
 from stlbench.study.beside import files_beside
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writing
-from stlbench.study.rows import Row, checksums_beside
+from stlbench.study.records import Recorded
+from stlbench.study.rows import checksums_beside
 
 __all__ = ["Damage", "Verified", "repair", "verify"]
 
@@ -35,6 +36,8 @@ class Damage(NamedTuple):
     what: str
     """row, traces or policies."""
     problem: str
+    own_key: str = ""
+    """That of its result, where the columns of its row are damaged, perhaps `key` too."""
 
     @property
     def name(self) -> str:
@@ -72,15 +75,15 @@ def verify(folder: Path) -> Verified:
     if (file := stored.locate(folder)) is not None and file.name == stored.LINES:
         return Verified(sum(1 for _ in stored.read(folder)), 0, 0, (), (), 0)
     with Ledger(folder / FILE, create=False) as ledger:
-        listed, damages = ledger.rows(), [Damage(key, cell, "row", _LOST) for key, cell in ledger.lost().items()]
-        found = [_looked_at(folder, *each) for each in listed]
+        damages = [Damage(key, cell, "row", _LOST) for key, cell in ledger.lost().items()]
+        found = [_looked_at(folder, each) for each in ledger.recorded()]
         return Verified(
-            rows=len(listed),
+            rows=len(found),
             files=sum(one.files for one in found),
             unknown=sum(one.unknown for one in found),
             structure=tuple(ledger.problems()),
             damages=(*damages, *(damage for one in found for damage in one.damages)),
-            marked=sum(row.again for row, *_ in listed),
+            marked=sum(one.again for one in found),
         )
 
 
@@ -90,40 +93,41 @@ class _Found(NamedTuple):
     damages: tuple[Damage, ...]
     files: int
     unknown: bool
+    again: bool
 
 
-def _looked_at(folder: Path, row: Row, checksums: Mapping[str, str] | None, result: Result | str) -> _Found:
-    if isinstance(result, str):
-        return _Found((Damage(row.key, row.cell, "row", result),), 0, unknown=False)
-    if checksums is None:
-        return _Found(tuple(_unreadable(folder, row, result)), 0, unknown=True)
-    damages = tuple(_changed(folder, row, checksums, result))
-    return _Found(damages, len(checksums) - len(damages), unknown=False)
+def _looked_at(folder: Path, row: Recorded) -> _Found:
+    if isinstance(row.result, str):
+        return _Found((Damage(row.key, row.cell, "row", row.result, row.own_key),), 0, unknown=False, again=row.again)
+    if row.files is None:
+        return _Found(tuple(_unreadable(folder, row.result)), 0, unknown=True, again=row.again)
+    damages = tuple(_changed(folder, row.files, row.result))
+    return _Found(damages, len(row.files) - len(damages), unknown=False, again=row.again)
 
 
-def _changed(folder: Path, row: Row, checksums: Mapping[str, str], result: Result) -> Iterator[Damage]:
-    beside, there = files_beside(folder, row.cell, row.key), checksums_beside(folder, result)
+def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iterator[Damage]:
+    beside, there = files_beside(folder, result.id, result.key), checksums_beside(folder, result)
     for what, path in (("traces", beside.traces), ("policies", beside.policies)):
         if what in checksums and there.get(what) != checksums[what]:
             problem = "is not as it was recorded" if what in there else "is missing"
-            yield Damage(row.key, row.cell, what, f"{path} {problem}")
+            yield Damage(result.key, result.id, what, f"{path} {problem}")
 
 
-def _unreadable(folder: Path, row: Row, result: Result) -> Iterator[Damage]:
+def _unreadable(folder: Path, result: Result) -> Iterator[Damage]:
     """Of files without a checksum: those that are there and cannot be read."""
-    beside = files_beside(folder, row.cell, row.key)
+    beside = files_beside(folder, result.id, result.key)
     kept = result.measurement is not None and result.measurement.policies is not None and beside.policies.is_file()
     try:
         if beside.traces.is_file():
             saved_traces.read_saved(beside.traces)
     except UsageError as error:
-        yield Damage(row.key, row.cell, "traces", str(error))
+        yield Damage(result.key, result.id, "traces", str(error))
     try:
         if kept:
             saved_policies.read(folder, result, "selected")
             saved_policies.read(folder, result, "final")
     except UsageError as error:
-        yield Damage(row.key, row.cell, "policies", str(error))
+        yield Damage(result.key, result.id, "policies", str(error))
 
 
 # ------------------------------------------------------------------------------------------------------------- repair
@@ -144,7 +148,8 @@ def repair(folder: Path) -> Verified:
             _write_anew(folder / FILE)
         if found.damages:
             with Ledger(folder / FILE) as ledger:
-                ledger.mark(damage.key for damage in found.damages)
+                for damage in found.damages:
+                    ledger.mark(damage.key, damage.own_key or damage.key)
     return found
 
 

@@ -42,9 +42,10 @@ def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
     """Check an agent by short trainings on a point on a line: with a grid of actions, continuous ones, two robots.
 
     The rules: `search_space` has parameters and values that fit them; `cost` grows with observations and decisions;
-    training takes no more than its budget and reports policies that later training does not change; the same seed gives
-    the same policies, bit for bit; a policy's actions are the task's, pure, and those of a batch are its rows' one by
-    one; a policy that can be kept acts the same when it is restored. An agent may refuse some of the tasks.
+    training takes no more than its budget, and some of it unless the agent says that it does not train (`trains`),
+    and reports policies that later training does not change; the same seed gives the same policies, bit for bit; a
+    policy's actions are the task's, pure, and those of a batch are its rows' one by one; a policy that can be kept
+    acts the same when it is restored. An agent may refuse some of the tasks.
 
     Args:
         agent: a class, made with its default parameters, or the name of an installed agent with parameters.
@@ -152,6 +153,8 @@ def _check_training(agent: Agent, task: Task, rules: Rules) -> None:
     same = [traces for *_, traces in once.reported] == [traces for *_, traces in again.reported]
     rules.keep(same, "the same seed gives the same reported policies, bit for bit", "others")
     rules.keep(behave(once.final) == behave(again.final), "the same seed gives the same final policy", "another")
+    idle = once.taken == 0 and agent.trains and agent.plans is None
+    rules.keep(not idle, "an agent takes environment steps, plans, or says trains = False", "no step")
     _check_restored(agent, once.final, task.actions, behave, rules)
 
 

@@ -40,7 +40,7 @@ def read(path):
         ledger.finished(keys, ACCIDENTS, 3)
         ledger.counted()
         ledger.lost()
-        ledger.rows()
+        list(ledger.recorded())
         problems = ledger.problems()
     assert all(issubclass(one.category, LedgerWarning) for one in said)
     assert all("is damaged and passed over; `stlbench verify" in str(one.message) for one in said)

@@ -13,6 +13,7 @@ from stlbench.errors import UsageError
 from stlbench.result import to_json
 from stlbench.study import schema
 from stlbench.study.ledger import Ledger
+from stlbench.study.rows import LISTED
 from stlbench.study.schema import VERSION
 
 CELLS = """
@@ -29,12 +30,17 @@ CREATE TABLE planned (
 );
 """
 TRACK = ", track TEXT NOT NULL DEFAULT 'shared'"
+LATER = (
+    ", checksum TEXT NOT NULL DEFAULT '', files TEXT NOT NULL DEFAULT '', "
+    "failures INTEGER NOT NULL DEFAULT 0, again INTEGER NOT NULL DEFAULT 0"
+)
 OLD = {
     1: CELLS.format(""),
     2: CELLS.format("") + PLANNED.format(""),
     3: CELLS.format(TRACK) + PLANNED.format(TRACK),
+    4: CELLS.format(TRACK + LATER) + PLANNED.format(TRACK),
 }
-"""By version: commits a25648b, 593c7ac and 6f00691."""
+"""By version: commits a25648b, 593c7ac, 6f00691 and 5d66f47."""
 
 
 def without(text, *names):
@@ -51,6 +57,7 @@ def write(path, version, journal="delete"):
         row = [entry.key, "hold-disc", "funnel", "dqn", entry.id.seed, "quick", entry.status, entry.reason]
         text = to_json(entry) if version > 2 else without(to_json(entry), "track")
         row += [0.3, 1.0, 10.0, 12.0, "2026-11-20T10:00:00+00:00", text, *(["shared"] if version > 2 else [])]
+        row += ["", "", 0, 0] if version > 3 else []
         database.execute(f"INSERT INTO cells VALUES ({', '.join('?' * len(row))})", row)
     for entry in entries if version > 1 else ():
         row = [entry.key, "hold-disc", "funnel", "dqn", entry.id.seed, "quick", *(["shared"] if version > 2 else [])]
@@ -63,6 +70,11 @@ def write(path, version, journal="delete"):
 def columns_of(database):
     tables = ("cells", "planned")
     return {table: {row[1] for row in database.execute(f"PRAGMA table_info({table})")} for table in tables}
+
+
+def plan_of_listing(database):
+    ((*_, said),) = database.execute(f"EXPLAIN QUERY PLAN SELECT rowid, {LISTED} FROM cells")
+    return said
 
 
 @pytest.fixture
@@ -81,7 +93,7 @@ def test_an_old_ledger_is_read_as_it_is(path, version, journal):
         assert ledger.finished([entry.key for entry in entries]) == {entry.key for entry in entries[:2]}
         assert ledger.finished([entries[1].key], ["killed"], 3) == set()
         assert ledger.given_up([entries[1].key], 1) == [entries[1].id]
-        assert [files for _, files, _ in ledger.rows()] == [None, None]
+        assert [row.files for row in ledger.recorded()] == [None, None]
     assert path.read_bytes() == before
 
 
@@ -94,7 +106,7 @@ def test_what_is_written_makes_it_one_of_today_that_has_lost_nothing(path, versi
     with Ledger(path, create=False) as ledger:
         assert list(ledger.results()) == entries
         assert ledger.given_up([entries[1].key], 2) == [entries[1].id]  # the failure of before counts
-        assert [files for _, files, _ in ledger.rows()] == [None, {}, {}]
+        assert [row.files for row in ledger.recorded()] == [None, {}, {}]
     database = sqlite3.connect(path)
     assert database.execute("PRAGMA user_version").fetchone() == (VERSION,)
     columns = {
@@ -105,6 +117,7 @@ def test_what_is_written_makes_it_one_of_today_that_has_lost_nothing(path, versi
         ledger.plan({})
     new = sqlite3.connect(path.with_name("new.sqlite"))
     assert columns == columns_of(new)
+    assert plan_of_listing(new) == plan_of_listing(sqlite3.connect(path)) == "SCAN cells USING COVERING INDEX listed"
     new.close()
 
 

@@ -280,6 +280,17 @@ class TestScript:
         with pytest.raises(RuntimeError, match=said):
             trial.run_cell(self.cell())
 
+    def test_an_agent_that_takes_no_step_is_an_accident_unless_it_says_so(self, agent: Callable[[int], Any]) -> None:
+        script = agent(2)
+        script.actions = []
+        said = "agent zz-script returned a policy and took no environment step: .* or says `trains = False`"
+        with pytest.raises(RuntimeError, match=said):
+            trial.run_cell(self.cell())
+        script.Script.trains = False
+        found = trial.run_cell(self.cell()).measurement
+        assert found is not None
+        assert found.env_steps == 0
+
     @pytest.mark.parametrize(
         ("keep", "message"),
         [

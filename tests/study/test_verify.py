@@ -80,6 +80,26 @@ def test_a_row_that_is_not_as_it_was_recorded(folder):
         assert ledger.finished(keyed(seed).key for seed in range(3)) == {keyed(0).key, keyed(2).key}
 
 
+@pytest.mark.filterwarnings("ignore::stlbench.study.records.LedgerWarning")
+@pytest.mark.parametrize(
+    "column", ["seed='x'", "seed=7", "track=''", "budget=''", "method='a/b'", "status='x'", "key='k'"]
+)
+def test_a_row_whose_columns_say_another_thing_than_its_result(folder, column):
+    with sqlite3.connect(folder / FILE) as database:
+        database.execute(f"UPDATE cells SET {column} WHERE seed = 1")
+    database.close()
+    assert said(verify(folder)) == [
+        ("hold-disc/funnel/dqn/1 quick", "row", "its columns do not say what its result says")
+    ]
+    repair(folder)
+    with Ledger(folder / FILE) as ledger:
+        assert ledger.finished(keyed(seed).key for seed in range(3)) == {keyed(0).key, keyed(2).key}
+        ledger.record(keyed(1))
+    assert verify(folder).is_whole
+    with Ledger(folder / FILE) as ledger:
+        assert [entry.id.seed for entry in ledger.results()] == [0, 1, 2]
+
+
 def test_the_next_run_measures_exactly_what_was_damaged(tmp_path, monkeypatch):
     monkeypatch.setattr(run, "check_cells", lambda cells: ())
     monkeypatch.setattr(run, "uncompiled", lambda cells: ())

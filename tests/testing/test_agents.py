@@ -140,6 +140,24 @@ def test_a_policy_that_later_training_changes_is_not_frozen() -> None:
         check_agent(broken(train=train))
 
 
+def idle(self: Any, training: Training) -> Policy:
+    """Reports a policy of all zeros, without a step."""
+    environment = training.make(1)
+    grid = isinstance(environment.actions, ActionGrid)
+    out = environment.actions.size if isinstance(environment.actions, ActionGrid) else len(environment.actions.low)
+    policy = Weighted(np.zeros((environment.observation_size, out)), grid)
+    training.report(policy, 0)
+    return policy
+
+
+def test_an_agent_takes_steps_unless_it_says_that_it_does_not_train() -> None:
+    with pytest.raises(
+        AssertionError, match=r"an agent takes environment steps, plans, or says trains = False; got no"
+    ):
+        check_agent(broken(train=idle))
+    check_agent(broken(train=idle, trains=False))
+
+
 def test_an_agent_that_refuses_all_tasks_says_why() -> None:
     def train(self: Any, training: Training) -> Policy:
         raise Unsuitable("only weather")
