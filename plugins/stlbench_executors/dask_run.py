@@ -97,7 +97,7 @@ class DaskRun:
             self._lose(flight)
         for flight in [flight for flight in self._flights.values() if flight.end < begin]:
             self._forget(flight)
-            self._over.append(Outcome(flight.item, "timeout", reason="its worker does not answer"))
+            self._over.append(Outcome(flight.item, "timeout", reason="its worker does not answer", facts={}))
         self._join({worker: threads for worker, threads in there.items() if worker not in self._known})
         self._tell_if_alone()
         took = time.monotonic() - begin
@@ -178,7 +178,8 @@ class DaskRun:
         if status == "finished" and isinstance(said, Ended):
             self._over.append(outcome_of(flight.item, said))
         elif status == "error" and not isinstance(said[1], KilledWorker):
-            self._over.append(Outcome(flight.item, "killed", reason=f"its worker could not run it: {cause(said[1])}"))
+            reason = f"its worker could not run it: {cause(said[1])}"
+            self._over.append(Outcome(flight.item, "killed", reason=reason, facts={}))
         else:
             self._present()  # or the scheduler is gone, and no worker to blame
             self._free.pop(flight.worker, None)  # where it is there, it joins again
@@ -189,7 +190,7 @@ class DaskRun:
             self._waiting.appendleft(flight.item)
         else:
             reason = f"the worker that ran it was lost, {OFFERS} times"
-            self._over.append(Outcome(flight.item, "killed", reason=reason))
+            self._over.append(Outcome(flight.item, "killed", reason=reason, facts={}))
 
     def _forget(self, flight: _Flight) -> None:
         del self._flights[flight.key]

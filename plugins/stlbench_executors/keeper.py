@@ -7,13 +7,15 @@ milliseconds, with all modules loaded and nothing that another item has changed.
 from __future__ import annotations
 
 import os
+import pickle
 import selectors
 import signal
 import tempfile
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, nullcontext, suppress
+from functools import cache
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import IO, Literal, NamedTuple
@@ -39,6 +41,8 @@ class Task(NamedTuple):
     """Wall seconds."""
     log: Path | None
     """File for what it writes to standard output and error."""
+    facts: bytes = b""
+    """Pickled: what says where it runs; nothing where nobody asks."""
 
 
 class Ended(NamedTuple):
@@ -48,6 +52,8 @@ class Ended(NamedTuple):
     answer: bytes = b""
     """Pickled: a `cell.Answer`, where it answered."""
     reason: str = ""
+    facts: Mapping[str, str] | None = None
+    """What was said of where it ran; None where that is not known."""
 
 
 class _Closed(Exception):
@@ -65,7 +71,12 @@ def keep(link: Connection, limit: int) -> None:
     link.send(os.getpid())
     with suppress(EOFError, OSError, _Closed):
         while (task := link.recv()) is not None:
-            link.send(_run(task, link, limit))
+            link.send(_run(task, link, limit)._replace(facts=_facts(task.facts)))
+
+
+@cache
+def _facts(said: bytes) -> dict[str, str]:
+    return dict(pickle.loads(said)()) if said else {}  # noqa: S301 - from our own parent
 
 
 def _run(task: Task, link: Connection, limit: int) -> Ended:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
+from dataclasses import replace
 from multiprocessing import connection
 from typing import Annotated, Any
 
@@ -67,6 +68,6 @@ def _outcomes(order: Order, slots: Sequence[Slot]) -> Generator[Outcome]:
         ready = connection.wait(list(links), timeout=min(slots_of.LOOK_SECONDS, slots_of.START_SECONDS / 4))
         for link, slot in links.items():
             if link in ready and (ended := slot.heard()) is not None:
-                yield outcome_of(held.pop(slot), ended)
+                yield replace(outcome_of(held.pop(slot), ended), facts=None)
         for slot in slots:
             slot.look()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import traceback
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,11 +41,16 @@ class Order:
         """What the keeper of an item is given."""
         item = self._items[index]
         log = None if self.work.log is None else Path(self.work.log(item)).absolute()
-        return Task(pickle.dumps((self.work.function, item)), self.deadlines[index], log)
+        facts = b"" if self.work.facts is None else pickle.dumps(self.work.facts)
+        return Task(pickle.dumps((self.work.function, item)), self.deadlines[index], log, facts)
 
 
 def outcome_of(index: int, said: Ended) -> Outcome:
     """How an item ended, for the harness."""
+    return replace(_outcome_of(index, said), facts=said.facts or {})
+
+
+def _outcome_of(index: int, said: Ended) -> Outcome:
     if said.status != "answered":
         return Outcome(index, said.status, reason=said.reason)
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -27,6 +27,10 @@ class Work:
     log: Callable[[Any], Path] | None = None
     """Where what an item writes to standard output and error may be kept; the folder need not be there."""
 
+    facts: Callable[[], Mapping[str, str]] | None = None
+    """Importable. It says where it is called: an executor that runs items on other machines calls it there, and gives
+    what it says in `Outcome.facts`."""
+
     def __call__(self, item: Any) -> Any:
         """What the function returns."""
         return self.function(item)
@@ -45,6 +49,9 @@ class Outcome:
     """One line for a person: "ValueError: ..." or "no result after 60 s" or "killed by signal 9"."""
     details: str = field(default="", repr=False)
     """The traceback, where there is one."""
+    facts: Mapping[str, str] | None = field(default=None, repr=False)
+    """What `Work.facts` says where the item ran; empty where that is not known. None means that it ran on the machine
+    of the caller."""
 
 
 class Executor(ABC):

@@ -6,6 +6,7 @@ import os
 import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from stlbench.study.cell import Cell
 
-__all__ = ["CODE", "TASK_FOLDER", "code_of", "collect", "of_cell"]
+__all__ = ["CODE", "TASK_FOLDER", "code_of", "collect", "elsewhere", "here", "of_cell"]
 
 TASK_FOLDER = "task_folder"
 """Beside these facts, in the cells of a task that is a folder: where it was."""
@@ -25,14 +26,24 @@ PACKAGES = ("mujoco", "numba", "numpy", "scipy", "stable-baselines3", "stlbench-
 
 
 def collect(jobs: int) -> dict[str, str]:
-    """The provenance of cells that start now, `jobs` of them at a time. Imports none of the packages it names."""
+    """The provenance of cells that start now on this machine, `jobs` of them at a time."""
+    began = datetime.now(UTC).isoformat(timespec="seconds")
+    return {**here(), "jobs": str(jobs or "as many as there were places"), "time": began}
+
+
+@cache
+def here() -> dict[str, str]:
+    """What of it is of the machine on which this is called. Imports none of the packages that it names."""
     return {
         "python": platform.python_version(),
         **{name: _version(name) for name in PACKAGES},
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs, {_processor()}",
-        "jobs": str(jobs or "as many as there were places"),
-        "time": datetime.now(UTC).isoformat(timespec="seconds"),
     }
+
+
+def elsewhere(provenance: Mapping[str, str], facts: Mapping[str, str]) -> dict[str, str]:
+    """The provenance of a cell of the same run for which `here` said this on another machine."""
+    return {**facts, **{name: said for name, said in provenance.items() if name not in here()}}
 
 
 def of_cell(cell: Cell) -> dict[str, str]:

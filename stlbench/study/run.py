@@ -20,7 +20,7 @@ from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writing
 from stlbench.study.logs import log_of
 from stlbench.study.plan import check_cells, uncompiled
-from stlbench.study.provenance import collect
+from stlbench.study.provenance import collect, here
 from stlbench.study.results import Results
 from stlbench.study.study import Study
 from stlbench.study.superseded import note, superseded
@@ -216,7 +216,7 @@ def run_cells(
             work()
         place = folder.absolute()  # a worker elsewhere has another working directory
         in_folder = partial(run_unchanged, run_cell=run_cell or trial.run_cell, folder=place)
-        work_on = Work(in_folder, partial(warm, examples(missing)), partial(log_of, place))
+        work_on = Work(in_folder, partial(warm, examples(missing)), partial(log_of, place), here)
         with _refusals(), closing(scheduler.run(missing, ledger, executor, work_on, provenance)) as results:
             try:
                 for result in results:

@@ -13,7 +13,7 @@ from stlbench.errors import UsageError
 from stlbench.result import Result, from_json, to_json
 from stlbench.study.cell import Cell
 from stlbench.study.ledger import Ledger
-from stlbench.study.provenance import of_cell
+from stlbench.study.provenance import elsewhere, of_cell
 from stlbench.study.unchanged import NoSpace, key_without_code
 
 __all__ = ["run"]
@@ -36,13 +36,15 @@ def run(
         ledger: takes the results.
         executor: runs the cells.
         run_cell: an importable function. What it raises becomes a result with status `raised`.
-        provenance: added to that of every result that is recorded (see `provenance.collect`).
+        provenance: added to that of every result that is recorded (see `provenance.collect`); of one of another machine
+            what is of the run.
     """
     with closing(executor.run(run_cell, cells, [cell.deadline for cell in cells])) as outcomes:
         for outcome in outcomes:
             cell = cells[outcome.index]
             result = _result(cell, outcome)
-            result = replace(result, provenance={**result.provenance, **provenance, **of_cell(cell)})
+            where = provenance if outcome.facts is None else elsewhere(provenance, outcome.facts)
+            result = replace(result, provenance={**result.provenance, **where, **of_cell(cell)})
             ledger.record(result)
             yield result
 

@@ -14,6 +14,7 @@ import numpy as np
 from stlbench.registry import plugins
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.study.cell import Cell
+from stlbench.study.provenance import here
 from stlbench.study.tracks import on_track
 from stlbench.study.unchanged import changed
 from stlbench.task import Task, build_agent, build_method, load_task
@@ -37,6 +38,7 @@ def _parts(cell: Cell) -> dict[str, str]:
 
 def warm(cells: Sequence[Cell]) -> None:
     """Load what these cells need, as far as it comes with stlbench; what cannot be loaded is passed over."""
+    here()
     for cell in cells:
         with suppress(Exception):
             changed(cell)  # reads its files, so that its own look at them finds them read

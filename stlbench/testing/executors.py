@@ -12,7 +12,7 @@ from contextlib import closing
 from functools import partial
 from typing import Any, NamedTuple, cast
 
-from stlbench.contract import Executor, Outcome
+from stlbench.contract import Executor, Outcome, Work
 from stlbench.registry import plugins
 from stlbench.registry.choices import executor_of
 from stlbench.testing.rules import Rules
@@ -42,8 +42,8 @@ def check_executor(executor: type[Executor] | str, rules: Rules | None = None) -
 
     The rules: each item has one outcome, with its value; with one job they come in order; an item that raises, passes
     its deadline or ends its process is told as that, in one line, and leaves the others alone; items run in another
-    process than this one, and see nothing that another has changed in its own; a process that an item starts ends with
-    it; closing the iterator stops what runs.
+    process than this one, and see nothing that another has changed in its own; outcomes say on which machine, where
+    that is another; a process that an item starts ends with it; closing the iterator stops what runs.
 
     Args:
         executor: a class, or the name of an installed executor with parameters other than `jobs`.
@@ -90,6 +90,10 @@ def _work(item: _Item, home: Place = ("", 0)) -> Any:
     return item.number
 
 
+def _facts() -> dict[str, str]:
+    return {"host": socket.gethostname()}
+
+
 def _place() -> Place:
     return socket.gethostname(), os.getpid()
 
@@ -121,8 +125,11 @@ def _check_raise(executor: Executor, rules: Rules) -> None:
 
 
 def _check_apart(executor: Executor, rules: Rules) -> None:
-    (outcome,) = _run(executor, [_Item("place")])
+    (outcome,) = executor.run(Work(_work, facts=_facts), [_Item("place")], [_PATIENCE])
     rules.keep(tuple(outcome.value) != _place(), "items run in another process than the caller's", outcome.value)
+    said = _facts() if outcome.facts is None else outcome.facts or None
+    right = said in (None, {"host": outcome.value[0]})
+    rules.keep(right, "`Outcome.facts` are of the machine on which the item ran, None of the caller's", outcome.facts)
 
 
 def _check_changes(executor: Executor, rules: Rules) -> None:

@@ -78,6 +78,14 @@ def test_what_an_item_writes_is_in_its_log_and_what_it_takes_is_limited(two: Clu
     assert (found.status, found.reason[:8]) == ("killed", "it took ")
 
 
+def test_it_says_where_an_item_ran_however_that_ended(two: Cluster) -> None:
+    found = outcomes(two.address, Work(victims.work, facts=victims.where), ["a", "raise b", "exit 3", "hang"], 5.0)
+    assert [found[index].status for index in range(4)] == ["done", "raised", "killed", "timeout"]
+    said = {found[index].facts["process"] for index in range(4)}
+    assert said
+    assert str(os.getpid()) not in said
+
+
 def test_a_cell_has_the_same_bits_as_on_this_machine(two: Cluster, tmp_path: Path) -> None:
     cells = plan_cells(parse_choices("integrator-or"), parse_choices("raw,funnel"), None, [0], "smoke")
     found = []

@@ -15,7 +15,7 @@ from executors.test_local import alive
 from helpers import fake_slurm, victims
 from helpers.waiting import wait_for
 
-from stlbench.contract import Outcome, Unsuitable
+from stlbench.contract import Outcome, Unsuitable, Work
 from stlbench.testing import Rules, check_executor
 
 pytest.importorskip("submitit", reason="the extra submitit is not installed")
@@ -73,6 +73,14 @@ def test_it_keeps_the_rules_of_executors(tmp_path: Path, monkeypatch: pytest.Mon
     check_executor(Here, rules)
     assert rules.kept[-1] == "closing the iterator stops what runs"
     assert not (tmp_path / "jobs").exists()
+
+
+def test_it_says_where_an_item_ran_however_that_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
+    made = executor(tmp_path, jobs=1, cluster="local", cells_per_job=3)
+    found = outcomes(made, Work(victims.work, facts=victims.where), ["a", "raise b", "exit 3"])
+    assert [found[index].status for index in range(3)] == ["done", "raised", "killed"]
+    assert str(os.getpid()) not in {found[index].facts["process"] for index in range(3)}
 
 
 def test_an_array_of_slurm_says_what_the_user_wants(slurm: Path, tmp_path: Path) -> None:

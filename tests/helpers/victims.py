@@ -27,6 +27,11 @@ def work(item: str) -> str:
     return item.upper()
 
 
+def where() -> dict[str, str]:
+    """A process of the machine on which it is called, as facts of an item."""
+    return {"process": str(os.getpid())}
+
+
 def spin(item: str) -> str:
     """Hang in compiled code, where no Python signal handler runs."""
     return str(sum(range(10**13))) if item == "spin" else item

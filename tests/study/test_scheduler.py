@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 from helpers import scripted_cells
@@ -14,6 +15,7 @@ from helpers import scripted_cells
 from stlbench.contract import Executor, Outcome
 from stlbench.study import scheduler
 from stlbench.study.ledger import Ledger
+from stlbench.study.provenance import collect
 from stlbench_executors.local import LocalExecutor
 
 
@@ -66,6 +68,19 @@ def test_a_row_has_the_cells_identity(ledger):
     assert list(ledger.results()) == [result]
 
 
+@pytest.mark.parametrize("facts", [None, {}, {"machine": "another"}])
+def test_a_row_says_on_which_machine_its_cell_ran_however_it_ended(ledger, facts):
+    class There(Here):
+        def run(self, *arguments):
+            yield from (replace(outcome, facts=facts) for outcome in super().run(*arguments))
+
+    list(scheduler.run(scripted_cells.cells("a", "raise"), ledger, There(), scripted_cells.run_cell, collect(3)))
+    here = collect(3)["machine"] if facts is None else None
+    for result in ledger.results():
+        assert result.provenance.get("machine") == (facts or {}).get("machine", here)
+        assert result.provenance["jobs"] == "3"
+
+
 def test_a_result_is_recorded_when_it_is_yielded_and_closing_stops_the_executor(ledger):
     cells, executor = scripted_cells.cells("a", "b", "c"), Here()
     running = scheduler.run(cells, ledger, executor, scripted_cells.run_cell, {})
@@ -82,6 +97,7 @@ from pathlib import Path
 from helpers import scripted_cells
 from stlbench.study import scheduler
 from stlbench.study.ledger import Ledger
+from stlbench.study.provenance import collect
 from stlbench_executors.local import LocalExecutor
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background has it ignored
 cells = scripted_cells.cells("a", "b", "hang", "hang", "c", "hang")

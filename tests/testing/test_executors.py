@@ -57,6 +57,13 @@ class Reusing(Executor):
     reused: int | None = None
 
 
+class Misplaced(Reusing):
+    """Says of all items that they ran on a machine that there is not."""
+
+    def run(self, *arguments: Any) -> Generator[Outcome]:
+        yield from (replace(outcome, facts={"host": "nowhere"}) for outcome in super().run(*arguments))
+
+
 class Forgetful(Reusing):
     """A new process each time, whose children go on."""
 
@@ -72,6 +79,7 @@ def broken(**parts: Any) -> type[Executor]:
     [
         (Inline, "items run in another process than the caller's"),
         (Reusing, "what an item changes in its process, the next one does not see"),
+        (Misplaced, "`Outcome.facts` are of the machine on which the item ran, None of the caller's"),
         (Forgetful, "a process that an item has started ends with it"),
         (broken(changed=lambda self, o: replace(o, index=3 - o.index)), "with one job, items end in their order"),
         (broken(changed=lambda self, o: replace(o, value=1)), "an outcome has the value of its own item"),
