@@ -85,8 +85,9 @@ def _write(groups: Sequence[Group], known: Mapping[str, Standard], folder: Path)
 def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:
     """What the policies of each task are compared with. Some seconds for a task on a MuJoCo model."""
     from stlbench.rollout.standards import standards
+    from stlbench.study.asked import ask
 
-    return standards(group.setting for group in groups)
+    return standards((group.setting for group in groups), ask)
 
 
 def _content(groups: Sequence[Group], known: Mapping[str, Standard]) -> dict[str, Any]:

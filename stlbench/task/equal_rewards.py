@@ -10,7 +10,7 @@ import numpy as np
 
 from stlbench.contract import Array, RewardMethod
 
-__all__ = ["Difference", "equal_rewards", "same_up_to_time"]
+__all__ = ["Difference", "Paid", "equal_payments", "equal_rewards", "payments", "same_up_to_time"]
 
 _SAMPLES = 256
 _EXACT = 1e-9
@@ -36,9 +36,40 @@ class Difference:
         return f"{self.one} is {self.other} {sign} {abs(self.constant):.6g} at all times"
 
 
+@dataclass(frozen=True)
+class Paid:
+    """What a method pays."""
+
+    rewards: Array
+    """At random samples, the same for all methods of a task, and at all times: (T, samples)."""
+    scale: float
+    """`RewardMethod.scale`."""
+
+
+def payments(method: RewardMethod) -> Paid | None:
+    """What it pays; None where that is not a function of samples and time alone (`RewardMethod.arrival`).
+
+    Raises `ValueError` where rewards are no numbers, or of another shape than (T, samples).
+    """
+    if not method.paid_on_arrival:
+        return None
+    rewards, expected = np.asarray(_rewards(method)), (method.specification.steps, _SAMPLES)
+    if rewards.shape != expected or rewards.dtype.kind not in "fiu":
+        raise ValueError(
+            f"its rewards should be numbers of shape {expected}, got {rewards.dtype} of shape {rewards.shape}"
+        )
+    return Paid(rewards, method.scale)
+
+
 def equal_rewards(methods: Mapping[str, RewardMethod]) -> tuple[Difference, ...]:
     """Those pairs of methods of one task, by name, whose rewards are the same but for a function of time."""
-    found = (same_up_to_time(methods[one], methods[other], (one, other)) for one, other in combinations(methods, 2))
+    return equal_payments({name: payments(method) for name, method in methods.items()})
+
+
+def equal_payments(paid: Mapping[str, Paid | None]) -> tuple[Difference, ...]:
+    """The same of what they pay."""
+    known = {name: each for name, each in paid.items() if each is not None}
+    found = (_difference(known[one], known[other], (one, other)) for one, other in combinations(known, 2))
     return tuple(difference for difference in found if difference is not None)
 
 
@@ -60,11 +91,14 @@ def same_up_to_time(
         alone (`RewardMethod.arrival`). Samples are drawn evenly from the box of the signals, so what happens in a very
         small part of it can be missed.
     """
-    if not (one.paid_on_arrival and other.paid_on_arrival):
-        return None
+    first, second = payments(one), payments(other)
+    return None if first is None or second is None else _difference(first, second, names)
+
+
+def _difference(one: Paid, other: Paid, names: tuple[str, str]) -> Difference | None:
     exact = _EXACT * max(one.scale, other.scale)
     with np.errstate(invalid="ignore"):  # of infinite rewards, which count as different
-        difference = _rewards(one) - _rewards(other)
+        difference = one.rewards - other.rewards
     if not (np.ptp(difference, axis=1) <= exact).all():
         return None
     if np.ptp(difference) > exact:
@@ -74,7 +108,6 @@ def same_up_to_time(
 
 
 def _rewards(method: RewardMethod) -> Array:
-    """At random samples, the same for all methods of a task, and at all times: (T, samples)."""
     specification, generator = method.specification, np.random.default_rng(0)
     points = generator.uniform(specification.low, specification.high, (_SAMPLES, len(specification.signals)))
     t = np.arange(1, specification.steps + 1)

@@ -129,8 +129,9 @@ class Here(Executor):
 
 
 @pytest.fixture
-def toy(site: Callable[..., Path]) -> Path:
-    """Install the distribution `toy-plugins`."""
+def toy(site: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Install the distribution `toy-plugins`. What its methods pay is asked in this process."""
+    monkeypatch.setattr("stlbench.study.asked.EXECUTOR", "toy-here")
     files = {"__init__": "", "line/__init__": "", "line/system": SYSTEM, "methods": METHODS, "agents": AGENTS}
     files = {f"toy_plugins/{name}.py": text for name, text in (files | {"executors": EXECUTORS}).items()}
     return site("toy-plugins", ENTRIES, files | {"toy_plugins/line/task.yaml": TASK})

@@ -122,7 +122,7 @@ def test_a_method_that_cannot_be_asked_leaves_the_scores_of_the_others(monkeypat
 
     monkeypatch.setattr(Raw, "arrival", broken)
     with pytest.warns(
-        plugins.PluginWarning, match=r"^task up: its methods cannot be compared: ValueError: no such luck$"
+        plugins.PluginWarning, match=r"^task up: method raw cannot be asked what it pays: ValueError: no such luck$"
     ):
         found = standards.standards(settings("up", "raw", "funnel"))["up"]
     assert found.by_hand is not None
