@@ -41,6 +41,22 @@ def walk(env: StlWrapper, *actions: Any, x: float = 0.0) -> list[tuple[Any, floa
     return [env.step(action) for action in actions]
 
 
+class Grown(Walk):
+    """Has observations of another length from its first step on."""
+
+    def step(self, action: Any) -> Any:
+        observation, *rest = super().step(action)
+        return np.append(observation, 0).astype(np.float32), *rest
+
+
+@pytest.mark.parametrize("options", [{}, {"names": None, "signals": lambda observation, info: {"x": observation[0]}}])
+def test_an_environment_that_changes_its_observations(options: dict[str, Any]) -> None:
+    env = wrapped(Grown(), **options)
+    env.reset(seed=0)
+    with pytest.raises(UsageError, match=r"^the environment returned an observation outside its space: .*3.* of .*2"):
+        env.step(RIGHT)
+
+
 # ------------------------------------------------------------------------------------------------------------ by hand
 
 

@@ -13,7 +13,7 @@ from gymnasium.spaces import Dict, Space
 from stlbench.contract import Array
 from stlbench.errors import UsageError, did_you_mean
 
-__all__ = ["Entries", "Names", "entries_of"]
+__all__ = ["Entries", "Names", "entries_of", "outside_space"]
 
 Names: TypeAlias = Sequence[str] | Mapping[str, Sequence[str]]
 """Of all entries of an array, in their order; of a Dict observation, key -> those of its array."""
@@ -28,11 +28,24 @@ class Entries:
     """Of a Dict observation, the keys of the arrays that are named; None where the observation is one array."""
 
     def read(self, observation: Any, count: int) -> Array:
-        """The named entries of one observation or of `count` batched ones: (count, n)."""
-        if self.keys is None:
-            return np.asarray(observation, dtype=np.float64).reshape(count, -1)
-        rows = [np.asarray(observation[key], dtype=np.float64).reshape(count, -1) for key in self.keys]
-        return np.concatenate([np.empty((count, 0)), *rows], axis=1)
+        """The named entries of one observation or of `count` batched ones: (count, n).
+
+        Raises `UsageError` where there are not as many numbers as names.
+        """
+        parts = [observation] if self.keys is None else [observation[key] for key in self.keys]
+        try:
+            rows = [np.asarray(part, dtype=np.float64).reshape(count, -1) for part in parts]
+        except (TypeError, ValueError) as error:
+            raise outside_space(str(error)) from error
+        found = rows[0] if len(rows) == 1 else np.concatenate([np.empty((count, 0)), *rows], axis=1)
+        if found.shape[1] != len(self.names):
+            raise outside_space(f"{found.shape[1]} numbers in place of {len(self.names)}")
+        return found
+
+
+def outside_space(what: str) -> UsageError:
+    """Of an observation that is not of the space that the environment has said."""
+    return UsageError(f"the environment returned an observation outside its space: {what}")
 
 
 def entries_of(space: Space[Any], names: Names | None) -> Entries:

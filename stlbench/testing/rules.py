@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from stlbench.contract import Array, Integers, Truth
+from stlbench.contract_parts.texts import one_line
 
 __all__ = ["RuleBroken", "Rules"]
 
@@ -31,7 +32,7 @@ class Rules:
         """Say whether a rule is kept, and else what there is. Raises `RuleBroken`."""
         if not kept:
             self._kept.pop(rule, None)  # at another time it was kept
-            raise RuleBroken(f"rule broken: {rule}; got {got}")
+            raise RuleBroken(f"rule broken: {rule}; got {one_line(got)}")
         self._kept[rule] = None
 
     def function(

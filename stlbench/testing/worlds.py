@@ -48,13 +48,15 @@ def _episode(task: Task, rules: Rules, world: World, begun: Array, actions: Arra
     low, high = np.array(task.specification.low), np.array(task.specification.high)
     world.restart(np.arange(count), begun)
     rules.keep(world.signals.shape == (count, k), f"signals has shape (N, {k})", world.signals.shape)
-    within = bool(np.all((low <= world.signals) & (world.signals <= high)))
-    rules.keep(within, "the first samples lie in the signals' ranges", world.signals)
+    outside = np.argwhere(~((low <= world.signals) & (world.signals <= high)))
+    got = [f"{task.signals[column]} is {world.signals[row, column]}" for row, column in outside[:1]]
+    rules.keep(not got, "the first samples lie in the signals' ranges", "".join(got))
     trace = [world.signals[None].copy()]
     for i, action in enumerate(actions):
         ended, before = world.ended.copy(), world.signals.copy()
         samples = world.advance(action, hold)
         _check_samples(rules, samples, before, (hold + 1, count, k))
+        rules.keep(*_finite(task, samples, i * hold))
         if world.can_end:
             rules.keep(bool((samples[:, ended] == before[ended]).all()), "a copy that has ended stands still", samples)
         _check_features(rules, world, np.full(count, (i + 1) * hold), (low, high))
@@ -65,7 +67,13 @@ def _episode(task: Task, rules: Rules, world: World, begun: Array, actions: Arra
 def _check_samples(rules: Rules, samples: Array, before: Array, shape: tuple[int, ...]) -> None:
     rules.keep(samples.shape == shape, "advance has shape (steps + 1, N, k)", samples.shape)
     rules.keep(np.array_equal(samples[0], before), "advance begins with the sample before it", samples[0])
-    rules.keep(bool(np.isfinite(samples).all()), "samples are finite", samples)
+
+
+def _finite(task: Task, samples: Array, t: int) -> tuple[bool, str, object]:
+    """Of samples (hold + 1, N, k), the first at step t: the rule, and the first sample that breaks it."""
+    wrong = np.argwhere(~np.isfinite(samples))
+    got = [f"{task.signals[k]} is {samples[i, row, k]} at step {t + i} of copy {row}" for i, row, k in wrong[:1]]
+    return not got, "samples are finite", "".join(got)
 
 
 def _check_features(rules: Rules, world: World, t: Integers, box: tuple[Array, Array]) -> None:

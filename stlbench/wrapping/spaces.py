@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Space
 
 from stlbench.contract import Array
+from stlbench.environments.entries import outside_space
 from stlbench.errors import UsageError
 
 __all__ = ["KEY", "Observing", "action_rows", "check_actions"]
@@ -27,6 +28,7 @@ class Observing:
         """Args: `space` of one environment."""
         self._vector = isinstance(space, Box) and len(space.shape) == 1
         self._dict = isinstance(space, Dict)
+        self._shape = space.shape
         self._dtype = space.dtype if isinstance(space, Box) and np.issubdtype(space.dtype, np.floating) else np.float32
         ends = np.full(size, np.inf)
         ends[0] = 1.0
@@ -40,8 +42,13 @@ class Observing:
         self.space = Dict({**inner, KEY: Box(-ends.astype(np.float32), ends.astype(np.float32))})
 
     def join(self, observation: Any, own: Array) -> Any:
-        """One observation and `own` (size,), or N batched ones and (N, size)."""
+        """One observation and `own` (size,), or N batched ones and (N, size).
+
+        Raises `UsageError` for a vector of another length.
+        """
         if self._vector:
+            if (given := np.shape(observation)[-1:]) != self._shape:
+                raise outside_space(f"{given} numbers in place of {self._shape}")
             return np.concatenate([observation, own], axis=-1, dtype=self._dtype)
         inner = observation if self._dict else {"observation": observation}
         return {**inner, KEY: own.astype(np.float32)}

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from stlbench.contract import Array, GymTask, Integers, World
+from stlbench.contract_parts.texts import one_line
 from stlbench.environments.acting import as_action
+from stlbench.environments.entries import outside_space
 from stlbench.environments.expressions import unknown
 from stlbench.environments.source import GymSource, numbers
 from stlbench.errors import UsageError
@@ -36,7 +38,7 @@ class GymWorld(World):
     def restart(self, rows: Integers, starts: Array) -> None:
         """See `World`. Raises `UsageError` as `advance`."""
         for row, seed in zip(rows.tolist(), starts[:, 0].tolist(), strict=True):
-            self._last[row] = self._copies[row].reset(seed=int(seed))
+            self._last[row] = self._begun(row, int(seed))
         self.ended[rows], self.lived[rows] = False, 0
         self.signals[rows] = self._read(rows)
 
@@ -48,9 +50,7 @@ class GymWorld(World):
         for i in range(1, steps + 1):
             rows = np.flatnonzero(~self.ended)
             for row in rows.tolist():
-                observation, _, terminated, truncated, info = self._copies[row].step(taken[row])
-                self._last[row] = observation, info
-                self.ended[row] = terminated or truncated
+                self.ended[row] = self._stepped(row, taken[row])
             self.lived[rows] += 1
             samples[i] = samples[i - 1]
             if len(rows):
@@ -77,6 +77,25 @@ class GymWorld(World):
         actions = [self._task.controller(observation, info, at) for (observation, info), at in each]
         return None if any(action is None for action in actions) else np.array(actions, dtype=np.float64)
 
+    def _begun(self, row: int, seed: int) -> tuple[Any, Mapping[str, Any]]:
+        copy, space = self._copies[row], self._source.action_space
+        begun = copy.reset(seed=seed)
+        if not (isinstance(begun, tuple) and len(begun) == 2):
+            raise UsageError(f"the environment's reset returns an observation and an info, got {one_line(begun)}")
+        if copy.action_space != space:
+            raise UsageError(f"the environment changed its action space, from {space} to {copy.action_space}")
+        return begun
+
+    def _stepped(self, row: int, action: Any) -> bool:
+        """One step of a copy: whether it has ended."""
+        stepped = self._copies[row].step(action)
+        if not (isinstance(stepped, tuple) and len(stepped) == 5):
+            rule = "the environment's step returns observation, reward, terminated, truncated, info"
+            raise UsageError(f"{rule}, got {one_line(stepped)}")
+        observation, _, terminated, truncated, info = stepped
+        self._last[row] = observation, info
+        return bool(terminated or truncated)
+
     def _read(self, rows: Integers) -> Array:
         """The signals (r, k) of the newest observations of these rows, which are kept for `features` too."""
         source, last = self._source, [self._last[row] for row in rows.tolist()]
@@ -86,7 +105,7 @@ class GymWorld(World):
                 raise ValueError(f"{min(wrong)} numbers in place of {source.observed.size}")
             self._seen[rows] = seen
         except (TypeError, ValueError) as error:
-            raise UsageError(f"the environment returned an observation outside its space: {error}") from error
+            raise outside_space(str(error)) from error
         return self._by_function(last) if source.function else source.values(self._named(rows, last))
 
     def _by_function(self, last: list[tuple[Any, Mapping[str, Any]]]) -> Array:

@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.spaces import Box, MultiDiscrete
+from gymnasium.spaces import Box, Discrete, MultiDiscrete
 from helpers.walk_env import Walk
 from helpers.walk_task import WalkTask, walk
 
@@ -144,6 +144,8 @@ class Odd(Walk):
             faults = {"nan": np.array([np.nan, 0]), "longer": np.zeros(3), "shorter": np.zeros(1)}
             faults["text"] = np.array(["a", "b"])
             observation = faults.get(self.fault, observation)
+            if self.fault == "old gym":
+                return observation, reward, terminated, info
             info = {} if self.fault == "no info" else {"doubled": "much"} if self.fault == "no number" else info
         return observation, reward, terminated, truncated, info
 
@@ -155,6 +157,7 @@ class Odd(Walk):
         ("shorter", "the environment returned an observation outside its space: 1 numbers in place of 2"),
         ("text", "the environment returned an observation outside its space: "),
         ("no info", "signals: no 'doubled': the observation has x, minus, the info nothing"),
+        ("old gym", r"the environment's step returns observation, reward, terminated, truncated, info, got \(array"),
         ("no number", "signals: 'doubled' of the info is no number, but 'much'"),
     ],
 )
@@ -196,6 +199,33 @@ def test_an_observation_that_is_none_is_told_where_all_such_things_are(signal: s
     step()
     with pytest.raises(UsageError, match=f"^{said}$"):
         step()
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("actions", r"the environment changed its action space, from Discrete\(3\) to Discrete\(5\)"),
+        ("no tuple", r"the environment's reset returns an observation and an info, got \[0\. 0\.\]"),
+    ],
+)
+def test_what_an_environment_must_not_do_when_it_begins_anew(fault: str, said: str) -> None:
+    class Changing(Walk):
+        begun = 0
+
+        def reset(self, **options: Any) -> Any:
+            self.begun += 1
+            if self.begun == 2 and fault == "actions":
+                self.action_space = Discrete(5)
+            begun_ = super().reset(**options)
+            return np.zeros(2) if self.begun == 2 and fault == "no tuple" else begun_
+
+    class Faulty(GymTask):
+        def make(self) -> gymnasium.Env[Any, Any]:
+            return Changing()
+
+    world = begun(walk(Faulty()), 0)
+    with pytest.raises(UsageError, match=f"^{said}$"):
+        world.restart(np.array([0]), np.zeros((1, 1)))
 
 
 class Taking(Walk):
