@@ -95,6 +95,7 @@ def facts(task: Task, known: Mapping[str, Mapping[str, Any]], asked: Iterable[st
 
 
 def _each(task: Task, choices: Iterable[str], known: Mapping[str, Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+    from stlbench.contract import RewardMethod
     from stlbench.registry import plugins
 
     for choice in choices:
@@ -106,7 +107,8 @@ def _each(task: Task, choices: Iterable[str], known: Mapping[str, Mapping[str, A
         if (method := found.method) is None:
             yield {"method": choice, "status": found.status, "reason": found.reason}
             continue
-        also = {"counterfactuals": method.counterfactuals, "ends": method.can_end}
+        ends = method.can_end and type(method).over is not RewardMethod.over  # some say what an early end is paid alone
+        also = {"counterfactuals": method.counterfactuals, "ends": ends}
         yield {
             "method": choice,
             "inputs": method.input_size,
