@@ -11,6 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from stlbench.cli.common import print_json
 from stlbench.cli.report import standards_of
 from stlbench.errors import UsageError
+from stlbench.result import NOT_RUN
 
 __all__ = ["report_page"]
 
@@ -23,18 +24,19 @@ def report_page(folder: Path, as_json: bool) -> None:
     from stlbench.study import stored
 
     require()
-    results, missing = list(stored.read(folder)), stored.missing(folder)
-    if not results:
+    groups = condense(stored.read(folder), stored.missing(folder))
+    if not any(row.status != NOT_RUN for group in groups for row in group.rows):
         raise UsageError(f"{stored.locate(folder)} holds no result yet")
     console = Console(stderr=True, highlight=False)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    bars = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    with bars as bar, stored.OneByOne(folder) as results:
         stage = bar.add_task("controllers of the tasks", total=None)
-        known = standards_of(condense(results, missing))
+        known = standards_of(groups)
         bar.update(stage, description="traces of the methods")
         path = write_page(
+            groups,
             results,
-            missing,
             known,
             folder if folder.is_dir() else folder.parent,
             lambda done, total: bar.update(stage, completed=done, total=total),

@@ -139,6 +139,10 @@ class Ledger(Records):
         counted = self.counted()
         return self.results({counted[cell] for cell in cells if cell in counted})
 
+    def present(self) -> dict[CellId, Row]:
+        """Of each cell that has a result the row of the one that counts, for `read`."""
+        return {row.cell: row for row in self._present(self.listed())}
+
     def counted(self, *, accidents: bool = True) -> dict[CellId, str]:
         """Of each cell that has a result the key of the one that counts; of those that ended by an accident too."""
         present = self._present(self.listed())

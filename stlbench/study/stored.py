@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Self
 
 from stlbench.errors import UsageError
 from stlbench.registry import folders
@@ -12,7 +13,7 @@ from stlbench.result import CellId, Result, from_json, to_json
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.provenance import TASK_FOLDER
 
-__all__ = ["LINES", "SUFFIX", "lines", "locate", "missing", "read", "write_lines"]
+__all__ = ["LINES", "SUFFIX", "OneByOne", "lines", "locate", "missing", "read", "write_lines"]
 
 SUFFIX = ".jsonl"
 """Of files of lines."""
@@ -44,6 +45,41 @@ def read(path: Path) -> Iterator[Result]:
         for result in ledger.results():
             folders.recall(result.provenance.get(TASK_FOLDER))
             yield result
+
+
+class OneByOne(Mapping[CellId, Result]):
+    """The results of `read`, each read when it is asked for: of a ledger no more than one is in memory.
+
+    A context manager. Raises `UsageError` as `read`; a row that is damaged is not there, with a `LedgerWarning`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        file = _existing(path)
+        self._lines = {result.id: result for result in _read_lines(file)} if file.suffix == SUFFIX else None
+        self._ledger = None if self._lines is not None else Ledger(file, create=False)
+        self._rows = self._ledger.present() if self._ledger else {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        if self._ledger is not None:
+            self._ledger.close()
+
+    def __getitem__(self, cell: CellId) -> Result:
+        if self._lines is not None:
+            return self._lines[cell]
+        assert self._ledger is not None
+        result = self._ledger.read(self._rows[cell])
+        if result is None:
+            raise KeyError(cell)
+        return result
+
+    def __iter__(self) -> Iterator[CellId]:
+        return iter(self._rows if self._lines is None else self._lines)
+
+    def __len__(self) -> int:
+        return len(self._rows if self._lines is None else self._lines)
 
 
 def missing(path: Path) -> list[CellId]:

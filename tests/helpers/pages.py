@@ -5,8 +5,15 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+from collections.abc import Iterable, Mapping, Sequence
 from html.parser import HTMLParser
+from pathlib import Path
 from typing import Any
+
+from stlbench.report import condense
+from stlbench.report.page.build import write_page
+from stlbench.result import CellId, Result
+from stlbench.rollout.standards import Standard
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
 
@@ -53,3 +60,8 @@ class Page(HTMLParser):
     def payloads(self) -> dict[str, Any]:
         names = [name.removeprefix("payload-") for name in self.scripts if name.startswith("payload-")]
         return {name: self.payload(name) for name in names}
+
+
+def write(made: Sequence[Result], missing: Iterable[CellId], standards: Mapping[str, Standard], folder: Path) -> Path:
+    """The page of these results."""
+    return write_page(condense(made, missing), {result.id: result for result in made}, standards, folder)

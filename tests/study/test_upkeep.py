@@ -177,3 +177,17 @@ def test_a_damaged_file_is_not_copied_and_named(tmp_path):
     assert merge(tmp_path / "into", source) == counts(added=1, damaged=(str(file),))
     assert not trace_file(tmp_path / "into" / FOLDER, a.id, a.key).exists()
     assert policy_file(tmp_path / "into", a.id, a.key).exists()
+
+
+def test_results_one_by_one_are_the_same_as_all_at_once(tmp_path):
+    entries = [result(seed=seed) for seed in range(3)]
+    with Ledger(tmp_path / FILE) as ledger:
+        for entry in entries:
+            ledger.record(entry)
+    stored.write_lines(entries, tmp_path / "other" / stored.LINES)
+    for folder in (tmp_path, tmp_path / "other"):
+        with stored.OneByOne(folder) as found:
+            assert dict(found) == {entry.id: entry for entry in stored.read(folder)}
+            assert len(found) == 3
+            with pytest.raises(KeyError):
+                found[result(seed=7).id]

@@ -24,7 +24,7 @@ from stlbench.report.tables.hand_controllers import controllers_table
 from stlbench.report.tables.outside import outside, trained
 from stlbench.report.tables.planned import best_possible, split
 from stlbench.report.tables.robustness import robustness_table
-from stlbench.report.tables.rows import Group, Row, group, missing_row, row
+from stlbench.report.tables.rows import Group, Row
 from stlbench.report.tables.table import Table
 from stlbench.report.tables.times import time_table
 from stlbench.result import CellId, Result
@@ -36,6 +36,10 @@ __all__ = ["FILE", "write_page"]
 
 FILE = "report.html"
 """Name of the page in a folder of results."""
+
+MOST = 5000
+"""Cells that a page has one by one. Its tables and charts are of all; of more cells, the file would be too large for a
+browser."""
 
 Told = Callable[[int, int], None]
 """Is told how many groups of how many are read."""
@@ -58,8 +62,8 @@ class _Across:
 
 
 def write_page(
-    results: Sequence[Result],
-    missing: Sequence[CellId],
+    groups: Sequence[Group],
+    results: Mapping[CellId, Result],
     standards: Mapping[str, Standard],
     folder: Path,
     told: Told = lambda done, total: None,
@@ -67,8 +71,8 @@ def write_page(
     """Write the page of a folder's results into it; the path.
 
     Args:
-        results: all of them, also those that were planned for.
-        missing: cells without a result.
+        groups: all of them, also those that were planned for.
+        results: those of their cells, of which one is asked for at a time; cells without a result are not there.
         standards: of the tasks.
         folder: where traces, policies and logs are, as far as they are there.
         told: is called after each group of cells.
@@ -78,7 +82,7 @@ def write_page(
     """
     require()
     path = folder / FILE
-    text = _page([*map(row, results), *map(missing_row, missing)], results, standards, folder, told)
+    text = _page(groups, results, standards, folder, told)
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
@@ -87,9 +91,12 @@ def write_page(
 
 
 def _page(
-    rows: Sequence[Row], results: Sequence[Result], standards: Mapping[str, Standard], folder: Path, told: Told
+    groups: Sequence[Group],
+    results: Mapping[CellId, Result],
+    standards: Mapping[str, Standard],
+    folder: Path,
+    told: Told,
 ) -> str:
-    groups, by_id = group(rows), {result.id: result for result in results}
     tables, found = _tables(groups, standards)
     over = _across(found)
     parts, count = list[TaskPart](), [0]
@@ -99,20 +106,30 @@ def _page(
         told(count[0], len(groups))
 
     for number, (_, members) in enumerate(groupby(groups, key=lambda each: each.setting.task)):
-        parts.append(task_part(number, list(members), by_id, tables, folder, one_more))
-    ordered = [each for member in groups for each in member.rows]
-    payloads = {part.key: _payload(part, ordered, by_id, folder) for part in parts}
+        parts.append(task_part(number, list(members), results, tables, folder, one_more))
+    ordered, left_out = _shown(groups)
+    payloads = {part.key: _payload(part, ordered, results, folder) for part in parts}
     payloads["across"] = packed({"charts": {chart.key: chart.content() for chart in over.charts}})
     return _rendered(
         title=folder.resolve().name or "results",
         overview=_overview(groups, tables),
-        cells=_Filtered(cells_listed(ordered), [tags_of([each]) for each in ordered]),
+        cells=_Filtered(cells_listed(ordered, left_out), [tags_of([each]) for each in ordered]),
         of_task=[next(part.key for part in parts if part.name == str(each.id.task)) for each in ordered],
         across=over,
         parts=parts,
         circumstances=listed(circumstances(trained(groups))),
         payloads=payloads,
     )
+
+
+def _shown(groups: Sequence[Group]) -> tuple[list[Row], str]:
+    """The cells that the page has in full, and what is said of the others."""
+    count = sum(len(each.rows) for each in groups)
+    if count <= MOST:
+        return [row for each in groups for row in each.rows], ""
+    seeds = max(1, MOST // len(groups))
+    said = f"Of {count} cells the first {seeds} seeds of each setting; `stlbench show cell` shows any."
+    return [row for each in groups for row in each.rows[:seeds]], said
 
 
 def _tables(groups: Sequence[Group], standards: Mapping[str, Standard]) -> tuple[Tables, tuple[Field, ...]]:

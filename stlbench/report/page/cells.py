@@ -40,8 +40,8 @@ def tags_of(rows: Sequence[Row]) -> Tags:
     return Tags(str(cell.task), str(cell.method), str(cell.agent), cell.track, statuses)
 
 
-def cells_listed(rows: Sequence[Row]) -> Listed:
-    """One row per cell; the first column is what opens it."""
+def cells_listed(rows: Sequence[Row], left_out: str = "") -> Listed:
+    """One row per cell; the first column is what opens it. `left_out` is said of cells that are not among them."""
     columns = (
         Column("cell", right=False),
         Column("budget", right=False),
@@ -54,7 +54,7 @@ def cells_listed(rows: Sequence[Row]) -> Listed:
     )
     body = tuple((row.id.name, row.id.budget, row.status, *_values(row), row.reason or None) for row in rows)
     note = "Of the selected policy, from the report's starts. Open a cell for its scores, cost, provenance and log."
-    return listed(Table("Cells", columns, body, (note,)))
+    return listed(Table("Cells", columns, body, (*([left_out] if left_out else []), note)))
 
 
 def _values(row: Row) -> tuple[float | None, ...]:

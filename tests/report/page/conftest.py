@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 from helpers.hostile_results import all_results
+from helpers.pages import write
 from helpers.synthetic_results import by_hand
 
-from stlbench.report.page.build import write_page
 from stlbench.result import MAIN
 
 
@@ -18,4 +18,4 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = all_results(folder)
     assert made[0].measurement is not None
     assert made[0].measurement.selected[MAIN].robustness == (0.75, -0.5, 0.25)
-    return write_page(made, (), by_hand(hold_disc=(0.4, 0.2)), folder)
+    return write(made, (), by_hand(hold_disc=(0.4, 0.2)), folder)

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import pytest
 from helpers.hostile_results import HOSTILE, all_results
-from helpers.pages import Page
+from helpers.pages import Page, write
 from helpers.synthetic_results import by_hand, result
 
 from stlbench.errors import UsageError
 from stlbench.report import condense
-from stlbench.report.page import bundle
-from stlbench.report.page.build import write_page
+from stlbench.report.page import build, bundle
 from stlbench.report.tables.robustness import robustness_table
 from stlbench.report.tables.table import show
 from stlbench.result import CellId
@@ -98,18 +97,18 @@ def test_why_the_worst_start_fails(parsed: Page) -> None:
 
 def test_what_a_folder_lacks_is_said(tmp_path: Path) -> None:
     made = [result(), result("flag", curve=())]
-    page = Page(write_page(made, (CellId.parse("hold-disc/raw/dqn/0", "quick"),), {}, tmp_path).read_text())
+    page = Page(write(made, (CellId.parse("hold-disc/raw/dqn/0", "quick"),), {}, tmp_path).read_text())
     assert "There is no folder traces/ beside these results: what policies did is not shown." in page.text
     assert "not run" in page.text
 
 
 def test_a_task_that_is_not_installed_is_shown_without_its_formula(tmp_path: Path) -> None:
-    page = Page(write_page([result(task="gone")], (), {}, tmp_path).read_text())
+    page = Page(write([result(task="gone")], (), {}, tmp_path).read_text())
     assert "The task is not known here" in page.text
 
 
 def test_the_same_results_give_the_same_bytes(tmp_path: Path) -> None:
-    one, other = (write_page([result()], (), by_hand(hold_disc=(0.4,)), tmp_path).read_bytes() for _ in range(2))
+    one, other = (write([result()], (), by_hand(hold_disc=(0.4,)), tmp_path).read_bytes() for _ in range(2))
     assert one == other
 
 
@@ -122,10 +121,23 @@ def test_a_thousand_cells_stay_below_five_megabytes(tmp_path: Path) -> None:
         for method in ("funnel", "flag", "raw", "tau-mdp", "funnel[ginf=0.02]")
         for seed in range(100)
     ]
-    assert write_page(made, (), {}, tmp_path).stat().st_size < 5e6
+    assert write(made, (), {}, tmp_path).stat().st_size < 5e6
+
+
+def test_of_very_many_cells_it_has_the_first_of_each_setting_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(build, "MOST", 4)
+    made = [
+        result(method, seed, robustness=[0.1 + 0.1 * seed, 0.4]) for method in ("funnel", "raw") for seed in range(5)
+    ]
+    page = Page(write(made, (), {}, tmp_path).read_text())
+    assert "Of 10 cells the first 2 seeds of each setting; `stlbench show cell` shows any." in page.text
+    found = [cell["name"] for cell in page.payload("task-0")["cells"].values()]
+    assert found == [f"hold-disc/{method}/dqn/{seed}" for method in ("funnel", "raw") for seed in (0, 1)]
 
 
 def test_without_the_extra_a_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bundle, "find_spec", lambda name: None)
     with pytest.raises(UsageError, match=r"pip install stlbench-rl\[page\]"):
-        write_page([result()], (), {}, tmp_path)
+        write([result()], (), {}, tmp_path)
