@@ -27,8 +27,8 @@ def render(
         Path | None, typer.Option(metavar="DIR", help="Folder of the files.", show_default="RUN/films")
     ] = None,
     form: Annotated[
-        Literal["gif", "mp4", "png"],
-        typer.Option("--format", help="mp4 needs ffmpeg; png: still pictures, as vectors too."),
+        Literal["gif", "webp", "mp4", "png"],
+        typer.Option("--format", help="webp is small; mp4 needs ffmpeg; png: still pictures, as vectors too."),
     ] = "gif",
     which: Annotated[
         Literal["selected", "final"], typer.Option("--policy", help="Which of the cell's two policies.")
@@ -112,7 +112,7 @@ def _write(
     title: str,
     folder: Path,
     name: str,
-    form: Literal["gif", "mp4", "png"],
+    form: Literal["gif", "webp", "mp4", "png"],
 ) -> list[Path]:
     """The film, or the pictures; their paths."""
     from stlbench.report.figures.cell_figures import draw_cell

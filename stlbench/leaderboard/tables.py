@@ -70,20 +70,20 @@ def results(scores: Scores) -> Table:
     columns = (
         Column("task", right=False),
         Column("method", right=False),
-        Column("agent", right=False, shared=True),
-        Column("budget", right=False, shared=True),
-        Column("track", right=False, shared=True),
-        Column("seeds", right=False, kind=Seeds),
         Column("IQM robustness", "IQM", digits=3),
         Column("IQM 95 % interval", digits=3, kind=Interval, drop=1),
+        Column("beside the best", right=False, drop=2),
         Column("satisfied", unit="%", digits=1),
         Column("learned", drop=1),
         Column("learned 95 % interval", unit="%", digits=0, kind=Interval, drop=3),
-        Column("beside the best", right=False, drop=2),
+        Column("seeds", right=False, kind=Seeds),
         Column("claimed", digits=3, drop=1),
         Column("claimed less found", "less found", digits=3, drop=2),
         Column("record", right=False),
         Column("bundle", right=False, drop=2),
+        Column("agent", right=False, shared=True),
+        Column("budget", right=False, shared=True),
+        Column("track", right=False, shared=True),
     )
     rows = tuple(_row(line, word) for line, word in zip(lines, words, strict=True))
     return Table("Results", columns, rows, (*_NOTES, *_remarks(lines)))
@@ -107,17 +107,18 @@ def _row(line: _Line, word: str) -> tuple[Value, ...]:
     pairs = [(cell.claimed, cell.found) for cell in line.cells]
     less = [claimed.robustness - seen.robustness for claimed, seen in pairs if claimed and seen]
     return (
-        *(str(setting.task), str(setting.method), str(setting.agent), setting.budget, setting.track),
-        Seeds(len(found), len(line.cells), _unfinished(line.cells)),
+        *(str(setting.task), str(setting.method)),
         iqm(found) if found else None,
         interval(found),
+        word or None,
         100 * float(np.mean(line.shares)) if found else None,
         *_learned(line),
-        word or None,
+        Seeds(len(found), len(line.cells), _unfinished(line.cells)),
         iqm(claims) if claims else None,
         float(np.mean(less)) if less else None,
         _record(line.cells),
         entry.bundle.removesuffix(".zip"),
+        *(str(setting.agent), setting.budget, setting.track),
     )
 
 

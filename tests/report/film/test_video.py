@@ -30,6 +30,25 @@ def test_a_gif_has_the_pictures_in_their_order(tmp_path):
             assert np.array_equal(np.asarray(image.convert("RGB")), picture(i))
 
 
+def test_a_webp_has_the_same_and_is_smaller(tmp_path):
+    generator = np.random.default_rng(0)
+    noise = generator.integers(0, 255, (64, 64, 3)).astype(np.uint8)
+    for name in ("a.gif", "a.webp"):
+        video.write(
+            (np.roll(noise, shift, axis=1) // 2 + 10 * shift.astype(np.uint8) for shift in np.arange(4)),
+            tmp_path / name,
+        )
+    with Image.open(tmp_path / "a.webp") as image:
+        assert (image.format, image.size, image.n_frames, image.info["loop"]) == ("WEBP", (64, 64), 4, 0)
+        means = []
+        for i in range(4):
+            image.seek(i)
+            means.append(np.asarray(image.convert("RGB")).mean())
+    assert means == sorted(means)
+    assert means[3] - means[0] > 20
+    assert (tmp_path / "a.webp").stat().st_size < (tmp_path / "a.gif").stat().st_size
+
+
 @pytest.fixture
 def ffmpeg(tmp_path, monkeypatch):
     """A program ffmpeg that does what the shell is told: what it is given is in $@ and on its standard input."""

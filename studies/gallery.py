@@ -1,0 +1,226 @@
+"""The gallery of tasks: `python studies/gallery.py` films each, and writes docs/gallery.md.
+
+`python studies/gallery.py hopper --results DIR` films one task again; where nobody wrote a controller, the best stored
+policy of that folder of results acts, and without it nothing but chance. `--page`
+writes the page alone, from the films that are there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from stlbench.contract import ActionGrid, Array, GymTask, Integers, RewardMethod
+from stlbench.presentation import Drawn, Pixels
+from stlbench.registry import plugins
+from stlbench.report.film import film
+from stlbench.report.film.video import FRAMES_A_SECOND
+from stlbench.result import reported
+from stlbench.rollout.controller import Unpaid, nearest
+from stlbench.rollout.environment import Simulator
+from stlbench.rollout.referee import follow, score
+from stlbench.rollout.saved_traces import Film
+from stlbench.rollout.traces import Recording
+from stlbench.study.kept import load_policy
+from stlbench.study.results import Results
+from stlbench.task import Task, load_task
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "docs" / "figures" / "gallery"
+PAGE = ROOT / "docs" / "gallery.md"
+FILMED = FOLDER / "films.json"
+WIDTH = 480
+"""Pixels of a film."""
+STARTS = 16
+"""Of the report's, of which one is filmed."""
+FRAMES = 75
+"""In a film, at most about so many."""
+
+WHO = {
+    "by hand": "Its controller by hand acts",
+    "at random": "Nobody wrote a controller, so actions are at random",
+}
+
+Act = Callable[[Simulator], Integers | Array]
+
+
+@dataclass(frozen=True)
+class Filmed:
+    """What is seen in the film of a task."""
+
+    by: str
+    """Who acts: "by hand", "at random", or a cell's name."""
+    robustness: float
+    seconds: float
+    """That an episode lasts."""
+    drawn: bool
+    """Whether pictures of the task itself are seen; else the plane, or signals against time."""
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class Actor:
+    """What acts in a task."""
+
+    task: Task
+    method: RewardMethod
+    act: Act
+    name: str
+
+
+def tasks() -> list[str]:
+    """The names of those that come with stlbench."""
+    return sorted(name for name, plugin in plugins.available("tasks").items() if plugin.distribution == plugins.OWN)
+
+
+def actor(name: str, results: Path | None) -> Actor:
+    """The task's controller by hand; where there is none, the best stored policy of a folder, or actions at random."""
+    task = load_task(name)
+    unpaid = Unpaid(task.specification)
+    first = Simulator(task, unpaid)
+    first.reset(task.starts.report_and_selection()[0][:1])
+    if first.world.by_hand(first.t) is not None:
+        return Actor(task, unpaid, _by_hand(task), "by hand")
+    if results is None:
+        return Actor(task, unpaid, _at_random(task), "at random")
+    kept = [each for each in Results.load(results) if each.id.task.name == name and each.measurement]
+    best = max(kept, key=lambda each: reported(each.measurement.selected).mean)
+    found = load_policy(results, best)
+    policy = found.policy
+    return Actor(found.task, found.method, lambda simulator: policy.act(simulator.observe()), best.id.name)
+
+
+def _by_hand(task: Task) -> Act:
+    def act(simulator: Simulator) -> Integers | Array:
+        vectors = np.asarray(simulator.world.by_hand(simulator.t), dtype=np.float64)
+        return nearest(task.actions, vectors) if isinstance(task.actions, ActionGrid) else vectors
+
+    return act
+
+
+def _at_random(task: Task) -> Act:
+    generator, actions = np.random.default_rng(0), task.actions
+    assert not isinstance(actions, ActionGrid)
+    return lambda simulator: generator.uniform(actions.low, actions.high, (len(simulator.t), len(actions.low)))
+
+
+class Camera:
+    """Pictures of one copy in the order of time, as `film.Pictures`."""
+
+    def __init__(self, of: Actor, start: Array) -> None:
+        self.of, self.simulator = of, Simulator(of.task, of.method, rewarded=False, drawn=True)
+        self.simulator.reset(start)
+
+    def __call__(self, sample: int) -> Sequence[Pixels]:
+        """At the last decision before a sample. Raises `RuntimeError` where there are none."""
+        while self.simulator.t[0] + self.simulator.hold <= sample:
+            self.simulator.advance(self.of.act(self.simulator))
+        pictures = self.simulator.world.frames()
+        if pictures is None:
+            raise RuntimeError("there is no picture")
+        return pictures
+
+
+def shoot(name: str, results: Path | None) -> Filmed:
+    """Film the start whose robustness is the median of some of the report's."""
+    of = actor(name, results)
+    task, every = of.task, of.task.starts.report_and_selection()[0]
+    starts = every[:: max(1, len(every) // STARTS)]
+    visited = list[Array]()
+    traces = follow(task, of.method, of.act, starts, visited)
+    robustness = score(task, traces).robustness
+    chosen = int(np.argsort(robustness)[len(robustness) // 2])
+    start, own = starts[[chosen]], isinstance(task.dynamics, Drawn | GymTask)
+    path = FOLDER / f"{name}.webp"
+    recording = Recording(traces[[chosen]], 1, Film(np.array([0]), np.stack(visited, axis=1)[[chosen]]))
+    pictures = Camera(of, start) if isinstance(task.dynamics, GymTask) else None
+    if remark := film.write(task, recording, (robustness[chosen],), name, path, pictures):
+        print(f"{name}: {remark}")
+    width, height = _small(path)
+    seconds = task.file.steps * task.file.sampling_time
+    return Filmed(of.name, round(robustness[chosen], 4), seconds, own and not remark, width, height)
+
+
+def _small(path: Path) -> tuple[int, int]:
+    """Make a film as wide as the page shows it, and its end a picture of its own; the film's size."""
+    with Image.open(path) as shot:
+        size = (WIDTH, round(shot.height * WIDTH / shot.width))
+        frames = []
+        every = -(-shot.n_frames // FRAMES)
+        for i in range((shot.n_frames - 1) % every, shot.n_frames, every):
+            shot.seek(i)
+            frames.append(shot.convert("RGB").resize(size, Image.Resampling.LANCZOS))
+    first, *others = frames
+    how = {"quality": 45, "method": 4, "duration": round(1000 * every / FRAMES_A_SECOND)}
+    first.save(path, save_all=True, append_images=others, loop=0, **how)
+    frames[-1].save(path.with_name(f"{path.stem}-still.webp"), quality=75, method=6)
+    return size
+
+
+def page(filmed: dict[str, Filmed]) -> str:
+    """The gallery in Markdown."""
+    parts = [_HEAD.format(count=len(filmed))]
+    parts += [_entry(load_task(name), each) for name, each in sorted(filmed.items())]
+    return "\n".join(parts)
+
+
+_HEAD = """# Gallery of tasks
+
+The {count} tasks that come with stlbench, each with its formula and a film. A click on a picture plays its film,
+another click stops it; the picture is the film's end. Where a task has no pictures of its own, the film shows the path
+in its plane, or its signals against time, with the regions of the formula where it consists of terms.
+
+In each film the task's controller by hand acts, from the start whose robustness is the median of 16 of the report's.
+[Tasks](reference/tasks.md) says where the tasks come from, and `stlbench show task NAME` says everything of one.
+
+`python studies/gallery.py` makes this page and its films.
+"""
+
+
+def _entry(task: Task, filmed: Filmed) -> str:
+    name, title = task.name, task.file.title
+    who = WHO.get(filmed.by, f"The policy of `{filmed.by}` acts")
+    seen = "the task itself" if filmed.drawn else "the plane" if task.file.plane else "signals against time"
+    alt = f"{name}, {seen}: {title}; robustness {filmed.robustness:.3g}"
+    size = f'width="{filmed.width}" height="{filmed.height}"'
+    link = f"[![{alt}](figures/gallery/{name}-still.webp){{ {size} loading=lazy }}](figures/gallery/{name}.webp)"
+    facts = f"{task.file.steps} steps of {task.file.sampling_time:g} s, {filmed.seconds:g} s in all"
+    return f"""## {name}
+
+{title}.
+
+```text
+{task.formula}
+```
+
+{link}{{ .film }}
+
+{who}, from a start of the report: robustness {filmed.robustness:.3g}. {facts}.
+"""
+
+
+def main() -> None:
+    """Film, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", help="tasks; all where none is named")
+    parser.add_argument("--results", type=Path, help="folder of results, for tasks without a controller by hand")
+    parser.add_argument("--page", action="store_true", help="write the page alone")
+    asked = parser.parse_args()
+    filmed = {name: Filmed(**each) for name, each in json.loads(FILMED.read_text()).items()} if FILMED.exists() else {}
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for name in [] if asked.page else asked.names or tasks():
+        filmed[name] = shoot(name, asked.results)
+        print(name, filmed[name])
+        FILMED.write_text(json.dumps({each: asdict(filmed[each]) for each in sorted(filmed)}, indent=1) + "\n")
+    PAGE.write_text(page(filmed), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
