@@ -2,13 +2,14 @@
 `stlbench.presentation` if it has something to show. Each part is a file of its own in `stlbench/contract_parts`, and
 is imported from here.
 
-Four kinds of plugin, each found by its entry-point group and named by its entry point:
+Five kinds of plugin, each found by its entry-point group and named by its entry point:
 
 - `stlbench.methods`, a `RewardMethod` subclass: the reward of a transition, and its own memory;
 - `stlbench.tasks`, a `System` subclass: dynamics, beside a `task.yaml` in its package; or a `GymTask` or
   `WorldTask` subclass, where starts are seeds;
 - `stlbench.agents`, an `Agent` subclass: training, environment in, policy out;
-- `stlbench.executors`, an `Executor` subclass: cells run in processes, here or on a cluster.
+- `stlbench.executors`, an `Executor` subclass: cells run in processes, here or on a cluster;
+- `stlbench.logs`, a `RunLog` subclass: how a run goes on, for tools that show it.
 
 Conventions, everywhere: arrays are NumPy float64 and batched, rows first. `N` is the number of copies that run in
 lock-step, `n` the state's size, `k` the number of signals, `m` the memory's size, `D` the observation's. Time is a
@@ -29,6 +30,7 @@ from stlbench.contract_parts.arrays import Array, Arrays, Integers, Truth
 from stlbench.contract_parts.environment import Environment, Transition
 from stlbench.contract_parts.environment_tasks import GymTask, WorldTask
 from stlbench.contract_parts.executor import Executor, Outcome, Work
+from stlbench.contract_parts.log import LoggedCell, LoggedCheckpoint, RunLog
 from stlbench.contract_parts.method import RewardMethod
 from stlbench.contract_parts.model import End, Model
 from stlbench.contract_parts.policy import Policy, StatePolicy
@@ -52,10 +54,13 @@ __all__ = [
     "GymTask",
     "Integers",
     "Intractable",
+    "LoggedCell",
+    "LoggedCheckpoint",
     "Model",
     "Outcome",
     "Policy",
     "RewardMethod",
+    "RunLog",
     "Specification",
     "StatePolicy",
     "System",

@@ -12,10 +12,11 @@ from importlib.metadata import packages_distributions
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("stlbench", "plugins/stlbench_agents", "plugins/stlbench_executors", "plugins/stlbench_methods")
+PACKAGES = ("stlbench", *(f"plugins/stlbench_{kind}" for kind in ("agents", "executors", "logs", "methods")))
 EXTRAS = ("torch", "stable_baselines3", "mujoco", "dm_control", "gymnasium_robotics", "pettingzoo", "optuna")
 EXTRAS += ("Box2D", "highway_env", "onnx", "onnxruntime", "plotly", "jinja2", "dask", "distributed", "submitit")
-OWN = {"stlbench", "stlbench_agents", "stlbench_executors", "stlbench_methods", "stlbench_tasks"}
+EXTRAS += ("tensorboardX", "wandb")
+OWN = {"stlbench", "stlbench_agents", "stlbench_executors", "stlbench_logs", "stlbench_methods", "stlbench_tasks"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
@@ -36,11 +37,12 @@ def imported() -> Iterator[str]:
 
 def test_all_that_is_imported_is_declared_and_all_that_is_declared_is_imported() -> None:
     extras = PROJECT["optional-dependencies"]
-    names = ("sb3", "mujoco", "multi", "onnx", "tune", "field", "page", "dask", "submitit")
+    names = ("sb3", "mujoco", "multi", "onnx", "tune", "field", "page", "dask", "submitit", "tensorboard", "wandb")
     chosen = (extras[name] for name in names)
     wanted = declared([*PROJECT["dependencies"], *(line for extra in chosen for line in extra)])
     providers = packages_distributions()
     third = {name for name in imported() if name not in sys.stdlib_module_names and name not in OWN}
+    providers.setdefault("wandb", ["wandb"])  # which need not be installed
     needed = {_plain(distribution) for name in third for distribution in providers[name]}
     models = {"dm-control", "gymnasium-robotics"}  # of these the models are read, and nothing is imported
     models |= {"box2d", "highway-env", "pygame-ce"}  # Gymnasium imports them to make an environment

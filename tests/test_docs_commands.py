@@ -23,7 +23,7 @@ from stlbench.study.plan import plan_cells
 from stlbench.study.trial import run_cell
 from stlbench.task import load_task
 from stlbench.task.file import Budget, TaskFile
-from stlbench.testing import check_task
+from stlbench.testing import check_log, check_task
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -208,6 +208,13 @@ def test_the_examples_on_an_environment(tmp_path: Path, monkeypatch: pytest.Monk
         assert result.measurement is not None
         assert set(result.measurement.selected) == {"formula", "random"}
     assert TaskFile.model_validate(yaml.safe_load(steady) | yaml.safe_load(several)).environment
+
+
+def test_the_example_of_a_log(site: Callable[..., Path]) -> None:
+    page = DOCS / "howto/log.md"
+    entries = re.sub(r'\[project\.entry-points\."(.*)"\]', r"[\1]", blocks(page, "toml")[0]).replace('"', "")
+    site("docs-example", entries, {"my_logs/lines.py": blocks(page, "python")[0]})
+    check_log("lines")
 
 
 def test_the_example_of_an_executor(site: Callable[..., Path]) -> None:

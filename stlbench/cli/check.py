@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from stlbench.registry.plugins import Plugin
     from stlbench.testing import Rules
 
-Kind = Literal["method", "task", "agent", "executor"]
+Kind = Literal["method", "task", "agent", "executor", "log"]
 
 
 def check(
@@ -25,7 +25,7 @@ def check(
         str | None, typer.Option(metavar="TASK", help="On which to check a method.", show_default="small formulas")
     ] = None,
 ) -> None:
-    """Check that a method, task, agent or executor keeps the rules of its contract.
+    """Check that a method, task, agent, executor or log keeps the rules of its contract.
 
     One line for each rule that is kept, up to the first that is broken. The exit code is 1 where a rule is broken, 2
     for bad input or a plugin that refuses what it is checked on, otherwise 0. That a reward is the right one, or that
@@ -102,6 +102,8 @@ def _run(plugin: Plugin, name: str, task: str | None, rules: Rules) -> None:
         testing.check_task(name, rules)
     elif plugin.kind == "agents":
         testing.check_agent(name, rules)
+    elif plugin.kind == "logs":
+        testing.check_log(name, rules)
     else:
         testing.check_executor(name, rules)
 

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 def list_plugins(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="methods, tasks, agents or executors.")],
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="methods, tasks, agents, executors or logs.")],
     as_json: Json = False,
 ) -> None:
-    """List the installed methods, tasks, agents or executors.
+    """List the installed methods, tasks, agents, executors or logs.
 
     Each with the distribution that it comes from and its parameters, which `run` takes in brackets. A plugin that
     cannot be loaded is a warning.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +20,12 @@ from stlbench.study.running import Running, running
 __all__ = ["Looker", "View"]
 
 
+_STRETCH = 4.0
+"""Times of cells are stretched so much at most."""
+_BEFORE = 120.0
+"""Seconds that a run may need from its beginning until it holds the lock."""
+
+
 class View(NamedTuple):
     """What there was at one time."""
 
@@ -26,6 +33,8 @@ class View(NamedTuple):
     """Seconds since 1970."""
     writer: str | None
     """Who writes in the folder; None where nobody does."""
+    since: float | None
+    """When that began, in seconds since 1970, as far as it is known."""
     running: Sequence[Running]
     results: Sequence[Result]
     """Those that were there at the first look by name, then as they came."""
@@ -44,7 +53,32 @@ class View(NamedTuple):
         begun = begun_of(self.running, self.now)
         waiting = [cell for cell in self.missing if all(cell != one.cell for one in begun)]
         took = [Took(each.id, each.measurement.wall_seconds) for each in self.results if each.measurement]
-        return remaining(waiting, begun, took, max(1, len(begun)))
+        jobs, busy = self._busy()
+        passed = 0.0 if self.since is None else (self.now - self.since) * jobs
+        scale = min(max(1.0, passed / busy), _STRETCH) if busy else 1.0
+        return remaining(waiting, begun, took, jobs, scale)
+
+    def _busy(self) -> tuple[int, float]:
+        """Cells at a time, and the seconds that cells of this run took so far, of those that ended here at least one.
+
+        Cells do not count what it takes to start them, nor the time until another one begins: so their times are
+        stretched to fill the time that has passed, as `Progress` does it.
+        """
+        here = [each for each in self.results if each.measurement and self._of_this_run(each)]
+        ended = sum(each.measurement.wall_seconds for each in here if each.measurement)
+        said = [int(text) for each in here if (text := each.provenance.get("jobs", "")).isdecimal()]
+        jobs = max([1, len(self.running), *said])
+        return jobs, ended + sum(max(0.0, self.now - one.began) for one in self.running) if here else 0.0
+
+    def _of_this_run(self, result: Result) -> bool:
+        """By the time when its run began, which is some seconds before that run holds the lock."""
+        if self.since is None:
+            return False
+        try:
+            began = datetime.fromisoformat(result.provenance.get("time", "")).timestamp()
+        except ValueError:
+            return False
+        return began > self.since - _BEFORE
 
     @property
     def counts(self) -> str:
@@ -78,7 +112,7 @@ class Looker:
         writer = lock.writer(self.folder)
         self._read()
         cells = running(self.folder) if writer else []
-        return View(time.time(), writer, cells, self.results, self.missing)
+        return View(time.time(), writer, _since(writer), cells, self.results, self.missing)
 
     def _read(self) -> None:
         stamp = tuple(path.stat().st_mtime for path in self.folder.glob(f"{self.path.name}*"))
@@ -87,3 +121,11 @@ class Looker:
             known = [found.pop(before.id) for before in self.results if before.id in found]
             self.results, self.missing = [*known, *found.values()], stored.missing(self.folder)
             self.stamp = stamp
+
+
+def _since(writer: str | None) -> float | None:
+    """Of "process 12 on host, since 2026-11-22T19:00:00+00:00"."""
+    try:
+        return datetime.fromisoformat((writer or "").rpartition("since ")[2].strip()).timestamp()
+    except ValueError:
+        return None

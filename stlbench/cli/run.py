@@ -96,6 +96,15 @@ def run(
         Path | None, typer.Option(metavar="DIR", help="Folder of ledger, traces, tables.", show_default="results")
     ] = None,
     executor: Annotated[str | None, typer.Option(metavar="NAME", help="Where cells run.", show_default="local")] = None,
+    log: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LIST",
+            help="Tell these logs of the run, a comma list: tensorboard, wandb.",
+            show_default="none",
+            autocompletion=names("logs"),
+        ),
+    ] = None,
     retry: Retry = None,
     attempts: Annotated[
         int | None,
@@ -119,6 +128,7 @@ def run(
     """
     from stlbench.cli.progress import Progress
     from stlbench.study.run import run_described
+    from stlbench.study.run_logs import Logged, build_logs
     from stlbench.study.study import Study
 
     options = {
@@ -139,8 +149,13 @@ def run(
     }
     said = {name: value for name, value in options.items() if value is not None}
     described = Study.of(said, study) if study else Study.of(DEFAULTS | said)
-    with interruptible(described.cells, described.results), Progress(described.results) as progress:
-        cells = run_described(described, progress)
+    logs = build_logs(log) if log is not None else {}
+    with (
+        interruptible(described.cells, described.results),
+        Progress(described.results) as progress,
+        Logged(logs, described.results, progress) as told,
+    ):
+        cells = run_described(described, told)
     report_cells({cell.id for cell in cells}, described.results)
 
 

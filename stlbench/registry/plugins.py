@@ -40,6 +40,7 @@ _CONTRACTS: Mapping[str, tuple[type, ...]] = {
     "tasks": (contract.System, contract.GymTask, contract.WorldTask),
     "agents": (contract.Agent,),
     "executors": (contract.Executor,),
+    "logs": (contract.RunLog,),
 }
 
 KINDS = tuple(_CONTRACTS)

@@ -12,8 +12,9 @@ does the same and lists the rules.
 
 from stlbench.testing.agents import check_agent
 from stlbench.testing.executors import check_executor
+from stlbench.testing.logs import check_log
 from stlbench.testing.methods import check_method
 from stlbench.testing.rules import RuleBroken, Rules
 from stlbench.testing.tasks import check_task
 
-__all__ = ["RuleBroken", "Rules", "check_agent", "check_executor", "check_method", "check_task"]
+__all__ = ["RuleBroken", "Rules", "check_agent", "check_executor", "check_log", "check_method", "check_task"]

@@ -55,7 +55,7 @@ def test_a_bug_is_not_hidden(monkeypatch, tmp_path):
         ["--help"],
         ["--version"],
         ["monitor", "x > 0", "trace.csv", "--json"],
-        *(["list", kind] for kind in ("methods", "tasks", "agents", "executors")),
+        *(["list", kind] for kind in ("methods", "tasks", "agents", "executors", "logs")),
         ["show", "task", "hold-disc"],
         ["show", "method", "flag"],
     ],

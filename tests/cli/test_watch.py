@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -9,7 +11,7 @@ from helpers.synthetic_results import result
 
 from stlbench.cli import progress
 from stlbench.cli.live import sparkline
-from stlbench.cli.looker import Looker
+from stlbench.cli.looker import Looker, View
 from stlbench.cli.progress import Progress
 from stlbench.result import CellId
 from stlbench.study.ledger import FILE, Ledger
@@ -118,3 +120,26 @@ def test_results_are_in_the_order_in_which_they_came(tmp_path):
         ledger.record(result("cfer"))
     looker.stamp = ()
     assert [str(each.id.method) for each in looker.look().results] == ["funnel", "funnel", "cfer"]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_the_time_left_is_stretched_by_what_cells_do_not_count(jobs):
+    """By hand: a cell took 16 of the 20 seconds that its place in the run took, so three more take 60, not 48."""
+    cells = [CellId.parse(f"hold-disc/funnel/dqn/{seed}", "quick") for seed in range(jobs, jobs + 3 * jobs)]
+    began = datetime(2026, 11, 22, tzinfo=UTC)
+    done = [
+        replace(result(seed=seed), provenance={"jobs": str(jobs), "time": began.isoformat()}) for seed in range(jobs)
+    ]
+    now = began.timestamp() + 20
+    assert View(now, "process 1", began.timestamp(), [], done, cells).left == "about 1 min 0 s left"
+    assert View(now, "process 1", None, [], done, cells[:3]).left == "about 48 s left"
+    old = [replace(each, provenance={"time": "2026-11-01T00:00:00+00:00"}) for each in done]
+    assert View(now, "process 1", began.timestamp(), [], old, cells[:3]).left == "about 48 s left"
+
+
+def test_when_a_run_began_is_what_its_lock_says(tmp_path):
+    planned(tmp_path)
+    with writing(tmp_path):
+        view = Looker(tmp_path).look()
+    assert view.since is not None
+    assert 0 <= view.now - view.since < 120

@@ -1,0 +1,1 @@
+"""The built-in logs: runs shown by tools of others."""

@@ -1,0 +1,186 @@
+"""Logs beside a run: each is told in a thread of its own, and one that raises or hangs is turned off."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from queue import SimpleQueue
+from types import TracebackType
+from typing import TYPE_CHECKING, Self, cast
+
+from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, Unsuitable, cause
+from stlbench.contract_parts.texts import one_line
+from stlbench.errors import UsageError
+from stlbench.registry import plugins
+from stlbench.registry.choices import Choice, executor_of, split
+from stlbench.result import CellId, Result, reported
+from stlbench.study.running import running
+
+if TYPE_CHECKING:
+    from stlbench.study.run import Progress
+
+__all__ = ["Logged", "build_logs", "logged"]
+
+_LOOK = 1.0
+"""Seconds between two looks at what runs."""
+_MOST_SECONDS = 30.0
+"""That one call of a log may take."""
+_END_SECONDS = 60.0
+"""That logs may take for what is left, when the run has ended."""
+
+
+def build_logs(text: str) -> dict[str, RunLog]:
+    """The logs of a comma list, by the text of each. Raises `UsageError`."""
+    return {str(choice): _built(choice) for choice in map(executor_of, split(text))}
+
+
+def _built(choice: Choice) -> RunLog:
+    try:
+        return cast(RunLog, plugins.build("logs", choice))
+    except Unsuitable as error:
+        raise UsageError(f"log '{choice}': {one_line(error)}") from error
+    except UsageError:
+        raise
+    except Exception as error:
+        raise UsageError(f"log '{choice}' cannot be made: {cause(error)}") from error
+
+
+def logged(result: Result) -> LoggedCell:
+    """What a log is told of a result."""
+    found, name = result.measurement, result.id.name
+    if found is None:
+        return LoggedCell(name, result.id.budget, result.status, result.reason)
+    selected, final = reported(found.selected), reported(found.final)
+    numbers = {
+        "satisfaction": selected.satisfaction,
+        "robustness": selected.mean,
+        "final_satisfaction": final.satisfaction,
+        "final_robustness": final.mean,
+        "cpu_seconds": found.cpu_seconds,
+        "wall_seconds": found.wall_seconds,
+        "env_steps": float(found.env_steps),
+    }
+    curve = [LoggedCheckpoint(name, at.steps, at.satisfaction, at.robustness_mean) for at in found.curve]
+    return LoggedCell(name, result.id.budget, result.status, "", numbers, tuple(curve))
+
+
+def _checkpoint(log: RunLog, point: LoggedCheckpoint) -> None:
+    log.checkpoint(point)
+
+
+class _Thread:
+    """One log, in a thread. A call that hangs keeps nothing but this thread, which ends with the process."""
+
+    def __init__(self, name: str, log: RunLog) -> None:
+        self.name, self.log = name, log
+        self.fault = ""
+        self.since: float | None = None
+        """When the call began that is going on."""
+        self._calls = SimpleQueue[Callable[[], None] | None]()
+        self._thread = threading.Thread(target=self._run, name=f"log {name}", daemon=True)
+        self._thread.start()
+
+    def tell(self, call: Callable[[], None], now: float) -> None:
+        """Call this later; nothing where the log is turned off."""
+        if self.since is not None and now - self.since > _MOST_SECONDS:
+            self.fault = self.fault or f"one call takes more than {_MOST_SECONDS:g} s"
+        if not self.fault:
+            self._calls.put(call)
+
+    def close(self, seconds: float) -> None:
+        """Wait so long for what is left."""
+        if not self.fault:
+            self._calls.put(None)
+            self._thread.join(seconds)
+            if self._thread.is_alive():
+                self.fault = f"it did not come to its end within {seconds:g} s"
+
+    def _run(self) -> None:
+        while (call := self._calls.get()) is not None and not self.fault:
+            self.since = time.monotonic()
+            try:
+                call()
+            except BaseException as error:  # also one that would end the process
+                self.fault = self.fault or cause(error)
+            self.since = None
+
+
+class Logged:
+    """The progress of a run (`study.run.Progress`) that logs are told of too; as a context manager it ends them.
+
+    Args:
+        logs: by their names.
+        folder: of results.
+        told: whom to tell besides, and of a log that was turned off.
+    """
+
+    def __init__(self, logs: dict[str, RunLog], folder: Path, told: Progress) -> None:
+        self._threads = [_Thread(name, log) for name, log in logs.items()]
+        self._folder, self._told = folder, told
+        self._said, self._seen = set[str](), dict[tuple[str, str], int]()
+        self._lock, self._over = threading.Lock(), threading.Event()
+        self._begun = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._over.set()
+        if self._begun:
+            self._tell(lambda log: log.end())
+        for thread in self._threads:
+            thread.close(_END_SECONDS)
+        self._faults()
+
+    def begin(self, missing: Sequence[CellId], done: int) -> None:
+        """See `Progress.begin`."""
+        self._told.begin(missing, done)
+        folder, cells = self._folder.absolute(), tuple(cell.name for cell in missing)
+        self._begun = True
+        self._tell(lambda log: log.begin(folder, cells))
+        if missing and self._threads:
+            threading.Thread(target=self._watch, daemon=True).start()
+
+    def note(self, text: str) -> None:
+        """See `Progress.note`."""
+        self._told.note(text)
+
+    def ended(self, result: Result) -> None:
+        """See `Progress.ended`."""
+        self._told.ended(result)
+        cell = logged(result)
+        with self._lock:  # no checkpoint comes after the end of its cell
+            self._seen[result.id.name, result.id.budget] = -1
+            self._tell(lambda log: log.ended(cell))
+        self._faults()
+
+    def _watch(self) -> None:
+        while not self._over.wait(_LOOK):
+            for one in running(self._folder):
+                with self._lock:
+                    self._checkpoints(one.name, one.budget, one.curve)
+
+    def _checkpoints(self, name: str, budget: str, curve: Iterable[tuple[int, float, float]]) -> None:
+        """Tell of those that are new; none of a cell that has ended."""
+        seen = self._seen.get((name, budget), 0)
+        if seen < 0:
+            return
+        for steps, satisfaction, robustness in curve:
+            if steps > seen:
+                point = LoggedCheckpoint(name, steps, satisfaction, robustness)
+                self._tell(partial(_checkpoint, point=point))
+                self._seen[name, budget] = steps
+
+    def _tell(self, call: Callable[[RunLog], None]) -> None:
+        for thread in self._threads:
+            thread.tell(partial(call, thread.log), time.monotonic())
+
+    def _faults(self) -> None:
+        """Say once of each log that was turned off."""
+        for thread in self._threads:
+            if thread.fault and thread.name not in self._said:
+                self._said.add(thread.name)
+                self._told.note(f"log {thread.name} is turned off: {thread.fault}; the run goes on")

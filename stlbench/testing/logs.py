@@ -1,0 +1,88 @@
+"""The rules of a log: it takes whatever a run tells it, in the order in which a run does, and ends."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import cast
+
+from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
+from stlbench.registry import plugins
+from stlbench.registry.choices import executor_of
+from stlbench.testing.rules import Rules
+
+__all__ = ["check_log"]
+
+_LONG = 30.0
+"""Seconds that one call may take."""
+_CELLS = ("hold-disc/funnel/dqn/0", "overlap[without=cuts]/funnel[ginf=0.02,t_star=1]/dqn/1/tuned", "a/b/c/2")
+_NUMBERS = {"satisfaction": 1.0, "robustness": 0.3, "env_steps": 4000.0}
+
+
+def check_log(log: type[RunLog] | str, rules: Rules | None = None) -> None:
+    """Check a log on a run that is played, in a folder that is taken away again. Nothing is sent by the check itself.
+
+    The rules: it takes a run of no cells; checkpoints of several cells in turn; cells that ended with and without
+    checkpoints, numbers that are none, and results without any; cells that never end; a second run in the same folder,
+    which says the same cells again; no call takes more than 30 seconds.
+
+    Args:
+        log: a class, or the name of an installed log with parameters.
+        rules: takes those that are kept, for a caller that lists them.
+
+    Raises:
+        AssertionError: the rule that is broken.
+        UsageError: no such log, or a wrong parameter; the message says what there is.
+    """
+    rules = rules or Rules()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        _play(_made(log), folder, (), (), "it takes a run of no cells", rules)
+        points = [LoggedCheckpoint(cell, 1000 * i, 0.5, -0.1 * i) for i in (1, 2, 3) for cell in _CELLS[:2]]
+        ends = [_done(_CELLS[0]), _done(_CELLS[1]), LoggedCell(_CELLS[2], "quick", "raised", "ValueError: no")]
+        said = "it takes checkpoints of several cells in turn, and how they ended"
+        _play(_made(log), folder, points, ends, said, rules)
+        _play(_made(log), folder, points, ends, "it takes the same cells again, in a second run", rules)
+        odd = [LoggedCheckpoint(_CELLS[0], 1000, math.nan, -math.inf)]
+        lost = LoggedCell(_CELLS[0], "quick", "done", "", {"robustness": math.nan, "new": 1.0}, tuple(odd))
+        _play(_made(log), folder, odd, [lost], "it takes numbers that are none, and others than today's", rules)
+        _play(_made(log), folder, points, [], "it takes a run that ends before its cells do", rules)
+        bare = [LoggedCell(_CELLS[0], "quick", "done")]
+        _play(_made(log), folder, [], bare, "it takes a cell of which there was no checkpoint", rules)
+
+
+def _done(cell: str) -> LoggedCell:
+    curve = tuple(LoggedCheckpoint(cell, 1000 * i, 0.5, 0.1 * i) for i in (1, 2, 3, 4))
+    return LoggedCell(cell, "quick", "done", "", _NUMBERS, curve)
+
+
+def _made(log: type[RunLog] | str) -> RunLog:
+    return cast(RunLog, plugins.build("logs", executor_of(log))) if isinstance(log, str) else log()
+
+
+def _play(
+    log: RunLog,
+    folder: Path,
+    points: Sequence[LoggedCheckpoint],
+    ends: Sequence[LoggedCell],
+    rule: str,
+    rules: Rules,
+) -> None:
+    cells = tuple(dict.fromkeys([*(point.cell for point in points), *(end.cell for end in ends)]))
+    calls: list[Callable[[], None]] = [partial(log.begin, folder, cells)]
+    calls += [partial(log.checkpoint, point) for point in points]
+    calls += [partial(log.ended, end) for end in ends]
+    longest = 0.0
+    for call in [*calls, log.end]:
+        began = time.monotonic()
+        try:
+            call()
+        except Exception as error:
+            rules.keep(False, rule, f"{type(error).__name__}: {error}")
+        longest = max(longest, time.monotonic() - began)
+    rules.keep(True, rule, "")
+    rules.keep(longest < _LONG, f"no call takes more than {_LONG:g} s", f"one of {longest:.0f} s")

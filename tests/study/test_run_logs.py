@@ -1,0 +1,146 @@
+"""Logs beside a run: what they are told, and that nothing they do harms it."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+from helpers.synthetic_results import result
+from helpers.waiting import wait_for
+
+from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
+from stlbench.errors import UsageError
+from stlbench.result import CellId, Result
+from stlbench.study import run_logs, running
+from stlbench.study.run_logs import Logged, build_logs, logged
+from stlbench.study.running import announce
+
+
+class Recorded(RunLog):
+    """What it was told."""
+
+    def __init__(self) -> None:
+        self.said = list[object]()
+
+    def begin(self, folder: Path, cells: tuple[str, ...]) -> None:
+        self.said.append(cells)
+
+    def checkpoint(self, checkpoint: LoggedCheckpoint) -> None:
+        self.said.append(checkpoint)
+
+    def ended(self, cell: LoggedCell) -> None:
+        self.said.append((cell.cell, cell.status))
+
+    def end(self) -> None:
+        self.said.append("end")
+
+
+class Told:
+    """A run's own progress."""
+
+    def __init__(self) -> None:
+        self.notes, self.results = list[str](), list[Result]()
+
+    def begin(self, missing: object, done: int) -> None: ...
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+    def ended(self, result: Result) -> None:
+        self.results.append(result)
+
+
+CELL = CellId.parse("hold-disc/funnel/dqn/0", "quick")
+
+
+def test_a_log_is_told_of_the_run_its_checkpoints_and_its_cells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in (("_SECONDS", 0.0), ("_SHARE", 1.0)):
+        monkeypatch.setattr(running, name, value)
+    monkeypatch.setattr(run_logs, "_LOOK", 0.02)
+    log, told = Recorded(), Told()
+    with Logged({"recorded": log}, tmp_path, told) as progress:
+        progress.begin([CELL], 0)
+        notice = announce(tmp_path, CELL, 4000)
+        for steps in (1000, 2000):
+            notice.at(steps, lambda: (0.5, -0.25))
+            wait_for(lambda steps=steps: any(getattr(each, "steps", 0) == steps for each in log.said))
+        progress.ended(result())
+    points = [LoggedCheckpoint(CELL.name, steps, 0.5, -0.25) for steps in (1000, 2000)]
+    assert log.said == [(CELL.name,), *points, (CELL.name, "done"), "end"]
+    assert told.notes == []
+    assert len(told.results) == 1
+
+
+@pytest.mark.parametrize("error", [ValueError("no"), SystemExit(3), KeyboardInterrupt()])
+def test_a_log_that_raises_is_turned_off_and_the_others_go_on(tmp_path: Path, error: BaseException) -> None:
+    class Raises(Recorded):
+        def begin(self, folder: Path, cells: tuple[str, ...]) -> None:
+            raise error
+
+    bad, good, told = Raises(), Recorded(), Told()
+    with Logged({"bad": bad, "good": good}, tmp_path, told) as progress:
+        progress.begin([CELL], 0)
+        progress.ended(result())
+    assert bad.said == []
+    assert good.said == [(CELL.name,), (CELL.name, "done"), "end"]
+    (note,) = told.notes
+    assert note.startswith(f"log bad is turned off: {type(error).__name__}")
+    assert note.endswith("the run goes on")
+
+
+def test_a_log_that_hangs_is_turned_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run_logs, "_END_SECONDS", 0.1)
+    never = threading.Event()
+
+    class Hangs(Recorded):
+        def ended(self, cell: LoggedCell) -> None:
+            never.wait()
+
+    told = Told()
+    with Logged({"slow": Hangs()}, tmp_path, told) as progress:
+        progress.begin([CELL], 0)
+        progress.ended(result())
+    assert told.notes == ["log slow is turned off: it did not come to its end within 0.1 s; the run goes on"]
+    never.set()
+
+
+def test_a_call_that_takes_too_long_turns_a_log_off_while_the_run_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_logs, "_MOST_SECONDS", 0.0)
+    here, never = threading.Event(), threading.Event()
+
+    class Hangs(Recorded):
+        def begin(self, folder: Path, cells: tuple[str, ...]) -> None:
+            here.set()
+            never.wait()
+
+    told = Told()
+    with Logged({"slow": Hangs()}, tmp_path, told) as progress:
+        progress.begin([CELL], 0)
+        here.wait()
+        progress.ended(result())
+        assert [note.partition(":")[0] for note in told.notes] == ["log slow is turned off"]
+    assert len(told.notes) == 1
+    never.set()
+
+
+def test_what_a_log_is_told_of_a_cell() -> None:
+    said = logged(result(robustness=(0.25, 0.75), final=(-1.0, 1.0)))
+    assert (said.cell, said.budget, said.status, said.reason) == ("hold-disc/funnel/dqn/0", "quick", "done", "")
+    assert said.numbers["robustness"] == 0.5
+    assert said.numbers["satisfaction"] == 1.0
+    assert said.numbers["final_satisfaction"] == 0.5
+    assert [(each.steps, each.satisfaction) for each in said.curve] == [(1000, 0.5), (2000, 1.0)]
+    lost = logged(result(status="raised", reason="ValueError: no"))
+    assert (lost.status, lost.reason, lost.numbers, lost.curve) == ("raised", "ValueError: no", {}, ())
+
+
+def test_an_unknown_log_is_one_line() -> None:
+    with pytest.raises(UsageError, match="no log 'tensorbord'; did you mean 'tensorboard'"):
+        build_logs("tensorbord")
+    with pytest.raises(UsageError, match="mode"):
+        build_logs("wandb[mode=never]")
