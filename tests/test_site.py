@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from helpers.browser import CHROMIUM, FLAGS, PATIENCE
 
 ROOT = Path(__file__).parents[1]
 MODULES = tuple(sorted(path.stem for path in (ROOT / "docs" / "api").glob("*.md") if path.stem != "stlbench"))
@@ -47,6 +48,36 @@ def test_every_public_name_is_in_the_reference(site: Path, name: str) -> None:
     public = importlib.import_module(f"stlbench.{name}").__all__
     assert public
     assert [each for each in public if f'id="stlbench.{name}.{each}"' not in page] == []
+
+
+TYPICAL = ("index", "tutorial", "gallery", "leaderboard/index", "reference/command-line", "methods/funnel")
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (390, "dark")])
+def test_typical_pages_fit_and_are_accessible(site: Path, width: int, scheme: str) -> None:
+    """Nothing is wider than the screen but what scrolls by itself, and axe finds nothing serious."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="the browser is driven by playwright")
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="accessibility is checked by axe")
+    if CHROMIUM is None:
+        pytest.skip("there is no Chromium on this machine")
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS, timeout=PATIENCE)
+        context = browser.new_context(viewport={"width": width, "height": 800}, color_scheme=scheme)
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE)
+        found = {}
+        for name in TYPICAL:
+            page.goto((site / f"{name}.html").as_uri())
+            wide = page.evaluate("document.documentElement.scrollWidth > innerWidth")
+            violations = axe.Axe().run(page).response["violations"]
+            serious = [
+                (each["id"], [node["html"] for node in each["nodes"]][:3])
+                for each in violations
+                if each["impact"] in ("serious", "critical")
+            ]
+            found[name] = (wide, serious)
+        browser.close()
+    assert found == dict.fromkeys(TYPICAL, (False, []))
 
 
 def test_every_public_module_has_a_page() -> None:

@@ -34,3 +34,8 @@ for (const table of document.querySelectorAll(".sortable table")) {
     head.setAttribute("aria-sort", "none");
   }
 }
+
+// Tables that are wider than the page scroll; so they can by keyboard.
+addEventListener("load", () => {
+  for (const wide of document.querySelectorAll(".md-typeset__scrollwrap")) wide.tabIndex = 0;
+});

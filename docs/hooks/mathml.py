@@ -22,8 +22,11 @@ def on_page_content(content: str, page: Page, **_: Any) -> str:
     def drawn(match: re.Match[str]) -> str:
         latex = html.unescape(match[2])
         try:
-            return str(_LATEX.convert_with_local_state(latex, displaystyle=match[1] == "div"))
+            formula = str(_LATEX.convert_with_local_state(latex, displaystyle=match[1] == "div"))
         except LatexError as error:
             raise PluginError(f"{page.file.src_path}: {latex}: {error}") from error
+        if match[1] == "span":
+            return formula
+        return f'<div class="formula" tabindex="0">{formula}</div>'  # wide ones scroll, also by keyboard
 
     return _FORMULA.sub(drawn, content)
