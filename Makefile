@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test quick lint types imports unit coverage lowest docs gate bench soak reference tuning alignment ablation agents leaderboard paper-figures clean
+.PHONY: run test quick lint types imports unit coverage lowest docs gate bench soak reference tuning alignment ablation agents survey leaderboard paper-figures clean
 
 ## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
 run: $(VENV)/ready
@@ -117,6 +117,33 @@ alignment: $(VENV)/ready-all
 ablation: $(VENV)/ready-all
 	$(BIN)/stlbench run studies/ablation.yaml
 	$(BIN)/stlbench export results/ablation --format jsonl
+
+## Every method on eight tasks, five seeds; the three cheapest also by a recipe for each method, 12 trials for each; and what
+## each method asks for, by planning on a coarse grid. 5 hours of CPU time; goes on where it was interrupted. See
+## docs/survey.md.
+PLAN := $(BIN)/stlbench run --results results/survey-alignment --seeds 0-0
+ROOMS := annulus,robot-nav,reach-stay
+ALL := funnel,flag,raw,tau-mdp,sparse,bhnr,causation,hprs,tau-cmdp,cfer
+RUNNING := tltl,dense,dense[mode=difference]
+survey: $(VENV)/ready-all
+	$(BIN)/stlbench run studies/survey.yaml
+	$(BIN)/stlbench tune --tasks integrator-or,hold-disc-coarse,hold-disc --methods "$(ALL),$(RUNNING),machine" --trials 12 \
+	  --results results/survey-tuning
+	$(BIN)/stlbench run studies/survey-tuned.yaml
+	$(PLAN) --tasks integrator-or,hold-disc-coarse,hold-disc --methods raw --agents best-possible
+	$(PLAN) --tasks $(ROOMS) --methods raw --agents "best-possible[resolution=0.5]"
+	$(PLAN) --tasks integrator-or,hold-disc-coarse --methods "$(ALL)" \
+	  --agents "planner[resolution=0.5],planner[resolution=0.5,gamma=1]"
+	$(PLAN) --tasks integrator-or --methods "$(RUNNING)" \
+	  --agents "planner[resolution=0.5,rounded=33],planner[resolution=0.5,rounded=33,gamma=1]"
+	$(PLAN) --tasks $(ROOMS),hold-disc --methods "$(ALL)" --agents "planner[resolution=0.5]"
+	rm -rf build/survey
+	$(BIN)/stlbench results merge build/survey results/survey results/survey-alignment
+	$(BIN)/stlbench report build/survey
+	$(BIN)/stlbench export build/survey --format jsonl
+	cp build/survey/*.csv build/survey/report.md build/survey/cells.jsonl results/survey
+	$(BIN)/python studies/survey.py
+	$(BIN)/python studies/pages.py
 
 ## What the parts of the agents are worth, and other agents beside ours; half an hour of CPU time. See
 ## docs/reproduction.md.

@@ -5,8 +5,7 @@ python studies/ablation.py          draw docs/figures/ablation.svg; studies/page
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -15,14 +14,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from recorded import Seeds, by_hand, recorded
 
 from stlbench.report.figures.palette import COLOURS
 from stlbench.report.statistics.differences import Difference, Pair, differences
-from stlbench.report.statistics.intervals import interval, iqm
 from stlbench.report.tables.comparisons import MATTERS
-from stlbench.report.tables.rows import LEARNED
 
-RESULTS = Path(__file__).parents[1] / "results"
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "ablation.svg"
 
 METHODS = ("funnel", "raw", "flag")
@@ -38,28 +35,6 @@ PARTS = {
 
 
 @dataclass(frozen=True)
-class Seeds:
-    """What was recorded of one method on one task, seed by seed, with the selected policies."""
-
-    robustness: tuple[float, ...]
-    satisfaction: tuple[float, ...]
-    final: tuple[float, ...]
-    """Share of starts that the final policies satisfy."""
-
-    @property
-    def learned(self) -> tuple[int, int]:
-        """Seeds in which the selected and the final policy learned the task."""
-        selected, final = (sum(share >= LEARNED for share in shares) for shares in (self.satisfaction, self.final))
-        return selected, final
-
-    def __str__(self) -> str:
-        """ "0.396 [0.395, 0.397] 5, 4 of 5"."""
-        ends = interval(self.robustness)
-        shown = "" if ends is None else f" [{ends.low:.3f}, {ends.high:.3f}]"
-        return f"{iqm(self.robustness):.3f}{shown} {', '.join(map(str, self.learned))} of {len(self.robustness)}"
-
-
-@dataclass(frozen=True)
 class Ablation:
     """One method on one task, without a part of its recipe and with the whole of it."""
 
@@ -72,37 +47,17 @@ class Ablation:
     """Of what is without the part, against the whole recipe."""
 
 
-Key = tuple[str, str, str]
-"""Task, method, agent."""
-
-
-def recorded(folder: str) -> dict[Key, Seeds]:
-    """The seeds of each setting that learned on the track shared."""
-    found: dict[Key, list[Mapping[str, str]]] = {}
-    with (RESULTS / folder / "cells.csv").open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            if row["track"] == "shared" and row["budget"] == "quick" and row["status"] == "done":
-                found.setdefault((row["task"], row["method"], row["agent"]), []).append(row)
-    names = ("robustness_mean", "satisfaction", "final_satisfaction")
-    return {key: Seeds(*(tuple(float(row[name]) for row in rows) for name in names)) for key, rows in found.items()}
-
-
 @cache
 def ablations() -> tuple[Ablation, ...]:
     """Those that were run, in the order of the parts; verdicts after Holm's correction for all of them."""
-    whole, by_hand = recorded("reference"), _by_hand()
+    whole, hand = recorded("reference"), by_hand()
     found = []
     for (name, method, agent), seeds in recorded("ablation").items():
         task, _, part = name.removesuffix("]").partition("[without=")
         found.append((task, method, part, seeds, whole[task, method, agent]))
     found.sort(key=lambda each: (list(PARTS).index(each[2]), each[0], METHODS.index(each[1])))
-    pairs = [Pair(one.robustness, other.robustness, MATTERS * abs(by_hand[task])) for task, _, _, one, other in found]
+    pairs = [Pair(one.robustness, other.robustness, MATTERS * abs(hand[task])) for task, _, _, one, other in found]
     return tuple(Ablation(*each, verdict) for each, verdict in zip(found, differences(pairs), strict=True))
-
-
-def _by_hand() -> dict[str, float]:
-    with (RESULTS / "reference" / "controllers.csv").open(newline="", encoding="utf-8") as file:
-        return {row["task"]: float(row["mean robustness"]) for row in csv.DictReader(file)}
 
 
 def of_part(part: str) -> list[list[str]]:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import ablation
+import survey
 
 from stlbench import Results
 
@@ -239,6 +240,11 @@ def cost() -> str:
     return table(["task", "a cell", "without training"], body, right=2)
 
 
+def whole(lines: tuple[Sequence[str], Sequence[Sequence[str]]]) -> str:
+    """Of a header and lines."""
+    return table(*lines, right=0)
+
+
 PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "README.md": {"study": study},
     "docs/reproduction.md": {
@@ -254,6 +260,14 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "arms": by_seed("fetch-reach", "cartpole", "ball-in-cup"),
     },
     "docs/performance.md": {"cost": cost},
+    "docs/survey.md": {
+        "survey1": lambda: whole(survey.of_tasks(survey.order()[0][:5])),
+        "survey2": lambda: whole(survey.of_tasks(survey.order()[0][5:])),
+        "survey-across": lambda: whole(survey.across()),
+        "survey-tuned": lambda: whole(survey.tuned()),
+        "survey-planned": lambda: whole(survey.planned(undiscounted=False)),
+        "survey-undiscounted": lambda: whole(survey.planned(undiscounted=True)),
+    },
 }
 
 

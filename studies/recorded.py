@@ -1,0 +1,79 @@
+"""What a committed study has recorded, setting by setting: read from the cells.csv of its folder."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from stlbench.report.statistics.intervals import interval, iqm
+from stlbench.report.tables.rows import LEARNED
+
+RESULTS = Path(__file__).parents[1] / "results"
+
+Key = tuple[str, str, str]
+"""Task, method, agent."""
+Row = Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Seeds:
+    """What was recorded of one method on one task, seed by seed, with the selected policies."""
+
+    robustness: tuple[float, ...]
+    satisfaction: tuple[float, ...]
+    final: tuple[float, ...]
+    """Share of starts that the final policies satisfy."""
+
+    @classmethod
+    def of(cls, rows: Sequence[Row]) -> Seeds:
+        """Of finished cells."""
+        names = ("robustness_mean", "satisfaction", "final_satisfaction")
+        return cls(*(tuple(float(row[name]) for row in rows) for name in names))
+
+    @property
+    def learned(self) -> tuple[int, int]:
+        """Seeds in which the selected and the final policy learned the task."""
+        selected, final = (sum(share >= LEARNED for share in shares) for shares in (self.satisfaction, self.final))
+        return selected, final
+
+    @property
+    def counts(self) -> str:
+        """ "5, 4 of 5"."""
+        return f"{', '.join(map(str, self.learned))} of {len(self.robustness)}"
+
+    def __str__(self) -> str:
+        """ "0.396 [0.395, 0.397] 5, 4 of 5"."""
+        ends = interval(self.robustness)
+        shown = "" if ends is None else f" [{ends.low:.3f}, {ends.high:.3f}]"
+        return f"{iqm(self.robustness):.3f}{shown} {self.counts}"
+
+
+def table(folder: str, name: str) -> list[Row]:
+    """The rows of a table that the report wrote."""
+    with (RESULTS / folder / f"{name}.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def cells(folder: str, track: str = "shared") -> dict[Key, list[Row]]:
+    """Those of each setting that learns, with the budget quick, however they ended."""
+    found: dict[Key, list[Row]] = {}
+    for row in table(folder, "cells"):
+        if row["track"] == track and row["budget"] == "quick" and not row["agent"].startswith(_PLANNING):
+            found.setdefault((row["task"], row["method"], row["agent"]), []).append(row)
+    return found
+
+
+_PLANNING = ("planner", "best-possible")
+
+
+def recorded(folder: str, track: str = "shared") -> dict[Key, Seeds]:
+    """The finished seeds of each setting that learns, where there are any."""
+    done = {key: [row for row in rows if row["status"] == "done"] for key, rows in cells(folder, track).items()}
+    return {key: Seeds.of(rows) for key, rows in done.items() if rows}
+
+
+def by_hand(folder: str = "reference") -> dict[str, float]:
+    """Task -> mean robustness of the controller written by hand."""
+    return {row["task"]: float(row["mean robustness"]) for row in table(folder, "controllers")}

@@ -1,0 +1,199 @@
+"""Every method on each task of the survey, from results/survey and results/survey-tuning.
+
+python studies/survey.py            draw docs/figures/survey.svg; studies/pages.py writes the tables
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from functools import cache
+from pathlib import Path
+
+import yaml
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from recorded import Row, Seeds, by_hand, cells, table
+
+from stlbench.report.figures.palette import COLOURS
+from stlbench.report.statistics.intervals import interval, iqm
+
+STUDY = Path(__file__).parent / "survey.yaml"
+FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "survey.svg"
+FOLDER, TUNING = "survey", "survey-tuning"
+
+_COLOURS = COLOURS[0], COLOURS[4], COLOURS[1]
+"""Blue where every seed learned, orange where some did, red where none did."""
+_PANELS_PER_ROW = 3
+_BELOW = 1.5
+"""How far below 0 a panel goes, in units of the robustness of the controller by hand."""
+
+
+@cache
+def order() -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Tasks and methods, as the study names them, of which something was run."""
+    study = yaml.safe_load(STUDY.read_text(encoding="utf-8"))
+    run = {task for task, *_ in cells(FOLDER)}
+    return tuple(task for task in study["tasks"] if task in run), tuple(study["methods"])
+
+
+@cache
+def results(track: str = "shared") -> dict[tuple[str, str], list[Row]]:
+    """Task and method -> its cells, by the task's own agent."""
+    return {(task, method): rows for (task, method, _), rows in cells(FOLDER, track).items()}
+
+
+def entry(rows: Sequence[Row] | None) -> str:
+    """ "0.396 [0.395, 0.397] 5, 4 of 5"; "5 unsuitable"; empty where nothing was run."""
+    if rows is None:
+        return ""
+    done = [row for row in rows if row["status"] == "done"]
+    others = Counter(row["status"] for row in rows if row["status"] != "done")
+    parts = [str(Seeds.of(done))] if done else []
+    return ", ".join([*parts, *(status if not done else f"{count} {status}" for status, count in others.items())])
+
+
+def of_tasks(tasks: Sequence[str]) -> tuple[list[str], list[list[str]]]:
+    """Header and lines, one line per method: what was learned of each task."""
+    found = results()
+    lines = [[f"`{method}`", *(entry(found.get((task, method))) for task in tasks)] for method in order()[1]]
+    return ["method", *(f"`{task}`" for task in tasks)], lines
+
+
+def tuned() -> tuple[list[str], list[list[str]]]:
+    """One line per task and method: by the shared recipe, by the one that 20 trials chose, and what was chosen."""
+    shared, own = results(), results("tuned")
+    chosen = {(row["task"], row["method"]): _chosen(row) for row in table(TUNING, "trials") if row["chosen"]}
+    lines = [
+        [f"`{task}`", f"`{method}`", entry(shared.get((task, method))), entry(rows), chosen.get((task, method), "")]
+        for (task, method), rows in sorted(own.items(), key=lambda item: _place(item[0]))
+        if any(row["status"] == "done" for row in rows)
+    ]
+    return ["task", "method", "shared recipe", "its own recipe", "chosen"], lines
+
+
+def _place(key: tuple[str, str]) -> tuple[int, int]:
+    tasks, methods = order()
+    return tasks.index(key[0]), methods.index(key[1])
+
+
+_OF_A_TRIAL = ("task", "agent", "method", "trial", "status", "satisfaction", "robustness", "chosen")
+
+
+def _chosen(row: Row) -> str:
+    """What the chosen trial has in place of the shared recipe, which is the first trial."""
+    same = ("task", "agent", "method")
+    first = next(one for one in table(TUNING, "trials") if one["trial"] == "0" and all(one[k] == row[k] for k in same))
+    return ", ".join(f"{name} {row[name]}" for name in row if name not in _OF_A_TRIAL and row[name] != first[name])
+
+
+def planned(undiscounted: bool) -> tuple[list[str], list[list[str]]]:
+    """One line per method: the robustness of the policy that is best by its reward, and the starts that satisfy."""
+    found = {
+        (row["task"], row["method"]): row
+        for row in table(FOLDER, "alignment")
+        if row["reward_optimal"] and ("gamma=1" in row["setting"]) == undiscounted and "[" not in row["task"]
+    }
+    possible = {row["task"]: float(row["best_possible"]) for row in table(FOLDER, "alignment") if row["best_possible"]}
+    tasks = [task for task in order()[0] if any(task == one for one, _ in found)]
+    best = ["*the best possible*", *(f"{possible[task]:.3f}" for task in tasks)]
+    methods = [method for method in order()[1] if any(method == one for _, one in found)]
+    lines = [[f"`{method}`", *(_asked(found.get((task, method))) for task in tasks)] for method in methods]
+    return ["best by", *(f"`{task}`" for task in tasks)], [best, *lines]
+
+
+def _asked(row: Row | None) -> str:
+    if row is None:
+        return "-"
+    share = float(row["satisfied"])
+    return f"{float(row['reward_optimal']):.3f}" + (f" ({100 * share:.0f} %)" if share < 1 else "")
+
+
+def across() -> tuple[list[str], list[list[str]]]:
+    """One line per method, best rank first: aggregates over all tasks of the track shared."""
+    found = [row for row in table(FOLDER, "aggregates") if row["track"] == "shared" and row["tasks"].startswith("all")]
+    names = (("rank", 1), ("mean", 2))
+    lines = [
+        [f"`{row['method']}`", *(_estimate(row, *name) for name in names), row["without a result"] or "0"]
+        for row in sorted(found, key=lambda row: float(row["rank"]))
+    ]
+    return ["method", "rank", "mean score", "cells without a result"], lines
+
+
+def _estimate(row: Row, name: str, digits: int) -> str:
+    value, low, high = (float(row[f"{name}{end}"]) for end in ("", " 95 % interval low", " 95 % interval high"))
+    return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+
+def draw() -> Figure:
+    """One panel per task, one row per method: robustness, with its interval, and in how many seeds it was learned."""
+    tasks, methods = order()
+    rows = -(-len(tasks) // _PANELS_PER_ROW)
+    figure = Figure(figsize=(10.0, 0.6 + 3.0 * rows), layout="constrained")
+    panels = figure.subplots(rows, _PANELS_PER_ROW, squeeze=False, sharey=True)
+    hand = by_hand(FOLDER)
+    for axes, task in zip(panels.flat, tasks, strict=False):
+        _panel(axes, task, methods, hand.get(task))
+    for axes in panels.flat[len(tasks) :]:
+        axes.set_visible(False)
+    figure.legend(handles=_keys(), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    return figure
+
+
+def _panel(axes: Axes, task: str, methods: Sequence[str], hand: float | None) -> None:
+    done = {
+        method: Seeds.of([row for row in results().get((task, method), ()) if row["status"] == "done"])
+        for method in methods
+    }
+    unit = hand or max(iqm(seeds.robustness) for seeds in done.values() if seeds.robustness)
+    low = -_BELOW * unit
+    for height, method in enumerate(methods):
+        if not done[method].robustness:
+            rows = results().get((task, method), ())
+            axes.text(low, height, f" {_status(rows)}", va="center", fontsize=7, color="0.45", style="italic")
+        else:
+            _mark(axes, height, done[method], low)
+    axes.axvline(0, color="0.6", linewidth=0.8)
+    if hand is not None:
+        axes.axvline(hand, color="0.2", linewidth=0.8, linestyle="--")
+    axes.set(xlim=(low * 1.06, 1.25 * unit), ylim=(len(methods) - 0.5, -0.5), xlabel="robustness")
+    axes.set_yticks(range(len(methods)), methods, fontsize=8)
+    axes.set_title(task, fontsize=10, loc="left")
+    axes.grid(axis="x", alpha=0.25)
+
+
+def _status(rows: Iterable[Row]) -> str:
+    return ", ".join(sorted({row["status"] for row in rows})) or "not run"
+
+
+def _mark(axes: Axes, height: int, seeds: Seeds, low: float) -> None:
+    """Interquartile mean and interval; an arrow at the edge, with its number, where it is farther below."""
+    centre, ends, colour = iqm(seeds.robustness), interval(seeds.robustness), _COLOURS[_kind(seeds)]
+    if centre < low:
+        axes.plot([low], [height], "<", color=colour, markersize=6)
+        axes.text(low, height, f"   {centre:.3g}", va="center", fontsize=7, color="0.3")
+        return
+    if ends is not None:
+        axes.plot([max(ends.low, low), ends.high], [height] * 2, "-", color=colour, linewidth=1.6)
+    axes.plot([centre], [height], "os^"[_kind(seeds)], color=colour, markersize=5)
+
+
+def _kind(seeds: Seeds) -> int:
+    """0: learned in every seed, 1: in some, 2: in none."""
+    selected = seeds.learned[0]
+    return 0 if selected == len(seeds.robustness) else 1 if selected else 2
+
+
+def _keys() -> list[Line2D]:
+    texts = ("learned in every seed", "in some seeds", "in none")
+    marks = [
+        Line2D([], [], color=_COLOURS[kind], marker="os^"[kind], linestyle="", label=text)
+        for kind, text in enumerate(texts)
+    ]
+    return [*marks, Line2D([], [], color="0.2", linestyle="--", linewidth=0.8, label="controller by hand")]
+
+
+if __name__ == "__main__":
+    draw().savefig(FIGURE, metadata={"Date": None})
+    print(FIGURE)
