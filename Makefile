@@ -119,7 +119,7 @@ ablation: $(VENV)/ready-all
 	$(BIN)/stlbench export results/ablation --format jsonl
 
 ## Every method on eight tasks, five seeds; the three cheapest also by a recipe for each method, 12 trials for each; and what
-## each method asks for, by planning on a coarse grid. 5 hours of CPU time; goes on where it was interrupted. See
+## each method asks for, by planning on a coarse grid. 2 hours of CPU time; goes on where it was interrupted. See
 ## docs/survey.md.
 PLAN := $(BIN)/stlbench run --results results/survey-alignment --seeds 0-0
 ROOMS := annulus,robot-nav,reach-stay

@@ -23,6 +23,8 @@ STUDY = Path(__file__).parent / "survey.yaml"
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "survey.svg"
 FOLDER, TUNING = "survey", "survey-tuning"
 
+_SEEDS = 5
+"""Of the study: only where a row has another number, an entry says it."""
 _COLOURS = COLOURS[0], COLOURS[4], COLOURS[1]
 """Blue where every seed learned, orange where some did, red where none did."""
 _PANELS_PER_ROW = 3
@@ -45,12 +47,12 @@ def results(track: str = "shared") -> dict[tuple[str, str], list[Row]]:
 
 
 def entry(rows: Sequence[Row] | None) -> str:
-    """ "0.396 [0.395, 0.397] 5, 4 of 5"; "5 unsuitable"; empty where nothing was run."""
+    """ "0.396 [0.395, 0.397] 5, 4", "... 2, 2 of 3, 2 timeout", "unsuitable"; empty where nothing was run."""
     if rows is None:
         return ""
     done = [row for row in rows if row["status"] == "done"]
     others = Counter(row["status"] for row in rows if row["status"] != "done")
-    parts = [str(Seeds.of(done))] if done else []
+    parts = [str(Seeds.of(done)).removesuffix(f" of {_SEEDS}")] if done else []
     return ", ".join([*parts, *(status if not done else f"{count} {status}" for status, count in others.items())])
 
 
