@@ -62,13 +62,13 @@ def test_without_a_counterexample_nothing_is_written(cells: Callable[..., Result
     assert done.stdout.startswith(f"{STILL}: no counterexample (differential-evolution, 300 evaluations, ")
     assert not Path("results/falsified").exists()
     cells("falsify", STILL, "--evaluations", 300, "--least", "--out", "least")
-    assert len(list(Path("least").iterdir())) == 4
+    assert len(list(Path("least").iterdir())) == 5
 
 
 def test_all_cells_are_a_table(cells: Callable[..., Result]) -> None:
     done = cells("falsify", "--all", "--evaluations", 200, "--optimiser", "random")
     assert "1 of 2 have a counterexample." in done.stdout
-    assert "4 files in results/falsified" in done.stdout
+    assert "5 files in results/falsified" in done.stdout
     assert [line[:5] for line in done.stderr.splitlines()] == ["[1/2]", "[2/2]"]
 
 

@@ -99,7 +99,7 @@ def test_a_method_that_cannot_be_scored_leaves_no_figure(run, say):
         (("render", "results", "toy-line/toy-raw/0"), "'toy-line/toy-raw/0' names no cell; a name is task/method/"),
         (("render", "results", "toy-line/toy-large/toy-agent/0"), "has no policy to film: intractable: needs 6003"),
         (("render", "results", CELL, "--budget", "quikc"), "has no budget 'quikc'; did you mean 'quick'?"),
-        (("render", "results", CELL, "--format", "avi"), "'avi' is not one of 'gif', 'mp4'"),
+        (("render", "results", CELL, "--format", "avi"), "'avi' is not one of 'gif', 'webp', 'mp4'"),
     ],
 )
 def test_bad_input_is_one_line(run, say, words, message):

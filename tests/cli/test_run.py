@@ -280,7 +280,7 @@ def test_seeds_that_mean_nothing(text):
         (["--seeds", "0"], "seeds: '0': at least one seed"),
         (["--jobs", "0"], "'--jobs'"),
         (["--results", "file"], "cannot write results in file: "),
-        (["--colour"], "No such option: --colour (see 'stlbench run --help')"),
+        (["--xyzzy"], "No such option: --xyzzy (see 'stlbench run --help')"),
     ],
 )
 def test_bad_input_exits_2_with_one_line(run, words, message):
