@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -77,3 +79,14 @@ def test_one_run_of_a_task_has_a_value_and_no_interval():
 
 def test_the_order_of_seeds_does_not_matter_and_each_call_gives_the_same():
     assert across.middle(runs(ONE)) == across.middle(runs([seeds[::-1] for seeds in ONE])) == across.middle(runs(ONE))
+
+
+def test_shares_of_pairs_are_those_counted_one_by_one_and_take_no_memory_for_each_pair():
+    one, other = np.array([[0.0, 1.0, 1.0], [2.0, 2.0, 2.0]]), np.array([[1.0, 0.5], [2.0, 3.0]])
+    assert across._share(one, other).tolist() == [(0 + 0 + 0.5 + 1 + 0.5 + 1) / 6, (0.5 * 3 + 0) / 6]
+    many = np.random.default_rng(0).normal(size=(2, 4000))
+    tracemalloc.start()
+    across._share(many, many)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 4_000_000  # all pairs are 256 MB
