@@ -112,3 +112,13 @@ def test_axe_finds_nothing_serious_and_a_phone_need_not_scroll_sideways(browser:
     assert [each for each in found if each["impact"] in ("serious", "critical")] == []
     assert opened.problems == []
     opened.context.close()
+
+
+def test_tables_are_no_wider_than_the_paper_they_are_printed_on(browser: Any, page: Path) -> None:
+    opened = Opened(browser, page, width=760)
+    opened.page.evaluate("document.querySelectorAll('details').forEach(each => each.open = true)")
+    opened.page.emulate_media(media="print")
+    assert opened.page.evaluate("document.documentElement.scrollWidth") <= 760
+    arrows = "getComputedStyle(document.querySelector('button.sort'), '::after').content"
+    assert opened.page.evaluate(arrows) == "none"
+    opened.context.close()
