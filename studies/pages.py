@@ -6,18 +6,19 @@ python studies/pages.py --check    write nothing; exit code 1 where a page says 
 
 from __future__ import annotations
 
-import csv
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import ablation
+import recorded
 import survey
+from recorded import Row, estimate, number
 
 from stlbench import Results
 
 ROOT = Path(__file__).parents[1]
-RESULTS, TUNING = ROOT / "results" / "reference", ROOT / "results" / "tuning"
+RESULTS = ROOT / "results" / "reference"
 
 METHODS = ("funnel", "funnel[variant=code]", "raw", "flag", "tau-mdp")
 """Columns of the main table."""
@@ -26,13 +27,10 @@ RIVALS = ("funnel", "raw", "flag")
 SEEDS = 10
 """Of the study: only where a row has another number, an entry says it."""
 
-Row = Mapping[str, str]
 
-
-def rows(name: str, folder: Path = RESULTS) -> list[Row]:
-    """Those of a table that the report wrote."""
-    with (folder / f"{name}.csv").open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+def rows(name: str) -> list[Row]:
+    """Those of a table of the reference."""
+    return recorded.table("reference", name)
 
 
 def table(header: Sequence[str], body: Iterable[Sequence[str]], right: int = 1) -> str:
@@ -61,12 +59,6 @@ def entry(row: Row | None, seeds: int = SEEDS) -> str:
     of = "" if int(row["seeds done"]) == seeds else f" of {row['seeds done']}"
     marks = row.get("mark", "").replace("~", "")
     return f"{shown}{row['learned']}, {row['final learned']}{of}{f' {marks}' if marks else ''}"
-
-
-def number(text: str, digits: int = 3) -> str:
-    """Never "-0.000"."""
-    shown = f"{float(text):.{digits}f}"
-    return shown.lstrip("-") if float(shown) == 0 else shown
 
 
 def study() -> str:
@@ -122,7 +114,7 @@ def verdicts() -> str:
 def across() -> str:
     """One row per method: aggregates over all tasks of the track shared."""
     found = [row for row in rows("aggregates") if row["track"] == "shared" and row["tasks"].startswith("all")]
-    body = [[f"`{row['method']}`", *(_estimate(row, name, digits) for name, digits in _ESTIMATES)] for row in found]
+    body = [[f"`{row['method']}`", *(estimate(row, name, digits) for name, digits in _ESTIMATES)] for row in found]
     return table(["method", "IQM", "mean", "rank"], body, right=0)
 
 
@@ -130,31 +122,13 @@ _ESTIMATES = (("IQM", 2), ("mean", 2), ("rank", 1))
 """Columns, and how many decimals they have."""
 
 
-def _estimate(row: Row, name: str, digits: int) -> str:
-    low, high = row[f"{name} 95 % interval low"], row[f"{name} 95 % interval high"]
-    return f"{number(row[name], digits)} [{number(low, digits)}, {number(high, digits)}]"
-
-
 def recipes() -> str:
     """One row per task and method: what tuning chose, and what it and the shared recipe got."""
-    found = rows("trials", TUNING)
-    tuned = [name for name in found[0] if name not in _OF_A_TRIAL]
-    body = []
-    for row in found:
-        if row["chosen"]:
-            first = next(one for one in found if _same(one, row) and one["trial"] == "0")
-            values = ", ".join(f"{name} {row[name]}" for name in tuned if row[name] != first[name])
-            body.append(
-                [f"`{row['task']}`", f"`{row['method']}`", values or "the shared recipe", _got(first), _got(row)]
-            )
+    body = [
+        [f"`{row['task']}`", f"`{row['method']}`", values or "the shared recipe", _got(first), _got(row)]
+        for first, row, values in recorded.trials("tuning")
+    ]
     return table(["task", "method", "chosen", "the shared recipe", "the chosen one"], body, right=0)
-
-
-_OF_A_TRIAL = ("task", "agent", "method", "trial", "status", "satisfaction", "robustness", "chosen")
-
-
-def _same(one: Row, other: Row) -> bool:
-    return all(one[name] == other[name] for name in ("task", "agent", "method"))
 
 
 def _got(row: Row) -> str:

@@ -14,7 +14,7 @@ import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from recorded import Row, Seeds, by_hand, cells, table
+from recorded import Row, Seeds, by_hand, cells, estimate, table, trials
 
 from stlbench.report.figures.palette import COLOURS
 from stlbench.report.statistics.intervals import interval, iqm
@@ -66,7 +66,7 @@ def of_tasks(tasks: Sequence[str]) -> tuple[list[str], list[list[str]]]:
 def tuned() -> tuple[list[str], list[list[str]]]:
     """One line per task and method: by the shared recipe, by the one that 20 trials chose, and what was chosen."""
     shared, own = results(), results("tuned")
-    chosen = {(row["task"], row["method"]): _chosen(row) for row in table(TUNING, "trials") if row["chosen"]}
+    chosen = {(row["task"], row["method"]): values for _, row, values in trials(TUNING)}
     lines = [
         [f"`{task}`", f"`{method}`", entry(shared.get((task, method))), entry(rows), chosen.get((task, method), "")]
         for (task, method), rows in sorted(own.items(), key=lambda item: _place(item[0]))
@@ -78,16 +78,6 @@ def tuned() -> tuple[list[str], list[list[str]]]:
 def _place(key: tuple[str, str]) -> tuple[int, int]:
     tasks, methods = order()
     return tasks.index(key[0]), methods.index(key[1])
-
-
-_OF_A_TRIAL = ("task", "agent", "method", "trial", "status", "satisfaction", "robustness", "chosen")
-
-
-def _chosen(row: Row) -> str:
-    """What the chosen trial has in place of the shared recipe, which is the first trial."""
-    same = ("task", "agent", "method")
-    first = next(one for one in table(TUNING, "trials") if one["trial"] == "0" and all(one[k] == row[k] for k in same))
-    return ", ".join(f"{name} {row[name]}" for name in row if name not in _OF_A_TRIAL and row[name] != first[name])
 
 
 def planned(undiscounted: bool) -> tuple[list[str], list[list[str]]]:
@@ -117,15 +107,10 @@ def across() -> tuple[list[str], list[list[str]]]:
     found = [row for row in table(FOLDER, "aggregates") if row["track"] == "shared" and row["tasks"].startswith("all")]
     names = (("rank", 1), ("mean", 2))
     lines = [
-        [f"`{row['method']}`", *(_estimate(row, *name) for name in names), row["without a result"] or "0"]
+        [f"`{row['method']}`", *(estimate(row, *name) for name in names), row["without a result"] or "0"]
         for row in sorted(found, key=lambda row: float(row["rank"]))
     ]
     return ["method", "rank", "mean score", "cells without a result"], lines
-
-
-def _estimate(row: Row, name: str, digits: int) -> str:
-    value, low, high = (float(row[f"{name}{end}"]) for end in ("", " 95 % interval low", " 95 % interval high"))
-    return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
 
 
 def draw() -> Figure:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, Unsuitable
+from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
+from stlbench_logs.packages import require
 
 __all__ = ["TensorBoard"]
 
@@ -29,9 +29,7 @@ class TensorBoard(RunLog):
     _writers: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        found = find_spec("tensorboardX")
-        if found is None or found.origin is None:  # a folder of that name is no package
-            raise Unsuitable("it needs the package tensorboardX: pip install stlbench-rl[tensorboard]")
+        require("tensorboardX", "tensorboard")
 
     def begin(self, folder: Path, cells: tuple[str, ...]) -> None:
         """See `RunLog.begin`."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
-from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, Unsuitable
+from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
+from stlbench_logs.packages import require
 
 __all__ = ["WandB"]
 
@@ -31,9 +31,7 @@ class WandB(RunLog):
     _runs: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        found = find_spec("wandb")
-        if found is None or found.origin is None:  # a folder of that name is no package
-            raise Unsuitable("it needs the package wandb: pip install stlbench-rl[wandb]")
+        require("wandb", "wandb")
 
     def begin(self, folder: Path, cells: tuple[str, ...]) -> None:
         """See `RunLog.begin`."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import UTC, datetime
-from pathlib import Path
 
 import pytest
+from helpers.planned_ledger import planned
 from helpers.synthetic_results import result
 
 from stlbench.cli import progress
@@ -17,17 +17,6 @@ from stlbench.result import CellId
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writer, writing
 from stlbench.study.running import announce
-
-
-def planned(folder: Path) -> list[CellId]:
-    """A ledger of three cells, one of them done in 16 seconds, one raised."""
-    results = [result(seed=0), result(seed=1, status="raised", reason="ValueError: no")]
-    cells = [CellId.parse(f"hold-disc/funnel/dqn/{seed}", "quick") for seed in range(3)]
-    with Ledger(folder / FILE) as ledger:
-        ledger.plan({f"{cell.name}/quick": cell for cell in cells})
-        for each in results:
-            ledger.record(each)
-    return cells
 
 
 def test_it_says_what_runs_and_how_long_the_rest_takes(tmp_path, say):

@@ -10,33 +10,21 @@ from pathlib import Path
 
 import pytest
 from helpers.pages import Page
-from helpers.synthetic_results import result
+from helpers.planned_ledger import planned
 
 from stlbench.cli.looker import Looker
 from stlbench.cli.watch_page import handler
 from stlbench.report.page.now import points
 from stlbench.result import CellId
-from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writing
 from stlbench.study.running import announce
 
 HOSTILE = "<script>alert(1)</script> & \"quoted\" 'too'"
 
 
-def planned(folder: Path) -> list[CellId]:
-    """A ledger of three cells, one done, one raised with a hostile reason."""
-    results = [result(seed=0), result(seed=1, status="raised", reason=HOSTILE)]
-    cells = [CellId.parse(f"hold-disc/funnel/dqn/{seed}", "quick") for seed in range(3)]
-    with Ledger(folder / FILE) as ledger:
-        ledger.plan({f"{cell.name}/quick": cell for cell in cells})
-        for each in results:
-            ledger.record(each)
-    return cells
-
-
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[tuple[ThreadingHTTPServer, list[CellId]]]:
-    cells = planned(tmp_path)
+    cells = planned(tmp_path, HOSTILE)
     served = ThreadingHTTPServer(("127.0.0.1", 0), handler(Looker(tmp_path), 2.0))
     thread = threading.Thread(target=served.serve_forever, args=(0.05,), daemon=True)
     thread.start()

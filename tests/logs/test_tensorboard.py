@@ -70,8 +70,8 @@ def test_another_folder(tmp_path: Path) -> None:
 
 
 def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    from stlbench_logs import tensorboard
+    from stlbench_logs import packages, tensorboard
 
-    monkeypatch.setattr(tensorboard, "find_spec", lambda name: None)
+    monkeypatch.setattr(packages, "find_spec", lambda name: None)
     with pytest.raises(Unsuitable, match=r"pip install stlbench-rl\[tensorboard\]"):
         tensorboard.TensorBoard()

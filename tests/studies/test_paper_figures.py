@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
-import sys
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+from helpers.studies import load
 
 from stlbench.rollout.traces import Recording
 from stlbench.task import load_task
@@ -20,13 +19,7 @@ PAGE = ROOT / "docs" / "figures-of-the-paper.md"
 
 @pytest.fixture(scope="module")
 def study() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("paper_figures", ROOT / "studies" / "paper_figures.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["paper_figures"] = module
-    spec.loader.exec_module(module)
-    return module
+    return load("paper_figures")
 
 
 def test_the_page_shows_every_picture_under_its_figure(study: ModuleType) -> None:

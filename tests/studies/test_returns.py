@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 from helpers.line_task import Probe, line
+from helpers.studies import load
 
-_SPEC = importlib.util.spec_from_file_location("returns_study", Path(__file__).parents[2] / "studies" / "returns.py")
-assert _SPEC is not None
-assert _SPEC.loader is not None
-returns = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(returns)
+returns = load("returns")
 
 TRACE = np.array([[0, 0.5, 1, 1.5, 2, 2, 2, 2, 2.0]])[..., None]
 """Rewards 100 t + 10 x_{t+1} + x_t: 5, 110.5, 216, 321.5, and 100 t + 22 from t = 4 on."""

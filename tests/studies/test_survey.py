@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
+from helpers.studies import load
 
 from stlbench.study.study import Study
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "studies"))
-import survey  # noqa: E402
+survey = load("survey")
 
 
 @pytest.mark.parametrize("name", ["survey.yaml", "survey-tuned.yaml"])
