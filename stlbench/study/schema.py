@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from stlbench.errors import UsageError
 from stlbench.study.rows import LISTED
@@ -19,6 +20,9 @@ results."""
 
 _ALIKE = 4
 """From this version on, all tables have the same columns, so that a file is read as it is."""
+
+_ASKED = "SELECT count(*) FROM sqlite_schema"
+"""The least that makes SQLite look at a file."""
 
 APPLICATION = int.from_bytes(b"STLB", "big")
 """In `PRAGMA application_id`: tells a ledger from any other SQLite file."""
@@ -102,13 +106,35 @@ def _connect_to_read(path: Path) -> sqlite3.Connection:
     uri = f"{path.absolute().as_uri()}?mode=ro"
     database = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None)
     try:
-        database.execute("SELECT count(*) FROM sqlite_schema")
-    except sqlite3.OperationalError:  # in WAL mode, of before, SQLite wants to write beside it
+        database.execute(_ASKED)
+    except sqlite3.OperationalError as error:
         database.close()
+        if error.sqlite_errorcode == sqlite3.SQLITE_READONLY_ROLLBACK:
+            return _taken_back(path)
+        # in WAL mode, of before, SQLite wants to write beside it
         beside = path.with_name(f"{path.name}-wal")
         if beside.is_file() and beside.stat().st_size > 0:
             raise
         database = sqlite3.connect(f"{uri}&immutable=1", uri=True, isolation_level=None)
+    return database
+
+
+def _taken_back(path: Path) -> sqlite3.Connection:
+    """The file of a run that was killed within a transaction, without what it had written of that one.
+
+    The journal beside the file says what was there before. Where the folder cannot be written, it is undone in a copy.
+    """
+    database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=rw", uri=True, timeout=30, isolation_level=None)
+    try:
+        database.execute(_ASKED)
+    except sqlite3.OperationalError:
+        database.close()
+        database = sqlite3.connect(":memory:", isolation_level=None)
+        with TemporaryDirectory() as folder:
+            for file in (path, path.with_name(f"{path.name}-journal")):
+                Path(folder, file.name).write_bytes(file.read_bytes())
+            with closing(sqlite3.connect(Path(folder, path.name))) as whole:
+                whole.backup(database)
     return database
 
 
@@ -142,8 +168,7 @@ def _to_write(path: Path, database: sqlite3.Connection) -> sqlite3.Connection:
 def _version(path: Path, database: sqlite3.Connection) -> int:
     """0 of a file that is empty. Raises `UsageError` where it is no ledger, or one of a newer version."""
     application, version, tables = (
-        int(database.execute(query).fetchone()[0])
-        for query in ("PRAGMA application_id", "PRAGMA user_version", "SELECT count(*) FROM sqlite_schema")
+        int(database.execute(query).fetchone()[0]) for query in ("PRAGMA application_id", "PRAGMA user_version", _ASKED)
     )
     if (application, version, tables) == (0, 0, 0):
         return 0

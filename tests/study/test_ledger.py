@@ -314,6 +314,36 @@ def test_a_ledger_of_before_is_read_and_then_written_into_one_file(path):
     assert sqlite3.connect(path).execute("PRAGMA journal_mode").fetchone() == ("delete",)
 
 
+HALF_WRITTEN = """
+import os, signal, sqlite3, sys
+database = sqlite3.connect(sys.argv[1], isolation_level=None)
+database.execute("PRAGMA cache_size = 1")  # what it changes goes to the file at once
+database.execute("BEGIN IMMEDIATE")
+database.execute("DELETE FROM cells")
+rows = [(f"half written {k}", "t", "m", "a", k, "quick", "shared") for k in range(500)]
+database.executemany("INSERT INTO planned VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def killed_while_writing(path):
+    """A file that a transaction has changed in part, and beside it the journal that says how it was."""
+    subprocess.run([sys.executable, "-c", HALF_WRITTEN, path], check=False)
+    assert path.with_name(f"{path.name}-journal").stat().st_size
+    assert b"half written" in path.read_bytes()
+
+
+def test_what_a_killed_run_had_half_written_is_taken_back_by_who_reads(path):
+    with Ledger(path) as ledger:
+        ledger.plan(plan(result(), result(seed=1)))
+        ledger.record(result())
+    killed_while_writing(path)
+    with Ledger(path, create=False) as ledger:
+        assert list(ledger.results()) == [result()]
+        assert len(ledger.missing()) == 1
+    assert [file.name for file in path.parent.iterdir()] == [path.name]
+
+
 UNPRIVILEGED = """
 import os, sys
 from pathlib import Path
@@ -330,7 +360,7 @@ print(*read(sys.argv[2]))
 """
 
 
-@pytest.mark.parametrize("mode", ["delete", "wal", "version 1"])
+@pytest.mark.parametrize("mode", ["delete", "wal", "version 1", "killed"])
 def test_a_folder_that_cannot_be_written_can_be_read(path, mode):
     with Ledger(path) as ledger:
         ledger.plan(plan(result(), result(seed=1)))
@@ -339,6 +369,8 @@ def test_a_folder_that_cannot_be_written_can_be_read(path, mode):
         shown = copied(path, Path(folder) / "results", path.name)
         if mode == "wal":
             in_wal_mode(shown).close()
+        if mode == "killed":
+            killed_while_writing(shown)
         if mode == "version 1":
             shown.unlink()
             write_version_1(shown)
