@@ -4,26 +4,22 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
+from heapq import nlargest
 from pathlib import Path
 from typing import NamedTuple
 
-from stlbench.cli.live import MOST, begun_of, line_of, remaining
+from stlbench.cli.live import MOST, line_of
+from stlbench.cli.pace import LATEST, Ended, Pace, reward_of, unfit
 from stlbench.errors import UsageError
 from stlbench.result import CellId, Result
 from stlbench.study import lock, stored
-from stlbench.study.ledger import FILE
+from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.outlook import Took
 from stlbench.study.running import Running, running
 
 __all__ = ["Looker", "View"]
-
-
-_STRETCH = 4.0
-"""Times of cells are stretched so much at most."""
-_BEFORE = 120.0
-"""Seconds that a run may need from its beginning until it holds the lock."""
 
 
 class View(NamedTuple):
@@ -33,12 +29,12 @@ class View(NamedTuple):
     """Seconds since 1970."""
     writer: str | None
     """Who writes in the folder; None where nobody does."""
-    since: float | None
-    """When that began, in seconds since 1970, as far as it is known."""
     running: Sequence[Running]
     results: Sequence[Result]
     """Those that were there at the first look by name, then as they came."""
     missing: Sequence[CellId]
+    recorded: Mapping[str, float]
+    """Of each result that this writer recorded, by its key, when: in seconds since 1970."""
 
     @property
     def total(self) -> int:
@@ -48,37 +44,21 @@ class View(NamedTuple):
     @property
     def left(self) -> str:
         """How long the rest may take; empty where nobody writes, or nobody knows."""
-        if not self.writer:
-            return ""
-        begun = begun_of(self.running, self.now)
-        waiting = [cell for cell in self.missing if all(cell != one.cell for one in begun)]
-        took = [Took(each.id, each.measurement.wall_seconds) for each in self.results if each.measurement]
-        jobs, busy = self._busy()
-        passed = 0.0 if self.since is None else (self.now - self.since) * jobs
-        scale = min(max(1.0, passed / busy), _STRETCH) if busy else 1.0
-        return remaining(waiting, begun, took, jobs, scale)
+        return self._pace().words if self.writer else ""
 
-    def _busy(self) -> tuple[int, float]:
-        """Cells at a time, and the seconds that cells of this run took so far, of those that ended here at least one.
-
-        Cells do not count what it takes to start them, nor the time until another one begins: so their times are
-        stretched to fill the time that has passed, as `Progress` does it.
-        """
-        here = [each for each in self.results if each.measurement and self._of_this_run(each)]
-        ended = sum(each.measurement.wall_seconds for each in here if each.measurement)
-        said = [int(text) for each in here if (text := each.provenance.get("jobs", "")).isdecimal()]
-        jobs = max([1, len(self.running), *said])
-        return jobs, ended + sum(max(0.0, self.now - one.began) for one in self.running) if here else 0.0
-
-    def _of_this_run(self, result: Result) -> bool:
-        """By the time when its run began, which is some seconds before that run holds the lock."""
-        if self.since is None:
-            return False
-        try:
-            began = datetime.fromisoformat(result.provenance.get("time", "")).timestamp()
-        except ValueError:
-            return False
-        return began > self.since - _BEFORE
+    def _pace(self) -> Pace:
+        measured = [(each, each.measurement) for each in self.results if each.measurement]
+        ended = [
+            Ended(each.id, found.wall_seconds, self.recorded[each.key])
+            for each, found in measured
+            if each.key in self.recorded
+        ]
+        earlier = [Took(each.id, found.wall_seconds) for each, found in measured if each.key not in self.recorded]
+        said = {each.provenance.get("jobs", "") for each, _ in measured if each.key in self.recorded}
+        never = unfit(self.results)
+        missing = [cell for cell in self.missing if reward_of(cell) not in never]
+        latest = nlargest(LATEST, ended, key=lambda each: each.at)
+        return Pace(self.now, missing, self.running, latest, _greatest(said), earlier[-LATEST:])
 
     @property
     def counts(self) -> str:
@@ -103,29 +83,41 @@ class Looker:
         self.folder, self.path = folder, folder / FILE
         if not self.path.is_file():
             raise UsageError(f"there is no ledger in {folder}/; name a folder that `stlbench run` writes")
-        self.stamp: tuple[float, ...] = ()
+        self.stamp: tuple[object, ...] = ()
         self.results: list[Result] = []
         self.missing: list[CellId] = []
+        self.recorded: Mapping[str, float] = {}
 
     def look(self) -> View:
         """What there is now."""
         writer = lock.writer(self.folder)
-        self._read()
+        self._read(writer)
         cells = running(self.folder) if writer else []
-        return View(time.time(), writer, _since(writer), cells, self.results, self.missing)
+        return View(time.time(), writer, cells, self.results, self.missing, self.recorded)
 
-    def _read(self) -> None:
-        stamp = tuple(path.stat().st_mtime for path in self.folder.glob(f"{self.path.name}*"))
+    def _read(self, writer: str | None) -> None:
+        stamp = (writer, *(path.stat().st_mtime for path in self.folder.glob(f"{self.path.name}*")))
         if stamp != self.stamp:
             found = {result.id: result for result in stored.read(self.folder)}
             known = [found.pop(before.id) for before in self.results if before.id in found]
             self.results, self.missing = [*known, *found.values()], stored.missing(self.folder)
-            self.stamp = stamp
+            self.recorded, self.stamp = self._recorded(_since(writer)), stamp
+
+    def _recorded(self, since: datetime | None) -> Mapping[str, float]:
+        if since is None:
+            return {}
+        with Ledger(self.path, create=False) as ledger:
+            return ledger.recorded_since(since)
 
 
-def _since(writer: str | None) -> float | None:
+def _greatest(texts: Iterable[str]) -> int:
+    """Of the numbers among these; 0 where there is none."""
+    return max((int(text) for text in texts if text.isdecimal()), default=0)
+
+
+def _since(writer: str | None) -> datetime | None:
     """Of "process 12 on host, since 2026-11-22T19:00:00+00:00"."""
     try:
-        return datetime.fromisoformat((writer or "").rpartition("since ")[2].strip()).timestamp()
+        return datetime.fromisoformat((writer or "").rpartition("since ")[2].strip())
     except ValueError:
         return None

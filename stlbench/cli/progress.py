@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -15,10 +16,10 @@ from typing import TYPE_CHECKING, Self
 from rich.console import Console, RenderableType
 from rich.text import Text
 
-from stlbench.cli.live import MOST, Sight, begun_of, draws, line_of, remaining
+from stlbench.cli.live import MOST, Sight, draws, line_of
+from stlbench.cli.pace import LATEST, Ended, Pace, reward_of, unfit
 from stlbench.registry.choices import Choice
 from stlbench.result import ACCIDENTS, CellId, Result, reported
-from stlbench.study.outlook import Took
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
 __all__ = ["Progress"]
 
 _MINUTE = 60.0
-_UNFIT = ("intractable", "unsuitable")
-"""Found out at once and for every seed, so that such cells say nothing of how long others take."""
+_SHARE = 0.02
+"""Of its time, a run spends so much at most on saying how long the rest takes."""
 
 
 class Progress:
@@ -40,9 +41,11 @@ class Progress:
     def __init__(self, folder: Path | None = None) -> None:
         self.total = self.done = self.failed = 0
         self.missing = dict[CellId, None]()  # a set that keeps the order
-        self.took = list[Took]()
+        self.unfit = set[tuple[Choice, Choice]]()
+        self.latest = deque[Ended](maxlen=LATEST)
+        self.jobs = 0
         self.sight = Sight(folder)
-        self.began: float | None = None
+        self.said, self.due = "", 0.0
         self.over = threading.Event()
         self.console = Console(stderr=True, highlight=False, soft_wrap=True)
         self.bar: Bar | None = None
@@ -64,7 +67,7 @@ class Progress:
         self._count(total, done)
 
     def _count(self, total: int, done: int) -> None:
-        self.total, self.done, self.since = total, done, time.monotonic()
+        self.total, self.done = total, done
         if done < total:
             self.bar = _bar(self.console, total, done, self._below)
             self.bar.start()
@@ -79,30 +82,29 @@ class Progress:
         """Say how a cell ended, and how long the others may take."""
         self.done += 1
         self.missing.pop(result.id, None)
-        if result.status in _UNFIT:
-            self.missing = {cell: None for cell in self.missing if _reward(cell) != _reward(result.id)}
-        elif result.measurement is not None:
-            self.took.append(Took(result.id, result.measurement.wall_seconds))
+        self._learn(result)
         self.failed += result.status in ACCIDENTS
         self._say(f"[{self.done}/{self.total}] {describe(result)}")
         if self.bar is not None:
             self.bar.update(self.bar.task_ids[0], completed=self.done, description=self._left())
 
-    def _left(self) -> str:
-        """How long the rest may take; cells of methods that do not fit their task take no time.
+    def _learn(self, result: Result) -> None:
+        """What a result says of how long the others take."""
+        for never in unfit([result]) - self.unfit:
+            self.missing = {cell: None for cell in self.missing if reward_of(cell) != never}
+            self.unfit.add(never)
+        if result.measurement is not None:
+            self.latest.append(Ended(result.id, result.measurement.wall_seconds, time.time()))
+            said = result.provenance.get("jobs", "")
+            self.jobs = int(said) if said.isdecimal() else 0
 
-        Cells do not count what it takes to start them, nor that others slow them down before they begin: their times
-        are stretched so that they fill the time that has passed.
-        """
-        cells, now = self.sight.look(), time.time()
-        begun = [one for one in begun_of(cells, now) if one.cell in self.missing]
-        if cells and self.began is None:
-            self.began = cells[0].began
-            self.since = time.monotonic() - (now - self.began)
-        waiting = [cell for cell in self.missing if all(cell != one.cell for one in begun)]
-        busy = sum(each.seconds for each in self.took) + sum(each.seconds for each in begun)
-        passed = (time.monotonic() - self.since) * self.sight.jobs
-        return remaining(waiting, begun, self.took, self.sight.jobs, passed / busy if self.took and busy else 1.0)
+    def _left(self) -> str:
+        """How long the rest may take; said again as it was where it was asked too soon."""
+        began = time.monotonic()
+        if began >= self.due:
+            self.said = Pace(time.time(), self.missing, self.sight.look(), self.latest, self.jobs).words
+            self.due = began + (time.monotonic() - began) / _SHARE
+        return self.said
 
     def _below(self) -> list[str]:
         """Under the bar: the cells that run. The time in the bar goes on too."""
@@ -135,11 +137,6 @@ def _bar(console: Console, total: int, done: int, below: Callable[[], list[str]]
     bar = WithCells(*columns, console=console, disable=not console.is_terminal, refresh_per_second=2)
     bar.add_task("", total=total, completed=done)
     return bar
-
-
-def _reward(cell: CellId) -> tuple[Choice, Choice]:
-    """What decides whether the method fits."""
-    return cell.task, cell.method
 
 
 def describe(result: Result) -> str:

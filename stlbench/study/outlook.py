@@ -40,7 +40,12 @@ _ROUNDS = 5
 
 
 def time_left(
-    waiting: Sequence[CellId], begun: Sequence[Begun], took: Sequence[Took], jobs: int, size: Size = lambda cell: None
+    waiting: Sequence[CellId],
+    begun: Sequence[Begun],
+    took: Sequence[Took],
+    jobs: int,
+    size: Size = lambda cell: None,
+    between: float = 0.0,
 ) -> float | None:
     """Seconds until the last cell ends, as far as one can know; None while nothing is known.
 
@@ -54,8 +59,11 @@ def time_left(
         took: cells that ended.
         jobs: how many run at a time.
         size: of a cell, to compare tasks by.
+        between: seconds from the end of a cell until the next one in its place has begun.
     """
-    known = [*took, *(Took(one.cell, one.at / one.share) for one in begun if one.share > 0)]
+    ended = {each.cell.setting for each in took}
+    told = [one for one in begun if one.share > 0 and one.cell.setting not in ended]
+    known = [*took, *(Took(one.cell, one.at / one.share) for one in told)]
     if not known:
         return None
     guess = _Guess(known, size)
@@ -63,7 +71,7 @@ def time_left(
     free += [0.0] * (jobs - len(free))
     heapq.heapify(free)
     for cell in waiting:
-        heapq.heappush(free, heapq.heappop(free) + guess.of(cell))
+        heapq.heappush(free, heapq.heappop(free) + between + guess.of(cell))
     return max(free, default=0.0)
 
 

@@ -74,7 +74,7 @@ def values(result: Result, folder: Path, failures: int) -> dict[str, str | int |
         "satisfaction": score.satisfaction if score else None,
         "training_cpu_seconds": measured.training_cpu_seconds if measured else None,
         "training_wall_seconds": measured.training_wall_seconds if measured else None,
-        "recorded_at": datetime.now(UTC).isoformat(timespec="seconds"),
+        "recorded_at": datetime.now(UTC).isoformat(timespec="milliseconds"),
         "result": text,
         "checksum": checksum_of(text),
         "files": json.dumps(checksums_beside(folder, result) if measured else {}),

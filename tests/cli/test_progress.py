@@ -11,8 +11,9 @@ from stlbench.cli.progress import Progress
 
 @pytest.fixture
 def clock(monkeypatch):
-    """Seconds since the start; set the only entry."""
+    """Seconds since the start; set the only entry. Cells of these tests take 16."""
     seconds = [0.0]
+    monkeypatch.setattr(progress.time, "time", lambda: seconds[0])
     monkeypatch.setattr(progress.time, "monotonic", lambda: seconds[0])
     return seconds
 
@@ -22,16 +23,18 @@ def left(told):
 
 
 def test_cells_that_ran_tell_how_long_the_others_take(clock):
-    ended = [result("raw", seed) for seed in range(4)]
+    ended = [result("raw", seed, jobs=1) for seed in range(4)]
     with Progress() as told:
         told.begin([entry.id for entry in ended], 10)
         clock[0] = 30
         told.ended(ended[0])
-        assert left(told) == "about 1 min 30 s left"
-        clock[0] = 80
+        assert left(told) == "about 48 s left"  # the first 14 seconds are of no cell
+        clock[0] = 50
         told.ended(ended[1])
-        assert left(told) == "about 1 min 20 s left"
+        assert left(told) == "about 40 s left"  # 4 seconds from one to the next
+        clock[0] = 70
         told.ended(ended[2])
+        clock[0] = 90
         told.ended(ended[3])
         assert left(told) == ""
 
@@ -46,9 +49,9 @@ def test_methods_that_do_not_fit_count_neither_as_run_nor_as_left(clock):
         assert left(told) == ""  # nothing has run yet
         clock[0] = 61
         told.ended(others[0])
-        assert left(told) == "about 2 min 2 s left"  # two of raw; the other two of tau-mdp take no time
+        assert left(told) == "about 32 s left"  # two of raw; the other two of tau-mdp take no time
         told.ended(unfit[1])
-        assert left(told) == "about 2 min 2 s left"
+        assert left(told) == "about 32 s left"
 
 
 def test_a_method_that_does_not_fit_one_task_may_fit_another(clock):
@@ -58,7 +61,7 @@ def test_a_method_that_does_not_fit_one_task_may_fit_another(clock):
         told.ended(cells[0])
         clock[0] = 10
         told.ended(cells[1])
-        assert left(told) == "about 10 s left"
+        assert left(told) == "about 16 s left"
 
 
 def test_lines_say_how_many_there_are_and_how_each_ended(capsys):

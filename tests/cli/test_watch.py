@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from datetime import UTC, datetime
+import time
 
 import pytest
 from helpers.planned_ledger import planned
@@ -111,24 +110,23 @@ def test_results_are_in_the_order_in_which_they_came(tmp_path):
     assert [str(each.id.method) for each in looker.look().results] == ["funnel", "funnel", "cfer"]
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_the_time_left_is_stretched_by_what_cells_do_not_count(jobs):
-    """By hand: a cell took 16 of the 20 seconds that its place in the run took, so three more take 60, not 48."""
-    cells = [CellId.parse(f"hold-disc/funnel/dqn/{seed}", "quick") for seed in range(jobs, jobs + 3 * jobs)]
-    began = datetime(2026, 11, 22, tzinfo=UTC)
-    done = [
-        replace(result(seed=seed), provenance={"jobs": str(jobs), "time": began.isoformat()}) for seed in range(jobs)
-    ]
-    now = began.timestamp() + 20
-    assert View(now, "process 1", began.timestamp(), [], done, cells).left == "about 1 min 0 s left"
-    assert View(now, "process 1", None, [], done, cells[:3]).left == "about 48 s left"
-    old = [replace(each, provenance={"time": "2026-11-01T00:00:00+00:00"}) for each in done]
-    assert View(now, "process 1", began.timestamp(), [], old, cells[:3]).left == "about 48 s left"
+def test_what_this_run_recorded_counts_before_what_others_did(tmp_path):
+    """By hand: earlier a cell took 16 seconds; in this run one took 20, and 10 passed from the one to the next."""
+    cells = [CellId.parse(f"hold-disc/funnel/dqn/{seed}", "quick") for seed in range(5)]
+    done = [result(seed=0), *(result(seed=seed, jobs=1, wall_seconds=20.0) for seed in (1, 2))]
+    assert View(1000.0, "process 1", [], done[:1], cells[3:], {}).left == "about 32 s left"
+    recorded = {done[1].key: 950.0, done[2].key: 980.0}
+    assert View(980.0, "process 1", [], done, cells[3:], recorded).left == "about 1 min 0 s left"
 
 
-def test_when_a_run_began_is_what_its_lock_says(tmp_path):
+def test_what_a_run_recorded_is_told_from_what_was_there_before(tmp_path):
     planned(tmp_path)
+    time.sleep(1.1)  # a lock says since when in whole seconds
     with writing(tmp_path):
+        assert Looker(tmp_path).look().recorded == {}
+        with Ledger(tmp_path / FILE) as ledger:
+            ledger.record(result(seed=2))
         view = Looker(tmp_path).look()
-    assert view.since is not None
-    assert 0 <= view.now - view.since < 120
+    (key,) = view.recorded
+    assert key == result(seed=2).key
+    assert 0 <= view.now - view.recorded[key] < 120
