@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 from helpers.controlled_traces import all_starts, trace
+from helpers.studies import load
 
 from stlbench import stl
 from stlbench.contract import Array
@@ -89,13 +88,7 @@ def test_features_by_hand() -> None:
 
 @pytest.fixture(scope="module")
 def programme() -> ModuleType:
-    place = Path(__file__).parents[2] / "studies/either_or.py"
-    specification = importlib.util.spec_from_file_location("either_or", place)
-    assert specification is not None
-    assert specification.loader is not None
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
+    return load("either_or")
 
 
 def test_the_programmes_optimum_is_the_best_possible_and_its_replay_agrees(programme: ModuleType) -> None:

@@ -137,6 +137,8 @@ def _enough(tested: _Tested, alpha: float) -> int:
     one, other, margin = tested.pair.one, tested.pair.other, tested.pair.margin
     counts = np.arange(max(len(one), len(other)) + 1, MOST_SEEDS + 1)
     spread = np.var(one, ddof=1) + np.var(other, ddof=1)
+    if not spread:  # all seeds have the same value: no number of them says more
+        return MOST_SEEDS + 1
     error = np.sqrt(spread / counts)
     freedom = tested.freedom * (counts - 1) / (min(len(one), len(other)) - 1)
     size = abs(tested.difference.value or 0.0)

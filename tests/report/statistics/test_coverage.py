@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
 from pathlib import Path
 
 import pytest
+from helpers.studies import load
 
 ROOT = Path(__file__).parents[3]
-_SPEC = importlib.util.spec_from_file_location("coverage_study", ROOT / "studies" / "interval_coverage.py")
-study = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(study)
+study = load("interval_coverage")
 
 REPETITIONS = 4000
 NOISE = 4 * math.sqrt(0.05 * 0.95 / REPETITIONS)

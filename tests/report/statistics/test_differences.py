@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -71,6 +73,8 @@ def test_seeds_that_all_agree():
     same = [0.5, 0.5, 0.5]
     assert differences([Pair(same, [0.2, 0.2])])[0] == Difference("better", 0.3, (0.3, 0.3), 0.0)
     assert word(same, same, 0.1) == "no difference found"
+    with warnings.catch_warnings(action="error"):
+        assert word(same, same) == f"cannot tell, over {MOST_SEEDS} seeds would"
 
 
 def test_the_same_seeds_in_another_order_say_the_same():
