@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stlbench_agents.aligned import zeros
 from stlbench_agents.compiler import compiled
 from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, layout, outputs, size_of
 from stlbench_agents.products import inner_products
@@ -70,7 +71,7 @@ class Work(NamedTuple):
         axes, inputs = int(networks.actor[-1, 1]), int(networks.critics[0, 0, 1])
         sizes = (rows * inputs, rows * axes, rows, rows, rows * axes)
         spaces = Space.of(networks.actor, rows, dtype), Space.of(networks.critics[0], rows, dtype)
-        return Work(*spaces, *(np.zeros(size, dtype) for size in sizes))
+        return Work(*spaces, *(zeros(size, dtype) for size in sizes))
 
 
 @compiled()

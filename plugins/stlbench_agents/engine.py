@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stlbench_agents.aligned import zeros
 from stlbench_agents.compiler import compiled, inlined
 from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, outputs, outputs_at
 from stlbench_agents.products import inner_product
@@ -57,10 +58,10 @@ class Workspace(NamedTuple):
         count = int(network.layers[-1, 1])
         return Workspace(
             Space.of(network.layers, batch, dtype),
-            np.zeros(batch * count, dtype),
+            zeros(batch * count, dtype),
             np.ones(count, dtype),
-            np.zeros(batch, np.int64),
-            np.zeros(batch, dtype),
+            zeros(batch, np.int64),
+            zeros(batch, dtype),
         )
 
 

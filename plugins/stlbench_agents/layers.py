@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stlbench_agents.aligned import zeros
 from stlbench_agents.compiler import compiled, inlined
 from stlbench_agents.products import Matrix, inner_product, inner_products, matrix, product, transposed, turn
 
@@ -45,8 +46,8 @@ class Space(NamedTuple):
         """For B = `rows` and networks of this shape."""
         most = int(max(layers[-1, 1], *layers[:-1, 2]))
         size, square = (len(layers) - 1, rows * most), most * most
-        hidden = (np.zeros(size, dtype), np.zeros(size, dtype), np.zeros((2, size[1]), dtype))
-        return Space(*hidden, np.zeros(square, dtype), np.ones(1, dtype))
+        hidden = (zeros(size, dtype), zeros(size, dtype), zeros((2, size[1]), dtype))
+        return Space(*hidden, zeros(square, dtype), np.ones(1, dtype))
 
 
 def layout(widths: Sequence[int], begin: int = 0) -> Indices:
@@ -169,9 +170,10 @@ def back_hidden(
     for layer in range(len(layers) - 2, -1, -1):
         at, inner, columns, bias = layers[layer]
         active, below = space.here[layer], space.here[layer - 1] if layer else x
-        for i in range(rows * columns):
-            slope, on = back[i], active[i] > zero  # both read first: a branch would be guessed wrong half of the time
-            back[i] = slope if on else zero
+        slopes, sums = back[: rows * columns], active[: rows * columns]  # whole arrays: else no vectors are used
+        for i in range(len(slopes)):
+            slope, on = slopes[i], sums[i] > zero  # both read first: a branch would be guessed wrong half of the time
+            slopes[i] = slope if on else zero
         given = matrix(back, 0, rows, columns)
         if wanted:
             left, down = transposed(matrix(below, 0, rows, inner)), matrix(into, at, inner, columns)

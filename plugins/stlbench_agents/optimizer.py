@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stlbench_agents.aligned import aligned, zeros
 from stlbench_agents.compiler import compiled, inlined
 from stlbench_agents.products import inner_product
 
@@ -37,8 +38,7 @@ class Weights(NamedTuple):
     @staticmethod
     def of(flat: Floats) -> Weights:
         """All networks with the weights `flat`, before the first update."""
-        nothing = (np.zeros_like(flat) for _ in range(3))
-        return Weights(flat.copy(), flat.copy(), flat.copy(), *nothing)
+        return Weights(*(aligned(flat) for _ in range(3)), *(zeros(flat.shape, flat.dtype) for _ in range(3)))
 
 
 def decay(first: float, last: float, updates: int) -> float:
@@ -84,7 +84,7 @@ def blend(into: Floats, weights: Floats, share: float) -> None:
 @compiled()
 def step(weights: Weights, rate: float, count: int, max_norm: float, target_share: float, average_share: float) -> None:
     """Step `count` of Adam along the gradient, its norm clipped; then target and average move by their shares."""
-    factor = clipping(weights.gradient, max_norm)
+    factor = clipping(weights.gradient, max_norm) if max_norm < np.inf else 1.0
     for begin in range(0, len(weights.online), _BLOCK):
         now = slice(begin, begin + _BLOCK)
         online = weights.online[now]

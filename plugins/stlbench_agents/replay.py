@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import Array, Integers, Transition
-from stlbench_agents.compiler import compiled
+from stlbench_agents.aligned import zeros
+from stlbench_agents.compiler import compiled, inlined
 
 __all__ = ["Batch", "Memory", "Replay", "gather", "weighted_rewards"]
 
@@ -36,8 +37,7 @@ class Batch(NamedTuple):
     def of(rows: int, size: int, axes: int = 0) -> Batch:
         """Room for B = `rows` transitions with D = `size`."""
         wide = (rows, size)
-        floats = (np.zeros(part, np.float32) for part in (rows, wide, rows))
-        return Batch(np.zeros(wide, np.float32), _actions(rows, axes), *floats)
+        return Batch(zeros(wide), _actions(rows, axes), *(zeros(part) for part in (rows, wide, rows)))
 
 
 class Memory(NamedTuple):
@@ -148,17 +148,28 @@ class Replay:
 @compiled()
 def gather(memory: Memory, first: Integers, copies: int, into: Batch) -> None:
     """Write the transitions of up to n decisions that begin at the places `first` (B,) into a batch of B rows."""
-    reward, powers = memory.reward, memory.powers
+    reward, powers, size = memory.reward, memory.powers, memory.observation.shape[1]
+    axes = memory.action.size // len(reward)
+    seen, arrived, acted = _flat(memory.observation), _flat(memory.arrived), _flat(memory.action)
+    into_seen, into_arrived, into_acted = _flat(into.observation), _flat(into.arrived), _flat(into.action)
     for i in range(len(first)):
-        last, taken, total = first[i], 1, reward[first[i]]
+        begin = last = first[i]
+        taken, total = 1, reward[begin]
         while taken < len(powers) - 1 and memory.after[last] == 0:
             last += copies
             if last >= len(reward):
                 last -= len(reward)
             total += powers[taken] * reward[last]
             taken += 1
-        into.action[i], into.returns[i] = memory.action[first[i]], total
-        into.discount[i] = 0 if memory.after[last] == _END else powers[taken]
-        for j in range(memory.observation.shape[1]):
-            into.observation[i, j] = memory.observation[first[i], j]
-            into.arrived[i, j] = memory.arrived[last, j]
+        into.returns[i], into.discount[i] = total, 0 if memory.after[last] == _END else powers[taken]
+        for j in range(axes):
+            into_acted[i * axes + j] = acted[begin * axes + j]
+        for j in range(size):
+            into_seen[i * size + j] = seen[begin * size + j]
+            into_arrived[i * size + j] = arrived[last * size + j]
+
+
+@inlined()
+def _flat(values: NDArray[Any]) -> NDArray[Any]:
+    """The same memory as one row of numbers, which is faster to copy from and to."""
+    return values.reshape(values.size)

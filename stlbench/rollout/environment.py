@@ -93,7 +93,7 @@ class Simulator:
     def advance(self, action: Integers | Array) -> Steps:
         """Hold actions for `hold` steps: indices (N,) of the grid, or vectors (N, axes), clipped to their ends."""
         faults.check_action(self.task.actions, action, self.t)
-        vectors: Array = self._vectors[action] if action.dtype.kind == "i" else np.clip(action, self._low, self._high)
+        vectors: Array = self._vectors[action] if action.dtype.kind == "i" else action.clip(self._low, self._high)
         samples, self.last_action = self.world.advance(vectors, self.hold), vectors
         faults.check_samples(self.task, samples, self.hold, self.t)
         self.last_samples = samples

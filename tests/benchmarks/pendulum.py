@@ -49,7 +49,9 @@ class Pendulum(System):
         """One sampling time later; only the first axis of the action is a torque."""
         theta, omega = state[:, 0], state[:, 1]
         change = 19.6 * np.sin(theta) + (action[:, 0] - 0.05 * omega) / 0.0375
-        return np.stack([theta + self.dt * omega, omega + self.dt * change], axis=1)
+        moved = np.empty_like(state)
+        moved[:, 0], moved[:, 1] = theta + self.dt * omega, omega + self.dt * change
+        return moved
 
     def signals(self, state: Array) -> Array:
         """The state, the angle in [-pi, pi)."""
@@ -61,7 +63,10 @@ class Pendulum(System):
         """cos, sin, omega / 5 and the angle's distance from the target of the time, (N, 4)."""
         theta, omega = state[:, 0], state[:, 1]
         target = np.where(t <= 700, 0.0, np.where(t <= 1200, 1.57, -1.57))
-        return np.stack([np.cos(theta), np.sin(theta), omega / 5, _wrapped(theta - target) / np.pi], axis=1)
+        seen = np.empty((len(state), 4))
+        seen[:, 0], seen[:, 1], seen[:, 2] = np.cos(theta), np.sin(theta), omega / 5
+        seen[:, 3] = _wrapped(theta - target) / np.pi
+        return seen
 
 
 def _wrapped(angle: Array) -> Array:
