@@ -87,6 +87,16 @@ def test_both_or_neither_is_refused_when_the_class_is_made() -> None:
         type("Both", (Steps,), {"step": Steps.step, "along": RewardMethod.along})
 
 
+@pytest.mark.parametrize(("above", "name"), [("along", "step"), ("step", "along"), ("arrival", "step")])
+def test_what_only_follows_from_another_way_cannot_be_called_by_super(above: str, name: str) -> None:
+    ways = {"step": Steps.step, "along": Along.along, "arrival": lambda self, signals, t: signals[..., 0]}
+    written = type("Above", (RewardMethod,), {above: ways[above]})
+    own = type("Own", (written,), {name: lambda self, *words: getattr(super(own, self), name)(*words)})
+    words = {"step": (SAMPLES[0], ACTION, SAMPLES[1], AT, TWO), "along": (SAMPLES, ACTION, AT, TWO)}[name]
+    with pytest.raises(TypeError, match=rf"^Own.{name} calls super\(\).{name}, which would only call it again; call"):
+        getattr(own(SPECIFICATION), name)(*words)
+
+
 def test_arrival_alone_gives_step_and_along() -> None:
     """x at s_t plus 10 t, paid for s_1, s_2, ...: never for the sample that a transition begins with."""
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from stlbench.contract_parts.arrays import Array, Integers, Truth
 from stlbench.contract_parts.specification import Specification
-from stlbench.contract_parts.stepwise import along_by_steps, complete
+from stlbench.contract_parts.stepwise import along_by_steps, complete, refuse_circle
 
 __all__ = ["RewardMethod"]
 
@@ -118,6 +118,7 @@ class RewardMethod:
         Returns:
             The reward (N,) and the next memory (N, m).
         """
+        refuse_circle(self, RewardMethod, "step")
         if self.paid_on_arrival:
             return self.arrival(next_signals, t + 1), memory
         rewards, memory = self.along(np.stack([signals, next_signals]), action, t, memory)
@@ -135,6 +136,7 @@ class RewardMethod:
         Returns:
             The rewards (h, N) and the memory at s_{t+h}, (N, m).
         """
+        refuse_circle(self, RewardMethod, "along")
         if self.paid_on_arrival:
             return self.arrival(samples[1:], t + np.arange(1, len(samples))[:, None]), memory
         return along_by_steps(self, samples, action, t, memory)

@@ -7,7 +7,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["along_by_steps", "complete"]
+__all__ = ["along_by_steps", "complete", "refuse_circle"]
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -39,6 +39,16 @@ def complete(kind: type[Stepping], base: type[Stepping]) -> None:
     elif written or all(getattr(kind, name) is getattr(base, name) for name in _ONE_OF):
         found = " and ".join(written) or "none of them"
         raise TypeError(f"{kind.__name__} must have one of arrival, step and along, and has {found}")
+
+
+def refuse_circle(method: Stepping, base: type[Stepping], name: str) -> None:
+    """Raises `TypeError` where a class calls `super().step` in its `step`, say, and no class above has written one."""
+    kind = type(method)
+    if getattr(kind, name) is not getattr(base, name):
+        raise TypeError(
+            f"{kind.__name__}.{name} calls super().{name}, which would only call it again; call the one of arrival, "
+            f"step and along that the class above has written"
+        )
 
 
 def along_by_steps(method: Stepping, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:

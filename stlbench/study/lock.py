@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import socket
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
@@ -17,6 +18,9 @@ __all__ = ["FILE", "writer", "writing"]
 
 FILE = ".lock"
 """Its name in a folder of results. It stays there; what counts is whether a process holds it."""
+
+_PATIENCE = 0.5
+"""Seconds in which a lock is asked for again."""
 
 
 @contextmanager
@@ -53,14 +57,19 @@ def writer(folder: Path) -> str | None:
 
 
 def _hold(descriptor: int, path: Path) -> None:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise UsageError(
-            f"{path.parent} is written by {_holder(path)}; wait until it has ended, or take another folder"
-        ) from None
-    except OSError:  # a file system without locks, as some of clusters: then there is none
-        return
+    end = time.monotonic() + _PATIENCE
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            break
+        except BlockingIOError:  # for a moment also where somebody only looks who writes
+            if time.monotonic() > end:
+                raise UsageError(
+                    f"{path.parent} is written by {_holder(path)}; wait until it has ended, or take another folder"
+                ) from None
+            time.sleep(_PATIENCE / 20)
+        except OSError:  # a file system without locks, as some of clusters: then there is none
+            return
     since = datetime.now(UTC).isoformat(timespec="seconds")
     os.ftruncate(descriptor, 0)
     os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}, since {since}\n".encode())

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import signal
 import subprocess
 import sys
+import threading
 
 import pytest
 from helpers import scripted_cells
@@ -69,6 +71,17 @@ def test_what_a_run_has_started_does_not_hold_the_folder_when_it_has_ended(tmp_p
     study(tmp_path, "a", "kill")
     with Ledger(tmp_path / FILE, create=False) as ledger:
         assert [entry.status for entry in ledger.results()] == ["unsuitable", "killed"]
+
+
+def test_one_who_only_looks_who_writes_keeps_nobody_from_writing(tmp_path):
+    with writing(tmp_path):
+        pass
+    with (tmp_path / ".lock").open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_SH)
+        look = threading.Timer(0.1, fcntl.flock, (file, fcntl.LOCK_UN))
+        look.start()
+        with writing(tmp_path):
+            look.join()
 
 
 def test_cells_are_not_removed_or_merged_where_another_process_writes(held, tmp_path):
