@@ -122,3 +122,34 @@ def test_tables_are_no_wider_than_the_paper_they_are_printed_on(browser: Any, pa
     arrows = "getComputedStyle(document.querySelector('button.sort'), '::after').content"
     assert opened.page.evaluate(arrows) == "none"
     opened.context.close()
+
+
+SEEN = "[...document.querySelectorAll('.plot')].filter(each => each.clientWidth)"
+WATCH = f"""
+addEventListener('beforeprint', () => {{
+  const bare = {SEEN}.filter(each => !each.querySelector('.main-svg'));
+  const ink = getComputedStyle(document.querySelector('#task-0 .plot .xtick text')).fill;
+  window.printed = [{SEEN}.length, bare.length, document.querySelectorAll('details.task[open]').length, ink];
+}})"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_all_tasks_are_printed_with_their_charts_and_stay_closed_afterwards(
+    browser: Any, page: Path, scheme: str
+) -> None:
+    opened = Opened(browser, page, scheme=scheme)
+    opened.page.locator("#task-1 summary").click()
+    opened.page.wait_for_selector("html[data-unpacked]")
+    opened.page.evaluate(WATCH)
+    opened.page.pdf()
+    charts, bare, tasks, ink = opened.page.evaluate("printed")
+    assert (charts >= 8, bare, tasks, ink) == (True, 0, 2, "rgb(27, 31, 36)")
+    assert opened.page.locator("details.task[open] h3").all_inner_texts() == ["integrator-or"]
+    assert opened.page.locator("#theme").input_value() == ""
+    opened.page.locator("#task-0 summary").click()
+    drawn = opened.page.locator("#task-0 .plot .xtick text").first
+    drawn.wait_for()
+    shade = {"light": "rgb(27, 31, 36)", "dark": "rgb(232, 235, 239)"}
+    assert drawn.evaluate("each => getComputedStyle(each).fill") == shade[scheme]
+    assert opened.problems == []
+    opened.context.close()

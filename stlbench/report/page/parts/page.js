@@ -12,27 +12,33 @@ function element(name, text, attributes = {}) {
 }
 
 // ------------------------------------------------------------------------------------------------------- what is packed
-async function unpacked(id) {
+async function unzipped(id) {
   const bytes = Uint8Array.from(atob($("#" + CSS.escape(id)).textContent), (letter) => letter.charCodeAt(0));
   return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
 }
 
-const payloads = new Map();
-function payload(key) {
-  if (!payloads.has(key)) payloads.set(key, unpacked("payload-" + key).then(JSON.parse));
-  return payloads.get(key);
+const texts = new Map(), coming = new Map();
+function unpacked(id) {
+  if (!coming.has(id)) coming.set(id, unzipped(id).then((text) => texts.set(id, text)));
+  return coming.get(id);
 }
 
-let library;
-function plotly() {
-  library ??= unpacked("plotly").then((text) => {
-    const script = element("script", text);
+const parsed = new Map();
+function parse(key) {
+  if (!parsed.has(key)) parsed.set(key, JSON.parse(texts.get("payload-" + key)));
+  return parsed.get(key);
+}
+const payload = (key) => unpacked("payload-" + key).then(() => parse(key));
+
+function run() {
+  if (!window.Plotly) {
+    const script = element("script", texts.get("plotly"));
     script.nonce = nonce;
     document.head.append(script);
-    return window.Plotly;
-  });
-  return library;
+  }
+  return window.Plotly;
 }
+const plotly = () => unpacked("plotly").then(run);
 
 // --------------------------------------------------------------------------------------------------------------- charts
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
@@ -60,17 +66,22 @@ function dressed(layout) {
 
 async function draw(place) {
   if (place.dataset.drawn) return;
-  place.dataset.drawn = "yes";
   place.classList.add("waiting");
-  const [{ charts }, Plotly] = await Promise.all([payload(place.dataset.payload), plotly()]);
+  await Promise.all([unpacked("payload-" + place.dataset.payload), unpacked("plotly")]);
+  if (!place.dataset.drawn) drawNow(place);
+}
+
+function drawNow(place) {
   place.classList.remove("waiting");
-  await drawn(Plotly, place, charts[place.dataset.chart]);
+  return drawn(run(), place, parse(place.dataset.payload).charts[place.dataset.chart]);
 }
 
 async function drawn(Plotly, place, chart) {
   place.chart = chart;
-  await Plotly.newPlot(place, coloured(chart.data), dressed(chart.layout), { responsive: true, displaylogo: false, displayModeBar: false });
+  place.dataset.drawn = "yes";
+  if (place.nextElementSibling?.classList.contains("legend")) place.nextElementSibling.remove();
   if (chart.legend.length) place.after(legend(Plotly, place, chart));
+  await Plotly.newPlot(place, coloured(chart.data), dressed(chart.layout), { responsive: true, displaylogo: false, displayModeBar: false });
 }
 
 function legend(Plotly, place, chart) {
@@ -116,12 +127,7 @@ const watcher = new IntersectionObserver(
 );
 $$(".plot").forEach((place) => watcher.observe(place));
 
-async function redraw() {
-  for (const place of $$(".plot").filter((each) => each.chart)) {
-    place.nextElementSibling?.classList.contains("legend") && place.nextElementSibling.remove();
-    await drawn(await plotly(), place, place.chart);
-  }
-}
+const redraw = () => $$(".plot").filter((each) => each.chart).forEach((place) => drawn(run(), place, place.chart));
 $("#theme").addEventListener("change", (event) => {
   document.documentElement.dataset.theme = event.target.value;
   redraw();
@@ -274,5 +280,37 @@ async function curveOf([steps, satisfied, robustness], body) {
 $$("button.open").forEach((button) => button.addEventListener("click", () => openCell(button)));
 $("#cell").addEventListener("click", (event) => event.target === $("#cell") && $("#cell").close());
 
-addEventListener("beforeprint", () => $$("details.task").forEach((part) => (part.open = true)));
+// --------------------------------------------------------------------------------------------------------------- print
+// What a browser prints is what stands there when "beforeprint" ends: nothing can be waited for, so all is unpacked before.
+const root = document.documentElement;
+addEventListener("load", () =>
+  Promise.all($$("[id^=payload-], #plotly").map((each) => unpacked(each.id))).then(() => (root.dataset.unpacked = "yes")),
+);
+
+let before;
+addEventListener("beforeprint", () => {
+  const parts = $$("details.task:not([open])"), theme = root.dataset.theme ?? "";
+  const dark = theme === "dark" || (!theme && matchMedia("(prefers-color-scheme: dark)").matches);
+  before = { parts, theme, dark };
+  parts.forEach((part) => (part.open = true));
+  root.dataset.theme = "light";
+  if (dark) redraw();
+  const places = $$(".plot").filter((each) => each.clientWidth);
+  if (root.dataset.unpacked) places.filter((each) => !each.dataset.drawn).forEach(drawNow);
+  for (const place of places) {
+    const [width, height] = [place.clientWidth, place.clientHeight];
+    place.style.aspectRatio = `${width} / ${height}`;
+    $$("svg.main-svg", place).forEach((drawing) => drawing.setAttribute("viewBox", `0 0 ${width} ${height}`));
+  }
+});
+
+addEventListener("afterprint", () => {
+  if (!before) return;
+  $$("svg.main-svg").forEach((drawing) => drawing.removeAttribute("viewBox"));
+  root.dataset.theme = before.theme;
+  if (before.dark) redraw();
+  before.parts.forEach((part) => (part.open = false));
+  before = undefined;
+});
+
 document.documentElement.dataset.ready = "yes";
