@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
 from stlbench.cli.common import warn
 from stlbench.errors import UsageError
-
-if TYPE_CHECKING:
-    from stlbench.result import Result
-    from stlbench.rollout.reenactment import Reenactment
-    from stlbench.rollout.saved_policies import Which
-    from stlbench.study.replay import Replay, Start
 
 
 def render(
@@ -52,9 +46,10 @@ def render(
       stlbench render results hold-disc/funnel/dqn/0 --start 0.3,1.2
       stlbench render results "robot-nav/funnel[variant=code]/dqn/0" --format mp4 --out films
     """
-    from stlbench.report.figures.files import file_name
     from stlbench.report.film import video
-    from stlbench.study.replay import Start, parse_start, replay
+    from stlbench.report.film.of_cell import Filming
+    from stlbench.study.asked import of_one
+    from stlbench.study.replay import Start, parse_start
     from stlbench.study.results import Results
 
     if start is not None and start_index is not None:
@@ -66,64 +61,9 @@ def render(
     if result.measurement is None:
         reason = f": {result.reason}" if result.reason else ""
         raise UsageError(f"{result.id.name} has no policy to film: {result.status}{reason}")
-    recorded = which == "selected" and chosen == Start() and form != "png"
-    shown = _recorded(run, result) if recorded else replay(run, result, which, chosen)
-    said: list[str] = [] if which == "selected" else [which]
-    said += [f"start-{start or start_index}"] if chosen != Start() else []
-    title = result.id.name + ", ".join(["", *said]).replace("start-", "start ")
-    name = file_name(*result.id.name.split("/"), result.id.budget, *said)
-    acted = None if form == "png" else _before_camera(run, result, which, chosen, shown)
-    try:
-        for path in _write(shown, acted, title, out or run / "films", name, form):
-            typer.echo(path)
-    except OSError as error:
-        raise UsageError(f"cannot write the film: {error}") from error
-
-
-def _recorded(run: Path, result: Result) -> Replay:
-    """What was recorded when the cell was trained, which needs no policy."""
-    from stlbench.result import MAIN
-    from stlbench.rollout.traces import load
-    from stlbench.study.replay import Replay
-    from stlbench.task import load_task
-
-    assert result.measurement is not None
-    task = load_task(result.id.task)
-    return Replay(task, None, load(task, result, run), result.measurement.selected[MAIN].robustness)
-
-
-def _before_camera(run: Path, result: Result, which: Which, start: Start, shown: Replay) -> Reenactment | None:
-    """The policy, ready to act again in an environment that draws itself; None, with a warning, where it cannot."""
-    from stlbench.contract import GymTask
-    from stlbench.study.replay import reenact
-
-    if not isinstance(shown.task.dynamics, GymTask) or shown.recording.film is None:
-        return None
-    try:
-        return reenact(run, result, which, start, shown.recording.film)
-    except UsageError as error:
-        warn(f"no pictures of the environment: {error}")
-        return None
-
-
-def _write(
-    shown: Replay,
-    acted: Reenactment | None,
-    title: str,
-    folder: Path,
-    name: str,
-    form: Literal["gif", "webp", "mp4", "png"],
-) -> list[Path]:
-    """The film, or the pictures; their paths."""
-    from stlbench.report.figures.cell_figures import draw_cell
-    from stlbench.report.film import film
-
-    if form == "png":
-        return draw_cell(shown.task, shown.method, shown.recording, title, folder, name)
-    path = folder / f"film-{name}.{form}"
-    remark = film.write(shown.task, shown.recording, shown.robustness, title, path, acted)
-    if remark:
+    question = Filming(run, result, which, chosen, form, out or run / "films")
+    filmed = of_one(question, f"{result.id.name} cannot be filmed")
+    for remark in filmed.remarks:
         warn(remark)
-    elif acted and shown.recording.film and not acted.repeats(shown.recording.traces[shown.recording.film.starts]):
-        warn("the pictures are of another course than was recorded: the environment did not do the same again")
-    return [path]
+    for path in filmed.paths:
+        typer.echo(path)

@@ -11,8 +11,8 @@ from stlbench.cli.common import Json, console, print_json
 
 if TYPE_CHECKING:
     from stlbench.outside.source import Source
+    from stlbench.registry.choices import Choice
     from stlbench.result import Result
-    from stlbench.task import Task
 
 
 def score(
@@ -62,35 +62,36 @@ def score(
     """
     from stlbench.outside.source import find_source
     from stlbench.registry.folders import task_of
-    from stlbench.task import load_task
 
-    source, loaded = find_source(policy), load_task(task_of(task))
+    source, choice = find_source(policy), task_of(task)
     if source.kind == "cell":
-        _stored(loaded, source, results, budget, which, as_json)
+        _stored(choice, source, results, budget, which, as_json)
         return
-    result = _outside(loaded, source, results, budget or "quick", method, on, name, seed)
+    result = _outside(choice, source, results, budget or "quick", method, on, name, seed)
     _show(result, results, as_json)
 
 
 def _stored(
-    task: Task, source: Source, results: Path, budget: str | None, which: Literal["selected", "final"], as_json: bool
+    task: Choice, source: Source, results: Path, budget: str | None, which: Literal["selected", "final"], as_json: bool
 ) -> None:
     """A stored cell: its score is shown beside the recorded one, and nothing is written."""
-    from stlbench.outside.again import score_again
+    from stlbench.outside.again import ScoreAgain
     from stlbench.report import to_screen
     from stlbench.report.tables.cell import scores_table
+    from stlbench.study.asked import of_one
     from stlbench.study.results import Results
 
-    again = score_again(task, Results.load(results).cell(source.text, budget), results, which)
+    question = ScoreAgain(task, Results.load(results).cell(source.text, budget), results, which)
+    again = of_one(question, f"{source.text} cannot be scored on {task}")
     if as_json:
-        print_json({"cell": again.cell.name, "policy": which, "task": task.name, "as_recorded": again.as_recorded})
+        print_json({"cell": again.cell.name, "policy": which, "task": str(task), "as_recorded": again.as_recorded})
         return
-    typer.echo(f"{again.cell.name}, {which} policy, on {task.name}: {again.said}")
+    typer.echo(f"{again.cell.name}, {which} policy, on {task}: {again.said}")
     to_screen(scores_table({"": again.scores}), console())
 
 
 def _outside(
-    task: Task,
+    task: Choice,
     source: Source,
     results: Path,
     budget: str,
@@ -100,14 +101,14 @@ def _outside(
     seed: int,
 ) -> Result:
     """Score it and record the row."""
-    from stlbench.outside.record import record, row
-    from stlbench.outside.scoring import UNKNOWN, Shown, score
+    from stlbench.outside.record import ScoreOutside, record
+    from stlbench.outside.scoring import UNKNOWN, Shown
     from stlbench.registry.choices import parse_choice
+    from stlbench.study.asked import of_one
 
     shown = Shown(on, UNKNOWN if method is None else parse_choice(method))
-    scored = score(task, source, shown, task.budget(budget).random_starts)
-    result = row(task, source, shown, scored, budget, name, seed)
-    before = record(results, result, scored, task.signals)
+    entry = of_one(ScoreOutside(task, source, shown, budget, name, seed), f"{source.text} cannot be scored on {task}")
+    result, before = entry.result, record(results, entry)
     if before is not None and before.provenance.get("sha256") != result.provenance["sha256"]:
         typer.echo(f"in place of another policy of that name, {before.provenance.get('source')}", err=True)
     return result

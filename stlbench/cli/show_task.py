@@ -47,7 +47,6 @@ def task(
 def facts(task: Task) -> dict[str, Any]:
     """All that is shown, as plain values. Intervals of formulas are in steps."""
     from stlbench import stl
-    from stlbench.rollout import controller
     from stlbench.task import fitting_methods
     from stlbench.task.equal_rewards import equal_rewards
 
@@ -65,7 +64,7 @@ def facts(task: Task) -> dict[str, Any]:
         "features": file.features,
         "environment": None if file.environment is None else file.environment.id,
         "beyond_state": _beyond_state(task),
-        "controller": _scored(controller.score(task)),
+        "controller": _scored(_by_hand(task)),
         "best_possible": None if file.best_possible is None else file.best_possible.model_dump(),
         "signals": {name: signal.model_dump(exclude_none=True) for name, signal in file.signals.items()},
         "terms": _terms(task),
@@ -100,6 +99,15 @@ def _actions(task: Task) -> dict[str, dict[str, Any]]:
     """Name -> ends, count and unit; those of the environment where the file has none."""
     declared = {name: axis.model_dump(exclude_none=True) for name, axis in task.file.actions.items()}
     return declared or {axis.name: axis.ends for axis in task.source.axes}
+
+
+def _by_hand(task: Task) -> Score | None:
+    """What the controller gets; with a warning where it fails."""
+    from stlbench.rollout.standards import ByHand, scores_of
+    from stlbench.study.asked import ask
+
+    question = ByHand(task.choice)
+    return scores_of([question], ask).get(question)
 
 
 def _scored(score: Score | None) -> dict[str, float] | None:

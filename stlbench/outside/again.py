@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from stlbench.registry.choices import Choice
 from stlbench.result import CellId, Result, Score
 from stlbench.rollout.referee import Referee
 from stlbench.rollout.saved_policies import Which
 from stlbench.study.kept import load_policy
-from stlbench.task import Task
+from stlbench.task import Task, load_task
 
-__all__ = ["Again", "score_again"]
+__all__ = ["Again", "ScoreAgain", "score_again"]
 
 
 class Again(NamedTuple):
@@ -28,6 +30,26 @@ class Again(NamedTuple):
         """In words."""
         words = {True: "as recorded", False: "not as recorded", None: "another task than its own"}
         return words[self.as_recorded]
+
+
+@dataclass(frozen=True)
+class ScoreAgain:
+    """What does a stored policy get, on a task? See `score_again`."""
+
+    task: Choice
+    result: Result
+    folder: Path
+    which: Which
+
+    @property
+    def plugins(self) -> tuple[tuple[str, str], ...]:
+        """See `Question`."""
+        cell, names = self.result.id, (self.task.name, self.result.id.task.name)
+        return *(("tasks", name) for name in names), ("methods", cell.method.name), ("agents", cell.agent.name)
+
+    def answer(self) -> Again:
+        """See `Question`."""
+        return score_again(load_task(self.task), self.result, self.folder, self.which)
 
 
 def score_again(task: Task, result: Result, folder: Path, which: Which) -> Again:

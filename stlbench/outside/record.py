@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from stlbench.errors import UsageError
-from stlbench.outside.scoring import Scored, Shown
+from stlbench.outside.scoring import UNKNOWN, Scored, Shown, score
 from stlbench.outside.source import Source
 from stlbench.registry import folders
 from stlbench.registry.choices import NAME, Choice
@@ -18,9 +20,45 @@ from stlbench.study.keys import harness
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writing
 from stlbench.study.provenance import TASK_FOLDER, collect
-from stlbench.task import Task
+from stlbench.task import Task, load_task
 
-__all__ = ["record", "row"]
+__all__ = ["Entry", "ScoreOutside", "record", "row"]
+
+
+class Entry(NamedTuple):
+    """What becomes a row."""
+
+    result: Result
+    scored: Scored
+    signals: tuple[str, ...]
+    """Of the task."""
+
+
+@dataclass(frozen=True)
+class ScoreOutside:
+    """What does a policy from outside get on a task? See `score` and `row`."""
+
+    task: Choice
+    source: Source
+    shown: Shown
+    budget: str
+    name: str | None
+    seed: int
+
+    @property
+    def plugins(self) -> tuple[tuple[str, str], ...]:
+        """See `Question`."""
+        functions = [("functions", self.source.text)] if self.source.kind == "function" else []
+        methods = [("methods", self.shown.method.name)] if self.shown.method != UNKNOWN else []
+        return ("tasks", self.task.name), *methods, *functions
+
+    def answer(self) -> Entry:
+        """See `Question`."""
+        task = load_task(self.task)
+        scored = score(task, self.source, self.shown, task.budget(self.budget).random_starts)
+        return Entry(
+            row(task, self.source, self.shown, scored, self.budget, self.name, self.seed), scored, task.signals
+        )
 
 
 def row(task: Task, source: Source, shown: Shown, scored: Scored, budget: str, name: str | None, seed: int) -> Result:
@@ -40,12 +78,13 @@ def row(task: Task, source: Source, shown: Shown, scored: Scored, budget: str, n
     return Result(cell, key, "done", measurement=scored.measurement, provenance={**facts, **collect(1), **place})
 
 
-def record(folder: Path, result: Result, scored: Scored, signals: tuple[str, ...]) -> Result | None:
+def record(folder: Path, entry: Entry) -> Result | None:
     """Write a row and its traces to a folder of results, in place of one of the same name; that one, if there was any.
 
     Raises:
         UsageError: the folder has no ledger but lines of text, or cannot be written.
     """
+    result = entry.result
     if stored.locate(folder) and not (folder / FILE).is_file():
         raise UsageError(f"{folder} has no {FILE} but {stored.LINES}; say another folder by --results")
     path = saved_traces.trace_file(folder / saved_traces.FOLDER, result.id, result.key)
@@ -54,7 +93,7 @@ def record(folder: Path, result: Result, scored: Scored, signals: tuple[str, ...
         if before is not None:
             upkeep.take_out(folder, ledger, before.id)
         try:
-            _save(path, scored, signals)
+            _save(path, entry.scored, entry.signals)
         except OSError as error:
             raise UsageError(f"cannot write {path}: {error}") from error
         ledger.record(result)

@@ -5,18 +5,15 @@ The referee runs and scores them as it does a policy: from the same starts, thei
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
-from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, cause
-from stlbench.registry.plugins import PluginWarning
+from stlbench.contract import ActionGrid, Array, Integers, RewardMethod
 from stlbench.result import Score
 from stlbench.rollout import referee
 from stlbench.rollout.environment import Simulator
 from stlbench.task import Task
 
-__all__ = ["Unpaid", "nearest", "record", "score", "score_at_random", "warn"]
+__all__ = ["Unpaid", "nearest", "record", "score", "score_at_random"]
 
 
 def record(task: Task, begun: Array) -> Array | None:
@@ -38,22 +35,18 @@ def record(task: Task, begun: Array) -> Array | None:
 
 
 def score(task: Task) -> Score | None:
-    """The controller's score by the task's formula, from the report's starts.
+    """The controller's score by the task's formula, from the report's starts; None where the task has none.
 
-    None where the task has none, or where it fails, and then with a `PluginWarning`.
+    Raises whatever the controller and the system raise.
     """
-    try:
-        traces = record(task, task.starts.report_and_selection()[0])
-    except Exception as error:
-        warn(task.name, error)
-        return None
+    traces = record(task, task.starts.report_and_selection()[0])
     return None if traces is None else referee.score(task, traces)
 
 
-def score_at_random(task: Task) -> Score | None:
+def score_at_random(task: Task) -> Score:
     """The score of a policy that knows nothing: every action is drawn evenly from all, anew at each decision.
 
-    From the report's starts, the same at every call. None where the task cannot be simulated, with a `PluginWarning`.
+    From the report's starts, the same at every call. Raises whatever the system raises.
     """
     generator, actions = np.random.default_rng(0), task.actions
 
@@ -63,17 +56,8 @@ def score_at_random(task: Task) -> Score | None:
             return generator.integers(actions.size, size=count)
         return generator.uniform(actions.low, actions.high, (count, len(actions.low)))
 
-    try:
-        traces = referee.follow(task, Unpaid(task.specification), act, task.starts.report_and_selection()[0])
-    except Exception as error:
-        warn(task.name, error, "actions at random")
-        return None
+    traces = referee.follow(task, Unpaid(task.specification), act, task.starts.report_and_selection()[0])
     return referee.score(task, traces)
-
-
-def warn(task: str, error: Exception, what: str = "its controller") -> None:
-    """Say, as a `PluginWarning`, why something of a task cannot be scored."""
-    warnings.warn(f"task {task}: {what} cannot be scored: {cause(error)}", PluginWarning, stacklevel=3)
 
 
 class Unpaid(RewardMethod):

@@ -5,19 +5,22 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
-from stlbench.contract import Intractable, Unsuitable, cause
+from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
-from stlbench.registry.choices import Choice
+from stlbench.registry.choices import Choice, parse_choice
 from stlbench.result import Score, Setting, Track
 from stlbench.rollout import controller
+from stlbench.rollout.questions import Ask, Question, Unanswered, ask_here
 from stlbench.task import build_method, load_task
 from stlbench.task.equal_rewards import Difference, Paid, equal_payments, payments
 from stlbench.task.file import BestPossible
 
-__all__ = ["Ask", "Likeness", "Question", "Standard", "ask_here", "paid", "standards"]
+__all__ = ["About", "AtRandom", "ByHand", "Known", "Likeness", "Pays", "Standard", "scores_of", "standards"]
+
+_Q = TypeVar("_Q", bound=Question[object])
 
 Likeness = Literal["=", "~"]
 """How two methods pay the same: up to a constant, or up to a function of time."""
@@ -46,85 +49,140 @@ class Standard:
 
 
 @dataclass(frozen=True)
-class Question:
-    """What does a method pay on a task, or on an ablation of one?"""
+class Known:
+    """What a task says of itself."""
+
+    best_possible: BestPossible | None
+    own_agent: str
+
+
+@dataclass(frozen=True)
+class _OfTask:
+    task: Choice
+
+    @property
+    def plugins(self) -> tuple[tuple[str, str], ...]:
+        """See `Question`."""
+        return (("tasks", self.task.name),)
+
+
+@dataclass(frozen=True)
+class About(_OfTask):
+    """What does a task say of itself? It is loaded for that."""
+
+    def answer(self) -> Known:
+        """See `Question`."""
+        task = load_task(self.task)
+        return Known(task.file.best_possible, task.own_agent)
+
+
+@dataclass(frozen=True)
+class ByHand(_OfTask):
+    """What does a task's controller get? None of a task without one."""
+
+    def answer(self) -> Score | None:
+        """See `Question`."""
+        return controller.score(load_task(self.task))
+
+
+@dataclass(frozen=True)
+class AtRandom(_OfTask):
+    """What do actions at random get on a task?"""
+
+    def answer(self) -> Score:
+        """See `Question`."""
+        return controller.score_at_random(load_task(self.task))
+
+
+@dataclass(frozen=True)
+class Pays:
+    """What does a method pay on a task, or on an ablation of one?
+
+    None where that is no function of samples and time alone, or where the method does not fit.
+    """
 
     task: Choice
     track: Track
     method: str
     """The text of a choice."""
 
+    @property
+    def plugins(self) -> tuple[tuple[str, str], ...]:
+        """See `Question`."""
+        return ("tasks", self.task.name), ("methods", parse_choice(self.method).name)
 
-Ask = Callable[[Sequence[Question]], Sequence[Paid | str | None]]
-"""Answers questions: what is paid; None where that is no function of samples and time alone, or where the method does
-not fit; a text where it could not be asked, why."""
-
-
-def paid(question: Question) -> Paid | None:
-    """The answer, in this process. Raises whatever the method raises."""
-    try:
-        task = load_task(question.task)
-        if question.track == "plain":
-            task = replace(task, file=task.file.plain())
-        return payments(build_method(task, question.method))
-    except (Intractable, Unsuitable, UsageError):
-        return None
-
-
-def ask_here(questions: Sequence[Question]) -> list[Paid | str | None]:
-    """All answers, in this process."""
-    return [_paid_or_said(question) for question in questions]
-
-
-def _paid_or_said(question: Question) -> Paid | str | None:
-    try:
-        return paid(question)
-    except Exception as error:
-        return cause(error)
+    def answer(self) -> Paid | None:
+        """See `Question`."""
+        try:
+            task = load_task(self.task)
+            if self.track == "plain":
+                task = replace(task, file=task.file.plain())
+            return payments(build_method(task, self.method))
+        except (Intractable, Unsuitable, UsageError):
+            return None
 
 
 def standards(settings: Iterable[Setting], ask: Ask = ask_here) -> dict[str, Standard]:
     """Name of a task -> what its policies are compared with, each once, in the order given.
 
     Left out are tasks that are not installed or cannot be loaded: results may come from another machine. Some seconds
-    for a task on a MuJoCo model, which is simulated. What a method pays is asked by `ask`; of one that could not be
-    asked a `PluginWarning` says why.
+    for a task on a MuJoCo model, which is simulated. All that plugins do for it is asked by `ask`; of one that gives no
+    answer a `PluginWarning` says why.
     """
-    by_task, found = dict[str, list[Setting]](), dict[str, Standard]()
+    by_task = dict[Choice, list[Setting]]()
     for setting in settings:
-        by_task.setdefault(setting.task.name, []).append(setting)
-    for name in by_task:
-        try:
-            task = load_task(Choice(name))
-        except (UsageError, ImportError):
-            continue
-        except Exception as error:
-            controller.warn(name, error)
-            continue
-        by_hand, at_random = controller.score(task), controller.score_at_random(task)
-        found[name] = Standard(by_hand, task.file.best_possible, task.own_agent, at_random)
-    alike = _alike([question for name in found for question in _questions(by_task[name])], ask)
-    return {name: replace(standard, alike=alike.get(name, {})) for name, standard in found.items()}
+        by_task.setdefault(Choice(setting.task.name), []).append(setting)
+    abouts = _answers(list(map(About, by_task)), ask, lambda about: f"task {about.task}: it cannot be loaded")
+    tasks = [about.task for about in abouts]
+    questions = [kind(task) for task in tasks for kind in (ByHand, AtRandom)]
+    scores = scores_of(questions, ask)
+    alike = _alike([question for task in tasks for question in _questions(by_task[task])], ask)
+    return {
+        about.task.name: Standard(
+            by_hand=scores.get(ByHand(about.task)),
+            best_possible=known.best_possible,
+            own_agent=known.own_agent,
+            at_random=scores.get(AtRandom(about.task)),
+            alike=alike.get(about.task.name, {}),
+        )
+        for about, known in abouts.items()
+    }
 
 
-def _questions(members: Iterable[Setting]) -> list[Question]:
+_ACTING = {ByHand: "its controller", AtRandom: "actions at random"}
+
+
+def scores_of(questions: Sequence[ByHand | AtRandom], ask: Ask) -> Mapping[ByHand | AtRandom, Score | None]:
+    """Those scores that there are; of one that could not be had, a `PluginWarning` says why."""
+    return _answers(questions, ask, lambda of: f"task {of.task}: {_ACTING[type(of)]} cannot be scored")
+
+
+def _answers(questions: Sequence[_Q], ask: Ask, what: Callable[[_Q], str]) -> dict[_Q, Any]:
+    """Those that there are. Of one that there is not, and that was not refused, a warning says why."""
+    found = dict[_Q, Any]()
+    for question, answer in zip(questions, ask(questions), strict=True):
+        if not isinstance(answer, Unanswered):
+            found[question] = answer
+        elif not answer.is_refusal:
+            warnings.warn(f"{what(question)}: {answer.reason}", plugins.PluginWarning, stacklevel=3)
+    return found
+
+
+def _questions(members: Iterable[Setting]) -> list[Pays]:
     """Those about each method with which a task or an ablation is trained on a track, beside others."""
     kinds = dict[tuple[Choice, Track], set[str]]()
     for setting in members:
         kinds.setdefault((setting.task, setting.track), set()).add(str(setting.method))
     several = {kind: methods for kind, methods in kinds.items() if len(methods) > 1}
-    return [Question(*kind, method) for kind, methods in several.items() for method in sorted(methods)]
+    return [Pays(*kind, method) for kind, methods in several.items() for method in sorted(methods)]
 
 
-def _alike(questions: Sequence[Question], ask: Ask) -> dict[str, dict[_Pair, Likeness]]:
+def _alike(questions: Sequence[Pays], ask: Ask) -> dict[str, dict[_Pair, Likeness]]:
     """By the name of the task."""
     answers = dict[tuple[Choice, Track], dict[str, Paid | None]]()
-    for question, answer in zip(questions, ask(questions), strict=True):
-        if isinstance(answer, str):
-            said = f"task {question.task}: method {question.method} cannot be asked what it pays: {answer}"
-            warnings.warn(said, plugins.PluginWarning, stacklevel=3)
-            continue
-        answers.setdefault((question.task, question.track), {})[question.method] = answer
+    said = _answers(questions, ask, lambda of: f"task {of.task}: method {of.method} cannot be asked what it pays")
+    for question, paid in said.items():
+        answers.setdefault((question.task, question.track), {})[question.method] = paid
     found = dict[str, dict[_Pair, Likeness]]()
     for (task, track), payments_of in answers.items():
         for each in equal_payments(payments_of):

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from stlbench.contract_parts.texts import cause
 from stlbench.errors import UsageError
-from stlbench.outside.again import score_again
+from stlbench.outside.again import ScoreAgain
 from stlbench.result import CellId, Result, Score
+from stlbench.rollout.questions import Unanswered
 from stlbench.sharing.checked import results_in, unpacked
-from stlbench.task import load_task
+from stlbench.study.asked import LONG, ask
 
 __all__ = ["MORE", "Rescored", "rescore", "score_cell"]
 
@@ -56,20 +56,28 @@ def rescore(path: Path) -> Iterator[Rescored]:
     with unpacked(path) as (folder, problems):
         if problems:
             raise UsageError(f"{path} is not scored: {problems[0]}")
-        for result in results_in(folder):
-            if (found := score_cell(result, folder)) is not None:
-                yield found
+        results = [result for result in results_in(folder) if result.measurement and result.measurement.policies]
+        for begin in range(0, len(results), _TOGETHER):
+            yield from _score_cells(results[begin : begin + _TOGETHER], folder)
+
+
+_TOGETHER = 8
+"""Cells that are scored before their scores are told: where plugins are of others, processes take seconds to start."""
 
 
 def score_cell(result: Result, folder: Path) -> Rescored | None:
     """The same of one cell of an unpacked bundle; None where it has no policy."""
-    if result.measurement is None or result.measurement.policies is None:
-        return None
-    recorded = result.measurement.selected
-    try:
-        again = score_again(load_task(result.id.task), result, folder, "selected")
-    except UsageError as error:
-        return Rescored(result.id, recorded, None, str(error))
-    except Exception as error:  # whatever arrays of others do, the next cell is scored
-        return Rescored(result.id, recorded, None, cause(error))
-    return Rescored(result.id, recorded, again.scores)
+    has_policy = result.measurement is not None and result.measurement.policies is not None
+    return next(_score_cells([result], folder)) if has_policy else None
+
+
+def _score_cells(results: Sequence[Result], folder: Path) -> Iterator[Rescored]:
+    """The same of cells of an unpacked bundle that have a policy. Whatever that of one does, the next is scored."""
+    questions = [ScoreAgain(result.id.task, result, folder, "selected") for result in results]
+    for result, again in zip(results, ask(questions, LONG), strict=True):
+        assert result.measurement is not None
+        recorded = result.measurement.selected
+        if isinstance(again, Unanswered):
+            yield Rescored(result.id, recorded, None, again.reason)
+        else:
+            yield Rescored(result.id, recorded, again.scores)

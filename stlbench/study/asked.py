@@ -1,68 +1,165 @@
-"""What methods of others pay, asked in the guard that cells have: a process for each, with a deadline and a limit."""
+"""Plugins of others are asked in the guard that cells have: a process for each question, a deadline and a limit."""
 
 from __future__ import annotations
 
+import pickle
+import sys
+import tempfile
+import warnings
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any, NoReturn, TypeVar
 
-from stlbench.contract import Work
+from stlbench.contract import Outcome, Work
 from stlbench.errors import UsageError
 from stlbench.registry import folders, plugins
-from stlbench.registry.choices import parse_choice
-from stlbench.rollout.standards import Question, ask_here, paid
+from stlbench.registry.choices import Choice
+from stlbench.rollout.questions import Question, Unanswered, answered_here
+from stlbench.rollout.standards import About
 from stlbench.study.run import build_executor
-from stlbench.task.equal_rewards import Paid
+from stlbench.task import Task, load_task
 
-__all__ = ["ask"]
+__all__ = ["LONG", "ask", "loaded", "of_one"]
+
+_T = TypeVar("_T")
 
 EXECUTOR = "local"
 DEADLINE = 120.0
-"""Seconds for a method; one takes milliseconds."""
+"""Seconds for what takes milliseconds, or some seconds on a MuJoCo model."""
+LONG = 3600.0
+"""Seconds for a policy that acts from all starts of a report: what a cell has by default."""
 
 
 @dataclass(frozen=True)
 class _Asked:
     """What another process is told."""
 
-    question: Question
-    folder: Path | None
-    """Of the task, where it is one."""
+    question: Question[Any]
+    folders: tuple[Path, ...]
+    """Of those of its tasks that are folders."""
 
 
-def ask(questions: Sequence[Question]) -> list[Paid | str | None]:
-    """The answers: of methods that come with stlbench in this process, of others in one that they cannot leave.
+@dataclass(frozen=True)
+class _Said:
+    """What it says."""
 
-    See `standards.Ask`. One that hangs, ends its process or takes too much memory costs its own answer alone.
+    answer: Any
+    warnings: tuple[str, ...]
+
+
+def ask(questions: Sequence[Question[_T]], deadline: float = DEADLINE) -> list[_T | Unanswered]:
+    """The answers: where all plugins come with stlbench in this process, else in one that they cannot leave.
+
+    One that hangs, ends its process or takes too much memory costs its own answer alone. What was not answered is not
+    asked again by this process. A warning is given here as a `PluginWarning`.
     """
-    answers = dict[int, Paid | str | None]()
-    others = [index for index, question in enumerate(questions) if not _is_own(question.method)]
+    answers = dict[int, _T | Unanswered]()
     for index, question in enumerate(questions):
-        if index not in others:
-            (answers[index],) = ask_here([question])
-    if others:
-        items = [_Asked(questions[index], folders.place_of(questions[index].task.name)) for index in others]
-        executor = build_executor(EXECUTOR)
-        with closing(executor.run(Work(_paid, _ready), items, [DEADLINE] * len(items))) as outcomes:
-            for outcome in outcomes:
-                is_answer = outcome.status == "done" and isinstance(outcome.value, Paid | None)
-                answers[others[outcome.index]] = outcome.value if is_answer else outcome.reason or "no answer"
+        if all(_is_own(kind, name) for kind, name in question.plugins):
+            answers[index] = answered_here(question)
+        elif (before := _UNANSWERED.get(_known_by(question))) is not None:
+            answers[index] = before
+    rest = [index for index in range(len(questions)) if index not in answers]
+    answers |= dict(zip(rest, _in_guard([questions[index] for index in rest], deadline), strict=True))
     return [answers[index] for index in range(len(questions))]
 
 
-def _is_own(method: str) -> bool:
+def of_one(question: Question[_T], what: str, deadline: float = LONG) -> _T:
+    """The answer to a single question, on which all depends.
+
+    Args:
+        question: see `ask`.
+        what: names what is asked, for the message, as in "task my-task: its film".
+        deadline: wall seconds.
+
+    Raises:
+        UsageError: there is no answer.
+    """
+    (answer,) = ask([question], deadline)
+    if not isinstance(answer, Unanswered):
+        return answer
+    _refuse(answer, what)
+
+
+def _refuse(answer: Unanswered, what: str) -> NoReturn:
+    raise UsageError(answer.reason if answer.is_refusal else f"{what}: {answer.reason}")
+
+
+def loaded(choice: Choice | str) -> Task:
+    """A task, for what looks at its file: one of others is only loaded here where another process could do so before.
+
+    Raises:
+        UsageError: as `load_task`; or it raises, hangs or ends its process while it is loaded.
+    """
+    chosen = folders.task_of(choice)
+    if not _is_own("tasks", chosen.name):
+        of_one(About(Choice(chosen.name)), f"task {chosen.name}: it cannot be loaded", DEADLINE)
+    return load_task(chosen)
+
+
+_UNANSWERED = dict[Any, Unanswered]()
+
+
+def _known_by(question: Question[Any]) -> Any:
+    """The path and the folders say which code a name means."""
+    return pickle.dumps(question), tuple(sys.path), _places(question)
+
+
+def _places(question: Question[Any]) -> tuple[Path, ...]:
+    found = (folders.place_of(name) for kind, name in question.plugins if kind == "tasks")
+    return tuple(place for place in found if place is not None)
+
+
+def _is_own(kind: str, name: str) -> bool:
     try:
-        return plugins.find("methods", parse_choice(method).name).distribution == plugins.OWN
+        return kind in plugins.KINDS and plugins.find(kind, name).distribution == plugins.OWN
     except UsageError:  # it is not installed, which is said where it is asked
         return True
+
+
+def _in_guard(questions: Sequence[Question[_T]], deadline: float) -> list[_T | Unanswered]:
+    if not questions:
+        return []
+    found = dict[int, Any]()
+    with tempfile.TemporaryDirectory(prefix="stlbench-asked-") as folder:
+        work = Work(_answered, _ready, partial(_log, Path(folder)))
+        items = [_Asked(question, _places(question)) for question in questions]
+        with closing(build_executor(EXECUTOR).run(work, items, [deadline] * len(items))) as outcomes:
+            for outcome in outcomes:
+                found[outcome.index] = _taken(outcome)
+    answers = [found[index] for index in range(len(questions))]
+    unanswered = {
+        _known_by(each): said for each, said in zip(questions, answers, strict=True) if isinstance(said, Unanswered)
+    }
+    _UNANSWERED.update(unanswered)
+    return answers
+
+
+def _log(folder: Path, asked: _Asked) -> Path:
+    """What a plugin prints is not for a reader of a report, or of its JSON."""
+    return folder / str(id(asked))
+
+
+def _taken(outcome: Outcome) -> Any:
+    if outcome.status != "done" or not isinstance(outcome.value, _Said):
+        return Unanswered(outcome.reason or "no answer")
+    for text in outcome.value.warnings:
+        warnings.warn(text, plugins.PluginWarning, stacklevel=2)
+    return outcome.value.answer
 
 
 def _ready() -> None:
     """To find this function, a process has imported what answers need."""
 
 
-def _paid(asked: _Asked) -> Paid | None:
-    if asked.folder is not None:
-        folders.know(asked.folder)  # this process may be another than the one in which it was named
-    return paid(asked.question)
+def _answered(asked: _Asked) -> _Said:
+    for folder in asked.folders:
+        folders.know(folder)  # this process may be another than the one in which it was named
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default", plugins.PluginWarning)
+        answer = answered_here(asked.question)
+    told = (str(each.message) for each in caught if issubclass(each.category, plugins.PluginWarning))
+    return _Said(answer, tuple(dict.fromkeys(told)))

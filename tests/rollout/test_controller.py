@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from helpers.line_task import Line, Probe, Rule, line, steered
 
 from stlbench.contract import Array, Integers
-from stlbench.registry.plugins import PluginWarning
 from stlbench.result import MAIN
 from stlbench.rollout import controller
 from stlbench.rollout.referee import Referee
@@ -97,12 +95,3 @@ def test_actions_at_random_are_even_and_the_same_at_every_call() -> None:
         assert abs(speeds.mean()) < 4 * speeds.std() / np.sqrt(speeds.size)
         assert abs((speeds < -1 / 3).mean() - 1 / 3) < 4 * np.sqrt(2 / 9 / speeds.size)
         assert controller.score_at_random(watched) == first
-
-
-def test_a_task_that_cannot_be_simulated_is_a_warning() -> None:
-    class Torn(Line):
-        def step(self, state: Array, action: Array) -> Array:
-            raise ValueError("no luck")
-
-    with pytest.warns(PluginWarning, match="task line: actions at random cannot be scored: ValueError: no luck"):
-        assert controller.score_at_random(replace(line(), dynamics=Torn(0.5))) is None

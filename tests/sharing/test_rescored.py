@@ -9,12 +9,18 @@ from helpers import bundles
 
 from stlbench.errors import UsageError
 from stlbench.result import MAIN, Score
+from stlbench.rollout.questions import ask_here
 from stlbench.sharing.rescored import Rescored, rescore
 
 
 @pytest.fixture
 def bundle(site, tmp_path):
     return bundles.packed(site, tmp_path)[0]
+
+
+def here(monkeypatch):
+    """Score in this process, whose functions a test can exchange."""
+    monkeypatch.setattr("stlbench.sharing.rescored.ask", lambda questions, _: ask_here(questions))
 
 
 def main_score(change):
@@ -45,7 +51,8 @@ def test_a_task_that_is_not_installed_is_said(bundle, monkeypatch) -> None:
     def nowhere(_):
         raise UsageError("there is no task 'zz-line'")
 
-    monkeypatch.setattr("stlbench.sharing.rescored.load_task", nowhere)
+    here(monkeypatch)
+    monkeypatch.setattr("stlbench.outside.again.load_task", nowhere)
     (found,) = rescore(bundle)
     assert (found.found, found.verdict, found.why) == (None, "not scored", "there is no task 'zz-line'")
 
@@ -54,7 +61,8 @@ def test_whatever_a_policy_does_the_next_is_scored(bundle, monkeypatch) -> None:
     def fails(*_):
         raise IndexError("no such layer")
 
-    monkeypatch.setattr("stlbench.sharing.rescored.score_again", fails)
+    here(monkeypatch)
+    monkeypatch.setattr("stlbench.outside.again.score_again", fails)
     (found,) = rescore(bundle)
     assert (found.verdict, found.why) == ("not scored", "IndexError: no such layer")
 

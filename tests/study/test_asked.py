@@ -1,16 +1,22 @@
-"""Methods of others are asked what they pay in processes of their own."""
+"""Plugins of others are asked in processes of their own."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from helpers.line_task import SYSTEM, text
 
+from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
+from stlbench.report.bands import bands_of
+from stlbench.report.figures.units import UNKNOWN, unit_of_task
 from stlbench.result import Setting
-from stlbench.rollout.standards import Question, ask_here, standards
+from stlbench.rollout.questions import Unanswered, ask_here
+from stlbench.rollout.standards import AtRandom, ByHand, Pays, standards
 from stlbench.study import asked
 
 METHODS = """
@@ -21,6 +27,7 @@ class Same(RewardMethod):
     def arrival(self, signals, t):
         self.do()
         return signals[..., 0] + 1
+    def band(self): return self.do() or ()
     def do(self): pass
 class Hang(Same):
     def do(self): time.sleep(600)
@@ -36,20 +43,24 @@ class Refuse(Same):
     def __init__(self, specification): raise Unsuitable("not here")
 class Text(Same):
     def arrival(self, signals, t): return "much"
+class Loud(Same):
+    def do(self): print("a secret")
 """
-NAMES = ("same", "hang", "exit", "die", "raise", "eat", "refuse", "text")
+QUICK = ("same", "exit", "die", "raise", "eat", "refuse", "text", "loud")
+NAMES = (*QUICK, "hang")
 ENTRIES = "[stlbench.methods]\n" + "\n".join(f"zz-{name} = zz_asked:{name.capitalize()}" for name in NAMES)
+SHORT = 2.0
+"""Seconds for what never answers."""
 
 
 @pytest.fixture
 def bad(site: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
     site("zz-asked", ENTRIES, {"zz_asked.py": METHODS})
     monkeypatch.setattr(asked, "EXECUTOR", "local[memory=400M]")
-    monkeypatch.setattr(asked, "DEADLINE", 25.0)
 
 
-def test_each_costs_its_own_answer_alone_and_the_report_says_why(bad: None) -> None:
-    methods = ["raw", *(f"zz-{name}" for name in NAMES)]
+def test_each_costs_its_own_answer_alone_and_the_report_says_why(bad: None, capfd: pytest.CaptureFixture[str]) -> None:
+    methods = ["raw", *(f"zz-{name}" for name in QUICK)]
     with pytest.warns(plugins.PluginWarning) as told:
         found = standards(
             (Setting(Choice("hold-disc"), Choice(method), Choice("dqn"), "quick") for method in methods), asked.ask
@@ -58,17 +69,103 @@ def test_each_costs_its_own_answer_alone_and_the_report_says_why(bad: None) -> N
     assert said.pop("zz-eat").startswith("it took ")
     assert "its rewards should be numbers of shape (200, 256), got <U4 of shape ()" in said.pop("zz-text")
     assert said == {
-        "zz-hang": "no result after 25 s",
         "zz-exit": "the process ended with exit code 0",
         "zz-die": "killed by signal 9 (SIGKILL)",
         "zz-raise": "ValueError: no luck",
     }
     assert found.by_hand is not None
+    assert "secret" not in "".join(capfd.readouterr())
+
+
+def test_what_hangs_is_waited_for_once(bad: None) -> None:
+    question = Pays(Choice("hold-disc"), "shared", "zz-hang")
+    assert asked.ask([question], SHORT) == [Unanswered(f"no result after {SHORT:g} s")]
+    assert asked.ask([question]) == [Unanswered(f"no result after {SHORT:g} s")]
 
 
 def test_what_others_pay_is_the_same_as_in_this_process(bad: None) -> None:
-    questions = [
-        Question(Choice("hold-disc"), track, name) for track in ("shared", "plain") for name in ("raw", "zz-same")
-    ]
+    questions = [Pays(Choice("hold-disc"), track, name) for track in ("shared", "plain") for name in ("raw", "zz-same")]
     assert [str(answer) for answer in asked.ask(questions)] == [str(answer) for answer in ask_here(questions)]
-    assert asked.ask([Question(Choice("hold-disc"), "shared", "there-is-none")]) == [None]
+    assert asked.ask([Pays(Choice("hold-disc"), "shared", "there-is-none")]) == [None]
+
+
+def test_bounds_that_cannot_be_asked_for_are_none_and_a_warning(bad: None) -> None:
+    names = [Choice(f"zz-{name}") for name in ("same", "raise", "refuse", "exit")]
+    with pytest.warns(plugins.PluginWarning) as told:
+        found = bands_of(Choice("hold-disc"), [*names, Choice("funnel"), Choice("there-is-none")])
+    assert [len(bands) for bands in found.values()] == [0, 0, 0, 0, 1, 0]
+    assert [str(each.message) for each in told] == [
+        "task hold-disc: method zz-raise cannot be asked for its bounds: ValueError: no luck",
+        "task hold-disc: method zz-exit cannot be asked for its bounds: the process ended with exit code 0",
+    ]
+
+
+# ------------------------------------------------------------------------------------------------------- tasks
+
+LATER = {
+    "good": "def controller(self, state, t): return -state",
+    "idle": "def controller(self, state, t): import time; time.sleep(600)",
+    "gone": "def controller(self, state, t): import os; os._exit(0)",
+    "torn": "def __init__(self, dt): raise RuntimeError('no\\nluck')",
+    "left": "def __init__(self, dt): import os; os._exit(3)",
+}
+
+
+@pytest.fixture
+def tasks(site: Callable[..., Path]) -> None:
+    files = {"zz_tasks/__init__.py": ""}
+    for name, line in LATER.items():
+        files[f"zz_tasks/{name}/__init__.py"] = ""
+        files[f"zz_tasks/{name}/system.py"] = f"{SYSTEM}    {line}\n"
+        files[f"zz_tasks/{name}/task.yaml"] = text()
+    entries = "\n".join(f"zz-{name} = zz_tasks.{name}.system:Line" for name in LATER)
+    site("zz-tasks", f"[stlbench.tasks]\n{entries}", files)
+
+
+def test_tasks_of_others_are_scored_in_processes_of_their_own(tasks: None) -> None:
+    names = ("good", "gone", "torn", "left")
+    with pytest.warns(plugins.PluginWarning) as told:
+        found = standards(
+            (Setting(Choice(f"zz-{name}"), Choice("raw"), Choice("dqn"), "smoke") for name in names), asked.ask
+        )
+    assert [(name, known.by_hand is not None, known.at_random is not None) for name, known in found.items()] == [
+        ("zz-good", True, True),
+        ("zz-gone", False, True),
+    ]
+    assert [str(each.message) for each in told] == [
+        "task zz-torn: it cannot be loaded: RuntimeError: no luck",
+        "task zz-left: it cannot be loaded: the process ended with exit code 3",
+        "task zz-gone: its controller cannot be scored: the process ended with exit code 0",
+    ]
+    assert unit_of_task(Choice("zz-good")) == "m"
+    assert unit_of_task(Choice("zz-left")) == UNKNOWN
+
+
+def test_a_controller_that_hangs_is_waited_for_no_longer_than_said(tasks: None) -> None:
+    hangs, good = ByHand(Choice("zz-idle")), AtRandom(Choice("zz-idle"))
+    assert asked.ask([hangs], SHORT) == [Unanswered(f"no result after {SHORT:g} s")]
+    (score,) = asked.ask([good])
+    assert not isinstance(score, Unanswered)
+
+
+def test_a_task_that_cannot_be_loaded_is_refused_with_its_name(tasks: None) -> None:
+    with pytest.raises(UsageError, match=r"^task zz-left: it cannot be loaded: the process ended with exit code 3$"):
+        asked.loaded("zz-left")
+    assert asked.loaded("zz-good[hold=2]").file.hold == 2
+    with pytest.raises(UsageError, match="no task 'there-is-none'"):
+        asked.loaded("there-is-none")
+
+
+@dataclass(frozen=True)
+class Outside:
+    """A question about a function that is no plugin."""
+
+    plugins = (("functions", "x:y"),)
+
+    def answer(self) -> int:
+        raise MemoryError
+
+
+def test_one_answer_on_which_all_depends_is_refused_with_what_was_asked() -> None:
+    with pytest.raises(UsageError, match=r"^the film: MemoryError$"):
+        asked.of_one(Outside(), "the film")

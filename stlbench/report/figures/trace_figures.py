@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from stlbench.contract import Array, Intractable, Unsuitable
+from stlbench.contract import Array
 from stlbench.errors import UsageError
-from stlbench.presentation import Band, Banded
+from stlbench.presentation import Band
 from stlbench.registry.choices import Choice
+from stlbench.report.bands import bands_of
 from stlbench.report.figures.files import file_name, save
 from stlbench.report.figures.margins import robustness_in_time
 from stlbench.report.figures.overview import METHODS_PER_OVERVIEW, overview
@@ -26,7 +27,7 @@ from stlbench.report.tables.rows import Group, group, row
 from stlbench.result import Result, Setting
 from stlbench.rollout.saved_traces import FOLDER
 from stlbench.rollout.traces import Recording, gather, load
-from stlbench.task import build_method, load_task
+from stlbench.study.asked import loaded
 from stlbench.task.task import Task
 
 __all__ = ["KINDS", "Job", "draw"]
@@ -83,10 +84,13 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
             if "learning" in job.only:
                 paths += draw_learning([member for member in of_task if member.setting in learners], job.out)
             task = _task(choice, job) if any(result.id.task == choice for result in finished) else None
+            bands = _bands(task, of_task, job)
             for member in of_task:
                 count += 1
                 recording = _traces(task, [result for result in finished if result.id.setting == member.setting], job)
-                files = [] if task is None or recording is None else _draw_group(task, member.setting, recording, job)
+                files = list[Path]()
+                if task is not None and recording is not None:
+                    files = _draw_group(task, member.setting, recording, bands, job)
                 if member.setting in learners:
                     learned.append(member)
                     shown.append(None if recording is None else recording.evenly(TRACES_PER_PANEL))
@@ -104,7 +108,7 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
 
 def _task(choice: Choice, job: Job) -> Task | None:
     try:
-        return load_task(choice)
+        return loaded(choice)
     except UsageError as error:
         job.warn(f"no traces of {choice} are drawn: {error}")
         return None
@@ -123,13 +127,22 @@ def _traces(task: Task | None, results: Sequence[Result], job: Job) -> Recording
     return gather(recordings) if recordings else None
 
 
-def _draw_group(task: Task, setting: Setting, recording: Recording, job: Job) -> list[Path]:
+def _bands(task: Task | None, groups: Sequence[Group], job: Job) -> Mapping[Choice, Sequence[Band]]:
+    """The bounds of each method; none are asked for where none are drawn."""
+    if task is None or "time" not in job.only:
+        return {}
+    return bands_of(task.choice, (each.setting.method for each in groups))
+
+
+def _draw_group(
+    task: Task, setting: Setting, recording: Recording, bounds: Mapping[Choice, Sequence[Band]], job: Job
+) -> list[Path]:
     """The figures of one method on one task."""
     if not {"time", "trajectories"} & {*job.only}:
         return []
     track = () if setting.track == "shared" else (setting.track,)
     title = f"{setting.task}, {setting.method} ({', '.join((str(setting.agent), setting.budget, *track))})"
-    bands = _bands(task, setting.method)
+    bands = bounds.get(setting.method, ())
     figures: dict[str, Figure | None] = {
         "time": robustness_in_time(task, recording, bands, title),
         "trajectories": trajectories(task, recording, title),
@@ -179,12 +192,3 @@ def _draw_plans(task: Task | None, plans: Sequence[Plan], job: Job) -> list[Path
     for end, page in pages(ordered, PLANS_PER_FIGURE):
         paths += save(planned(task, page), job.out, file_name("planned", task.name) + end)
     return paths
-
-
-def _bands(task: Task, method: Choice) -> Sequence[Band]:
-    """The method's bounds on the robustness; none where it has none, or is not installed here any more."""
-    try:
-        built = build_method(task, method)
-    except (UsageError, Unsuitable, Intractable):
-        return ()
-    return built.band() if isinstance(built, Banded) else ()

@@ -6,7 +6,7 @@ from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
 from stlbench.stl.language.traversal import walk
-from stlbench.task import load_task
+from stlbench.study.asked import loaded
 from stlbench.task.task import Task
 
 __all__ = ["robustness_unit", "signal_label", "time_label", "unit_of_task"]
@@ -68,7 +68,7 @@ def _unit(task: Task, expression: stl.Expression) -> str | None:
 def unit_of_task(choice: Choice | str) -> str:
     """The unit of the robustness of a task's formula; "unit of the predicates" where it is not installed here."""
     try:
-        task = load_task(choice)
+        task = loaded(choice)
     except UsageError:
         return UNKNOWN
     return robustness_unit(task, task.formula)

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stlbench import stl
-from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError
-from stlbench.presentation import Band, Banded
 from stlbench.registry.choices import Choice
+from stlbench.report.bands import bands_of
 from stlbench.report.figures.regions import terms
 from stlbench.report.figures.units import unit_of_task
 from stlbench.report.page.chart import Chart
@@ -22,7 +21,7 @@ from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Column, Table
 from stlbench.result import CellId, Result, Setting
 from stlbench.rollout.saved_traces import FOLDER
-from stlbench.task import build_method, load_task
+from stlbench.study.asked import loaded
 from stlbench.task.task import Task
 
 __all__ = ["StoryPart", "Tables", "TaskPart", "task_part"]
@@ -89,8 +88,9 @@ def task_part(
     took = cost(_timed(learned, times), times)
     if not any(each.curve for group in learned for each in group.done):
         lacks.append("No checkpoint is recorded: there are no learning curves.")
+    bands = bands_of(choice, (setting.method for setting in found))
     parts = [
-        StoryPart(_name(setting), charts_of(task, story, _bands(task, setting.method), f"story-{i}"))
+        StoryPart(_name(setting), charts_of(task, story, bands[setting.method], f"story-{i}"))
         for i, (setting, story) in enumerate(found.items())
         if task is not None
     ]
@@ -115,7 +115,7 @@ def _timed(groups: Sequence[Group], times: Table) -> list[Group]:
 
 def _loaded(choice: Choice) -> tuple[Task | None, list[str]]:
     try:
-        return load_task(choice), []
+        return loaded(choice), []
     except UsageError as error:
         return None, [f"The task is not known here, so neither its formula nor traces are shown: {error}"]
 
@@ -143,15 +143,6 @@ def _tables(tables: Tables, choice: Choice) -> list[Listed]:
         of_rows(tables.times, lambda row: row[0] == name),
     ]
     return [listed(table, folded=True) for table in parts if table.rows]
-
-
-def _bands(task: Task, method: Choice) -> Sequence[Band]:
-    """The method's bounds; none where it has none, or is not installed here any more."""
-    try:
-        built = build_method(task, method)
-    except (UsageError, Unsuitable, Intractable):
-        return ()
-    return built.band() if isinstance(built, Banded) else ()
 
 
 def _name(setting: Setting) -> str:

@@ -20,9 +20,11 @@ Array = NDArray[np.float64]
 Runs = Sequence[Array]
 """One array (n,) per task."""
 
-RESAMPLES = 9999
-_BATCH = 500
-"""Resamples held in memory at a time."""
+RESAMPLES, FEWEST_RESAMPLES = 9999, 999
+_DRAWN = 50_000_000
+"""Runs that all resamples of a bootstrap draw together, about: of more than 5,000 runs there are fewer resamples."""
+_BATCH, _HELD = 500, 2_500_000
+"""Resamples held in memory at a time, and the runs in them, at most."""
 
 
 class Estimate(NamedTuple):
@@ -49,21 +51,37 @@ def improvement(one: Runs, other: Runs) -> Estimate:
 
     Equal runs count half. 0.5 says that neither is better.
     """
-    return _single(lambda *drawn, axis: _wins(drawn[: len(one)], drawn[len(one) :]), [*one, *other])
+    places = [_places(*pair) for pair in zip(one, other, strict=True)]
+    strata = [first for first, _ in places] + [second for _, second in places]
+    return _single(lambda *drawn, axis: _wins(drawn[: len(one)], drawn[len(one) :]), strata)
+
+
+def _places(one: Array, other: Array) -> tuple[Array, Array]:
+    """The place of each run among the different values of both."""
+    values = np.unique(np.concatenate([one, other]))
+    first, second = (np.searchsorted(values, runs).astype(np.float64) for runs in (one, other))
+    return first, second
 
 
 def _wins(one: Sequence[Array], other: Sequence[Array]) -> Array:
-    """Arrays (..., n) and (..., m) of each task -> (...)."""
+    """Places (..., n) and (..., m) of each task -> (...)."""
     return np.asarray(np.mean([_share(*pair) for pair in zip(one, other, strict=True)], axis=0))
 
 
 def _share(one: Array, other: Array) -> Array:
-    """Of all pairs, by ranks as Mann and Whitney count them: in as much memory as the runs take, not as the pairs."""
-    from scipy import stats
+    """Of all pairs, those that the one wins: in as much memory as the runs take, not as the pairs."""
+    size = int(max(one.max(), other.max())) + 1
+    first, second = _counts(one, size), _counts(other, size)
+    below = second.cumsum(axis=-1) - second
+    return np.asarray((first * (below + second / 2)).sum(axis=-1) / (one.shape[-1] * other.shape[-1]))
 
-    n, m = one.shape[-1], other.shape[-1]
-    ranks = stats.rankdata(np.concatenate([one, other], -1), axis=-1)
-    return np.asarray((ranks[..., :n].sum(-1) - n * (n + 1) / 2) / (n * m))
+
+def _counts(places: Array, size: int) -> Array:
+    """Places (..., n) from 0 to size - 1 -> how many are at each, (..., size)."""
+    rows = places.reshape(-1, places.shape[-1]).astype(np.int64)
+    at = rows + size * np.arange(len(rows))[:, None]
+    counts = np.bincount(at.ravel(), minlength=len(rows) * size).astype(np.float64)
+    return counts.reshape(*places.shape[:-1], size)
 
 
 def ranks(methods: Sequence[Runs]) -> list[Estimate]:
@@ -87,13 +105,22 @@ def ranks(methods: Sequence[Runs]) -> list[Estimate]:
 
 
 def profile(runs: Runs, thresholds: Array) -> list[Estimate]:
-    """The share of runs whose score is above each of the thresholds, every task with the same weight."""
+    """The share of runs whose score is above each of the (increasing) thresholds, every task with the same weight."""
 
     def above(*drawn: Array, axis: int) -> Array:
-        shares = [(seeds > thresholds.reshape(-1, *[1] * seeds.ndim)).mean(axis) for seeds in drawn]
-        return np.asarray(np.mean(shares, axis=0))
+        return np.asarray(np.mean([_above(passed, len(thresholds)) for passed in drawn], axis=0))
 
-    return _estimates(*_bootstrapped(above, runs))
+    return _estimates(*_bootstrapped(above, [np.searchsorted(thresholds, seeds).astype(np.float64) for seeds in runs]))
+
+
+def _above(passed: Array, count: int) -> Array:
+    """How many of `count` thresholds each run is above, (..., n) -> the share of runs above each, (count, ...).
+
+    One look at each run, and not one for each threshold.
+    """
+    counts = _counts(passed, count + 1)
+    above = counts[..., :0:-1].cumsum(axis=-1)[..., ::-1]
+    return np.moveaxis(above / passed.shape[-1], -1, 0)
 
 
 def _single(statistic: Callable[..., Any], strata: Runs) -> Estimate:
@@ -110,18 +137,22 @@ def _estimates(values: Array, low: Array | None, high: Array | None) -> list[Est
 
 
 def _bootstrapped(statistic: Callable[..., Any], strata: Runs) -> tuple[Array, Array | None, Array | None]:
-    """The statistic of the strata, and both ends of its interval, as long as it. The order of seeds does not matter."""
+    """The statistic of the strata, and both ends of its interval, as long as it. The order of seeds does not matter.
+
+    Time and memory are bounded, but for a part of the time that grows with the runs: those in `FEWEST_RESAMPLES`.
+    """
     data = [np.sort(np.asarray(seeds, dtype=np.float64)) for seeds in strata]
     value = np.asarray(statistic(*data, axis=-1))
     if min(map(len, data)) < 2:
         return value, None, None
     from scipy import stats
 
+    count = sum(map(len, data))
     found = stats.bootstrap(
         data,
         statistic,
-        n_resamples=RESAMPLES,
-        batch=_BATCH,
+        n_resamples=min(RESAMPLES, max(FEWEST_RESAMPLES, _DRAWN // count)),
+        batch=min(_BATCH, max(1, _HELD // count)),
         vectorized=True,
         axis=-1,
         confidence_level=LEVEL,

@@ -6,6 +6,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from stlbench.report.statistics import across
 
@@ -82,11 +83,34 @@ def test_the_order_of_seeds_does_not_matter_and_each_call_gives_the_same():
 
 
 def test_shares_of_pairs_are_those_counted_one_by_one_and_take_no_memory_for_each_pair():
-    one, other = np.array([[0.0, 1.0, 1.0], [2.0, 2.0, 2.0]]), np.array([[1.0, 0.5], [2.0, 3.0]])
-    assert across._share(one, other).tolist() == [(0 + 0 + 0.5 + 1 + 0.5 + 1) / 6, (0.5 * 3 + 0) / 6]
-    many = np.random.default_rng(0).normal(size=(2, 4000))
+    pairs = [([0.0, 1.0, 1.0], [1.0, 0.5], (0 + 0 + 0.5 + 1 + 0.5 + 1) / 6), ([2.0] * 3, [2.0, 3.0], (0.5 * 3 + 0) / 6)]
+    for one, other, share in pairs:
+        assert across.improvement(runs([one]), runs([other])).value == pytest.approx(share, abs=1e-15)
+    many = np.tile(np.random.default_rng(0).permutation(4000).astype(float), (2, 1))
     tracemalloc.start()
     across._share(many, many)
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert most < 4_000_000  # all pairs are 256 MB
+
+
+def test_of_many_runs_no_more_are_drawn_and_no_more_are_held(monkeypatch):
+    """As many resamples as draw 50 million runs, 999 at least; 2.5 million runs at a time, but always one resample."""
+    calls = []
+    real = stats.bootstrap
+
+    def watched(data, statistic, **options):
+        calls.append((options["n_resamples"], options["batch"]))
+        return real(data, statistic, **options | {"n_resamples": 3, "batch": 1})
+
+    monkeypatch.setattr(stats, "bootstrap", watched)
+    for count in (5_000, 20_000, 100_000, 3_000_000):
+        across.mean([np.zeros(count)])
+    assert calls == [(9999, 500), (2500, 125), (999, 25), (999, 1)]
+
+
+def test_a_profile_counts_runs_above_each_threshold():
+    seeds, thresholds = np.random.default_rng(5).normal(size=50).round(1), np.linspace(-1, 1, 21)
+    found = across.profile([seeds, seeds[:10]], thresholds)
+    shares = [((seeds > at).mean() + (seeds[:10] > at).mean()) / 2 for at in thresholds]
+    assert [value for value, _ in found] == shares

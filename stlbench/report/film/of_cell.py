@@ -1,0 +1,107 @@
+"""The film of one cell, or its pictures: what was recorded, or the stored policy that acts again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from stlbench.contract import GymTask
+from stlbench.errors import UsageError
+from stlbench.report.figures.cell_figures import draw_cell
+from stlbench.report.figures.files import file_name
+from stlbench.report.film import film
+from stlbench.result import MAIN, Result
+from stlbench.rollout.reenactment import Reenactment
+from stlbench.rollout.saved_policies import Which
+from stlbench.rollout.traces import load
+from stlbench.study.replay import Replay, Start, reenact, replay
+from stlbench.task import load_task
+
+__all__ = ["Filmed", "Filming", "Form"]
+
+Form = Literal["gif", "webp", "mp4", "png"]
+
+
+class Filmed(NamedTuple):
+    """What was written."""
+
+    paths: tuple[Path, ...]
+    remarks: tuple[str, ...]
+    """What is not as one would expect, in a line each."""
+
+
+@dataclass(frozen=True)
+class Filming:
+    """What does a cell's policy look like? The answer writes the files, which is asked as `Question`s are."""
+
+    run: Path
+    """The folder of results."""
+    result: Result
+    """Of the cell, with a measurement."""
+    which: Which
+    start: Start
+    form: Form
+    out: Path
+    """The folder of the files."""
+
+    @property
+    def plugins(self) -> tuple[tuple[str, str], ...]:
+        """See `Question`."""
+        cell = self.result.id
+        return ("tasks", cell.task.name), ("methods", cell.method.name), ("agents", cell.agent.name)
+
+    def answer(self) -> Filmed:
+        """See `Question`. Raises `UsageError` where there is nothing to film, or the files cannot be written."""
+        recorded = self.which == "selected" and self.start == Start() and self.form != "png"
+        shown = self._recorded() if recorded else replay(self.run, self.result, self.which, self.start)
+        acted, remarks = (None, list[str]()) if self.form == "png" else self._before_camera(shown)
+        try:
+            if self.form == "png":
+                paths = draw_cell(shown.task, shown.method, shown.recording, self._title, self.out, self._name)
+                return Filmed(tuple(paths), ())
+            path = self.out / f"film-{self._name}.{self.form}"
+            remark = film.write(shown.task, shown.recording, shown.robustness, self._title, path, acted)
+        except OSError as error:
+            raise UsageError(f"cannot write the film: {error}") from error
+        return Filmed((path,), (*remarks, *_remarks(shown, acted, remark)))
+
+    @property
+    def _said(self) -> list[str]:
+        """What the user chose."""
+        said: list[str] = [] if self.which == "selected" else [self.which]
+        if self.start.point is not None:
+            return [*said, "start-" + ",".join(repr(number).removesuffix(".0") for number in self.start.point)]
+        return said if self.start.index is None else [*said, f"start-{self.start.index}"]
+
+    @property
+    def _title(self) -> str:
+        return self.result.id.name + ", ".join(["", *self._said]).replace("start-", "start ")
+
+    @property
+    def _name(self) -> str:
+        return file_name(*self.result.id.name.split("/"), self.result.id.budget, *self._said)
+
+    def _recorded(self) -> Replay:
+        """What was recorded when the cell was trained, which needs no policy."""
+        assert self.result.measurement is not None
+        task = load_task(self.result.id.task)
+        recording = load(task, self.result, self.run)
+        return Replay(task, None, recording, self.result.measurement.selected[MAIN].robustness)
+
+    def _before_camera(self, shown: Replay) -> tuple[Reenactment | None, list[str]]:
+        """The policy, ready to act again in an environment that draws itself; None where it cannot, and why."""
+        if not isinstance(shown.task.dynamics, GymTask) or shown.recording.film is None:
+            return None, []
+        try:
+            return reenact(self.run, self.result, self.which, self.start, shown.recording.film), []
+        except UsageError as error:
+            return None, [f"no pictures of the environment: {error}"]
+
+
+def _remarks(shown: Replay, acted: Reenactment | None, remark: str) -> list[str]:
+    if remark:
+        return [remark]
+    if acted and shown.recording.film and not acted.repeats(shown.recording.traces[shown.recording.film.starts]):
+        return ["the pictures are of another course than was recorded: the environment did not do the same again"]
+    return []

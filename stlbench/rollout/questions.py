@@ -1,0 +1,59 @@
+"""What is asked of plugins outside of a cell, so that one that fails costs its own answer alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from stlbench.contract import cause
+from stlbench.errors import UsageError
+
+__all__ = ["Ask", "Question", "Unanswered", "answered_here", "ask_here"]
+
+_T = TypeVar("_T")
+_Answer = TypeVar("_Answer", covariant=True)
+
+
+class Question(Protocol[_Answer]):
+    """A frozen dataclass that another process can be told (`pickle`)."""
+
+    @property
+    def plugins(self) -> Iterable[tuple[str, str]]:
+        """Kind and name of each plugin whose code the answer runs, as in ("tasks", "hold-disc"); of what is no plugin,
+        ("functions", "module:function")."""
+
+    def answer(self) -> _Answer:
+        """The answer, in this process. Raises whatever the plugins raise."""
+
+
+@dataclass(frozen=True)
+class Unanswered:
+    """In the place of an answer."""
+
+    reason: str
+    """In one line: "no result after 120 s", "ValueError: no such luck"."""
+    is_refusal: bool = False
+    """The reason is a whole message of stlbench's own (`UsageError`), as where a plugin is not installed."""
+
+
+class Ask(Protocol):
+    """Answers questions, in their order."""
+
+    def __call__(self, questions: Sequence[Question[_T]]) -> Sequence[_T | Unanswered]:
+        """The answers."""
+
+
+def ask_here(questions: Sequence[Question[_T]]) -> list[_T | Unanswered]:
+    """All answers, in this process: one that hangs is waited for, and one that ends the process ends it."""
+    return [answered_here(question) for question in questions]
+
+
+def answered_here(question: Question[_T]) -> _T | Unanswered:
+    """One answer, in this process."""
+    try:
+        return question.answer()
+    except (UsageError, ImportError) as error:
+        return Unanswered(str(error) or cause(error), is_refusal=True)
+    except Exception as error:
+        return Unanswered(cause(error))
