@@ -49,12 +49,14 @@ def plot(
     from stlbench.report.figures import trace_figures
     from stlbench.study import stored
 
-    results = list(stored.read(run))
-    some_tasks = _known(tasks, {result.id.task for result in results}, "task", run)
-    some_methods = _known(methods, {result.id.method for result in results}, "method", run)
-    chosen = [result for result in results if result.id.task in some_tasks and result.id.method in some_methods]
-    if not chosen:
+    cells = [result.id for result in stored.read(run)]
+    some_tasks = _known(tasks, {cell.task for cell in cells}, "task", run)
+    some_methods = _known(methods, {cell.method for cell in cells}, "method", run)
+    if not any(cell.task in some_tasks and cell.method in some_methods for cell in cells):
         raise UsageError(f"{run} holds no result of these tasks and methods")
+    chosen = (
+        result for result in stored.read(run) if result.id.task in some_tasks and result.id.method in some_methods
+    )
     job = trace_figures.Job(run, out or run / "figures", _tell, warn, rewarded, _kinds(only, trace_figures.KINDS))
     for path in trace_figures.draw(chosen, job):
         typer.echo(path)

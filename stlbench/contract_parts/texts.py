@@ -8,6 +8,8 @@ __all__ = ["cause", "one_line", "printable"]
 
 LINE, PAGE = 500, 20_000
 """The most characters of a line, and of a text of several lines."""
+_NOTE = 50
+"""Characters for how many are left out."""
 
 _UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters but tab and newline, marks that turn the direction of text, and halves of surrogate pairs, which
@@ -22,7 +24,10 @@ def printable(value: object, most: int = PAGE) -> str:
 
 def one_line(value: object) -> str:
     """The same in one line: all white space is a single space."""
-    return printable(" ".join(_shortened(_text(value), PAGE).split()), LINE)
+    text = _text(value)
+    left_out = max(0, len(text) - PAGE)
+    ends = text[: PAGE // 2] + text[-PAGE // 2 :] if left_out else text  # the seam is in the middle that a line lacks
+    return _UNSAFE.sub(_escaped, _shortened(" ".join(ends.split()), LINE, left_out))
 
 
 def cause(error: BaseException) -> str:
@@ -41,12 +46,13 @@ def _text(value: object) -> str:
         return f"(its text cannot be had, it raises {_name(error)})"
 
 
-def _shortened(text: str, most: int) -> str:
+def _shortened(text: str, most: int, left_out: int = 0) -> str:
+    """At most so many characters, with the number of those left out, so that it is not shortened again."""
     if len(text) <= most:
         return text
-    head = most // 4
-    tail = most - head
-    return f"{text[:head]} ... {len(text) - most} characters left out ... {text[-tail:]}"
+    kept = most - _NOTE
+    head = kept // 4
+    return f"{text[:head]} ... {len(text) - kept + left_out} characters left out ... {text[head - kept :]}"
 
 
 def _escaped(found: re.Match[str]) -> str:

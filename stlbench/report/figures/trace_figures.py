@@ -23,7 +23,7 @@ from stlbench.report.figures.report_figures import draw_learning
 from stlbench.report.figures.trajectories import TRACES_PER_PANEL, trajectories
 from stlbench.report.tables.alignment import RECIPE, setting_text
 from stlbench.report.tables.planned import RESOLUTION, Maximised, maximised, split
-from stlbench.report.tables.rows import Group, group, row
+from stlbench.report.tables.rows import Group, Row, group, row
 from stlbench.result import Result, Setting
 from stlbench.rollout.saved_traces import FOLDER
 from stlbench.rollout.traces import Recording, gather, load
@@ -70,12 +70,10 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
     Raises:
         UsageError: a name in the ledger cannot name a file, or the folder cannot be written.
     """
-    kept = list(results)
-    groups = group(row(result) for result in kept)
-    finished = [replace(result, measurement=None) for result in kept if result.measurement is not None]
+    groups, finished = _condensed(results)
     if finished and not (job.run / FOLDER).is_dir():
         job.warn(f"there are no traces in {job.run}; learning curves are all that is drawn")
-        finished = []
+        finished = {}
     learners, planners = {member.setting for member in split(groups)[0]}, maximised(groups)
     paths, count = list[Path](), 0
     try:
@@ -83,11 +81,11 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
             of_task, learned, shown, plans = list(members), list[Group](), list[Array | None](), list[Plan]()
             if "learning" in job.only:
                 paths += draw_learning([member for member in of_task if member.setting in learners], job.out)
-            task = _task(choice, job) if any(result.id.task == choice for result in finished) else None
+            task = _task(choice, job) if any(member.setting in finished for member in of_task) else None
             bands = _bands(task, of_task, job)
             for member in of_task:
                 count += 1
-                recording = _traces(task, [result for result in finished if result.id.setting == member.setting], job)
+                recording = _traces(task, finished.get(member.setting, ()), job)
                 files = list[Path]()
                 if task is not None and recording is not None:
                     files = _draw_group(task, member.setting, recording, bands, job)
@@ -104,6 +102,16 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
     except OSError as error:
         raise UsageError(f"cannot write the figures: {error}") from error
     return paths
+
+
+def _condensed(results: Iterable[Result]) -> tuple[tuple[Group, ...], dict[Setting, list[Result]]]:
+    """A few numbers of each result, and those of each setting that have traces, without a measurement."""
+    rows, finished = list[Row](), dict[Setting, list[Result]]()
+    for result in results:
+        rows.append(row(result))
+        if result.measurement is not None:
+            finished.setdefault(result.id.setting, []).append(replace(result, measurement=None))
+    return group(rows), finished
 
 
 def _task(choice: Choice, job: Job) -> Task | None:
