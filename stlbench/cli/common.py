@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
@@ -28,6 +29,10 @@ DISK_FULL = 74
 """The exit code where results cannot be written since the disk is full; that of an input/output error in sysexits.h."""
 
 
+_OF_PATHS = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM)
+"""Errors of a path that a user has named, which even a look at whether it is there raises."""
+
+
 class Commands(TyperGroup):
     """All commands. What a user did wrong is one line on stderr and exit code 2; anything else is a bug and shows."""
 
@@ -50,9 +55,9 @@ class Commands(TyperGroup):
             except UsageError as error:
                 code = refuse(str(error), DISK_FULL if is_disk_full(error) else 2)
             except OSError as error:
-                if not is_disk_full(error):
+                if not (is_disk_full(error) or error.errno in _OF_PATHS):
                     raise
-                code = refuse(str(error), DISK_FULL)
+                code = refuse(str(error), DISK_FULL if is_disk_full(error) else 2)
             except typer.TyperException as error:
                 code = refuse(error.format_message() + _where_to_look(error))
         if standalone_mode:

@@ -65,3 +65,12 @@ def test_starts_without_the_heavy_packages(tmp_path, words):
     packages = imported(*words, folder=tmp_path)
     assert "typer" in packages
     assert not HEAVY & packages
+
+
+@pytest.mark.parametrize("words", [("report",), ("plot",), ("verify",), ("run", "--tasks", "hold-disc", "--results")])
+def test_a_name_that_no_file_can_have_is_refused_in_one_line(say, words):
+    done = say(*words, "x" * 300)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: [Errno ")
+    assert "File name too long: 'xxx" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
