@@ -1,4 +1,7 @@
-"""What the documentation shows is so: commands parse, tables name what there is, the examples of plugins run."""
+"""What the documentation shows is so: commands parse, tables name what there is, the examples of plugins run.
+
+The commands run in tests/docs, with words in place of some; here they are parsed as they are.
+"""
 
 from __future__ import annotations
 
