@@ -63,6 +63,16 @@ def _limit(axes: Axes, values: Sequence[Sequence[float]], shown: Sequence[float]
     left, right = max(min([low, *ends]), 2 * low - high), min(max([high, *ends]), 2 * high - low)
     margin = 0.05 * (right - left) or 1.0
     axes.set_xlim(left - margin, right + margin)
+    for place, seeds in enumerate(values):
+        _arrows(axes, place + 0.16, interval(seeds) or ())
+
+
+def _arrows(axes: Axes, row: float, ends: Sequence[float]) -> None:
+    """At the edges that cut an interval."""
+    left, right = axes.get_xlim()
+    cut = [(left, "<") for end in ends if end < left] + [(right, ">") for end in ends if end > right]
+    for edge, marker in cut:
+        axes.plot([edge], [row], marker, color=MIDDLE, markersize=4.5, clip_on=False, zorder=6)
 
 
 def _points(axes: Axes, place: int, values: Sequence[float], shown: Window | None) -> None:

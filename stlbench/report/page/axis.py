@@ -28,11 +28,16 @@ class Axis:
         size = abs(value) / self.threshold
         return math.copysign(size if size <= 1 else 1 + math.log10(size), value)
 
-    def layout(self, title: str) -> dict[str, Any]:
-        """The axis for plotly, with its title, which says where the logarithmic part begins."""
+    @property
+    def range(self) -> tuple[float, float]:
+        """Both edges of the chart, as places: a little more than the ends."""
         low, high = self.at(self.low), self.at(self.high)
         margin = 0.05 * (high - low) or 1.0
-        common = {"range": [low - margin, high + margin]}
+        return low - margin, high + margin
+
+    def layout(self, title: str) -> dict[str, Any]:
+        """The axis for plotly, with its title, which says where the logarithmic part begins."""
+        common = {"range": list(self.range)}
         if self.threshold is None:
             return {"title": {"text": title}, **common}
         ticks = symlog_ticks(self.threshold, self.low, self.high)[0]

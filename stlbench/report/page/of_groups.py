@@ -42,8 +42,7 @@ def robustness(groups: Sequence[Group], unit: str) -> Chart:
     """A point per seed, under it the interquartile mean with its interval; one row per group."""
     looks = styles(groups)
     values = [group.values(lambda numbers: numbers.robustness_mean) for group in groups]
-    every = [value for seeds in values for value in seeds]
-    axis = axis_of(values, every)
+    axis = axis_of(values, _shown(values))
     data = [
         trace
         for place, (group, seeds, style) in enumerate(zip(groups, values, looks, strict=True))
@@ -57,6 +56,14 @@ def robustness(groups: Sequence[Group], unit: str) -> Chart:
     return Chart("robustness", "Robustness by seed", label, data, layout, 110 + 38 * len(groups))
 
 
+def _shown(values: Sequence[Sequence[float]]) -> list[float]:
+    """What the chart has room for: all values, and intervals as far as they do not squeeze these, as in the figures."""
+    every = [0.0, *(value for seeds in values for value in seeds if math.isfinite(value))]
+    low, high = min(every), max(every)
+    ends = [end for seeds in values for end in interval(seeds) or ()]
+    return [*every, *(min(max(end, 2 * low - high), 2 * high - low) for end in ends)]
+
+
 def _of_group(place: int, group: Group, seeds: Sequence[float], style: GroupStyle, axis: Axis) -> list[Trace]:
     kept = [row.id.seed for row in group.rows if row.numbers is not None]
     name, ends, centre = plain(style.label), interval(seeds), iqm(seeds)
@@ -64,12 +71,23 @@ def _of_group(place: int, group: Group, seeds: Sequence[float], style: GroupStyl
     points = _points(numbers(map(axis.at, seeds)), place - 0.15, texts, colour(style.colour), name)
     middle = _points([axis.at(centre)], place + 0.18, [_said(centre, ends)], colour(style.colour), name)
     middle["marker"] |= {"symbol": "diamond", "size": 11, "opacity": 1}
-    if ends is not None:
-        low, high = (min(max(axis.at(end), axis.at(axis.low) - 9), axis.at(axis.high) + 9) for end in ends)
-        at = axis.at(centre)
-        middle["error_x"] = {"type": "data", "symmetric": False, "array": [high - at], "arrayminus": [at - low]}
-        middle["error_x"] |= {"color": colour(style.colour), "thickness": 2, "width": 0}
-    return [points, middle]
+    if ends is None:
+        return [points, middle]
+    left, right = axis.range
+    low, high = max(axis.at(ends.low), left), min(axis.at(ends.high), right)
+    at = axis.at(centre)
+    middle["error_x"] = {"type": "data", "symmetric": False, "array": [high - at], "arrayminus": [at - low]}
+    middle["error_x"] |= {"color": colour(style.colour), "thickness": 2, "width": 0}
+    cut = [(left, "triangle-left", ends.low)] * (axis.at(ends.low) < left)
+    cut += [(right, "triangle-right", ends.high)] * (axis.at(ends.high) > right)
+    return [points, middle, *(_arrow(place + 0.18, *each, colour(style.colour), name) for each in cut)]
+
+
+def _arrow(row: float, edge: float, symbol: str, end: float, of: str, name: str) -> Trace:
+    """Where an interval is cut by the edge of the chart."""
+    arrow = _points([edge], row, [f"the 95 % interval ends beyond the chart, at {end:.4g}"], of, name)
+    arrow["marker"] |= {"symbol": symbol, "size": 10, "opacity": 1}
+    return arrow | {"cliponaxis": False}
 
 
 def _points(x: Sequence[float | None], y: float, texts: Sequence[str], of: str, name: str) -> Trace:
@@ -168,5 +186,5 @@ def _bar(place: int, mean: float, ends: Interval | None, style: GroupStyle) -> T
     }
     if ends is not None:
         bar["error_x"] = {"type": "data", "symmetric": False, "array": [ends.high - mean]}
-        bar["error_x"] |= {"arrayminus": [mean - max(ends.low, 0.0)], "color": INK, "thickness": 1.5, "width": 4}
+        bar["error_x"] |= {"arrayminus": [mean - ends.low], "color": INK, "thickness": 1.5, "width": 4}
     return bar

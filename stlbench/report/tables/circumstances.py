@@ -15,7 +15,7 @@ _OTHERS = {"machine", "jobs", "time", CODE, "task_folder", "load"} | _CALIBRATIO
 
 
 def circumstances(groups: Sequence[Group]) -> Table:
-    """Machine, versions, code, cells at a time, days, cells and CPU hours: one row each; where cells differ, all."""
+    """Machine, versions, code, cells at a time, days, cells and CPU time: one row each; where cells differ, all."""
     rows = [row for group in groups for row in group.rows]
     values: dict[str, set[str]] = {}
     for row in rows:
@@ -34,7 +34,13 @@ def circumstances(groups: Sequence[Group]) -> Table:
         "cells at a time": said.get("jobs", ""),
         "begun": days[0] if len(days) == 1 else " to ".join([*days[:1], *days[-1:]]),
         "cells": f"{len(rows)}, {ended} of them with a result",
-        "CPU time": f"{seconds / 3600:.2f} hours, training and evaluation",
+        "CPU time": f"{_time(seconds)}, training and evaluation",
     }
     columns = (Column("what", right=False), Column("value", right=False))
     return Table("Circumstances", columns, tuple((name, text) for name, text in lines.items() if text))
+
+
+def _time(seconds: float) -> str:
+    if seconds < 60:
+        return f"{seconds:.1f} seconds"
+    return f"{seconds / 60:.1f} minutes" if seconds < 3600 else f"{seconds / 3600:.2f} hours"

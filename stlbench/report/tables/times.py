@@ -30,7 +30,7 @@ def time_table(groups: Sequence[Group]) -> Table:
         Column("remarks", right=False, below=True),
     )
     notes = (
-        "Means over seeds, with t intervals. 'Cell' is training, checkpoints and evaluation.",
+        "Means over seeds, with t intervals, cut at 0. 'Cell' is training, checkpoints and evaluation.",
         "Reward: CPU nanoseconds of the method's reward per step and copy, in a batch of 1024.",
     )
     return Table("Time", columns, tuple(_time_row(group) for group in groups), notes)
@@ -42,9 +42,9 @@ def _time_row(group: Group) -> tuple[Value, ...]:
     return (
         *setting_values(group),
         _mean(wall),
-        interval(wall, cut=0),
+        _seconds(wall),
         _mean(cpu),
-        interval(cpu, cut=0),
+        _seconds(cpu),
         _mean(group.values(lambda numbers: numbers.cpu_seconds)),
         _mean(group.values(lambda numbers: numbers.env_steps)),
         _mean(group.values(lambda numbers: numbers.reward_nanoseconds)),
@@ -52,6 +52,12 @@ def _time_row(group: Group) -> tuple[Value, ...]:
         ", ".join(sorted({row.jobs for row in group.rows if row.jobs and row.numbers})) or None,
         group.remarks or None,
     )
+
+
+def _seconds(values: Sequence[float]) -> Interval | None:
+    """Of the mean; it ends at 0, as nothing takes less: the intervals of two seeds are wide."""
+    found = interval(values, cut=0)
+    return None if found is None else Interval(max(found.low, 0.0), found.high)
 
 
 def _mean(values: Sequence[float]) -> float | None:

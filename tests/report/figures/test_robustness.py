@@ -40,6 +40,13 @@ def test_a_method_without_a_result_keeps_its_place():
     assert [(text.get_text(), text.get_position()[1]) for text in axes.texts] == [("no result", 2)]
 
 
+def test_an_interval_that_the_axis_cuts_ends_in_an_arrow():
+    """0.2 +- 12.706 * 0.1 of two seeds; values are from -0.2 to 0.3, so there is room from -0.7 to 0.8."""
+    (axes,) = robustness_by_method(GROUPS, "m").axes
+    arrows = [(line.get_marker(), float(line.get_xdata()[0])) for line in axes.lines if line.get_marker() in ("<", ">")]
+    assert arrows == [("<", pytest.approx(-0.775)), (">", pytest.approx(0.875))]
+
+
 def test_no_two_things_have_one_colour():
     """Seeds have one, and what is said of all of them another; methods have a row each."""
     (axes,) = robustness_by_method(GROUPS, "m").axes

@@ -52,6 +52,16 @@ def test_robustness_shows_the_seeds_and_the_interval_of_their_middle() -> None:
     assert middle["x"][0] + middle["error_x"]["array"][0] == pytest.approx(ends.high)
 
 
+def test_an_interval_that_the_chart_cuts_has_an_arrow_that_says_where_it_ends() -> None:
+    chart = robustness(condense(result(seed=i, robustness=[value]) for i, value in enumerate((0.25, 0.35))), "m")
+    _, middle, arrow = chart.data  # the interval is 0.3 +- 12.706 * 0.05; room is from -0.35 to 0.7
+    assert (arrow["marker"]["symbol"], arrow["x"]) == ("triangle-right", [chart.layout["xaxis"]["range"][1]])
+    assert arrow["text"] == ["the 95 % interval ends beyond the chart, at 0.9353"]
+    assert arrow["x"] == [pytest.approx(0.7 + 0.05 * (0.7 + 0.3353), abs=1e-4)]
+    assert middle["x"][0] + middle["error_x"]["array"][0] == pytest.approx(arrow["x"][0])
+    assert middle["x"][0] - middle["error_x"]["arrayminus"][0] == pytest.approx(-0.3353, abs=1e-4)
+
+
 def test_learning_names_every_method_and_draws_means() -> None:
     satisfied, robust = learning(GROUPS, "m")
     assert [trace["y"] for trace in satisfied.data if trace.get("fill") is None] == [[50.0, 100.0]]

@@ -201,9 +201,10 @@ def test_time():
     ]
     table = time_table(condense(results))
     assert cell(table, "training CPU [s]") == 11
-    assert cell(table, "CPU 95 % interval [s]") == pytest.approx(t_interval(10, 12))
+    assert t_interval(10, 12)[0] < 0  # which no training takes
+    assert cell(table, "CPU 95 % interval [s]") == pytest.approx((0, t_interval(10, 12)[1]))
     assert cell(table, "training wall [s]") == 25
-    assert cell(table, "wall 95 % interval [s]") == pytest.approx(t_interval(20, 30))
+    assert cell(table, "wall 95 % interval [s]") == pytest.approx((0, t_interval(20, 30)[1]))
     assert cell(table, "cell CPU [s]") == pytest.approx(12.02)
     assert cell(table, "env steps") == 240_000
     assert cell(table, "reward [ns/step]") == 21
