@@ -10,7 +10,7 @@ from typing import Any
 from stlbench.cli.live import duration
 from stlbench.cli.looker import Looker, View
 from stlbench.errors import UsageError
-from stlbench.report.page.now import Cell, Ended, rendered, require
+from stlbench.report.page.now import Cell, Ended, policy, rendered, require
 from stlbench.result import ACCIDENTS, Result, reported
 from stlbench.study.running import Running
 
@@ -19,7 +19,6 @@ __all__ = ["handler", "page_of", "serve"]
 _HOST = "127.0.0.1"
 _LAST = 20
 """Cells that ended, of which so many are listed."""
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
 
 
 def serve(looker: Looker, every: float, port: int, tell: Callable[[str], None]) -> None:
@@ -62,7 +61,7 @@ def handler(looker: Looker, every: float) -> type[BaseHTTPRequestHandler]:
             self.send_header("Content-Type", "text/html; charset=utf-8")
             self.send_header("Content-Length", str(len(content)))
             self.send_header("Cache-Control", "no-store")
-            self.send_header("Content-Security-Policy", _POLICY)
+            self.send_header("Content-Security-Policy", policy())
             self.send_header("X-Content-Type-Options", "nosniff")
             self.end_headers()
             self.wfile.write(content)
@@ -82,6 +81,7 @@ def page_of(view: View, folder: str, every: float) -> str:
         done=len(view.results),
         total=view.total,
         writer=view.writer,
+        most=_LAST,
         cells=[_cell(one, view.now) for one in view.running],
         failed=[_ended(each) for each in ended if each.status in ACCIDENTS][:_LAST],
         ended=[_ended(each) for each in ended if each.status not in ACCIDENTS][:_LAST],

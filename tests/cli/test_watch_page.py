@@ -9,13 +9,16 @@ from http.server import ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
+from helpers.browser import CHROMIUM, FLAGS, PATIENCE
 from helpers.pages import Page
 from helpers.planned_ledger import planned
+from helpers.synthetic_results import result
 
 from stlbench.cli.looker import Looker
 from stlbench.cli.watch_page import handler
 from stlbench.report.page.now import points
 from stlbench.result import CellId
+from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writing
 from stlbench.study.running import announce
 
@@ -65,7 +68,7 @@ def test_it_shows_what_runs_with_its_curve_what_ended_and_what_failed(tmp_path, 
 def test_a_hostile_reason_is_text(server):
     served, _ = server
     text = get(served).read().decode()
-    assert not [tag for tag, _ in Page(text).elements if tag == "script"]
+    assert len([tag for tag, _ in Page(text).elements if tag == "script"]) == 1  # which renews the page
     assert "&lt;script&gt;alert(1)" in text
 
 
@@ -74,7 +77,9 @@ def test_nothing_else_is_served_and_nothing_loads_from_elsewhere(server):
     assert get(served, "/../ledger.sqlite").status == 404
     assert get(served, "/ledger.sqlite").status == 404
     answer = get(served)
-    assert "default-src 'none'" in (answer.getheader("Content-Security-Policy") or "")
+    allowed = answer.getheader("Content-Security-Policy") or ""
+    assert "default-src 'none'" in allowed
+    assert "script-src 'sha256-" in allowed
     assert "http://" not in answer.read().decode()
 
 
@@ -92,6 +97,29 @@ def test_nothing_is_written(tmp_path, server):
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
     get(served).read()
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+def test_a_phone_keeps_where_it_was_when_the_page_renews_itself(tmp_path, server, monkeypatch):
+    served, _ = server
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as tool:
+        browser = tool.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        page = browser.new_page(viewport={"width": 360, "height": 300})
+        errors = list[str]()
+        page.on("console", lambda message: errors.append(message.text))
+        page.goto(f"http://127.0.0.1:{served.server_port}/", timeout=PATIENCE)
+        page.evaluate("window.scrollTo(0, 150)")
+        page.evaluate("document.querySelector('.scroll').scrollLeft = 40")
+        page.evaluate("document.querySelector('.scroll').focus({preventScroll: true})")
+        with Ledger(tmp_path / FILE) as ledger:
+            ledger.record(result(seed=2))
+        page.wait_for_selector("text=3 of 3 cells", timeout=PATIENCE)
+        assert page.evaluate("window.scrollY") == 150
+        assert page.evaluate("document.querySelector('.scroll').scrollLeft") == 40
+        assert page.evaluate("document.activeElement.className") == "scroll"
+        assert errors == []
+        browser.close()
 
 
 def test_a_curve_fills_its_box():

@@ -1,15 +1,19 @@
-"""The page of what runs now, of `stlbench watch --page`: one template, no script, nothing from elsewhere."""
+"""The page of what runs now, of `stlbench watch --page`: a template, and a script that renews it."""
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import math
 from collections.abc import Sequence
+from functools import cache
+from importlib import resources
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 from stlbench.errors import UsageError
 
-__all__ = ["Cell", "Ended", "points", "rendered", "require"]
+__all__ = ["Cell", "Ended", "points", "policy", "rendered", "require"]
 
 _WIDTH, _HEIGHT = 160.0, 36.0
 """Of a curve, in pixels."""
@@ -62,10 +66,24 @@ def require() -> None:
         raise UsageError("the page needs the package jinja2: pip install stlbench-rl[page]")
 
 
+def policy() -> str:
+    """What a browser may do with the page: run this script, and ask its server again. For Content-Security-Policy."""
+    digest = base64.b64encode(hashlib.sha256(_script().encode()).digest()).decode()
+    allowed = f"script-src 'sha256-{digest}'; connect-src 'self'; style-src 'unsafe-inline'; img-src data:"
+    return f"default-src 'none'; {allowed}; frame-ancestors 'none'"
+
+
 def rendered(**content: Any) -> str:
     """The page. Whatever a name holds is text there: jinja2 escapes it."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
 
     loader = PackageLoader("stlbench.report.page", "parts")
     environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    return environment.get_template("now.html").render(**content)
+    script = Markup(_script())  # noqa: S704  # our own file
+    return environment.get_template("now.html").render(**content, script=script).lstrip()
+
+
+@cache
+def _script() -> str:
+    return resources.files("stlbench.report.page").joinpath("parts/now.js").read_text(encoding="utf-8")
