@@ -14,6 +14,7 @@ from stlbench.report.page.bundle import packed, plotly, require
 from stlbench.report.page.cells import Tags, cells_listed, details, tags_of
 from stlbench.report.page.chart import Chart
 from stlbench.report.page.listed import Listed, listed, of_columns
+from stlbench.report.page.notes import said_once
 from stlbench.report.page.of_fields import across
 from stlbench.report.page.task_part import Tables, TaskPart, task_part
 from stlbench.report.tables.across import Field, aggregates_table, fields, improvement_table
@@ -110,13 +111,15 @@ def _page(
     ordered, left_out = _shown(groups)
     payloads = {part.key: _payload(part, ordered, results, folder) for part in parts}
     payloads["across"] = packed({"charts": {chart.key: chart.content() for chart in over.charts}})
+    overview = _overview(groups, tables)
     return _rendered(
         title=folder.resolve().name or "results",
-        overview=_overview(groups, tables),
+        overview=overview,
         cells=_Filtered(cells_listed(ordered, left_out), [tags_of([each]) for each in ordered]),
         of_task=[next(part.key for part in parts if part.name == str(each.id.task)) for each in ordered],
         across=over,
         parts=parts,
+        said=said_once([overview.table, *(table for part in parts for table in part.all_tables)]),
         circumstances=listed(circumstances(trained(groups))),
         payloads=payloads,
     )

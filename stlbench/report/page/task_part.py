@@ -64,6 +64,11 @@ class TaskPart:
     """What the folder does not hold, in a line each."""
 
     @property
+    def all_tables(self) -> list[Listed]:
+        """Also that of the worst starts."""
+        return [*self.tables, *([self.worst] if self.worst else [])]
+
+    @property
     def all_charts(self) -> list[Chart]:
         """Also those of the stories."""
         return [*self.charts, *(chart for story in self.stories for chart in story.charts)]

@@ -95,6 +95,15 @@ def test_why_the_worst_start_fails(parsed: Page) -> None:
     ]
 
 
+def test_what_is_said_of_many_tables_is_said_once(parsed: Page) -> None:
+    said = "Robustness is in the unit of the task's predicates"
+    assert parsed.text.count(said) == 1
+    assert parsed.text.index(said) > parsed.text.index("Notes: how to read the tables")
+    place = next(attributes["id"] for tag, attributes in parsed.elements if attributes.get("class") == "of-notes")
+    assert parsed.attributes("href").count(f"#{place}") == 3  # the overview, and two tasks
+    assert {"#notes"} <= {*parsed.attributes("href")}
+
+
 def test_what_a_folder_lacks_is_said(tmp_path: Path) -> None:
     made = [result(), result("flag", curve=())]
     page = Page(write(made, (CellId.parse("hold-disc/raw/dqn/0", "quick"),), {}, tmp_path).read_text())
