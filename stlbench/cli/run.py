@@ -128,7 +128,6 @@ def run(
     """
     from stlbench.cli.progress import Progress
     from stlbench.study.run import run_described
-    from stlbench.study.run_logs import Logged, build_logs
     from stlbench.study.study import Study
 
     options = {
@@ -143,19 +142,15 @@ def run(
         "memory": memory,
         "results": results,
         "executor": executor,
+        "log": log,
         "retry": retry,
         "attempts": attempts,
         "keep_old": keep_old or None,
     }
     said = {name: value for name, value in options.items() if value is not None}
     described = Study.of(said, study) if study else Study.of(DEFAULTS | said)
-    logs = build_logs(log) if log is not None else {}
-    with (
-        interruptible(described.cells, described.results),
-        Progress(described.results) as progress,
-        Logged(logs, described.results, progress) as told,
-    ):
-        cells = run_described(described, told)
+    with interruptible(described.cells, described.results), Progress(described.results) as progress:
+        cells = run_described(described, progress)
     report_cells({cell.id for cell in cells}, described.results)
 
 

@@ -22,6 +22,7 @@ from stlbench.study.logs import log_of
 from stlbench.study.plan import check_cells, uncompiled
 from stlbench.study.provenance import collect, here
 from stlbench.study.results import Results
+from stlbench.study.run_logs import Logged, build_logs
 from stlbench.study.study import Study
 from stlbench.study.superseded import note, superseded
 from stlbench.study.unchanged import run_unchanged
@@ -89,6 +90,7 @@ def run_study(
     memory: str | None = None,
     results: str | Path | None = None,
     executor: str | None = None,
+    log: str | Iterable[str] | None = None,
     retry: bool | str | Iterable[str] | None = None,
     attempts: int | None = None,
     keep_old: bool | None = None,
@@ -113,6 +115,7 @@ def run_study(
             machine's where left out.
         results: folder of ledger, traces and tables; `results` where left out.
         executor: where cells run; `local` where left out.
+        log: logs that are told of the run, such as `tensorboard`; none where left out.
         retry: run cells again that ended so: `failed`, which is also True, or some of `raised`, `timeout`, `killed`.
         attempts: a cell that failed so often in a row is given up; 3 where left out.
         keep_old: count results as done that are of other code than today's, of an older stlbench for example.
@@ -137,6 +140,7 @@ def run_study(
         "memory": memory,
         "results": results,
         "executor": executor,
+        "log": log,
         "retry": retry,
         "attempts": attempts,
         "keep_old": keep_old,
@@ -149,16 +153,18 @@ def run_study(
 
 def run_described(study: Study, progress: Progress | None = None) -> tuple[Cell, ...]:
     """Run what is missing of a study, and return its cells. No result is kept in memory. Raises as `run_study`."""
+    logs = build_logs(study.log)
     cells, place = study.cells(), build_executor(study.executor, study.jobs, study.memory)
-    run_cells(
-        cells,
-        study.results,
-        place,
-        retry=study.retry,
-        attempts=study.attempts,
-        keep_old=study.keep_old,
-        progress=progress,
-    )
+    with Logged(logs, study.results, progress or _Silent()) as told:
+        run_cells(
+            cells,
+            study.results,
+            place,
+            retry=study.retry,
+            attempts=study.attempts,
+            keep_old=study.keep_old,
+            progress=told,
+        )
     return cells
 
 

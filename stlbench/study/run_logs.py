@@ -15,7 +15,7 @@ from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, Unsuitable, 
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
-from stlbench.registry.choices import Choice, executor_of, split
+from stlbench.registry.choices import Choice
 from stlbench.result import CellId, Result, reported
 from stlbench.study.running import running
 
@@ -32,9 +32,9 @@ _END_SECONDS = 60.0
 """That logs may take for what is left, when the run has ended."""
 
 
-def build_logs(text: str) -> dict[str, RunLog]:
-    """The logs of a comma list, by the text of each. Raises `UsageError`."""
-    return {str(choice): _built(choice) for choice in map(executor_of, split(text))}
+def build_logs(choices: Iterable[Choice]) -> dict[str, RunLog]:
+    """The chosen logs, by the text of each. Raises `UsageError`."""
+    return {str(choice): _built(choice) for choice in choices}
 
 
 def _built(choice: Choice) -> RunLog:

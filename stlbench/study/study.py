@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import folders
-from stlbench.registry.choices import Choice, choice_of, executor_of, parse_choices
+from stlbench.registry.choices import Choice, choice_of, executor_of, parse_choices, split
 from stlbench.result import Status, accidents_of
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
@@ -68,6 +68,11 @@ def _tasks(value: Any) -> Any:
     return _choices(value, folders.parse_tasks, folders.task_of)
 
 
+def _logs(value: Any) -> Any:
+    """As `_choices`; parameters may be paths, as an executor's may."""
+    return _choices(value, lambda text: tuple(map(executor_of, split(text))), executor_of)
+
+
 def _seeds(value: Any) -> Any:
     """A count or a text as on the command line, or the seeds themselves."""
     if value is None:
@@ -112,6 +117,8 @@ class Study(BaseModel):
     """Folder of ledger, traces and tables."""
     executor: Annotated[Choice, BeforeValidator(executor_of)] = Choice("local")
     """Where cells run."""
+    log: Annotated[tuple[Choice, ...], BeforeValidator(_logs)] = ()
+    """Logs that are told of the run: `tensorboard`, `wandb[project=funnels]`."""
     retry: Annotated[tuple[Status, ...], BeforeValidator(accidents_of)] = ()
     """Run cells again that ended so: `failed`, or some of `raised`, `timeout` and `killed`."""
     attempts: Annotated[int, Field(ge=1)] = 3

@@ -11,10 +11,13 @@ from helpers.waiting import wait_for
 
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
 from stlbench.errors import UsageError
+from stlbench.registry.choices import Choice, parse_choice
 from stlbench.result import CellId, Result
 from stlbench.study import run_logs, running
+from stlbench.study.run import run_described
 from stlbench.study.run_logs import Logged, build_logs, logged
 from stlbench.study.running import announce
+from stlbench.study.study import Study
 
 
 class Recorded(RunLog):
@@ -141,6 +144,15 @@ def test_what_a_log_is_told_of_a_cell() -> None:
 
 def test_an_unknown_log_is_one_line() -> None:
     with pytest.raises(UsageError, match="no log 'tensorbord'; did you mean 'tensorboard'"):
-        build_logs("tensorbord")
+        build_logs([Choice("tensorbord")])
     with pytest.raises(UsageError, match="mode"):
-        build_logs("wandb[mode=never]")
+        build_logs([parse_choice("wandb[mode=never]")])
+
+
+def test_a_study_names_its_logs(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text('tasks: hold-disc\nmethods: raw\nlog: [tensorboard, "wandb[mode=offline]"]\n')
+    study = Study.of({}, tmp_path / "study.yaml")
+    assert list(map(str, study.log)) == ["tensorboard", "wandb[mode=offline]"]
+    assert Study.of({"log": "tensorboard[folder=/a/b]"}, study).log[0].parameters == (("folder", "/a/b"),)
+    with pytest.raises(UsageError, match="no log 'tensorbord'; did you mean 'tensorboard'"):
+        run_described(Study.of({"log": "tensorbord"}, study))
