@@ -61,7 +61,7 @@ def facts(task: Task) -> dict[str, Any]:
         "sampling_time": file.sampling_time,
         "hold": file.hold,
         "starts": file.starts,
-        "features": file.features,
+        "features": _features(task),
         "environment": None if file.environment is None else file.environment.id,
         "beyond_state": _beyond_state(task),
         "controller": _scored(_by_hand(task)),
@@ -85,6 +85,13 @@ def facts(task: Task) -> dict[str, Any]:
         "methods": _methods(task),
         "equal_rewards": [dict(vars(difference)) for difference in equal_rewards(fitting_methods(task))],
     }
+
+
+def _features(task: Task) -> str:
+    """What policies see: "engineered" features or "state" of a system, the "observation" of anything else."""
+    from stlbench.contract import System
+
+    return task.file.features if isinstance(task.dynamics, System) else "observation"
 
 
 def _beyond_state(task: Task) -> tuple[str, ...]:

@@ -60,9 +60,9 @@ def print_task(content: dict[str, Any]) -> None:
 
 
 def _seen(content: dict[str, Any]) -> str:
-    """What policies see of the system's state."""
-    if content["features"] == "state":
-        return "the state alone, scaled"
+    """What policies see of the system's state, or of the environment."""
+    if content["features"] != "engineered":
+        return {"state": "the state alone, scaled", "observation": "the whole observation"}[content["features"]]
     beyond = "; ".join(content["beyond_state"])
     return f"features; beyond the state: {beyond}" if beyond else "features; what is beyond the state is not declared"
 
@@ -131,8 +131,10 @@ def _listed(values: dict[str, Any]) -> str:
 def _table(title: str, rows: list[dict[str, Any]], *notes: str) -> Table:
     from stlbench.report import Column, Table
 
-    columns = tuple(Column(key, right=isinstance(value, int | float)) for key, value in (rows or [{}])[0].items())
-    return Table(title, columns, tuple(tuple(map(_value, row.values())) for row in rows), notes)
+    first = {key: value for row in reversed(rows) for key, value in row.items()}
+    keys = list(dict.fromkeys(key for row in rows for key in row))
+    columns = tuple(Column(key, right=isinstance(first[key], int | float)) for key in keys)
+    return Table(title, columns, tuple(tuple(_value(row.get(key)) for key in keys) for row in rows), notes)
 
 
 def _value(value: Any) -> Value:
