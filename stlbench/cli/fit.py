@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from stlbench.contract_parts.texts import one_line
+from stlbench.contract_parts.texts import cause, one_line
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ __all__ = ["Fit", "fit"]
 class Fit:
     """What became of a method on a task: the method, or status and reason."""
 
-    status: Literal["suitable", "unsuitable", "intractable"]
+    status: Literal["suitable", "unsuitable", "intractable", "raised"]
     method: RewardMethod | None = None
     reason: str = ""
 
@@ -43,6 +43,8 @@ def fit(task: Task, choice: str) -> Fit:
         return Fit("intractable", reason=one_line(reason))
     except (Unsuitable, UsageError) as reason:
         return Fit("unsuitable", reason=one_line(reason))
+    except Exception as error:
+        return Fit("raised", reason=cause(error))
     return Fit("suitable", method)
 
 

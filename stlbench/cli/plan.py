@@ -79,13 +79,15 @@ def plan(
 
 def _say_equal(cells: Sequence[CellId], methods: Sequence[Choice] | None) -> None:
     """Which of the methods pay for the same on the task, and on those of its ablations that reward another form."""
-    from stlbench.task import fitting_methods, load_task
-    from stlbench.task.equal_rewards import equal_rewards
+    from stlbench.registry import plugins
+    from stlbench.rollout.standards import differences
+    from stlbench.study.asked import ask
+    from stlbench.task import load_task
 
     seen = set[object]()
     for task in dict.fromkeys(cell.task for cell in cells):
         loaded = load_task(task)
         if loaded.specification.formula not in seen:
             seen.add(loaded.specification.formula)
-            for difference in equal_rewards(fitting_methods(loaded, methods)):
+            for difference in differences(task, plugins.available("methods") if methods is None else methods, ask):
                 typer.echo(f"{task}: {difference}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -84,10 +85,14 @@ def _write(groups: Sequence[Group], known: Mapping[str, Standard], folder: Path)
 
 def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:
     """What the policies of each task are compared with. Some seconds for a task on a MuJoCo model."""
+    from rich.console import Console
+
     from stlbench.rollout.standards import standards
     from stlbench.study.asked import ask
 
-    return standards((group.setting for group in groups), ask)
+    said = Console(stderr=True, highlight=False)
+    with said.status("controllers of the tasks") if said.is_terminal else nullcontext():
+        return standards((group.setting for group in groups), ask)
 
 
 def _content(groups: Sequence[Group], known: Mapping[str, Standard]) -> dict[str, Any]:

@@ -30,10 +30,9 @@ def report_page(folder: Path, as_json: bool) -> None:
     console = Console(stderr=True, highlight=False)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     bars = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    known = standards_of(groups)
     with bars as bar, stored.OneByOne(folder) as results:
-        stage = bar.add_task("controllers of the tasks", total=None)
-        known = standards_of(groups)
-        bar.update(stage, description="traces of the methods")
+        stage = bar.add_task("traces of the methods", total=None)
         path = write_page(
             groups,
             results,

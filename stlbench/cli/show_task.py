@@ -10,7 +10,7 @@ from stlbench.cli.common import Json, print_json, warn
 from stlbench.cli.completion import names
 from stlbench.cli.fit import fit
 from stlbench.cli.show_task_text import print_task
-from stlbench.contract_parts.texts import one_line
+from stlbench.contract_parts.texts import cause, one_line
 
 if TYPE_CHECKING:
     from stlbench.result import Score
@@ -47,8 +47,9 @@ def task(
 def facts(task: Task) -> dict[str, Any]:
     """All that is shown, as plain values. Intervals of formulas are in steps."""
     from stlbench import stl
-    from stlbench.task import fitting_methods
-    from stlbench.task.equal_rewards import equal_rewards
+    from stlbench.registry import plugins
+    from stlbench.rollout.standards import differences
+    from stlbench.study.asked import ask
 
     file = task.file
     return {
@@ -83,7 +84,9 @@ def facts(task: Task) -> dict[str, Any]:
         "own_agent": task.own_agent,
         "agents": file.agents,
         "methods": _methods(task),
-        "equal_rewards": [dict(vars(difference)) for difference in equal_rewards(fitting_methods(task))],
+        "equal_rewards": [
+            dict(vars(difference)) for difference in differences(task.choice, plugins.available("methods"), ask)
+        ],
     }
 
 
@@ -158,5 +161,8 @@ def _method(task: Task, name: str) -> dict[str, Any]:
     found = fit(task, name)
     if (method := found.method) is None:
         return {"status": found.status, "reason": found.reason}
-    described = dict(method.describe()) if isinstance(method, Described) else {}
+    try:
+        described = dict(method.describe()) if isinstance(method, Described) else {}
+    except Exception as error:
+        return {"status": "raised", "reason": cause(error)}
     return {"status": "suitable", "inputs_added": method.input_size, "scale": method.scale} | described

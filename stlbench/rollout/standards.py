@@ -18,7 +18,18 @@ from stlbench.task import build_method, load_task
 from stlbench.task.equal_rewards import Difference, Paid, equal_payments, payments
 from stlbench.task.file import BestPossible
 
-__all__ = ["About", "AtRandom", "ByHand", "Known", "Likeness", "Pays", "Standard", "scores_of", "standards"]
+__all__ = [
+    "About",
+    "AtRandom",
+    "ByHand",
+    "Known",
+    "Likeness",
+    "Pays",
+    "Standard",
+    "differences",
+    "scores_of",
+    "standards",
+]
 
 _Q = TypeVar("_Q", bound=Question[object])
 
@@ -168,6 +179,19 @@ def _answers(questions: Sequence[_Q], ask: Ask, what: Callable[[_Q], str]) -> di
     return found
 
 
+def differences(task: Choice, methods: Iterable[Choice | str], ask: Ask) -> tuple[Difference, ...]:
+    """Those pairs of methods that pay the same on a task but for a function of time (`equal_payments`).
+
+    Of one that gives no answer a `PluginWarning` says why.
+    """
+    questions = [Pays(task, "shared", str(method)) for method in methods]
+    return equal_payments({question.method: paid for question, paid in _paid(questions, ask).items()})
+
+
+def _paid(questions: Sequence[Pays], ask: Ask) -> Mapping[Pays, Paid | None]:
+    return _answers(questions, ask, lambda of: f"task {of.task}: method {of.method} cannot be asked what it pays")
+
+
 def _questions(members: Iterable[Setting]) -> list[Pays]:
     """Those about each method with which a task or an ablation is trained on a track, beside others."""
     kinds = dict[tuple[Choice, Track], set[str]]()
@@ -180,8 +204,7 @@ def _questions(members: Iterable[Setting]) -> list[Pays]:
 def _alike(questions: Sequence[Pays], ask: Ask) -> dict[str, dict[_Pair, Likeness]]:
     """By the name of the task."""
     answers = dict[tuple[Choice, Track], dict[str, Paid | None]]()
-    said = _answers(questions, ask, lambda of: f"task {of.task}: method {of.method} cannot be asked what it pays")
-    for question, paid in said.items():
+    for question, paid in _paid(questions, ask).items():
         answers.setdefault((question.task, question.track), {})[question.method] = paid
     found = dict[str, dict[_Pair, Likeness]]()
     for (task, track), payments_of in answers.items():

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable
-from contextlib import suppress
 from typing import cast
 
-from stlbench.contract import Agent, Intractable, RewardMethod, Unsuitable
+from stlbench.contract import Agent, Intractable, RewardMethod, Unsuitable, cause
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, choice_of
@@ -31,11 +31,19 @@ def build_method(task: Task, choice: Choice | str) -> RewardMethod:
 
 
 def fitting_methods(task: Task, choices: Iterable[Choice | str] | None = None) -> dict[str, RewardMethod]:
-    """Those of the chosen methods, else of all installed, that can be built for a task, by the text of the choice."""
+    """Those of the chosen methods, else of all installed, that can be built for a task, by the text of the choice.
+
+    Of one that raises what the contract does not name, a `PluginWarning` says so.
+    """
     found = dict[str, RewardMethod]()
     for choice in plugins.available("methods") if choices is None else choices:
-        with suppress(Intractable, Unsuitable, UsageError):
+        try:
             found[str(choice)] = build_method(task, choice)
+        except (Intractable, Unsuitable, UsageError):
+            continue
+        except Exception as error:
+            said = f"method {choice} cannot be built for task {task.name}: {cause(error)}"
+            warnings.warn(said, plugins.PluginWarning, stacklevel=2)
     return found
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from stlbench.contract import Array, RewardMethod
 
-__all__ = ["Difference", "Paid", "equal_payments", "equal_rewards", "payments", "same_up_to_time"]
+__all__ = ["Difference", "Paid", "equal_payments", "payments", "same_up_to_time"]
 
 _SAMPLES = 256
 _EXACT = 1e-9
@@ -61,13 +61,8 @@ def payments(method: RewardMethod) -> Paid | None:
     return Paid(rewards, method.scale)
 
 
-def equal_rewards(methods: Mapping[str, RewardMethod]) -> tuple[Difference, ...]:
-    """Those pairs of methods of one task, by name, whose rewards are the same but for a function of time."""
-    return equal_payments({name: payments(method) for name, method in methods.items()})
-
-
 def equal_payments(paid: Mapping[str, Paid | None]) -> tuple[Difference, ...]:
-    """The same of what they pay."""
+    """Those pairs of methods of one task, by name, whose rewards are the same but for a function of time."""
     known = {name: each for name, each in paid.items() if each is not None}
     found = (_difference(known[one], known[other], (one, other)) for one, other in combinations(known, 2))
     return tuple(difference for difference in found if difference is not None)

@@ -218,3 +218,30 @@ def test_an_ablation(say, richer):
 def test_an_unknown_task(say, toy):
     done = say("show", "task", "toy-lin")
     assert (done.exit_code, done.stderr) == (2, "error: no task 'toy-lin'; did you mean 'toy-line'?\n")
+
+
+TORN = """
+from stlbench.contract import RewardMethod
+class Raises(RewardMethod):
+    def __init__(self, specification): raise RuntimeError("no\\nluck")
+    def arrival(self, signals, t): return signals[..., 0]
+class Says(RewardMethod):
+    def arrival(self, signals, t): raise IndexError("too far")
+    def describe(self): raise KeyError("what")
+"""
+
+
+def test_a_method_of_others_that_raises_breaks_no_command_about_a_task(say, toy, site):
+    entries = "[stlbench.methods]\nzz-raises = zz_torn:Raises\nzz-says = zz_torn:Says\n"
+    site("zz-torn", entries, {"zz_torn.py": TORN})
+    done = say("show", "task", "toy-line", "--json")
+    methods = json.loads(done.stdout)["methods"]
+    assert methods["zz-raises"] == {"status": "raised", "reason": "RuntimeError: no luck"}
+    assert methods["zz-says"] == {"status": "raised", "reason": "KeyError: 'what'"}
+    said = "warning: task toy-line: method {} cannot be asked what it pays: {}"
+    lines = done.stderr.splitlines()
+    assert said.format("zz-raises", "RuntimeError: no luck") in lines
+    assert methods["toy-raw"]["status"] == "suitable"
+    assert say("show", "task", "toy-line").exit_code == 0
+    refused = json.loads(say("advise", "toy-line", "--json").stdout)["do_not_fit"]
+    assert {"method": "zz-raises", "status": "raised", "reason": "RuntimeError: no luck"} in refused

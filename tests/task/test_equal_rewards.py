@@ -10,7 +10,7 @@ from helpers.episodes import specification
 
 from stlbench.contract import Array, Integers, RewardMethod
 from stlbench.task import build_method, fitting_methods, load_task
-from stlbench.task.equal_rewards import Difference, equal_rewards, same_up_to_time
+from stlbench.task.equal_rewards import Difference, equal_payments, payments, same_up_to_time
 
 SPECIFICATION = specification("G[0,5] x >= 1", {"x": (-2.0, 2.0)}, steps=6)
 
@@ -76,6 +76,10 @@ def test_words() -> None:
     assert str(Difference("a", "b", None)) == "a is b plus a function of time alone"
 
 
+def equal(methods: dict[str, RewardMethod]) -> tuple[Difference, ...]:
+    return equal_payments({name: payments(method) for name, method in methods.items()})
+
+
 @pytest.mark.parametrize(
     ("task", "found"),
     [
@@ -90,14 +94,14 @@ def test_funnel_and_raw(task: str, found: list[str]) -> None:
     """By hand: of one term from t* on, the funnel is rho - rho_max + gamma_inf; hold-disc: -1 + .01. Overlapping terms
     have funnels of their own, which move the place where one becomes the least."""
     methods = fitting_methods(load_task(task), ["flag", "funnel", "raw"])
-    assert [str(difference) for difference in equal_rewards(methods)] == found
+    assert [str(difference) for difference in equal(methods)] == found
 
 
 def test_each_pair_once_and_no_method_that_does_not_fit() -> None:
     task = load_task("hold-disc")
     methods = fitting_methods(task, ["raw", "funnel[ginf=0.5]", "funnel", "no-such", "funnel[ginf=no]"])
     assert list(methods) == ["raw", "funnel[ginf=0.5]", "funnel"]
-    pairs = [(found.one, found.other) for found in equal_rewards(methods)]
+    pairs = [(found.one, found.other) for found in equal(methods)]
     assert pairs == [("raw", "funnel[ginf=0.5]"), ("raw", "funnel"), ("funnel[ginf=0.5]", "funnel")]
     assert same_up_to_time(build_method(task, "funnel"), methods["raw"]) == Difference(
         "one", "other", pytest.approx(-0.99)
