@@ -119,7 +119,7 @@ def wrap(
 
     Raises:
         UsageError: in one line, what does not fit: names, signals, ranges, formula, its horizon, method, steps. Later,
-            with the step, signals that are no finite numbers or have other names.
+            with the step, signals, observations or rewards that are no finite numbers, and signals of other names.
     """
     _check(terminated, discount)
     if isinstance(env, VectorEnv):

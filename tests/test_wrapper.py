@@ -345,3 +345,70 @@ def test_actions_that_are_no_numbers_and_no_environment() -> None:
         stlbench.wrap("Pendulum-v1", "G x <= 1", **BASE)  # type: ignore[call-overload]
     with pytest.raises(ResetNeeded):
         wrapped().step(STAY)
+
+
+class Lost(Walk):
+    """Loses the second number of its observation in its second step."""
+
+    def step(self, action: Any) -> Any:
+        observation, *rest = super().step(action)
+        part = observation["place"] if self.kind == "dict" else observation
+        part[1] = np.nan if self.x == 1 else part[1]
+        return observation, *rest
+
+
+class Nanny(RewardMethod):
+    """Pays what is no number where x is 1."""
+
+    def arrival(self, signals: Any, t: Any) -> Any:
+        return np.where(signals[..., 0] == 1, np.nan, 1.0)
+
+
+class Blind(Late):
+    """Shows what is no number."""
+
+    memory_size = input_size = 1
+
+    def initial_memory(self, signals: Any, t: Any) -> Any:
+        return np.zeros((len(t), 1))
+
+    def step(self, signals: Any, action: Any, next_signals: Any, t: Any, memory: Any) -> Any:
+        return np.zeros(len(t)), memory + self.pay
+
+    def inputs(self, memory: Any) -> Any:
+        return np.where(memory > 4, np.inf, memory)
+
+
+SEEN = "^the environment returned an observation with nan at step 2{}; numbers are finite$"
+
+
+@pytest.mark.parametrize("options", [{}, {"names": {"place": ("x", "minus")}, "kind": "dict"}])
+def test_an_observation_that_is_no_number_does_not_reach_the_learner(options: dict[str, Any]) -> None:
+    kind, signals = options.pop("kind", "vector"), {"signals": {"x": "doubled / 2"}}
+    env = wrapped(Lost(kind=kind), **(signals | options))
+    env.reset(seed=0)
+    env.step(RIGHT)
+    with pytest.raises(UsageError, match=SEEN.format("")):
+        env.step(RIGHT)
+    envs = stlbench.wrap(
+        gymnasium.vector.SyncVectorEnv([lambda: Lost(kind=kind)] * 2), "G x <= 9", **(BASE | signals | options), steps=4
+    )
+    envs.reset(seed=0)
+    envs.step(np.array([STAY, RIGHT]))
+    with pytest.raises(UsageError, match=SEEN.format(" of copy 1")):
+        envs.step(np.array([STAY, RIGHT]))
+
+
+@pytest.mark.parametrize(("method", "what"), [(Nanny, "reward is nan"), (Blind, "input is inf")])
+def test_what_a_method_must_not_give_is_told_as_in_a_run(method: Any, what: str) -> None:
+    env, said = wrapped(method=method), f"^method {method.__name__}: {what} at step 2 in 1 of 1 copies$"
+    env.reset(seed=0)
+    env.step(RIGHT)
+    with pytest.raises(UsageError, match=said):
+        env.step(RIGHT)
+
+
+@pytest.mark.parametrize("method", [None, 3])
+def test_what_is_no_method(method: Any) -> None:
+    with pytest.raises(UsageError, match=f"^method: expected a name or a class of reward methods, got {method}$"):
+        wrapped(method=method)

@@ -20,6 +20,7 @@ from stlbench.task.task import Task
 __all__ = [
     "PluginFault",
     "check_action",
+    "check_inputs",
     "check_memory",
     "check_observation",
     "check_over",
@@ -71,7 +72,14 @@ def check_observation(task: Task, method: RewardMethod, parts: list[Array], obse
         return
     if not _finite(parts[0]):
         _tell(task, "feature", parts[0][:, None], t, range(parts[0].shape[1]))
-    _tell(method, "input", parts[2][:, None], t)
+    check_inputs(method, parts[2], t)
+
+
+def check_inputs(method: RewardMethod, inputs: Array, t: Integers) -> None:
+    """What a method shows to policies, (N, i), at steps t (N,)."""
+    _shaped(method, "inputs", inputs, (len(t), method.input_size))
+    if not _finite(inputs):
+        _tell(method, "input", inputs[:, None], t)
 
 
 def check_action(actions: Actions, action: Array | Integers, t: Integers) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from stlbench.contract import Array, Integers
 from stlbench.rollout.clock import scaled_times
 from stlbench.rollout.early_ends import remainder
+from stlbench.rollout.faults import check_inputs, check_memory, check_rewards
 from stlbench.wrapping.ends import verdicts
 from stlbench.wrapping.scoring import Scoring
 
@@ -16,7 +17,10 @@ __all__ = ["Episodes"]
 
 
 class Episodes:
-    """N copies of an environment, each at its own step. `rows` are the numbers of the copies that are spoken of."""
+    """N copies of an environment, each at its own step. `rows` are the numbers of the copies that are spoken of.
+
+    A method that gives what its contract rules out is told by `rollout.faults.PluginFault`.
+    """
 
     def __init__(self, scoring: Scoring, count: int) -> None:
         self._scoring, self._method = scoring, scoring.method
@@ -36,13 +40,18 @@ class Episodes:
         self.t[rows] = 0
         self._samples[rows, 0] = signals
         if self._method.memory_size:
-            self._memory[rows] = self._method.initial_memory(signals, self.t[rows])
+            memory = self._method.initial_memory(signals, self.t[rows])
+            check_memory(self._method, memory, self.t[rows])
+            self._memory[rows] = memory
 
     def arrive(self, rows: Integers, signals: Array, action: Array) -> Array:
         """One step, by actions (r, axes) to the samples (r, k): the rewards (r,)."""
         t, scoring = self.t[rows], self._scoring
         samples = np.stack([self._samples[rows, t], signals])
-        rewards, self._memory[rows] = self._method.along(samples, action, t, self._memory[rows])
+        rewards, memory = self._method.along(samples, action, t, self._memory[rows])
+        check_rewards(self._method, rewards, 1, t)
+        check_memory(self._method, memory, t + 1)
+        self._memory[rows] = memory
         self._samples[rows, t + 1] = signals
         self.t[rows] = t + 1
         paid: Array = rewards[0] / scoring.scale
@@ -53,6 +62,7 @@ class Episodes:
         t, scoring = int(self.t[row]), self._scoring
         last, memory = self._samples[row, t], self._memory[[row]]
         paid = remainder(self._method, scoring.terminated, last, action, t, memory, scoring.discount)
+        check_rewards(self._method, np.array([[paid]]), 1, self.t[[row]])
         return paid / scoring.scale
 
     def verdicts(self, rows: Integers) -> dict[str, Any]:
@@ -67,4 +77,6 @@ class Episodes:
         times = self._times[self.t]
         if not self._method.memory_size:
             return times
-        return np.concatenate([times, self._method.inputs(self._memory)], axis=1)
+        inputs = self._method.inputs(self._memory)
+        check_inputs(self._method, inputs, self.t)
+        return np.concatenate([times, inputs], axis=1)

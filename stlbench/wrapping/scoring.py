@@ -70,7 +70,7 @@ def make_method(method: MethodOf, specification: Specification) -> RewardMethod:
     try:
         if isinstance(method, str):
             return cast(RewardMethod, plugins.build("methods", choice_of(method), specification))
-        made = method(specification)
+        made = method(specification) if callable(method) else None
     except (Intractable, Unsuitable) as error:
         name = method if isinstance(method, str) else getattr(method, "__name__", method)
         raise UsageError(f"method {name} does not fit: {error}") from error

@@ -80,7 +80,7 @@ class StlWrapper(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         return self._joined(observation), reward, early or bool(terminated), complete, info
 
     def _joined(self, observation: Any) -> Any:
-        return self._observing.join(observation, self._episodes.observe()[0])
+        return self._observing.join(observation, self._episodes.observe()[0], self._episodes.t)
 
     def _verdict(self) -> dict[str, float | bool | Array]:
         """As numbers; under `interval` as arrays (2,)."""

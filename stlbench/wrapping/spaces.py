@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Space
+from numpy.typing import NDArray
 
-from stlbench.contract import Array
+from stlbench.contract import Array, Integers
 from stlbench.environments.entries import outside_space
 from stlbench.errors import UsageError
+from stlbench.wrapping.reading import place
 
 __all__ = ["KEY", "Observing", "action_rows", "check_actions"]
 
@@ -41,17 +44,43 @@ class Observing:
             raise UsageError(f"the observation has a key '{KEY}', which is where time and memory go")
         self.space = Dict({**inner, KEY: Box(-ends.astype(np.float32), ends.astype(np.float32))})
 
-    def join(self, observation: Any, own: Array) -> Any:
+    def join(self, observation: Any, own: Array, t: Integers, copy: int | None = None) -> Any:
         """One observation and `own` (size,), or N batched ones and (N, size).
 
-        Raises `UsageError` for a vector of another length.
+        Args:
+            observation: of the environment.
+            own: time and inputs.
+            t: the steps, (1,) or (N,).
+            copy: which one it is of a vector environment, where it is one of several.
+
+        Raises:
+            UsageError: a vector of another length, or a number that is NaN or infinite.
         """
+        for part in _floats(observation):
+            if not np.isfinite(part).all():
+                _tell(part if own.ndim == 2 else part[None], t, copy)
         if self._vector:
             if (given := np.shape(observation)[-1:]) != self._shape:
                 raise outside_space(f"{given} numbers in place of {self._shape}")
             return np.concatenate([observation, own], axis=-1, dtype=self._dtype)
         inner = observation if self._dict else {"observation": observation}
         return {**inner, KEY: own.astype(np.float32)}
+
+
+def _floats(observation: Any) -> Iterator[NDArray[Any]]:
+    """The arrays of floats that an observation consists of."""
+    if isinstance(observation, dict | tuple):
+        for part in observation.values() if isinstance(observation, dict) else observation:
+            yield from _floats(part)
+    elif isinstance(observation, np.ndarray | np.floating) and observation.dtype.kind == "f":
+        yield np.asarray(observation)
+
+
+def _tell(part: NDArray[Any], t: Integers, copy: int | None) -> None:
+    """Of numbers (N, ...) of which some are not finite."""
+    where = tuple(np.argwhere(~np.isfinite(part))[0].tolist())
+    which = place(int(t[where[0]]), where[0] if len(t) > 1 else copy)
+    raise UsageError(f"the environment returned an observation with {part[where]} {which}; numbers are finite")
 
 
 def check_actions(space: Space[Any]) -> None:

@@ -131,8 +131,8 @@ class StlVectorWrapper(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
     def _finals(self, infos: Info, last: Array, said: Info, over: Truth) -> Info:
         """The infos with what belongs to the end of episodes that are over, before their copies restart."""
         shown, final_obs = self._episodes.observe(), np.full(self.num_envs, None, dtype=object)
-        for row in np.flatnonzero(over):
-            final_obs[row] = self._observing.join(infos["final_obs"][row], shown[row])
+        for row in np.flatnonzero(over).tolist():
+            final_obs[row] = self._observing.join(infos["final_obs"][row], shown[row], self._episodes.t[[row]], row)
         own = {name: masked(name, said[name], over) for name in said if not name.startswith("_")}
         final_info = infos.get("final_info", {}) | self._samples(last, over)
         for entry in own.values():
@@ -149,4 +149,4 @@ class StlVectorWrapper(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
         return masked("signals", signals[:, None], which) | masked("t", self._episodes.t, which)
 
     def _joined(self, observations: Any) -> Any:
-        return self._observing.join(observations, self._episodes.observe())
+        return self._observing.join(observations, self._episodes.observe(), self._episodes.t)
