@@ -16,7 +16,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from recorded import Seeds, by_hand, recorded
 
+from stlbench.report.figures.files import save_svg
 from stlbench.report.figures.palette import COLOURS
+from stlbench.report.figures.style import DOUBLE, styled
 from stlbench.report.statistics.differences import Difference, Pair, differences
 from stlbench.report.tables.comparisons import MATTERS
 
@@ -78,16 +80,17 @@ def of_parameters() -> list[tuple[str, str, Seeds, Seeds]]:
     ]
 
 
+@styled
 def draw(found: Sequence[Ablation]) -> Figure:
     """One panel per part; one line per task and method, from the satisfied starts with the whole recipe to those
     without the part, as means over seeds."""
     parts = [part for part in PARTS if any(each.part == part for each in found)]
     columns = [[each for each in found if each.part == part] for part in parts]
     heights = [len({each.task for each in column}) for column in columns]
-    figure = Figure(figsize=(10.0, 0.9 + 0.34 * sum(heights) / 2 + 1.6), layout="constrained")
+    figure = Figure(figsize=(DOUBLE, 0.9 + 0.27 * sum(heights) / 2 + 1.2), layout="constrained")
     for axes, part, column in zip(_panels(figure, heights), parts, columns, strict=True):
         _panel(axes, part, column)
-    figure.legend(handles=_keys(), loc="outside lower center", ncols=5, frameon=False, fontsize=9)
+    figure.legend(handles=_keys(), loc="outside lower center", ncols=5)
     return figure
 
 
@@ -106,12 +109,12 @@ def _panel(axes: Axes, part: str, column: Iterable[Ablation]) -> None:
         place = METHODS.index(each.method)
         height, colour = tasks.index(each.task) + 0.24 * (place - 1), COLOURS[place]
         ends = [100 * float(np.mean(seeds.satisfaction)) for seeds in (each.whole, each.without)]
-        axes.plot(ends, [height] * 2, "-", color=colour, linewidth=1.6)
-        axes.plot(ends[:1], [height], "o", color=colour, markerfacecolor="white", markersize=5)
-        axes.plot(ends[1:], [height], "o", color=colour, markersize=5)
+        axes.plot(ends, [height] * 2, "-", color=colour)
+        axes.plot(ends[:1], [height], "o", color=colour, markerfacecolor="white", markersize=3.5)
+        axes.plot(ends[1:], [height], "o", color=colour, markersize=3.5)
     axes.set_yticks(range(len(tasks)), tasks)
     axes.set(ylim=(len(tasks) - 0.5, -0.5), xlim=(-4, 104), xlabel="satisfied starts, mean over seeds [%]")
-    axes.set_title(f"without {PARTS[part]}", fontsize=10, loc="left")
+    axes.set_title(f"without {PARTS[part]}", loc="left")
     axes.grid(axis="x", alpha=0.3)
 
 
@@ -122,5 +125,5 @@ def _keys() -> list[Line2D]:
 
 
 if __name__ == "__main__":
-    draw(ablations()).savefig(FIGURE, metadata={"Date": None})
+    save_svg(draw(ablations()), FIGURE)
     print(FIGURE)

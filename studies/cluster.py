@@ -23,7 +23,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import psutil
+from matplotlib.figure import Figure
 
+from stlbench.report.figures.files import save_svg
+from stlbench.report.figures.palette import COLOURS
+from stlbench.report.figures.style import styled
 from stlbench.result import Result, from_json, to_json
 from stlbench.study import stored
 from stlbench.study.ledger import FILE, Ledger
@@ -122,22 +126,29 @@ def busy_share(workers: int, lengths: Sequence[float], costs: dict[str, float], 
     return ran / (workers * now)
 
 
+@styled
 def draw(costs: dict[str, float], results: Path, file: Path) -> None:
     """A line for each mean length; the spread of lengths is that of recorded cells."""
-    import matplotlib.pyplot as plt
-
     measured = [result.measurement.training_wall_seconds for result in stored.read(results) if result.measurement]
     mean = sum(measured) / len(measured)
-    figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
-    for name, length in LENGTHS.items():
+    figure = Figure(figsize=(5.0, 3.0), layout="constrained")
+    axes = figure.subplots()
+    for (name, length), colour in zip(LENGTHS.items(), COLOURS, strict=False):
         lengths = [seconds * length / mean for seconds in measured]
         shares = [busy_share(count, lengths, costs, 20 * count) for count in WORKERS]
-        axes.plot(WORKERS, [100 * share for share in shares], marker="o", label=f"cells of {name}")
+        axes.plot(
+            WORKERS,
+            [100 * share for share in shares],
+            marker="o",
+            markersize=3.5,
+            color=colour,
+            label=f"cells of {name}",
+        )
         print(name, *(f"{count}: {share:.2f}" for count, share in zip(WORKERS, shares, strict=True)))
-    axes.set(xscale="log", xlabel="workers", ylabel="of their time in cells (%)", ylim=(0, 100))
+    axes.set(xscale="log", xlabel="workers", ylabel="of their time in cells [%]", ylim=(0, 104))
     axes.axvline(1000, color="0.7", zorder=0)
-    axes.legend(frameon=False)
-    figure.savefig(file, metadata={"Date": None})
+    axes.legend()
+    save_svg(figure, file)
 
 
 if __name__ == "__main__":

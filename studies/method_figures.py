@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -18,6 +17,9 @@ from stlbench import stl
 from stlbench.contract import Array, RewardMethod, Specification, Unsuitable
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
+from stlbench.report.figures.files import save_svg
+from stlbench.report.figures.palette import COLOURS
+from stlbench.report.figures.style import styled
 
 FOLDER = Path(__file__).parents[1] / "docs" / "figures" / "methods"
 STEPS = 40
@@ -52,7 +54,6 @@ AGAIN = Example(
     },
 )
 """For methods that take no terms with absolute intervals: something is asked for again and again."""
-COLOURS = ("#0072b2", "#d55e00", "#009e73")
 
 
 def specification(formula: str) -> Specification:
@@ -84,31 +85,31 @@ def built(name: str) -> tuple[RewardMethod, Example]:
     raise SystemExit(f"method {name} takes neither example; add one that it takes to studies/method_figures.py")
 
 
+@styled
 def draw(name: str) -> Figure:
     """The figure of a method."""
     method, example = built(name)
-    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    figure = Figure(figsize=(5.0, 3.4), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
-    for (way, corners), colour in zip(example.ways.items(), COLOURS, strict=True):
+    for (way, corners), colour in zip(example.ways.items(), COLOURS, strict=False):
         x = trace(corners)
         above.plot(x, color=colour, label=way)
         below.plot(np.arange(1, STEPS + 1), rewards(method, x), color=colour, drawstyle="steps-pre")
     for first, last, low, high in example.asked:
         above.fill_between([first, last], low, high, color="0.85")
     above.set(ylabel="x", ylim=(-1.4, 3), title=example.formula)
-    above.legend(loc="lower left", fontsize="small", ncols=3)
+    above.legend(loc="lower left", ncols=3)
     below.set(ylabel="reward / scale", xlabel="step")
     return figure
 
 
 def main(names: list[str]) -> None:
     """Write the figures of the methods, all of this distribution where none is named."""
-    mpl.rcParams["svg.hashsalt"] = "stlbench"
     FOLDER.mkdir(parents=True, exist_ok=True)
     own = plugins.find("methods", "raw").distribution
     for name in names or sorted(plugins.available("methods")):
         if plugins.find("methods", name).distribution == own:
-            draw(name).savefig(FOLDER / f"{name}.svg", metadata={"Date": None})
+            save_svg(draw(name), FOLDER / f"{name}.svg")
             print(FOLDER / f"{name}.svg")
 
 

@@ -16,7 +16,7 @@ from stlbench.errors import UsageError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["drawn", "file_name", "save", "source_of"]
+__all__ = ["drawn", "file_name", "save", "save_svg", "source_of"]
 
 _HEAD = 4096
 """Bytes of a file within which it says what it was drawn from."""
@@ -101,6 +101,16 @@ def save(figure: Figure, folder: Path, name: str, source: str = "") -> list[Path
         end: _written(folder / f"{name}.{end}", file) for end, file in (("pdf", pdf), ("svg", svg), ("png", few))
     }
     return [written[end] for end in _ENDS]
+
+
+def save_svg(figure: Figure, path: Path) -> None:
+    """Write the figure as SVG alone, the same bytes whenever it is drawn again."""
+    import matplotlib as mpl
+
+    from stlbench.report.figures.style import RC
+
+    with mpl.rc_context(RC):
+        figure.savefig(path, format="svg", metadata={"Date": None})
 
 
 def _written(path: Path, content: BytesIO) -> Path:
