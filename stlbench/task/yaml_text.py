@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from stlbench.contract_parts.texts import cause
+from stlbench.contract_parts.texts import cause, one_line
 from stlbench.errors import UsageError
 
 __all__ = ["load_yaml"]
@@ -20,14 +20,17 @@ def load_yaml(text: str, place: str) -> Any:
     """The content of a text, which comes from `place`.
 
     Raises:
-        UsageError: it is no YAML, a value is none of its type (2001-99-99), it nests too deep, or a few aliases make
-            more of it than any file would have.
+        UsageError: it is no YAML, a value is none of its type (2001-99-99), a text is none ("\\ud800"), it nests too
+            deep, or a few aliases make more of it than any file would have.
     """
     try:
         content = yaml.safe_load(text)
         size = _size(content, {})
     except yaml.YAMLError as error:
         raise UsageError(f"{place} is no YAML: {error}") from error
+    except UnicodeEncodeError as error:
+        half = one_line(error.object[error.start])
+        raise UsageError(f"{place} has a text with {half}, which is a half of a character") from error
     except RecursionError:
         raise UsageError(f"{place} nests too deep") from None
     except Exception as error:  # of a value: a ValueError of a date, a KeyError of a word that should be true or false
@@ -39,6 +42,8 @@ def load_yaml(text: str, place: str) -> Any:
 
 def _size(value: Any, known: dict[int, int]) -> int:
     """How many values there are in it. What is within itself has too many."""
+    if isinstance(value, str):
+        value.encode()  # no character is a half of a surrogate pair, which an escape can name
     if not isinstance(value, Mapping | list | set | tuple):
         return 1
     if id(value) not in known:

@@ -264,3 +264,9 @@ class TestMessagesAboutTraining:
     )
     def test_mistakes_are_named(self, changes: dict[str, Any], message: str) -> None:
         assert errors(**changes) == [message]
+
+
+@pytest.mark.parametrize("line", ['nested: "\\ud800"', 'title: "a \\udfff b"', '"\\ud800": 1'])
+def test_half_a_character_is_refused_with_what_it_is(line: str) -> None:
+    with pytest.raises(UsageError, match=r"^task line: task.yaml has a text with .ud(800|fff), which is a half of a "):
+        read_task_file(f"title: A line\n{line}\n", "line")
