@@ -16,7 +16,7 @@ from stlbench import stl
 from stlbench.contract import Array
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.palette import TRACE
-from stlbench.report.figures.regions import heading, terms
+from stlbench.report.figures.parts import parts
 from stlbench.report.figures.signals import signals_in_time
 from stlbench.report.figures.style import DOUBLE, SMALL, styled
 from stlbench.report.figures.units import robustness_unit, signal_label, time_label
@@ -95,7 +95,7 @@ def place_of(task: Task, trace: Array, witness: stl.Witness | None) -> Place:
 
 
 def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: Place) -> list[int]:
-    """The rows of the signals; which terms have a region there."""
+    """The rows of the signals; which parts of the formula have a region there."""
     drawn, predicate = signals_in_time(rows, task), here.predicate
     read = task.signals if predicate is None else stl.signals(predicate)
     for axes, name, values in zip(rows, task.signals, trace.T, strict=True):
@@ -136,7 +136,7 @@ def margins_of(task: Task, predicate: stl.Predicate | stl.TrueFormula, trace: Ar
 
 
 def _plane(axes: Axes, task: Task, trace: Array, here: Place) -> tuple[int, ...]:
-    """The plane; which terms have a region there."""
+    """The plane; which parts of the formula have a region there."""
     view = plane.lay_out(axes, task, trace[None])
     plane.draw_traces(axes, task, view, trace[None])
     axes.plot(*trace[here.step, list(view.columns)], "o", color=_HERE, markersize=6, zorder=8, clip_on=False)
@@ -144,6 +144,6 @@ def _plane(axes: Axes, task: Task, trace: Array, here: Place) -> tuple[int, ...]
 
 
 def _keys(task: Task, drawn: Sequence[int], here: Place) -> list[Artist]:
-    told, named = textwrap.fill(here.told, _LETTERS), terms(task)
+    told, named = textwrap.fill(here.told, _LETTERS), parts(task)
     mark = Line2D([], [], linestyle="", marker="o", color=_HERE, markersize=5, label=told)
-    return [mark, *(layout.term_patch(i, f"{heading(named[i])} {named[i].psi}") for i in drawn)]
+    return [mark, *(layout.term_patch(i, str(named[i])) for i in drawn)]

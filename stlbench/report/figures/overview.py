@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from stlbench.contract import Array
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.palette import styles
-from stlbench.report.figures.regions import terms
+from stlbench.report.figures.parts import parts
 from stlbench.report.figures.robustness import draw_robustness
 from stlbench.report.figures.style import DOUBLE, TINY, styled
-from stlbench.report.figures.trajectories import term_keys
+from stlbench.report.figures.trajectories import part_keys
 from stlbench.report.figures.units import robustness_unit, time_label
 from stlbench.report.tables.rows import Group, Numbers
 from stlbench.task.task import Task
@@ -46,7 +46,7 @@ def overview(task: Task, groups: Sequence[Group], traces: Sequence[Array | None]
     ]
     rows = math.ceil(len(panels) / _COLUMNS)
     heights = [0.45 + 0.32 * len(groups), *[2.2] * rows]
-    figure = Figure(figsize=(DOUBLE, sum(heights) + 0.7 + 0.11 * len(terms(task))), layout="constrained")
+    figure = Figure(figsize=(DOUBLE, sum(heights) + 0.7 + 0.11 * len(parts(task))), layout="constrained")
     grid = figure.add_gridspec(1 + rows, _COLUMNS, height_ratios=heights)
     keys = draw_robustness(figure.add_subplot(grid[0, :]), groups, robustness_unit(task, task.formula))
     below = [figure.add_subplot(grid[1 + i // _COLUMNS, i % _COLUMNS]) for i in range(len(panels))]
@@ -71,4 +71,4 @@ def _draw_panels(below: Sequence[Axes], task: Task, panels: Sequence[tuple[str, 
         axes.set_title(
             name + (f"\nleaving the picture: {away} of {len(traces)} traces" if away else ""), fontsize=TINY + 1
         )
-    return [*term_keys(task, view.drawn, _LETTERS), *plane.mark_keys(plane.leaving(view, every))]
+    return [*part_keys(task, view.drawn, _LETTERS), *plane.mark_keys(plane.leaving(view, every))]

@@ -1,4 +1,4 @@
-"""The plane of two signals: the regions of a task's terms, and traces coloured by time."""
+"""The plane of two signals: the regions of the parts of a task's formula, and traces coloured by time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from matplotlib.lines import Line2D
 from stlbench.contract import Array, Truth
 from stlbench.report.figures.layout import REGION_ALPHA
 from stlbench.report.figures.palette import TIME, TRACE, term_style
-from stlbench.report.figures.regions import region, terms
+from stlbench.report.figures.parts import parts
+from stlbench.report.figures.regions import region
 from stlbench.report.figures.units import signal_label
 from stlbench.task.task import Task
 
@@ -61,24 +62,25 @@ class View(NamedTuple):
     high: Array
     """(2,): the upper right corner."""
     drawn: tuple[int, ...]
-    """Indices of the terms that have a region in the plane."""
+    """Indices of the parts that have a region in the plane."""
 
 
-def lay_out(axes: Axes, task: Task, traces: Array) -> View:
-    """Lay out the plane of a task that names one, with the regions of its terms.
+def lay_out(axes: Axes, task: Task, traces: Array, *, whole: bool = False) -> View:
+    """Lay out the plane of a task that names one, with the regions of its formula's parts.
 
-    It shows the regions and the traces (N, T + 1, k), as far as these stay in the ranges of the signals.
+    It shows the regions and the traces (N, T + 1, k), as far as these stay in the ranges of the signals; where the
+    `whole` is wanted, all of these ranges.
     """
     assert task.file.plane is not None
     names = task.file.plane
     across, up = (task.file.signals[name] for name in names)
     columns = (task.signals.index(names[0]), task.signals.index(names[1]))
-    whole = View(columns, np.array([across.low, up.low]), np.array([across.high, up.high]), ())
-    grid = [np.linspace(low, high, _GRID) for low, high in zip(whole.low, whole.high, strict=True)]
+    ranges = View(columns, np.array([across.low, up.low]), np.array([across.high, up.high]), ())
+    grid = [np.linspace(low, high, _GRID) for low, high in zip(ranges.low, ranges.high, strict=True)]
     places = traces[..., list(columns)].reshape(-1, 2)
-    visible, drawn = [places[~_outside(whole, places)]], list[int]()
-    for i, term in enumerate(terms(task)):
-        margin_and_truth = region(task, term.psi, grid, names)
+    visible, drawn = [places[~_outside(ranges, places)]], list[int]()
+    for i, part in enumerate(parts(task)):
+        margin_and_truth = region(task, part.psi, grid, names)
         if margin_and_truth is not None:
             margin, inside = margin_and_truth
             _fill(axes, grid, margin, inside, i)
@@ -86,7 +88,7 @@ def lay_out(axes: Axes, task: Task, traces: Array) -> View:
                 np.column_stack([values[index] for values, index in zip(grid, inside.nonzero(), strict=True)])
             )
             drawn.append(i)
-    view = _around(np.concatenate(visible), whole)._replace(drawn=tuple(drawn))
+    view = (ranges if whole else _around(np.concatenate(visible), ranges))._replace(drawn=tuple(drawn))
     axes.set(xlabel=signal_label(task, names[0]), ylabel=signal_label(task, names[1]))
     axes.set(xlim=(view.low[0], view.high[0]), ylim=(view.low[1], view.high[1]))
     if across.unit == up.unit:
@@ -95,7 +97,7 @@ def lay_out(axes: Axes, task: Task, traces: Array) -> View:
 
 
 def _fill(axes: Axes, grid: Sequence[Array], margin: Array, inside: Truth, i: int) -> None:
-    """Draw the region of term i, where the margin (p_1, p_2) over the grid is known, and where psi holds."""
+    """Draw the region of part i, where the margin (p_1, p_2) over the grid is known, and where psi holds."""
     colour, hatch = term_style(i)
     levels, fill = (0.5, 1.5), to_rgba(colour, REGION_ALPHA)
     filled = axes.contourf(*grid, inside.T.astype(float), levels=levels, colors=[fill], hatches=[hatch], zorder=1)

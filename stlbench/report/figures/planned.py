@@ -17,7 +17,7 @@ from stlbench.report.figures import layout, plane
 from stlbench.report.figures.palette import TRACE
 from stlbench.report.figures.signals import READ
 from stlbench.report.figures.style import DOUBLE, SMALL, TINY, styled
-from stlbench.report.figures.trajectories import term_keys, traces_in_time
+from stlbench.report.figures.trajectories import part_keys, traces_in_time
 from stlbench.report.figures.units import time_label
 from stlbench.task.task import Task
 
@@ -63,7 +63,7 @@ def _in_plane(task: Task, plans: Sequence[Plan], columns: int) -> Figure:
         view = plane.lay_out(axes, task, every)
         lines = plane.draw_traces(axes, task, view, plan.traces)
         axes.set_title(plan.title, fontsize=SMALL)
-    keys = [*term_keys(task, view.drawn), *plane.mark_keys(plane.leaving(view, every))]
+    keys = [*part_keys(task, view.drawn), *plane.mark_keys(plane.leaving(view, every))]
     figure.colorbar(lines, ax=panels, label=time_label(task), aspect=30)
     figure.legend(handles=keys, loc="outside lower center", ncols=1, fontsize=TINY)
     return figure
@@ -83,7 +83,7 @@ def _in_time(task: Task, plans: Sequence[Plan], columns: int) -> Figure:
     for axes in grid.ravel()[[not axes.has_data() for axes in grid.ravel()]]:
         axes.set_visible(False)
     one_trace = Line2D([], [], color=TRACE, linewidth=0.8, label="one trace")
-    keys: list[Artist] = [*term_keys(task, drawn), layout.patch(READ, label="steps that a term reads"), one_trace]
+    keys: list[Artist] = [*part_keys(task, drawn), layout.patch(READ, label="steps at which a part is read"), one_trace]
     figure.legend(handles=keys, loc="outside lower center", ncols=1, fontsize=TINY)
     return figure
 

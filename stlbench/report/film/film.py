@@ -12,19 +12,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from stlbench.contract import Array, Integers
 from stlbench.presentation import Drawn, Pixels
 from stlbench.report.figures import plane
+from stlbench.report.figures.layout import patch
 from stlbench.report.figures.palette import TRACE
-from stlbench.report.figures.signals import signals_in_time
+from stlbench.report.figures.parts import parts
+from stlbench.report.figures.signals import READ, signals_in_time
+from stlbench.report.figures.trajectories import part_keys
 from stlbench.report.figures.units import signal_label
 from stlbench.report.film.video import FRAMES_A_SECOND
 from stlbench.report.film.video import write as write_video
 from stlbench.rollout.saved_traces import Film
 from stlbench.rollout.traces import Recording
+from stlbench.task.file import Signal
 from stlbench.task.task import Task
 
 __all__ = ["Pace", "Pictures", "Scene", "pace", "scene", "write"]
@@ -34,6 +39,8 @@ SHORTEST, LONGEST = 4.0, 12.0
 _DPI = 80
 _WIDTHS = {1: 7.2, 2: 10.0}
 """Inches, of one start and of two."""
+_ENTRY = 0.21
+"""Inches of one entry of the legend."""
 _PAUSE = 8
 """Frames for which the end is held."""
 
@@ -166,10 +173,10 @@ def _pictures(pictures: Pictures, names: list[str]) -> Scene:
 
 
 def _plane(task: Task, traces: Array, names: list[str]) -> Scene:
-    figure = Figure(figsize=(_WIDTHS[len(names)], 5.6), dpi=_DPI, layout="constrained")
-    drawn = []
+    keys, drawn = _ENTRY * len(parts(task)), []
+    figure = Figure(figsize=(_WIDTHS[len(names)], 5.6 + keys), dpi=_DPI, layout="constrained")
     for axes, trace, name in zip(figure.subplots(1, len(names), squeeze=False)[0], traces, names, strict=True):
-        view = plane.lay_out(axes, task, traces)
+        view = plane.lay_out(axes, task, trace[None], whole=True)
         away = ", leaves the picture" if plane.leaving(view, trace[None]).any() else ""
         axes.set_title(name + away, fontsize=10)
         places = trace[:, list(view.columns)]
@@ -177,6 +184,7 @@ def _plane(task: Task, traces: Array, names: list[str]) -> Scene:
         (path,) = axes.plot([], [], "-", color=TRACE, linewidth=1.3, zorder=4)
         (head,) = axes.plot([], [], "o", color="black", markersize=6, zorder=6)
         drawn.append((places, path, head))
+    figure.legend(handles=part_keys(task, view.drawn), loc="outside lower left", ncols=1, fontsize=9)
 
     def update(sample: int) -> None:
         for trace, path, head in drawn:
@@ -187,19 +195,22 @@ def _plane(task: Task, traces: Array, names: list[str]) -> Scene:
 
 
 def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
-    count = len(task.signals)
-    figure = Figure(figsize=(_WIDTHS[len(names)], 1.4 + 2.2 * count), dpi=_DPI, layout="constrained")
+    count, keys = len(task.signals), _ENTRY * (1 + len(parts(task)))
+    figure = Figure(figsize=(_WIDTHS[len(names)], 1.4 + 2.2 * count + keys), dpi=_DPI, layout="constrained")
     table = figure.subplots(count, len(names), sharex=True, sharey="row", squeeze=False)
     drawn = []
     for column, trace, name in zip(table.T, traces, names, strict=True):
-        signals_in_time(column, task)
+        shaded = signals_in_time(column, task)
         column[0].set_title(name, fontsize=10)
         for axes, values in zip(column, trace.T, strict=True):
             (line,) = axes.plot(values, "-", color=TRACE, linewidth=1.3, zorder=4)
             (head,) = axes.plot([0], values[:1], "o", color="black", markersize=6, zorder=6)
             drawn.append((values, line, head))
-    for axes, signal in zip(table[:, 0], task.signals, strict=True):
+    for axes, values, signal in zip(table[:, 0], np.moveaxis(traces, -1, 0), task.signals, strict=True):
         axes.set_ylabel(signal_label(task, signal))
+        _show(axes, task.file.signals[signal], values)
+    read = [patch(READ, label="steps at which the row's signal is read")] if shaded else []
+    figure.legend(handles=[*part_keys(task, shaded), *read], loc="outside lower left", ncols=1, fontsize=9)
 
     def update(sample: int) -> None:
         for values, line, head in drawn:
@@ -207,3 +218,10 @@ def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
             head.set_data([sample], values[sample : sample + 1])
 
     return Scene(figure, update, [artist for _, *artists in drawn for artist in artists])
+
+
+def _show(axes: Axes, signal: Signal, values: Array) -> None:
+    """The range of a signal in the task file, and further values where a trace has any."""
+    low, high = min(signal.low, values.min()), max(signal.high, values.max())
+    margin = 0.04 * (high - low)
+    axes.set_ylim(low - margin, high + margin)

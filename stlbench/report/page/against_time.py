@@ -34,9 +34,9 @@ def in_time(task: Task, story: Story, key: str) -> Chart:
             data.append(line_of(pick, at, pick.trace[at, row], hovertemplate=hover, **_of_row(row)))
     for read in readings(task):
         style = term_style(read.place)
-        seen[read.place] = f"{heading(read.term)} {read.term.psi}"
+        seen[read.place] = str(read.part)
         for low, high in read.ranges:
-            ends = {"x0": read.term.start, "x1": read.term.end, "y0": low, "y1": high, "layer": "below"}
+            ends = {"x0": read.part.start, "x1": read.part.end, "y0": low, "y1": high, "layer": "below"}
             fill = {"type": "rect", "fillcolor": style.colour, "opacity": 0.16, "line": {"width": 0}}
             shapes.append(ends | fill | {"xref": "x", "yref": f"y{read.row + 1 if read.row else ''}"})
     titles = [plain(signal_label(task, name)) for name in task.signals]

@@ -11,7 +11,8 @@ from contourpy import contour_generator
 from stlbench.contract import Array
 from stlbench.presentation import Band
 from stlbench.report.figures.palette import term_style
-from stlbench.report.figures.regions import heading, region, terms
+from stlbench.report.figures.parts import parts
+from stlbench.report.figures.regions import region
 from stlbench.report.figures.units import signal_label
 from stlbench.report.page.against_time import evidence, in_time, margins
 from stlbench.report.page.chart import MARK, Chart, Trace, frame, numbers, plain, shown
@@ -53,17 +54,17 @@ def _in_plane(task: Task, story: Story, key: str) -> Chart:
 
 
 def _regions(task: Task, names: tuple[str, str]) -> tuple[list[Trace], list[dict[str, str]]]:
-    """The edges of the terms' regions in the plane, and what they are in the legend."""
+    """The edges of the regions of the formula's parts in the plane, and what they are in the legend."""
     grid = [np.linspace(task.file.signals[name].low, task.file.signals[name].high, _GRID) for name in names]
     data, legend = list[Trace](), list[dict[str, str]]()
-    for i, term in enumerate(terms(task)):
-        found = region(task, term.psi, grid, names)
+    for i, part in enumerate(parts(task)):
+        found = region(task, part.psi, grid, names)
         if found is None:
             continue
         lines = contour_generator(grid[0], grid[1], found[0].T).lines(0.0)
         x, y = (_joined([np.asarray(line)[:, axis] for line in lines]) for axis in (0, 1))
         look = {"color": term_style(i).colour, "width": 2, "dash": "dot"}
-        said = f"{heading(term)} {term.psi}"
+        said = str(part)
         data.append(
             {
                 **{"type": "scatter", "mode": "lines", "x": x, "y": y, "line": look, "name": plain(said)},

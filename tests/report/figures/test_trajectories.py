@@ -216,7 +216,9 @@ class TestSignals:
             [5, 4, 2, 2], abs=0.03
         )
 
-    def test_a_formula_outside_the_fragment_leaves_the_traces(self):
-        (axes,) = trajectories(line(formula="G[0,2] F[0,2] x <= 1"), self.recording, "line").axes
-        assert len(axes.lines) == 3
-        assert not axes.patches
+    def test_a_formula_outside_the_fragment_is_shown_by_its_parts(self):
+        task = line(signals={"x": {"low": 0, "high": 4}}, formula="G[0,2] (F[0,2] x <= 1 | G[1,2] x >= 3)")
+        (axes,) = trajectories(task, self.recording, "line").axes
+        boxes = [entry for entry in axes.patches if isinstance(entry, Rectangle)][1::2]  # after the shaded steps
+        found = [(each.get_x(), each.get_width(), each.get_y(), each.get_height()) for each in boxes]
+        assert found == [pytest.approx((0, 4, 0, 1), abs=0.01), pytest.approx((1, 3, 3, 1), abs=0.01)]

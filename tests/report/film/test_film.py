@@ -168,3 +168,21 @@ def test_frames_show_what_moves_and_keep_what_stands_still(monkeypatch, tmp_path
     assert changed[height // 4 :, width // 2 :].any()
     assert changed.mean() < 0.2
     assert all(np.array_equal(frames[8], frame) for frame in frames[9:])
+
+
+def test_a_film_has_the_ranges_of_the_task_file_and_names_every_part_of_the_formula():
+    plane = {name: {"low": 0, "high": 5, "unit": "m"} for name in "xy"}
+    moved = task(
+        signals=plane,
+        plane=["x", "y"],
+        formula="F[0,4] (G[0,4] norm(x - 4, y - 4) <= 0.5 | G[0,4] norm(x - 4, y) <= 1)",
+    )
+    still = Recording(np.full((1, 9, 2), 2.0), seeds=1)
+    figure = film.scene(moved, still, (-1.0,)).figure
+    (axes,) = figure.axes
+    assert (axes.get_xlim(), axes.get_ylim()) == ((0, 5), (0, 5))
+    texts = [entry.get_text() for entry in figure.legends[0].get_texts()]
+    assert texts == ["F[0,4] G[0,4] norm(x - 4, y - 4) <= 0.5", "F[0,4] G[0,4] norm(x - 4, y) <= 1"]
+    far = Recording(np.stack([np.full((1, 9), 1.0), np.full((1, 9), 7.0)], axis=-1), seeds=1)
+    rows = film.scene(task(signals=plane, formula="G[0,4] x <= 1"), far, (0.0,)).figure.axes
+    assert [axes.get_ylim() for axes in rows] == [pytest.approx((-0.2, 5.2)), pytest.approx((-0.28, 7.28))]
