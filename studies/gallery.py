@@ -44,7 +44,7 @@ FRAMES = 75
 
 WHO = {
     "by hand": "Its controller by hand acts",
-    "at random": "Nobody wrote a controller, so actions are at random",
+    "at random": "Nobody wrote a controller, and no policy has learned the task yet, so actions are at random",
 }
 
 Act = Callable[[Simulator], Integers | Array]
@@ -175,9 +175,11 @@ _HEAD = """# Gallery of tasks
 
 The {count} tasks that come with stlbench, each with its formula and a film. A click on a picture plays its film,
 another click stops it; the picture is the film's end. Where a task has no pictures of its own, the film shows the path
-in its plane, or its signals against time, with the regions of the formula where it consists of terms.
+in its plane, or its signals against time, over the ranges of the task file, with the regions where the parts of the
+formula hold.
 
-In each film the task's controller by hand acts, from the start whose robustness is the median of 16 of the report's.
+In most films the task's controller by hand acts, otherwise a stored policy, or chance: a line under each says who. The
+start is the one whose robustness is the median of 16 of the report's.
 [Tasks](reference/tasks.md) says where the tasks come from, and `stlbench show task NAME` says everything of one.
 
 `python studies/gallery.py` makes this page and its films.
