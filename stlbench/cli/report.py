@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that `stlbench run` wrote.")],
     html: Annotated[bool, typer.Option("--html", help="Write report.html alone: one page with everything.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="With --html: the page's file.", show_default="DIR/report.html")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Rebuild the tables and figures from a ledger.
@@ -34,13 +37,16 @@ def report(
     Examples:
       stlbench report results
       stlbench report results --html
+      stlbench report results --html --out page.html
       stlbench report results --json
     """
     if html:
         from stlbench.cli.report_page import report_page
 
-        report_page(folder, as_json)
+        report_page(folder, out, as_json)
         return
+    if out is not None:
+        raise UsageError("--out is the file of the page that --html writes; add --html")
     from stlbench.report import condense
     from stlbench.study import stored
 

@@ -16,7 +16,7 @@ from stlbench.result import NOT_RUN
 __all__ = ["report_page"]
 
 
-def report_page(folder: Path, as_json: bool) -> None:
+def report_page(folder: Path, out: Path | None, as_json: bool) -> None:
     """Write the page, with a bar on stderr where that is a terminal, and say where it is."""
     from stlbench.report import condense
     from stlbench.report.page.build import write_page
@@ -39,6 +39,7 @@ def report_page(folder: Path, as_json: bool) -> None:
             known,
             folder if folder.is_dir() else folder.parent,
             lambda done, total: bar.update(stage, completed=done, total=total),
+            out,
         )
     size = path.stat().st_size
     if as_json:

@@ -33,6 +33,20 @@ def test_json_says_path_and_size(say, toy):
     assert said == {"path": "results/report.html", "bytes": Path("results/report.html").stat().st_size}
 
 
+def test_of_a_folder_that_cannot_be_written_the_page_goes_elsewhere(say, toy):
+    say(*TOY, "--methods", "toy-raw")
+    Path("results/report.html").mkdir()  # nor can the administrator write that
+    refused = say("report", "results", "--html")
+    assert (refused.exit_code, refused.stdout, refused.stderr.count("\n")) == (2, "", 1)
+    assert refused.stderr.endswith("; --out FILE writes the page elsewhere\n")
+    done = say("report", "results", "--html", "--out", "pages/mine.html")
+    assert (done.exit_code, done.stdout[:17]) == (0, "pages/mine.html: ")
+    assert Page(Path("pages/mine.html").read_text()).payload("task-0")["cells"]
+    alone = say("report", "results", "--out", "mine.html")
+    assert (alone.exit_code, alone.stdout, alone.stderr.count("\n")) == (2, "", 1)
+    assert "--html" in alone.stderr
+
+
 def test_bad_input_is_one_line(say, toy, monkeypatch):
     nothing = say("report", "elsewhere", "--html")
     assert (nothing.exit_code, nothing.stdout, nothing.stderr.count("\n")) == (2, "", 1)

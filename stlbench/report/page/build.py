@@ -68,8 +68,9 @@ def write_page(
     standards: Mapping[str, Standard],
     folder: Path,
     told: Told = lambda done, total: None,
+    path: Path | None = None,
 ) -> Path:
-    """Write the page of a folder's results into it; the path.
+    """Write the page of a folder's results; the path.
 
     Args:
         groups: all of them, also those that were planned for.
@@ -77,17 +78,19 @@ def write_page(
         standards: of the tasks.
         folder: where traces, policies and logs are, as far as they are there.
         told: is called after each group of cells.
+        path: the file, in the folder where none is given; folders above it are made.
 
     Raises:
         UsageError: jinja2 or plotly is not installed, or the file cannot be written.
     """
     require()
-    path = folder / FILE
+    path = path or folder / FILE
     text = _page(groups, results, standards, folder, told)
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise UsageError(f"cannot write {path}: {error}") from error
+        raise UsageError(f"cannot write {path}: {error}; --out FILE writes the page elsewhere") from error
     return path
 
 
