@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
-from typing import Annotated, Literal, Self, cast, get_args
+from typing import Annotated, Any, Literal, Self, cast, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, PlainSerializer, TypeAdapter
@@ -37,6 +37,7 @@ __all__ = [
     "accidents_of",
     "find_cell",
     "from_json",
+    "plain_scores",
     "reported",
     "to_json",
 ]
@@ -341,6 +342,12 @@ def to_json(result: Result) -> str:
     """The result as one line of JSON, the parts of its identity beside the rest."""
     content = _adapter().dump_python(result, mode="json")
     return json.dumps({**content.pop("id"), **content})
+
+
+def plain_scores(scores: Mapping[str, Score]) -> dict[str, Any]:
+    """Protocol -> score as `to_json` writes it within a measurement."""
+    plain: dict[str, Any] = TypeAdapter(dict[str, Score]).dump_python(dict(scores), mode="json")
+    return plain
 
 
 def from_json(text: str | bytes) -> Result:

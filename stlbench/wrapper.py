@@ -105,7 +105,8 @@ def wrap(
 
             - "hold": the last sample stays to the end. The last reward has what the method would pay meanwhile.
             - "violated": the formula counts as violated; the robustness is a lower bound over all traces within the
-              ranges. The last reward has the method's `floor` for each step that is left.
+              ranges, or less, where a signal has left its range and the recorded samples make that sure. The last
+              reward has the method's `floor` for each step that is left.
             - "interval": nothing is known but the ranges. `robustness` and `satisfied` are two numbers, over all
               continuations: least and greatest robustness; whether all satisfy the formula, and whether some do.
               Nothing more is paid, so a method whose rewards are negative then pays for ending early.

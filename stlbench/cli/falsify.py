@@ -133,7 +133,8 @@ def _lines(one: Falsification) -> list[str]:
 
 def _facts(one: Falsification, files: list[Path]) -> dict[str, Any]:
     """One search as plain values."""
-    witness = one.witness
+    witness, loss = one.witness, one.loss
+    early = one.steps if loss is None else loss.step
     return {
         "searched": one.subject.name,
         "optimiser": one.how.optimiser,
@@ -145,7 +146,7 @@ def _facts(one: Falsification, files: list[Path]) -> dict[str, Any]:
         "robustness": one.worst.robustness,
         "failed": one.failed if one.found else None,
         "predicate": None if witness is None else str(witness.predicate),
-        "step": one.steps if witness is None else witness.step,
+        "step": early if witness is None else witness.step,
         "margin": None if witness is None else witness.margin,
         "cpu_seconds": one.cpu_seconds,
         "files": [str(path) for path in files],

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from stlbench.cli.common import Json, console, print_json
 
 if TYPE_CHECKING:
+    from stlbench.outside.again import Again
     from stlbench.outside.source import Source
     from stlbench.registry.choices import Choice
     from stlbench.result import Result
@@ -84,10 +85,18 @@ def _stored(
     question = ScoreAgain(task, Results.load(results).cell(source.text, budget), results, which)
     again = of_one(question, f"{source.text} cannot be scored on {task}")
     if as_json:
-        print_json({"cell": again.cell.name, "policy": which, "task": str(task), "as_recorded": again.as_recorded})
+        print_json(_facts(again, which, str(task)))
         return
     typer.echo(f"{again.cell.name}, {which} policy, on {task}: {again.said}")
     to_screen(scores_table({"": again.scores}), console())
+
+
+def _facts(again: Again, which: str, task: str) -> dict[str, Any]:
+    """All that is said of a stored cell, as plain values; its scores in the form that `show cell --json` has."""
+    from stlbench.result import plain_scores
+
+    said = {"cell": again.cell.name, "policy": which, "task": task, "as_recorded": again.as_recorded}
+    return {**said, "scores": plain_scores(again.scores)}
 
 
 def _outside(

@@ -13,7 +13,7 @@ from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
 from stlbench.task.file import EarlyEnd
 
-__all__ = ["Verdicts", "greatest_and_least", "judge", "remainder", "standing_still", "without_end"]
+__all__ = ["Verdicts", "greatest_and_least", "judge", "last_steps", "remainder", "standing_still", "without_end"]
 
 
 class Verdicts(NamedTuple):
@@ -34,8 +34,9 @@ def judge(formula: stl.Formula, traces: Array, specification: Specification, ter
         formula: intervals in steps.
         traces: NaN after an early end.
         specification: the ranges of the signals.
-        terminated: `violated` makes the formula violated, by as much as is possible within the ranges; `interval` has
-            both ends of what is possible.
+        terminated: `violated` makes the formula violated, by as much as is possible within the ranges, or by as much as
+            the recorded samples make sure, where a signal left its range and that is more; `interval` has both ends of
+            what is possible.
     """
     early: Truth = np.zeros(len(traces), dtype=np.bool_)
     if terminated != "hold":
@@ -48,18 +49,24 @@ def judge(formula: stl.Formula, traces: Array, specification: Specification, ter
     if not early.any():
         return Verdicts(robustness, satisfied, early)
     greatest, least = greatest_and_least(specification, formula)
-    if terminated == "violated":
-        robustness[early], satisfied[early] = least, False
-        return Verdicts(robustness, satisfied, early)
     rows = np.flatnonzero(early)
-    t = (~np.isnan(traces[rows]).any(axis=2)).sum(axis=1) - 1
+    t = last_steps(traces[rows])
     for last in np.unique(t):
         alike = rows[t == last]
         known = traces[alike, : last + 1]
-        bounds = np.stack(stl.robustness_bounds(formula, known, names), axis=-1)
-        robustness[alike] = np.clip(bounds, least, greatest)  # where nothing is known, the ranges are
+        low, high = stl.robustness_bounds(formula, known, names)
+        robustness[alike, 0] = np.minimum(np.maximum(low, least), high)  # where nothing is known, the ranges are
+        robustness[alike, 1] = np.maximum(np.minimum(high, greatest), low)
         satisfied[alike] = np.stack(stl.satisfaction_bounds(formula, known, names), axis=-1)
+        if terminated == "violated":
+            robustness[alike], satisfied[alike] = np.minimum(high, least)[:, None], False
     return Verdicts(robustness, satisfied, early)
+
+
+def last_steps(traces: Array) -> Integers:
+    """The last step that was recorded of each of traces (n, T + 1, k), (n,): T, but after some early ends."""
+    steps: Integers = (~np.isnan(traces).any(axis=2)).sum(axis=1) - 1
+    return steps
 
 
 def greatest_and_least(specification: Specification, node: stl.Formula) -> tuple[float, float]:

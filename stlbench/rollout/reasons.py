@@ -21,6 +21,11 @@ class Loss(NamedTuple):
     step: int
     """From this sample on, no continuation of the trace could satisfy the conjunct any more."""
 
+    @property
+    def text(self) -> str:
+        """In words."""
+        return f"{self.conjunct}, lost at step {self.step}"
+
 
 def lasted(trace: Array) -> int:
     """The last step of a trace (T + 1, k) that was recorded: T, but after some early ends."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from stlbench import stl
 from stlbench.contract import Array, GymTask, Integers, Policy, RewardMethod, StatePolicy, Truth
 from stlbench.result import MAIN, RANDOM, Score
-from stlbench.rollout.early_ends import judge, without_end
+from stlbench.rollout.early_ends import judge, last_steps, without_end
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.selection import Race, race
 from stlbench.task.task import Task
@@ -93,8 +93,7 @@ def score(task: Task, traces: Array, formula: stl.Formula | None = None) -> Scor
     formula = task.formula if formula is None else formula
     found = judge(formula, traces, task.specification, task.file.terminated)
     satisfied, open_ = found.satisfied[:, 0], found.satisfied[:, 0] != found.satisfied[:, 1]
-    failed = _first_failed(formula, traces[~satisfied & ~found.early], task.signals)
-    failed[_ENDED] = int((found.early & ~satisfied & ~open_).sum())
+    failed = _first_failed(formula, traces[~satisfied & ~open_], task.signals)
     failed[_OPEN] = int(open_.sum())
     return Score(
         robustness=tuple(found.robustness[:, 0].tolist()),
@@ -108,13 +107,17 @@ _ENDED, _OPEN = "ended early", "ended early, verdict open"
 
 
 def _first_failed(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -> dict[str, int]:
-    """How many of the traces, all violating, lost which conjunct first."""
-    if not len(traces):
-        return {}
-    parts = conjuncts(formula)
-    lost = np.stack([lost_at(part, traces, names) for part in parts])
-    counts = np.bincount(np.argmin(lost, axis=0), minlength=len(parts))
-    return {str(part): int(count) for part, count in zip(parts, counts, strict=True) if count}
+    """How many of the traces, all violating, lost which conjunct first; an early end lost those that had lost none."""
+    parts, steps = conjuncts(formula), last_steps(traces)
+    counts = np.zeros(len(parts) + 1, dtype=np.int64)
+    for last in np.unique(steps):
+        lived = traces[steps == last, : last + 1]
+        lost = np.stack([lost_at(part, lived, names) for part in parts])
+        first = np.argmin(lost, axis=0)
+        if last + 1 < traces.shape[1]:
+            first[lost.min(axis=0) > last] = len(parts)
+        counts += np.bincount(first, minlength=len(counts))
+    return {name: count for name, count in zip([*map(str, parts), _ENDED], counts.tolist(), strict=True) if count}
 
 
 def conjuncts(formula: stl.Formula) -> list[stl.Formula]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.errors import UsageError, did_you_mean
-from stlbench.rollout.reasons import lasted, reason
+from stlbench.rollout.reasons import Loss, first_loss, lasted, reason
 from stlbench.search.objective import Enough, Objective, Worst
 from stlbench.search.optimisers import DEFAULT, OF_SEEDS, OPTIMISERS
 from stlbench.search.space import Box, Seeds, space_of
@@ -75,10 +75,17 @@ class Falsification:
         """Which predicate, at which step, the least robustness comes from; None after an early end that decides it."""
         return reason(self.subject.task, self.worst.trace)
 
+    @cached_property
+    def loss(self) -> Loss | None:
+        """The conjunct that the least robust trace lost first, by what was recorded of it; None where it lost none."""
+        return first_loss(self.subject.task, self.worst.trace)
+
     @property
     def failed(self) -> str:
-        """The conjunct that the least robustness comes from, or the early end."""
-        return f"ended early, at step {self.steps}" if self.witness is None else str(self.witness.conjunct)
+        """The conjunct that the least robustness comes from; after an early end the one that was lost, or the end."""
+        if self.witness is not None:
+            return str(self.witness.conjunct)
+        return f"ended early, at step {self.steps}" if self.loss is None else self.loss.text
 
 
 def _number(value: float, digits: int) -> str:

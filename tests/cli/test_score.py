@@ -182,7 +182,16 @@ class TestStored:
     def test_on_another_task(self, say, toy):
         say(*RUN)
         again = json.loads(say("score", "toy-line[hold=2]", CELL, "--json").stdout)
+        scores = again.pop("scores")
         assert again == {"cell": CELL, "policy": "selected", "task": "toy-line[hold=2]", "as_recorded": None}
+        assert scores.keys() == {"formula", "end"}
+        assert scores["formula"]["robustness"] == pytest.approx((1 - begun()).tolist())
+
+    def test_the_scores_are_in_the_form_of_the_recorded_ones(self, say, toy):
+        say(*RUN)
+        again = json.loads(say("score", "toy-line", CELL, "--json").stdout)
+        recorded = json.loads(say("show", "cell", CELL, "--json").stdout)["measurement"]["selected"]
+        assert (again["as_recorded"], again["scores"]) == (True, recorded)
 
     def test_a_file_that_was_changed_is_refused(self, say, toy):
         say(*RUN)

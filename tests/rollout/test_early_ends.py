@@ -10,11 +10,12 @@ from helpers.latch import Latch
 from helpers.line_task import Probe, Rule
 from helpers.walk_task import WalkTask, walk
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from stlbench import stl
 from stlbench.contract import Specification
 from stlbench.result import MAIN
-from stlbench.rollout.early_ends import greatest_and_least, remainder
+from stlbench.rollout.early_ends import greatest_and_least, judge, remainder, without_end
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 from stlbench_methods.tltl import Tltl
@@ -143,7 +144,9 @@ def test_what_is_left_to_a_method_that_can_end() -> None:
         ("hold", "G[0,4] x <= 0.75", -0.25, False, {"G[0,4] x <= 0.75": 4}),
         ("hold", "G[0,4] x <= 2", 1.0, True, {}),
         ("violated", "G[0,4] x <= 2", -8.0, False, {"ended early": 4}),  # x may be 10
-        ("interval", "G[0,4] x <= 0.75", -9.25, False, {"ended early": 4}),  # violated whatever follows
+        ("violated", "G[0,4] x <= 0.75", -9.25, False, {"G[0,4] x <= 0.75": 4}),  # before it ended
+        ("violated", "G[3,4] x <= 0 & G[0,4] x <= 0.75", -10.0, False, {"G[0,4] x <= 0.75": 4}),
+        ("interval", "G[0,4] x <= 0.75", -9.25, False, {"G[0,4] x <= 0.75": 4}),  # violated whatever follows
         ("interval", "G[0,4] x <= 2", -8.0, False, {"ended early, verdict open": 4}),
         ("interval", "F[0,4] x >= 1", 0.0, True, {}),  # satisfied whatever follows
     ],
@@ -159,6 +162,29 @@ def test_how_an_early_end_is_judged(
     assert score.first_failed == failed
     assert np.isnan(report.traces[:, 3:]).all() == (terminated != "hold")
     assert np.isfinite(report.traces[:, :3]).all()
+
+
+@pytest.mark.parametrize("terminated", ["violated", "interval"])
+def test_an_early_end_is_never_better_than_what_was_recorded(terminated: str) -> None:
+    """x was 1, beyond its range, at the end: -0.75. By the range alone it is 0.25 - 0.9 = -0.65 at least."""
+    narrow = {"x": {"low": -0.9, "high": 0.9}}
+    task = walk(WALL, terminated=terminated, formula="G[0,4] x <= 0.25", signals=narrow)
+    score = Referee(task, Probe(task.specification)).assess(Rule(lambda seen: RIGHT_INDEX)).scores[MAIN]
+    assert score.robustness == pytest.approx((-0.75,) * 4)
+    assert score.satisfied == (False,) * 4
+
+
+@settings(max_examples=30, deadline=None)
+@given(formulas(), SEEDS, st.integers(0, 5))
+def test_within_the_ranges_what_was_recorded_changes_no_bound(formula: stl.Formula, seed: int, last: int) -> None:
+    steps = max(stl.horizon(formula), 6)
+    box = Specification(formula, tuple(NAMES), (-3.0,) * 3, (3.0,) * 3, steps, 1.0)
+    recorded = without_end(traces(steps + 1, seed)[None], np.array([last]))
+    least = greatest_and_least(box, formula)[1]
+    assert judge(formula, recorded, box, "violated").robustness.tolist() == [[least, least]]
+    ((low, high),) = judge(formula, recorded, box, "interval").robustness
+    whole = stl.robustness(formula, traces(steps + 1, seed), NAMES)
+    assert low - 1e-9 <= whole <= high + 1e-9
 
 
 def test_selection_judges_as_the_report_does() -> None:

@@ -12,6 +12,7 @@ from helpers.made_subjects import still
 
 from stlbench.contract import Array, Integers, RewardMethod
 from stlbench.errors import UsageError
+from stlbench.report.figures.counterexample import place_of
 from stlbench.rollout.saved_traces import read_saved
 from stlbench.search.certify import Claim, certify
 from stlbench.search.falsify import How, falsify
@@ -33,11 +34,11 @@ class Unpaid(RewardMethod):
 @pytest.fixture(scope="module")
 def pushed(tmp_path_factory: pytest.TempPathFactory) -> Subject:
     """One direction for ever: the pole falls within some ten steps."""
-    return subject(tmp_path_factory.mktemp("tasks"), f"G[0,{STEPS}] abs(theta) <= 0.2", "violated")
+    return subject(tmp_path_factory.mktemp("tasks"), f"G[0,{STEPS}] abs(x) <= 2.5", "violated")
 
 
-def subject(folder: Path, formula: str, terminated: str) -> Subject:
-    place = folder / f"pole-{terminated}"
+def subject(folder: Path, formula: str, terminated: str, name: str = "pole") -> Subject:
+    place = folder / f"{name}-{terminated}"
     place.mkdir()
     content = {
         "title": "A pole",
@@ -73,6 +74,18 @@ def test_an_early_end_is_what_failed(pushed: Subject, tmp_path: Path) -> None:
     paths = write(found, tmp_path)
     assert all(path.stat().st_size for path in paths)
     assert read_saved(paths[0]).samples.shape == (1, STEPS + 1, 2)
+
+
+def test_what_was_lost_before_an_early_end_is_what_failed(tmp_path: Path) -> None:
+    """The pole falls through 0.05 rad long before it ends the episode at 0.21."""
+    formula = f"G[0,{STEPS}] abs(theta) <= 0.05"
+    found = falsify(subject(tmp_path, formula, "violated", "leaning-pole"), How(evaluations=5))
+    first = int(np.argmax(np.abs(found.worst.trace[:, 0]) > 0.05))
+    assert found.witness is None
+    assert 0 < first < found.steps
+    assert found.failed == f"{formula}, lost at step {first}"
+    place = place_of(found.subject.task, found.worst.trace[: found.steps + 1], None)
+    assert (place.step, place.told.partition(" (")[0]) == (first, f"{formula}: lost at step {first}")
 
 
 def test_where_the_last_sample_stays_there_is_a_witness(tmp_path: Path) -> None:

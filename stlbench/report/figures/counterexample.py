@@ -20,6 +20,7 @@ from stlbench.report.figures.parts import parts
 from stlbench.report.figures.signals import signals_in_time
 from stlbench.report.figures.style import DOUBLE, SMALL, styled
 from stlbench.report.figures.units import robustness_unit, signal_label, time_label
+from stlbench.rollout.reasons import first_loss
 from stlbench.task.task import Task
 
 __all__ = ["Place", "counterexample", "margins_of", "place_of"]
@@ -84,11 +85,15 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
 
 
 def place_of(task: Task, trace: Array, witness: stl.Witness | None) -> Place:
-    """Where the robustness of a trace (t + 1, k) comes from, with its witness; None where an early end decides it."""
-    step = len(trace) - 1 if witness is None else witness.step
+    """Where the robustness of a trace (t + 1, k) comes from, with its witness; None where an early end decides it.
+
+    Then it is where the trace lost a conjunct, if it had lost any, or its end.
+    """
+    loss = first_loss(task, trace) if witness is None else None
+    step = witness.step if witness else loss.step if loss else len(trace) - 1
     at = f"at step {step} ({step * task.file.sampling_time:.3g} s)"
     if witness is None:
-        return Place(step, at, f"ended early, {at}", None)
+        return Place(step, at, f"{loss.conjunct}: lost {at}" if loss else f"ended early, {at}", None)
     predicate = f"{'not ' if witness.sign < 0 else ''}{witness.predicate}"
     text = f"{witness.margin:.3g} {at}"
     return Place(step, text, f"{predicate}: margin {text}, in {witness.conjunct}", witness)
