@@ -62,7 +62,7 @@ def render(
         reason = f": {result.reason}" if result.reason else ""
         raise UsageError(f"{result.id.name} has no policy to film: {result.status}{reason}")
     question = Filming(run, result, which, chosen, form, out or run / "films")
-    filmed = of_one(question, f"{result.id.name} cannot be filmed")
+    filmed = of_one(question)
     for remark in filmed.remarks:
         warn(remark)
     for path in filmed.paths:

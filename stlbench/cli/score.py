@@ -83,7 +83,7 @@ def _stored(
     from stlbench.study.results import Results
 
     question = ScoreAgain(task, Results.load(results).cell(source.text, budget), results, which)
-    again = of_one(question, f"{source.text} cannot be scored on {task}")
+    again = of_one(question)
     if as_json:
         print_json(_facts(again, which, str(task)))
         return
@@ -116,7 +116,7 @@ def _outside(
     from stlbench.study.asked import of_one
 
     shown = Shown(on, UNKNOWN if method is None else parse_choice(method))
-    entry = of_one(ScoreOutside(task, source, shown, budget, name, seed), f"{source.text} cannot be scored on {task}")
+    entry = of_one(ScoreOutside(task, source, shown, budget, name, seed))
     result, before = entry.result, record(results, entry)
     if before is not None and before.provenance.get("sha256") != result.provenance["sha256"]:
         typer.echo(f"in place of another policy of that name, {before.provenance.get('source')}", err=True)

@@ -113,11 +113,13 @@ def _actions(task: Task) -> dict[str, dict[str, Any]]:
 
 def _by_hand(task: Task) -> Score | None:
     """What the controller gets; with a warning where it fails."""
-    from stlbench.rollout.standards import ByHand, scores_of
+    from stlbench.rollout.questions import answers
+    from stlbench.rollout.standards import ByHand
     from stlbench.study.asked import ask
 
     question = ByHand(task.choice)
-    return scores_of([question], ask).get(question)
+    score: Score | None = answers([question], ask).get(question)
+    return score
 
 
 def _scored(score: Score | None) -> dict[str, float] | None:

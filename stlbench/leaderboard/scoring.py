@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,13 @@ from stlbench.errors import UsageError
 from stlbench.leaderboard.entry import Entry, Numbers, Refused, Scored
 from stlbench.leaderboard.rules import broken
 from stlbench.result import Result, reported
+from stlbench.rollout.questions import Unanswered
 from stlbench.search.space import space_of
 from stlbench.search.subject import of_policy
 from stlbench.sharing.checked import check, results_in, unpacked
 from stlbench.sharing.crate import METADATA, about
 from stlbench.sharing.rescored import Rescored, score_cell
+from stlbench.study.asked import LONG, ask
 from stlbench.study.cell import derive_seed
 from stlbench.study.kept import load_policy
 
@@ -78,18 +81,40 @@ def _scored(result: Result, folder: Path, draw: int, again: Rescored | None) -> 
     claimed = Numbers(said.mean, said.satisfaction, said.starts)
     if again.found is None:
         return Scored(result.id, result.status, claimed=claimed, record=again.verdict, why=again.why)
-    found = _from_fresh_starts(result, folder, draw)
+    (found,) = ask([_FreshStarts(result, folder, draw)], LONG)
+    if isinstance(found, Unanswered):
+        return Scored(result.id, result.status, claimed=claimed, record=again.verdict, why=found.reason)
     return Scored(result.id, result.status, claimed=claimed, found=found, record=again.verdict)
 
 
-def _from_fresh_starts(result: Result, folder: Path, draw: int) -> Numbers:
-    kept = load_policy(folder, result)
-    task, subject = kept.task, of_policy(result.id.name, (), kept.task, kept.method, kept.policy)
-    budget, space = task.file.budgets.get(result.id.budget), space_of(task)
-    count = (budget.random_starts if budget else 0) or STARTS
-    generator = np.random.default_rng(derive_seed("leaderboard", task.choice.name, draw))
-    starts = space.starts(space.draw(generator, count))
-    played = [subject.play(starts[i : i + subject.rows]) for i in range(0, count, subject.rows)]
-    robustness = np.concatenate([each.robustness for each in played])
-    satisfied = np.concatenate([each.satisfied for each in played])
-    return Numbers(float(robustness.mean()), float(satisfied.mean()), count)
+@dataclass(frozen=True)
+class _FreshStarts:
+    """What does a policy get from fresh starts?"""
+
+    result: Result
+    folder: Path
+    draw: int
+
+    @property
+    def plugins(self) -> tuple[tuple[str, str], ...]:
+        """See `Question`."""
+        cell = self.result.id
+        return ("tasks", cell.task.name), ("methods", cell.method.name), ("agents", cell.agent.name)
+
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"{self.result.id.name} cannot be scored"
+
+    def answer(self) -> Numbers:
+        """See `Question`."""
+        cell, kept = self.result.id, load_policy(self.folder, self.result)
+        task, subject = kept.task, of_policy(cell.name, (), kept.task, kept.method, kept.policy)
+        budget, space = task.file.budgets.get(cell.budget), space_of(task)
+        count = (budget.random_starts if budget else 0) or STARTS
+        generator = np.random.default_rng(derive_seed("leaderboard", task.choice.name, self.draw))
+        starts = space.starts(space.draw(generator, count))
+        played = [subject.play(starts[i : i + subject.rows]) for i in range(0, count, subject.rows)]
+        robustness = np.concatenate([each.robustness for each in played])
+        satisfied = np.concatenate([each.satisfied for each in played])
+        return Numbers(float(robustness.mean()), float(satisfied.mean()), count)

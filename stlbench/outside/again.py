@@ -47,6 +47,11 @@ class ScoreAgain:
         cell, names = self.result.id, (self.task.name, self.result.id.task.name)
         return *(("tasks", name) for name in names), ("methods", cell.method.name), ("agents", cell.agent.name)
 
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"{self.result.id.name} cannot be scored on {self.task}"
+
     def answer(self) -> Again:
         """See `Question`."""
         return score_again(load_task(self.task), self.result, self.folder, self.which)

@@ -52,6 +52,11 @@ class ScoreOutside:
         methods = [("methods", self.shown.method.name)] if self.shown.method != UNKNOWN else []
         return ("tasks", self.task.name), *methods, *functions
 
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"{self.source.text} cannot be scored on {self.task}"
+
     def answer(self) -> Entry:
         """See `Question`."""
         task = load_task(self.task)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -11,8 +10,7 @@ import numpy as np
 from stlbench.contract import Intractable, Unsuitable
 from stlbench.presentation import Band, Banded
 from stlbench.registry.choices import Choice
-from stlbench.registry.plugins import PluginWarning
-from stlbench.rollout.questions import Unanswered
+from stlbench.rollout.questions import answers
 from stlbench.study.asked import ask
 from stlbench.task import build_method, load_task
 
@@ -30,6 +28,11 @@ class _Bands:
     def plugins(self) -> tuple[tuple[str, str], ...]:
         """See `Question`."""
         return ("tasks", self.task.name), ("methods", self.method.name)
+
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"task {self.task}: method {self.method} cannot be asked for its bounds"
 
     def answer(self) -> tuple[Band, ...]:
         """See `Question`."""
@@ -49,11 +52,6 @@ def bands_of(task: Choice, methods: Iterable[Choice]) -> Mapping[Choice, Sequenc
 
     Of one that cannot be asked, a `PluginWarning` says why.
     """
-    kinds = list(dict.fromkeys(methods))
-    found = dict[Choice, Sequence[Band]]()
-    for method, answer in zip(kinds, ask([_Bands(task, method) for method in kinds]), strict=True):
-        found[method] = () if isinstance(answer, Unanswered) else answer
-        if isinstance(answer, Unanswered) and not answer.is_refusal:
-            said = f"task {task}: method {method} cannot be asked for its bounds: {answer.reason}"
-            warnings.warn(said, PluginWarning, stacklevel=2)
-    return found
+    questions = [_Bands(task, method) for method in dict.fromkeys(methods)]
+    found = answers(questions, ask)
+    return {question.method: found.get(question, ()) for question in questions}

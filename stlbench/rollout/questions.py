@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from stlbench.contract import cause
 from stlbench.errors import UsageError
+from stlbench.registry.plugins import PluginWarning
 
-__all__ = ["Ask", "Question", "Unanswered", "answered_here", "ask_here"]
+__all__ = ["Ask", "Question", "Unanswered", "answered_here", "answers", "ask_here"]
 
 _T = TypeVar("_T")
 _Answer = TypeVar("_Answer", covariant=True)
+_Q = TypeVar("_Q", bound="Question[Any]")
 
 
 class Question(Protocol[_Answer]):
@@ -22,6 +25,10 @@ class Question(Protocol[_Answer]):
     def plugins(self) -> Iterable[tuple[str, str]]:
         """Kind and name of each plugin whose code the answer runs, as in ("tasks", "hold-disc"); of what is no plugin,
         ("functions", "module:function")."""
+
+    @property
+    def failed(self) -> str:
+        """What a user is told where there is no answer, before why: "task x: its controller cannot be scored"."""
 
     def answer(self) -> _Answer:
         """The answer, in this process. Raises whatever the plugins raise."""
@@ -57,3 +64,14 @@ def answered_here(question: Question[_T]) -> _T | Unanswered:
         return Unanswered(str(error) or cause(error), is_refusal=True)
     except Exception as error:
         return Unanswered(cause(error))
+
+
+def answers(questions: Sequence[_Q], ask: Ask) -> dict[_Q, Any]:
+    """Those that there are. Of one that there is not, and that was not refused, a `PluginWarning` says why."""
+    found = dict[_Q, Any]()
+    for question, answer in zip(questions, ask(questions), strict=True):
+        if not isinstance(answer, Unanswered):
+            found[question] = answer
+        elif not answer.is_refusal:
+            warnings.warn(f"{question.failed}: {answer.reason}", PluginWarning, stacklevel=3)
+    return found

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeVar
+from typing import Literal
 
 from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError
-from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.result import Score, Setting, Track
 from stlbench.rollout import controller
-from stlbench.rollout.questions import Ask, Question, Unanswered, ask_here
+from stlbench.rollout.questions import Ask, answers, ask_here
 from stlbench.task import build_method, load_task
 from stlbench.task.equal_rewards import Difference, Paid, equal_payments, payments
 from stlbench.task.file import BestPossible
@@ -27,11 +25,9 @@ __all__ = [
     "Pays",
     "Standard",
     "differences",
-    "scores_of",
     "standards",
 ]
 
-_Q = TypeVar("_Q", bound=Question[object])
 
 Likeness = Literal["=", "~"]
 """How two methods pay the same: up to a constant, or up to a function of time."""
@@ -81,6 +77,11 @@ class _OfTask:
 class About(_OfTask):
     """What does a task say of itself? It is loaded for that."""
 
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"task {self.task}: it cannot be loaded"
+
     def answer(self) -> Known:
         """See `Question`."""
         task = load_task(self.task)
@@ -91,6 +92,11 @@ class About(_OfTask):
 class ByHand(_OfTask):
     """What does a task's controller get? None of a task without one."""
 
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"task {self.task}: its controller cannot be scored"
+
     def answer(self) -> Score | None:
         """See `Question`."""
         return controller.score(load_task(self.task))
@@ -99,6 +105,11 @@ class ByHand(_OfTask):
 @dataclass(frozen=True)
 class AtRandom(_OfTask):
     """What do actions at random get on a task?"""
+
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"task {self.task}: actions at random cannot be scored"
 
     def answer(self) -> Score:
         """See `Question`."""
@@ -122,6 +133,11 @@ class Pays:
         """See `Question`."""
         return ("tasks", self.task.name), ("methods", parse_choice(self.method).name)
 
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"task {self.task}: method {self.method} cannot be asked what it pays"
+
     def answer(self) -> Paid | None:
         """See `Question`."""
         try:
@@ -143,40 +159,21 @@ def standards(settings: Iterable[Setting], ask: Ask = ask_here) -> dict[str, Sta
     by_task = dict[Choice, list[Setting]]()
     for setting in settings:
         by_task.setdefault(Choice(setting.task.name), []).append(setting)
-    abouts = _answers(list(map(About, by_task)), ask, lambda about: f"task {about.task}: it cannot be loaded")
+    abouts = answers(list(map(About, by_task)), ask)
     tasks = [about.task for about in abouts]
-    questions = [kind(task) for task in tasks for kind in (ByHand, AtRandom)]
-    scores = scores_of(questions, ask)
-    alike = _alike([question for task in tasks for question in _questions(by_task[task])], ask)
+    questions = [question for task in tasks for question in _of_task(task, by_task[task])]
+    found = answers(questions, ask)
+    alike = _alike({of: paid for of, paid in found.items() if isinstance(of, Pays)})
     return {
         about.task.name: Standard(
-            by_hand=scores.get(ByHand(about.task)),
+            by_hand=found.get(ByHand(about.task)),
             best_possible=known.best_possible,
             own_agent=known.own_agent,
-            at_random=scores.get(AtRandom(about.task)),
+            at_random=found.get(AtRandom(about.task)),
             alike=alike.get(about.task.name, {}),
         )
         for about, known in abouts.items()
     }
-
-
-_ACTING = {ByHand: "its controller", AtRandom: "actions at random"}
-
-
-def scores_of(questions: Sequence[ByHand | AtRandom], ask: Ask) -> Mapping[ByHand | AtRandom, Score | None]:
-    """Those scores that there are; of one that could not be had, a `PluginWarning` says why."""
-    return _answers(questions, ask, lambda of: f"task {of.task}: {_ACTING[type(of)]} cannot be scored")
-
-
-def _answers(questions: Sequence[_Q], ask: Ask, what: Callable[[_Q], str]) -> dict[_Q, Any]:
-    """Those that there are. Of one that there is not, and that was not refused, a warning says why."""
-    found = dict[_Q, Any]()
-    for question, answer in zip(questions, ask(questions), strict=True):
-        if not isinstance(answer, Unanswered):
-            found[question] = answer
-        elif not answer.is_refusal:
-            warnings.warn(f"{what(question)}: {answer.reason}", plugins.PluginWarning, stacklevel=3)
-    return found
 
 
 def differences(task: Choice, methods: Iterable[Choice | str], ask: Ask) -> tuple[Difference, ...]:
@@ -185,11 +182,11 @@ def differences(task: Choice, methods: Iterable[Choice | str], ask: Ask) -> tupl
     Of one that gives no answer a `PluginWarning` says why.
     """
     questions = [Pays(task, "shared", str(method)) for method in methods]
-    return equal_payments({question.method: paid for question, paid in _paid(questions, ask).items()})
+    return equal_payments({question.method: paid for question, paid in answers(questions, ask).items()})
 
 
-def _paid(questions: Sequence[Pays], ask: Ask) -> Mapping[Pays, Paid | None]:
-    return _answers(questions, ask, lambda of: f"task {of.task}: method {of.method} cannot be asked what it pays")
+def _of_task(task: Choice, members: Iterable[Setting]) -> list[ByHand | AtRandom | Pays]:
+    return [ByHand(task), AtRandom(task), *_questions(members)]
 
 
 def _questions(members: Iterable[Setting]) -> list[Pays]:
@@ -201,13 +198,13 @@ def _questions(members: Iterable[Setting]) -> list[Pays]:
     return [Pays(*kind, method) for kind, methods in several.items() for method in sorted(methods)]
 
 
-def _alike(questions: Sequence[Pays], ask: Ask) -> dict[str, dict[_Pair, Likeness]]:
+def _alike(paid: Mapping[Pays, Paid | None]) -> dict[str, dict[_Pair, Likeness]]:
     """By the name of the task."""
-    answers = dict[tuple[Choice, Track], dict[str, Paid | None]]()
-    for question, paid in _paid(questions, ask).items():
-        answers.setdefault((question.task, question.track), {})[question.method] = paid
+    by_kind = dict[tuple[Choice, Track], dict[str, Paid | None]]()
+    for question, answer in paid.items():
+        by_kind.setdefault((question.task, question.track), {})[question.method] = answer
     found = dict[str, dict[_Pair, Likeness]]()
-    for (task, track), payments_of in answers.items():
+    for (task, track), payments_of in by_kind.items():
         for each in equal_payments(payments_of):
             found.setdefault(task.name, {})[task, track, frozenset((each.one, each.other))] = _likeness(each)
     return found

@@ -11,7 +11,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, TypeVar
 
 from stlbench.contract import Outcome, Work
 from stlbench.errors import UsageError
@@ -67,12 +67,11 @@ def ask(questions: Sequence[Question[_T]], deadline: float = DEADLINE) -> list[_
     return [answers[index] for index in range(len(questions))]
 
 
-def of_one(question: Question[_T], what: str, deadline: float = LONG) -> _T:
+def of_one(question: Question[_T], deadline: float = LONG) -> _T:
     """The answer to a single question, on which all depends.
 
     Args:
         question: see `ask`.
-        what: names what is asked, for the message, as in "task my-task: its film".
         deadline: wall seconds.
 
     Raises:
@@ -81,11 +80,7 @@ def of_one(question: Question[_T], what: str, deadline: float = LONG) -> _T:
     (answer,) = ask([question], deadline)
     if not isinstance(answer, Unanswered):
         return answer
-    _refuse(answer, what)
-
-
-def _refuse(answer: Unanswered, what: str) -> NoReturn:
-    raise UsageError(answer.reason if answer.is_refusal else f"{what}: {answer.reason}")
+    raise UsageError(answer.reason if answer.is_refusal else f"{question.failed}: {answer.reason}")
 
 
 def loaded(choice: Choice | str) -> Task:
@@ -96,11 +91,14 @@ def loaded(choice: Choice | str) -> Task:
     """
     chosen = folders.task_of(choice)
     if not _is_own("tasks", chosen.name):
-        of_one(About(Choice(chosen.name)), f"task {chosen.name}: it cannot be loaded", DEADLINE)
+        about = About(Choice(chosen.name))
+        if _known_by(about) not in _LOADED:
+            of_one(about, DEADLINE)
     return load_task(chosen)
 
 
-_UNANSWERED = dict[Any, Unanswered]()
+_UNANSWERED, _LOADED = dict[Any, Unanswered](), set[Any]()
+"""What was not answered, and which tasks could be loaded."""
 
 
 def _known_by(question: Question[Any]) -> Any:
@@ -131,10 +129,11 @@ def _in_guard(questions: Sequence[Question[_T]], deadline: float) -> list[_T | U
             for outcome in outcomes:
                 found[outcome.index] = _taken(outcome)
     answers = [found[index] for index in range(len(questions))]
-    unanswered = {
-        _known_by(each): said for each, said in zip(questions, answers, strict=True) if isinstance(said, Unanswered)
-    }
-    _UNANSWERED.update(unanswered)
+    for question, answer in zip(questions, answers, strict=True):
+        if isinstance(answer, Unanswered):
+            _UNANSWERED[_known_by(question)] = answer
+        elif isinstance(question, About):
+            _LOADED.add(_known_by(question))
     return answers
 
 

@@ -161,6 +161,7 @@ class Outside:
     """A question about a function that is no plugin."""
 
     plugins = (("functions", "x:y"),)
+    failed = "the film"
 
     def answer(self) -> int:
         raise MemoryError
@@ -168,4 +169,4 @@ class Outside:
 
 def test_one_answer_on_which_all_depends_is_refused_with_what_was_asked() -> None:
     with pytest.raises(UsageError, match=r"^the film: MemoryError$"):
-        asked.of_one(Outside(), "the film")
+        asked.of_one(Outside())

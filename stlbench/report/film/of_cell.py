@@ -51,6 +51,11 @@ class Filming:
         cell = self.result.id
         return ("tasks", cell.task.name), ("methods", cell.method.name), ("agents", cell.agent.name)
 
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"{self.result.id.name} cannot be filmed"
+
     def answer(self) -> Filmed:
         """See `Question`. Raises `UsageError` where there is nothing to film, or the files cannot be written."""
         recorded = self.which == "selected" and self.start == Start() and self.form != "png"
