@@ -100,14 +100,14 @@ class Looker:
         if stamp != self.stamp:
             found = {result.id: result for result in stored.read(self.folder)}
             known = [found.pop(before.id) for before in self.results if before.id in found]
-            self.results, self.missing = [*known, *found.values()], stored.missing(self.folder)
-            self.recorded, self.stamp = self._recorded(_since(writer)), stamp
+            self.results, self.stamp = [*known, *found.values()], stamp
+            with Ledger(self.path, create=False) as ledger:
+                self._read_ledger(ledger, _since(writer))
 
-    def _recorded(self, since: datetime | None) -> Mapping[str, float]:
-        if since is None:
-            return {}
-        with Ledger(self.path, create=False) as ledger:
-            return ledger.recorded_since(since)
+    def _read_ledger(self, ledger: Ledger, since: datetime | None) -> None:
+        missing = set(ledger.missing())
+        self.missing = [cell for cell in ledger.planned().values() if cell in missing]
+        self.recorded = {} if since is None else ledger.recorded_since(since)
 
 
 def _greatest(texts: Iterable[str]) -> int:

@@ -20,7 +20,7 @@ def across(field: Field, key: str) -> list[Chart]:
     lowest = min(score for entry in field.entries for seeds in entry.scores for score in seeds)
     places, texts = zip(*ticks(lowest), strict=True)
     scores: dict[str, Any] = {
-        "title": {"text": f"score ({SCALE})"},
+        "title": {"text": f"score<br>{SCALE.replace(', ', '<br>')}"},
         "tickvals": numbers(places),
         "ticktext": list(texts),
     }
