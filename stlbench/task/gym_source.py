@@ -18,6 +18,8 @@ from stlbench.task.file import Axis, Environment, TaskFile
 __all__ = ["source_of"]
 
 _NONE = "there is no environment: give its id in task.yaml, or a class of GymTask with make()"
+_WITHOUT_ID = {"kwargs", "drawn", "api"}
+"""What of `environment` says nothing where a class makes the environment."""
 
 
 def source_of(name: str, file: TaskFile, task: GymTask) -> GymSource:
@@ -41,13 +43,15 @@ def _is_written(task: GymTask) -> bool:
 
 
 def _of_class(file: TaskFile, task: GymTask) -> GymSource:
-    entry = file.environment or Environment(id="")
+    entry = file.environment or Environment()
+    if entry.id is None and (idle := sorted(entry.model_fields_set & _WITHOUT_ID)):
+        raise UsageError(f"environment.{idle[0]}: there is no id that it could go with; make() makes the environment")
     function = None if type(task).signals is GymTask.signals else task.signals
     return GymSource(partial(_made, file, task), _expressions(file), entry.names, entry.scale, function)
 
 
 def _of_file(file: TaskFile) -> GymSource:
-    if file.environment is None:
+    if file.environment is None or file.environment.id is None:
         raise UsageError(_NONE)
     return _of_text(file.environment.model_dump_json(), json.dumps(_expressions(file)))
 
@@ -63,12 +67,13 @@ def _made(file: TaskFile, task: GymTask, render_mode: RenderMode) -> Gym:
         raise failed("the environment", error) from error
     if env is not None:
         return env
-    if file.environment is None:
+    if file.environment is None or file.environment.id is None:
         raise UsageError(_NONE)
     return _by_id(file.environment, render_mode)
 
 
 def _by_id(entry: Environment, render_mode: RenderMode) -> Gym:
+    assert entry.id is not None
     keywords = entry.kwargs if render_mode is None else entry.kwargs | entry.drawn | {"render_mode": render_mode}
     return (made if entry.api == "gymnasium" else parallel)(entry.id, keywords)
 

@@ -76,7 +76,7 @@ def test_it_is_a_task_like_any_other() -> None:
             return JointEnv(Two(Box(-2, 2, (1,), np.float32)))
 
     signals = {"apart": {"low": 0, "high": 9, "expression": "abs(a - b)"}}
-    on = {"id": "unused", "names": {"a": ["a"], "b": ["b"]}}
+    on = {"names": {"a": ["a"], "b": ["b"]}}
     task = walk(Pair(), signals=signals, formula="G[0,4] apart <= 1", environment=on)
     world = make_world(task, 1)
     world.restart(np.array([0]), np.array([[0.0]]))

@@ -34,7 +34,7 @@ FILE: dict[str, Any] = {
     "formula": "G[0,4] (x <= 1)",
     "sampling_time": 0.5,
     "steps": 8,
-    "environment": {"id": "unused", "names": ["x", "minus"]},
+    "environment": {"names": ["x", "minus"]},
     "signals": {"x": {"low": -10, "high": 10, "unit": "m"}},
     "starts": 4,
     "agents": {"dqn": {}},

@@ -16,6 +16,7 @@ from stlbench.environments import making
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
+from stlbench.rollout.worlds import make_world
 from stlbench.study.plan import plan_cells
 from stlbench.task import load_task
 from stlbench.task.start_sets import SeedStarts
@@ -129,6 +130,46 @@ def test_a_class_that_cannot_make_its_environment_is_told_in_a_line(folder: Call
     said = "^task zz-pole: the environment cannot be made: ImportError: no Box2D here; install it$"
     with pytest.raises(UsageError, match=said):
         load_task(folder(code))
+
+
+MADE = """
+import gymnasium
+from stlbench.contract import GymTask
+class Pole(GymTask):
+    def make(self): return gymnasium.make("CartPole-v1", max_episode_steps=-1)
+"""
+
+
+@pytest.mark.parametrize("code", [MADE, MADE.replace("CartPole-v1", "Pendulum-v1")])
+def test_what_a_class_makes_can_have_names_scales_and_expressions(folder: Callable[..., str], code: str) -> None:
+    names, pole = ["x", "v", "theta", "omega"], "Cart" in code
+    signals = {"lean": {"low": -3, "high": 3, "expression": "2 * abs(theta)"}}
+    entry = {"names": names if pole else names[1:], "scale": {"theta": 0.5}}
+    task = load_task(folder(code, environment=entry, signals=signals, formula="G[0,20] lean <= 1"))
+    world = make_world(task, 2)
+    world.restart(np.arange(2), np.array([[3.0], [4.0]]))
+    theta = 0.5 * world.features(np.zeros(2, dtype=np.int64))[:, names.index("theta") - (not pole)]
+    assert np.all(theta != 0)
+    np.testing.assert_allclose(world.signals[:, 0], 2 * np.abs(theta))
+
+
+@pytest.mark.parametrize(
+    ("code", "entry", "said"),
+    [
+        (None, {"names": ["x"]}, "there is no environment: give its id in task.yaml, or a class of GymTask with make"),
+        (MADE, {"names": ["x"]}, "names: 1 for the observation, which has 4 entries"),
+        (
+            MADE,
+            {"kwargs": {"gravity": 3}},
+            "environment.kwargs: there is no id that it could go with; make",
+        ),
+    ],
+)
+def test_an_environment_without_an_id(
+    folder: Callable[..., str], code: str | None, entry: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(UsageError, match=said):
+        load_task(folder(code, environment=entry))
 
 
 def test_what_needs_a_state_says_that_there_is_none() -> None:
