@@ -20,13 +20,16 @@ HANG = 120
 
 
 def sizes(short: int, long: int) -> Any:
-    """Run a test on so many examples, the same ones each time; behind the marker `long` on more, and on new ones."""
+    """Run a test on so many examples, the same ones each time; behind the marker `long` on more, and on new ones.
+
+    Long, a file takes about ten minutes of processor time.
+    """
     return pytest.mark.parametrize("examples", [short, pytest.param(long, marks=pytest.mark.long)])
 
 
 def fuzz(examples: int, strategy: st.SearchStrategy[Any], check: Callable[[Any], None]) -> None:
     """Try a check on examples. What fails is shown; where there are many examples, it is made small before."""
-    is_long = examples >= 1000
+    is_long = examples >= 500
 
     @settings(
         max_examples=examples,

@@ -52,7 +52,7 @@ SEEDS = st.one_of(
 RUN = ("run", "--executor", "toy-here", "--budget", "quick")
 
 
-@sizes(15, 5_000)
+@sizes(15, 3_500)
 def test_names_and_parameters_are_known_or_refused(brief, examples):
     def check(words: tuple[str, str, str]) -> None:
         task, method, agent = words
@@ -71,7 +71,7 @@ def test_names_and_parameters_are_known_or_refused(brief, examples):
     )
 
 
-@sizes(20, 5_000)
+@sizes(20, 3_500)
 def test_seeds_are_read_or_refused(brief, examples):
     """With a method that fits no task, so that ten thousand cells would be nothing to wait for."""
 

@@ -35,7 +35,7 @@ def good(brief):
 
 
 @pytest.mark.filterwarnings("ignore::stlbench.study.ledger.LedgerWarning")
-@sizes(12, 3_000)
+@sizes(12, 1_000)
 def test_what_reads_a_ledger_reads_it_or_says_what_is_damaged(say, good, examples):
     (good / LINES).unlink()
 
@@ -54,7 +54,7 @@ def test_what_reads_a_ledger_reads_it_or_says_what_is_damaged(say, good, example
 
 
 @pytest.mark.filterwarnings("ignore::stlbench.study.ledger.LedgerWarning")
-@sizes(8, 2_000)
+@sizes(8, 500)
 def test_what_writes_a_ledger_goes_on_or_refuses_it(brief, good, examples):
     def check(data: bytes) -> None:
         shutil.rmtree("bad", ignore_errors=True)
@@ -68,7 +68,7 @@ def test_what_writes_a_ledger_goes_on_or_refuses_it(brief, good, examples):
     fuzz(examples, damaged((good / FILE).read_bytes(), 3), check)
 
 
-@sizes(15, 3_000)
+@sizes(15, 1_500)
 def test_lines_are_read_or_refused_with_their_place(say, good, examples):
     def check(data: bytes) -> None:
         shutil.rmtree("bad", ignore_errors=True)

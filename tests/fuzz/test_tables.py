@@ -89,7 +89,7 @@ ARRAYS = st.one_of(
 )
 
 
-@sizes(25, 5_000)
+@sizes(25, 2_500)
 def test_the_monitor_judges_a_table_or_refuses_it(say, examples):
     def check(data: bytes) -> None:
         Path("trace.csv").write_bytes(data)
@@ -99,7 +99,7 @@ def test_the_monitor_judges_a_table_or_refuses_it(say, examples):
     fuzz(examples, TABLES, check)
 
 
-@sizes(25, 5_000)
+@sizes(25, 2_000)
 def test_the_monitor_judges_arrays_or_refuses_them(say, examples):
     def check(data: bytes) -> None:
         Path("traces.npz").write_bytes(data)

@@ -100,12 +100,12 @@ def check_task_file(data: bytes) -> None:
     assert max(map(len, refusal.splitlines())) < 2000
 
 
-@sizes(100, 20_000)
+@sizes(100, 15_000)
 def test_a_text_is_a_task_file_or_is_refused(examples):
     fuzz(examples, FILES, check_task_file)
 
 
-@sizes(20, 5_000)
+@sizes(20, 3_000)
 def test_a_folder_is_a_task_or_is_refused(say, examples):
     folder = Path("my-task")
     folder.mkdir()
@@ -130,7 +130,7 @@ STUDIES = st.one_of(
 )
 
 
-@sizes(15, 5_000)
+@sizes(15, 2_000)
 def test_a_study_runs_or_is_refused(brief, examples):
     def check(data: bytes) -> None:
         Path("study.yaml").write_bytes(data)
