@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("stlbench", *(f"plugins/stlbench_{kind}" for kind in ("agents", "executors", "logs", "methods")))
 EXTRAS = ("torch", "stable_baselines3", "mujoco", "dm_control", "gymnasium_robotics", "pettingzoo", "optuna")
 EXTRAS += ("Box2D", "highway_env", "onnx", "onnxruntime", "plotly", "jinja2", "dask", "distributed", "submitit")
-EXTRAS += ("tensorboardX", "wandb")
+EXTRAS += ("tensorboardX", "wandb", "shimmy", "mpe2")
 OWN = {"stlbench", "stlbench_agents", "stlbench_executors", "stlbench_logs", "stlbench_methods", "stlbench_tasks"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
@@ -38,6 +38,7 @@ def imported() -> Iterator[str]:
 def test_all_that_is_imported_is_declared_and_all_that_is_declared_is_imported() -> None:
     extras = PROJECT["optional-dependencies"]
     names = ("sb3", "mujoco", "multi", "onnx", "tune", "field", "page", "dask", "submitit", "tensorboard", "wandb")
+    names += ("dm", "petting")
     chosen = (extras[name] for name in names)
     wanted = declared([*PROJECT["dependencies"], *(line for extra in chosen for line in extra)])
     providers = packages_distributions()
@@ -46,6 +47,7 @@ def test_all_that_is_imported_is_declared_and_all_that_is_declared_is_imported()
     needed = {_plain(distribution) for name in third for distribution in providers[name]}
     models = {"dm-control", "gymnasium-robotics"}  # of these the models are read, and nothing is imported
     models |= {"box2d", "highway-env", "pygame-ce"}  # Gymnasium imports them to make an environment
+    models |= {"shimmy", "mpe2"}  # tasks of users name them
     assert (needed - {"pydantic-core"}) | models == wanted  # pydantic-core is a part of pydantic
 
 

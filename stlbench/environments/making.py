@@ -18,6 +18,17 @@ __all__ = ["Gym", "failed", "made", "software"]
 
 Gym: TypeAlias = gymnasium.Env[Any, Any]
 
+_EXTRAS = {
+    "dm_control": "dm",
+    "gymnasium_robotics": "mujoco",
+    "highway_env": "field",
+    "mpe2": "petting",
+    "mujoco": "mujoco",
+    "pettingzoo": "petting",
+    "shimmy": "dm",
+}
+"""Library of environments -> the extra that brings it."""
+
 _OURS = frozenset({"numpy", "stlbench"})
 """What every task is computed with, and whose version is in no key."""
 
@@ -38,7 +49,19 @@ def made(identifier: str, keywords: Mapping[str, Any]) -> Gym:
 
 def failed(what: str, error: Exception) -> UsageError:
     """What is said of an environment that cannot be made: it is code of others, and may raise anything."""
+    missing = _missing(error)
+    if missing in _EXTRAS:
+        return UsageError(f"{what} needs {missing}: pip install 'stlbench-rl[{_EXTRAS[missing]}]'")
     return UsageError(f"{what} cannot be made: {cause(error)}")
+
+
+def _missing(error: BaseException | None) -> str:
+    """The library that could not be imported, where that is why; Gymnasium raises an error of its own from that one."""
+    while error is not None:
+        if isinstance(error, ModuleNotFoundError) and error.name:
+            return error.name.partition(".")[0]
+        error = error.__cause__
+    return ""
 
 
 def software(env: Gym) -> tuple[tuple[str, str], ...]:

@@ -83,6 +83,16 @@ def test_it_is_a_task_like_any_other() -> None:
     assert world.advance(np.array([[1.0, -1.0]]), 2)[:, 0, 0].tolist() == [0, 2, 3]
 
 
+def test_an_environment_of_pettingzoo() -> None:
+    pytest.importorskip("mpe2", reason="the environment is mpe2's")
+    joint = parallel("mpe2.simple_spread_v3", {"continuous_actions": True})
+    observation, _ = joint.reset(seed=0)
+    assert {name: seen.shape for name, seen in observation.items()} == {f"agent_{i}": (18,) for i in range(3)}
+    assert joint.action_space.shape == (15,)
+    later, reward, over, _, _ = joint.step(np.full(15, 0.5, dtype=np.float32))
+    assert (later.keys(), over, np.isfinite(reward)) == (observation.keys(), False, True)
+
+
 def test_what_cannot_be_made_is_said_in_a_line() -> None:
     with pytest.raises(UsageError, match=r"^parallel environment no_such_module cannot be made: ModuleNotFoundError"):
         parallel("no_such_module", {})

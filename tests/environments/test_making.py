@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+import sys
+from collections.abc import Callable
 from importlib.metadata import version
 
 import pytest
 
+from stlbench.environments.joint import parallel
 from stlbench.environments.making import made, software
 from stlbench.errors import UsageError
 
@@ -21,6 +25,23 @@ def test_the_software_of_an_environment_is_what_its_modules_import() -> None:
 def test_there_is_no_time_limit() -> None:
     env = made("CartPole-v1", {"sutton_barto_reward": True})
     assert "TimeLimit" not in str(env)
+
+
+@pytest.mark.parametrize(
+    ("make", "identifier", "said"),
+    [
+        (made, "shimmy:dm_control/cartpole-balance-v0", "shimmy: pip install 'stlbench-rl[dm]'"),
+        (made, "gymnasium_robotics:FetchReach-v4", "gymnasium_robotics: pip install 'stlbench-rl[mujoco]'"),
+        (parallel, "mpe2.simple_spread_v3", "mpe2: pip install 'stlbench-rl[petting]'"),
+    ],
+)
+def test_a_library_that_an_extra_brings_is_named_with_it(
+    make: Callable[..., object], identifier: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in (said.partition(":")[0], identifier.partition(":")[0]):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(UsageError, match=f"environment {identifier} needs {re.escape(said)}$"):
+        make(identifier, {})
 
 
 @pytest.mark.parametrize(
