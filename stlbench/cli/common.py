@@ -59,7 +59,7 @@ class Commands(TyperGroup):
                     raise
                 code = refuse(str(error), DISK_FULL if is_disk_full(error) else 2)
             except typer.TyperException as error:
-                code = refuse(error.format_message() + _where_to_look(error))
+                code = refuse(error.format_message().replace(": Value error, ", ": ", 1) + _where_to_look(error))
         if standalone_mode:
             sys.exit(code)
         return code

@@ -113,7 +113,12 @@ def _check(kind: Kind, name: str) -> None:
 
 def _files(kind: Kind, name: str) -> dict[str, str]:
     """Path in the folder -> text."""
-    words = {"kind": kind, "name": name, "class_": _class_of(name) + _WORDS[kind]["suffix"]}
+    words = {
+        "kind": kind,
+        "a_kind": f"{'An' if kind == 'agent' else 'A'} {kind}",
+        "name": name,
+        "class_": _class_of(name) + _WORDS[kind]["suffix"],
+    }
     words |= {"distribution": f"stlbench-{kind}-{name}", "package": f"stlbench_{kind}_{name.replace('-', '_')}"}
     for key, text in _WORDS[kind].items():
         words[key] = Template(text).substitute(words)

@@ -33,7 +33,9 @@ def plot(
     only: Annotated[
         str | None,
         typer.Option(
-            metavar="LIST", help="Kinds: learning, overview, planned, time, trajectories.", show_default="all"
+            metavar="LIST",
+            help="Kinds: learning, overview, planned, time, trajectories, rewarded.",
+            show_default="all but rewarded",
         ),
     ] = None,
 ) -> None:
@@ -57,7 +59,7 @@ def plot(
     chosen = (
         result for result in stored.read(run) if result.id.task in some_tasks and result.id.method in some_methods
     )
-    job = trace_figures.Job(run, out or run / "figures", _tell, warn, rewarded, _kinds(only, trace_figures.KINDS))
+    job = trace_figures.Job(run, out or run / "figures", _tell, warn, _kinds(only, rewarded))
     for path in trace_figures.draw(chosen, job):
         typer.echo(path)
 
@@ -74,15 +76,15 @@ def _known(text: str | None, known: set[Choice], kind: str, run: Path) -> set[Ch
     return chosen
 
 
-def _kinds(text: str | None, known: Sequence[str]) -> Sequence[str]:
-    """The kinds of figures that a comma list names; all where there is no list."""
-    if text is None:
-        return known
-    chosen = [item.strip() for item in text.split(",")]
+def _kinds(text: str | None, rewarded: bool) -> Sequence[str]:
+    """The kinds of figures that a comma list names, the usual ones where there is no list, and what is wanted too."""
+    from stlbench.report.figures.trace_figures import KINDS, USUAL
+
+    chosen = list(USUAL) if text is None else [item.strip() for item in text.split(",")]
     for kind in chosen:
-        if kind not in known:
-            raise UsageError(f"no kind of figure '{kind}'{did_you_mean(kind, known)}")
-    return chosen
+        if kind not in KINDS:
+            raise UsageError(f"no kind of figure '{kind}'{did_you_mean(kind, KINDS)}")
+    return [*chosen, *(["rewarded"] if rewarded else [])]
 
 
 def _tell(line: str) -> None:

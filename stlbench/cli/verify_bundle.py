@@ -22,7 +22,7 @@ def verify_bundle(path: Path, rescore: bool, as_json: bool) -> None:
     from stlbench.sharing.rescored import rescore as score
 
     found = check(path)
-    scored = list(_shown(score(path), as_json)) if rescore and not found.problems else []
+    scored = list(_shown(score(path), found.policies, as_json)) if rescore and not found.problems else []
     if as_json:
         print_json({"whole": not found.problems, **found._asdict(), "rescored": [_facts(each) for each in scored]})
     else:
@@ -31,11 +31,12 @@ def verify_bundle(path: Path, rescore: bool, as_json: bool) -> None:
         raise typer.Exit(1)
 
 
-def _shown(scored: Iterable[Rescored], quiet: bool) -> Iterable[Rescored]:
+def _shown(scored: Iterable[Rescored], count: int, quiet: bool) -> Iterable[Rescored]:
     """Each as it comes, as a policy may take seconds."""
     for number, each in enumerate(scored, 1):
         if not quiet:
-            typer.echo(f"[{number}] {each.cell.name}: {each.verdict}{f', {each.why}' if each.why else ''}", err=True)
+            why = f", {each.why}" if each.why else ""
+            typer.echo(f"[{number}/{count}] {each.cell.name}: {each.verdict}{why}", err=True)
         yield each
 
 
@@ -45,7 +46,8 @@ def _say(path: Path, found: Checked, scored: list[Rescored]) -> None:
     for problem in found.problems:
         typer.echo(problem)
     verdict = "not what it says" if found.problems else "every file as it was packed"
-    typer.echo(f"{path}: {found.cells} cells, policies of {found.policies}: {verdict}")
+    counts = f"{found.cells} cells, policies of {found.policies}" if found.cells else "its results were not read"
+    typer.echo(f"{path}: {counts}: {verdict}")
     if scored:
         to_screen(_table(scored), console())
 

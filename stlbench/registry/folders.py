@@ -120,6 +120,9 @@ def _check(path: Path, folder: Path) -> None:
         raise UsageError(f"{path}: there is no such folder; a task is a folder with {_FILE}, and often {_MODULE}.py")
     if not NAME.fullmatch(folder.name):
         raise UsageError(f"{path}: the folder's name is the task's, and consists of a-z, 0-9 and -, as in my-task")
+    if not (folder / _FILE).is_file() and (folder / "pyproject.toml").is_file():
+        hint = f"`pip install -e {path}`, and name its plugin without a path"
+        raise UsageError(f"{path}: there is no {_FILE}, but a pyproject.toml, so it is to be installed: {hint}")
     if not (folder / _FILE).is_file():
         raise UsageError(f"{path}: there is no {_FILE}; a task is a folder with {_FILE}, and often {_MODULE}.py")
 

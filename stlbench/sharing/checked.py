@@ -39,6 +39,7 @@ class Checked(NamedTuple):
     """What was found."""
 
     cells: int
+    """0 where its results cannot be read."""
     policies: int
     """Cells that have policies in the bundle."""
     problems: tuple[str, ...]
@@ -49,6 +50,8 @@ def check(path: Path, largest: int | None = None) -> Checked:
     """Check a bundle, which may have so many bytes unpacked. Raises `UsageError` where it is none at all."""
     with unpacked(path, largest) as (folder, problems):
         found = list(problems)
+        if problems and not (folder / stored.LINES).is_file():
+            return Checked(0, 0, problems)
         try:
             results = tuple(results_in(folder))
         except UsageError as error:

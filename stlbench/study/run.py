@@ -60,11 +60,14 @@ def build_executor(choice: Choice | str = "local", jobs: int | None = None, memo
     Raises:
         UsageError: there is no such executor, it cannot run here, or a parameter is wrong.
     """
-    chosen = executor_of(choice)
+    said = chosen = executor_of(choice)
     if memory is not None:
-        chosen = Choice(chosen.name, tuple({"memory": memory, **dict(chosen.parameters)}.items()))
-    with _refusals():
-        return cast(Executor, plugins.build("executors", chosen, defaults={} if jobs is None else {"jobs": jobs}))
+        chosen = Choice(said.name, tuple({"memory": memory, **dict(said.parameters)}.items()))
+    try:
+        with _refusals():
+            return cast(Executor, plugins.build("executors", chosen, defaults={} if jobs is None else {"jobs": jobs}))
+    except UsageError as error:
+        raise UsageError(str(error).replace(str(chosen), str(said))) from error  # by the name that the user gave it
 
 
 @contextmanager

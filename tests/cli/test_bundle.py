@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 from helpers.bundles import changed
@@ -53,7 +54,7 @@ def test_verify_scores_a_bundle_again(say, recorded) -> None:
     assert done.exit_code == 0
     assert done.stdout.startswith("mine.zip: 2 cells, policies of 2: every file as it was packed\n")
     assert done.stdout.count("as recorded") == 2
-    assert done.stderr.splitlines()[0] == "[1] toy-line/toy-raw/toy-agent/0: as recorded"
+    assert done.stderr.splitlines()[0] == "[1/2] toy-line/toy-raw/toy-agent/0: as recorded"
     said = json.loads(say("verify", "mine.zip", "--rescore", "--json").stdout)
     assert (said["whole"], [each["verdict"] for each in said["rescored"]]) == (True, ["as recorded"] * 2)
     assert said["rescored"][0]["recorded"] == said["rescored"][0]["found"]
@@ -67,6 +68,21 @@ def test_verify_names_what_is_wrong_with_a_bundle(say, recorded) -> None:
     assert done.exit_code == 1
     assert done.stdout.startswith("report.md: 6 bytes, and ro-crate-metadata.json says ")
     assert done.stdout.endswith("other.zip: 2 cells, policies of 2: not what it says\n")
+
+
+def test_verify_of_a_bundle_whose_results_were_changed_says_no_more_than_that(say, recorded) -> None:
+    say("bundle", "results", "mine.zip")
+    with ZipFile("mine.zip") as archive:
+        lines = archive.read("cells.jsonl")
+    changed(Path("mine.zip"), Path("other.zip"), {"cells.jsonl": lines.replace(b"0", b"1", 1)})
+    done = say("verify", "other.zip")
+    assert (done.exit_code, done.stdout.splitlines()) == (
+        1,
+        [
+            "cells.jsonl: its content is another than when it was packed",
+            "other.zip: its results were not read: not what it says",
+        ],
+    )
 
 
 def test_options_that_do_not_fit_are_one_line(say, recorded) -> None:

@@ -75,6 +75,17 @@ def test_its_annotations_hold(made: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_a_readme_begins_with_the_right_article(made: Path) -> None:
+    firsts = [(made / f"zz-{kind}" / "README.md").read_text().splitlines()[2].split(" for ")[0] for kind in KINDS]
+    assert firsts == ["A method", "A task", "An agent"]
+
+
+def test_what_is_to_be_installed_is_no_folder_of_a_task(made: Path) -> None:
+    done = CliRunner().invoke(app, ["check", str(made / "zz-task")])
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+    assert f"`pip install -e {made / 'zz-task'}`" in done.stderr
+
+
 def test_the_workflow_runs_all_checks_on_all_versions(made: Path) -> None:
     (job,) = yaml.safe_load((made / "zz-task" / ".github" / "workflows" / "test.yml").read_text())["jobs"].values()
     assert job["strategy"]["matrix"]["python"] == ["3.11", "3.12", "3.13"]
@@ -98,7 +109,7 @@ def test_nothing_is_overwritten(made: Path) -> None:
         ("task", "../x", "'../x': a name begins with a-z and has a-z and 0-9, with single - between them"),
         ("agent", "a--b", "'a--b': a name begins with a-z"),
         ("agent", "3d", "'3d': a name begins with a-z"),
-        ("executor", "x", "Invalid value for 'KIND'"),
+        ("executor", "x", "Invalid value for 'KIND': 'executor' is not one of 'method', 'task', 'agent'."),
     ],
 )
 def test_a_bad_name_is_one_line(tmp_path: Path, kind: str, name: str, said: str) -> None:

@@ -52,10 +52,10 @@ def test_plot_draws_the_rewarded_form_where_it_is_asked_for(run, say, toy):
     content = yaml.safe_load(task.read_text())
     task.write_text(yaml.safe_dump(content | {"rewarded": "G[0,4] 2 * x <= 2"}, sort_keys=False))
     run("toy-raw")
-    written = say("plot", "results", "--out", "pictures", "--rewarded").stdout.splitlines()
-    assert {f"pictures/rewarded-toy-line-toy-raw-toy-agent-quick.{end}" for end in ("png", "svg", "pdf")} <= set(
-        written
-    )
+    form = {f"pictures/rewarded-toy-line-toy-raw-toy-agent-quick.{end}" for end in ("png", "svg", "pdf")}
+    written = {*say("plot", "results", "--out", "pictures", "--rewarded").stdout.splitlines()}
+    assert form < written
+    assert {*say("plot", "results", "--out", "pictures", "--only", "rewarded").stdout.splitlines()} == form
 
 
 def test_plot_draws_only_the_kinds_that_are_named(run, say):

@@ -30,12 +30,15 @@ from stlbench.rollout.traces import Recording, gather, load
 from stlbench.study.asked import loaded
 from stlbench.task.task import Task
 
-__all__ = ["KINDS", "Job", "draw"]
+__all__ = ["KINDS", "USUAL", "Job", "draw"]
 
 Tell = Callable[[str], None]
 
-KINDS = ("learning", "overview", "planned", "time", "trajectories")
-"""The kinds of figures, with which their files' names begin."""
+USUAL = ("learning", "overview", "planned", "time", "trajectories")
+"""The kinds of figures that are drawn where none is named."""
+KINDS = (*USUAL, "rewarded")
+"""All kinds, with which their files' names begin. The last is robustness against time in the form that methods see, for
+tasks that have one."""
 _FORMULA = "the formula itself"
 
 
@@ -51,9 +54,7 @@ class Job:
     """Is told of each group that is drawn."""
     warn: Tell
     """Is told what could not be drawn, and why."""
-    rewarded: bool = False
-    """Also draw robustness against time in the form that methods see, for tasks that have one."""
-    only: Collection[str] = KINDS
+    only: Collection[str] = USUAL
     """Which of KINDS are drawn."""
 
 
@@ -137,7 +138,7 @@ def _traces(task: Task | None, results: Sequence[Result], job: Job) -> Recording
 
 def _bands(task: Task | None, groups: Sequence[Group], job: Job) -> Mapping[Choice, Sequence[Band]]:
     """The bounds of each method; none are asked for where none are drawn."""
-    if task is None or "time" not in job.only:
+    if task is None or not {"time", "rewarded"} & {*job.only}:
         return {}
     return bands_of(task.choice, (each.setting.method for each in groups))
 
@@ -146,22 +147,21 @@ def _draw_group(
     task: Task, setting: Setting, recording: Recording, bounds: Mapping[Choice, Sequence[Band]], job: Job
 ) -> list[Path]:
     """The figures of one method on one task."""
-    if not {"time", "trajectories"} & {*job.only}:
-        return []
     track = () if setting.track == "shared" else (setting.track,)
     title = f"{setting.task}, {setting.method} ({', '.join((str(setting.agent), setting.budget, *track))})"
     bands = bounds.get(setting.method, ())
-    figures: dict[str, Figure | None] = {
-        "time": robustness_in_time(task, recording, bands, title),
-        "trajectories": trajectories(task, recording, title),
-    }
-    if job.rewarded and task.file.rewarded is not None:
+    figures = dict[str, Figure | None]()
+    if "time" in job.only:
+        figures["time"] = robustness_in_time(task, recording, bands, title)
+    if "trajectories" in job.only:
+        figures["trajectories"] = trajectories(task, recording, title)
+    if "rewarded" in job.only and task.file.rewarded is not None:
         figures["rewarded"] = robustness_in_time(task, recording, bands, title, rewarded=True)
     parts = (str(setting.task), str(setting.method), str(setting.agent), setting.budget, *track)
     return [
         path
         for kind, figure in figures.items()
-        if figure is not None and ("time" if kind == "rewarded" else kind) in job.only
+        if figure is not None
         for path in save(figure, job.out, file_name(kind, *parts))
     ]
 

@@ -31,10 +31,8 @@ class Run:
         np.savez(path, traces=np.stack([traces] * len(task.signals), axis=-1), signals=task.signals)
         return result
 
-    def draw(self, *results, rewarded=False):
-        job = trace_figures.Job(
-            self.folder, self.folder / "out", self.told.append, self.warnings.append, rewarded=rewarded
-        )
+    def draw(self, *results, kinds=trace_figures.USUAL):
+        job = trace_figures.Job(self.folder, self.folder / "out", self.told.append, self.warnings.append, kinds)
         paths = trace_figures.draw(results, job)
         assert all(path.stat().st_size > 1000 for path in paths)
         return {path.name for path in paths}
@@ -88,7 +86,7 @@ def test_a_seed_without_traces_is_said_and_the_others_are_drawn(run):
 
 def test_the_rewarded_form_is_drawn_where_it_is_asked_for_and_a_task_has_one(run):
     cells = [run.save(synthetic_results.result(task=task)) for task in ("cartpole", "hold-disc")]
-    names = run.draw(*cells, rewarded=True)
+    names = run.draw(*cells, kinds=trace_figures.KINDS)
     form = files("rewarded-cartpole-funnel-dqn-quick")
     assert {name for name in names if name.startswith("rewarded")} == form
     assert files("time-cartpole-funnel-dqn-quick") <= names
