@@ -68,23 +68,13 @@ def file_of_study(folder: Path) -> None:
     (folder / "study.yaml").write_text(text.partition("```yaml\n")[2].partition("```")[0])
 
 
-def log(folder: Path) -> None:
-    """The log of howto/log.md, installed."""
-    titled("howto/log.md", folder)
-    _distribution(folder, "docs-log", "[stlbench.logs]\nlines = my_logs.lines:Lines\n")
-
-
 def example(folder: Path) -> None:
     """The distribution `plugins/example`, installed."""
     (folder / "stlbench_example").symlink_to(ROOT / "plugins/example/src/stlbench_example")
-    _distribution(folder, "docs-verdict", "[stlbench.methods]\nverdict = stlbench_example.verdict:Verdict\n")
-
-
-def _distribution(folder: Path, name: str, entries: str) -> None:
-    info = folder / f"{name.replace('-', '_')}-1.0.dist-info"
+    info = folder / "docs_verdict-1.0.dist-info"
     info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(entries)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: docs-verdict\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[stlbench.methods]\nverdict = stlbench_example.verdict:Verdict\n")
 
 
 def traces(path: Path, task: str) -> None:

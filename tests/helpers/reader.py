@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 from stlbench.cli import app
 from stlbench.contract import Outcome, cause
 from stlbench.registry import plugins
+from stlbench.report.film import film
 from stlbench.study import study
 from stlbench.task import task
 from stlbench.task.file import Budget, TaskFile
@@ -121,13 +122,14 @@ def shell(words: Sequence[str]) -> Typed:
 
 
 def in_small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every budget is of a few steps, a number of seeds is two at most, `local` runs cells in this process, and
-    figures are made and not drawn."""
+    """Every budget is of a few steps, a number of seeds is two at most, `local` runs cells in this process,
+    figures are made and not drawn, and films have a frame a second."""
     parse, varied = study.parse_seeds, task._varied
     monkeypatch.setattr(task, "_varied", lambda file, choice: _short(varied(file, choice)))
     monkeypatch.setattr(study, "parse_seeds", lambda text: parse(text)[:2] if text.isdecimal() else parse(text))
     monkeypatch.setattr(LocalExecutor, "run", _here)
     monkeypatch.setattr(Figure, "savefig", _blank)
+    monkeypatch.setattr(film, "FRAMES_A_SECOND", 1.0)
     monkeypatch.setitem(plugins._ADDED, "tasks", {})
     monkeypatch.setenv("COLUMNS", "220")
 
