@@ -28,7 +28,9 @@ def score(
     budget: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="Budget whose random starts count; of a cell, its budget.", show_default="quick"
+            metavar="NAME",
+            help="Budget whose random starts count; of a cell, its budget.",
+            show_default="the only one of the task's cells in DIR, else quick",
         ),
     ] = None,
     method: Annotated[
@@ -68,7 +70,7 @@ def score(
     if source.kind == "cell":
         _stored(choice, source, results, budget, which, as_json)
         return
-    result = _outside(choice, source, results, budget or "quick", method, on, name, seed)
+    result = _outside(choice, source, results, budget or _usual(results, choice), method, on, name, seed)
     _show(result, results, as_json)
 
 
@@ -89,6 +91,18 @@ def _stored(
         return
     typer.echo(f"{again.cell.name}, {which} policy, on {task}: {again.said}")
     to_screen(scores_table({"": again.scores}), console())
+
+
+def _usual(results: Path, task: Choice) -> str:
+    """The budget of the task's cells in a folder, so that a row is from their starts; `quick` without one budget."""
+    from stlbench.result import OUTSIDE
+    from stlbench.study import stored
+
+    if stored.locate(results) is None:
+        return "quick"
+    cells = (result.id for result in stored.read(results))
+    found = {cell.budget for cell in cells if cell.task == task and cell.track != OUTSIDE}
+    return found.pop() if len(found) == 1 else "quick"
 
 
 def _facts(again: Again, which: str, task: str) -> dict[str, Any]:
@@ -139,4 +153,8 @@ def _show(result: Result, results: Path, as_json: bool) -> None:
     to_screen(scores_table({"": result.measurement.selected}), console())
     groups = condense(each for each in stored.read(results) if each.id.task == result.id.task)
     to_screen(robustness_table(split(groups)[0], outside=outside(groups)), console())
+    counts = sorted({each.starts for group in groups for each in group.done if each.starts is not None})
+    if len(counts) > 1:
+        rule = "compare those from as many; --budget says which are counted"
+        typer.echo(f"The rows are from {', '.join(map(str, counts[:-1]))} or {counts[-1]} starts: {rule}")
     typer.echo(f"Recorded in {results}/; its tables change with `stlbench report`")

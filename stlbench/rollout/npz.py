@@ -50,7 +50,9 @@ def read(path: Path, prefix: str = "") -> dict[str, NDArray[Any]]:
         with np.load(path) as saved:
             found = {name: saved[name] for name in saved.files if name.startswith(prefix)}
     except Exception as error:  # damage lets zipfile and NumPy raise nearly anything, even a tokenize.TokenError
-        raise ValueError(cause(error)[:200]) from error
+        pickled = "pickle" in str(error)  # NumPy takes what it does not know for one
+        said = "it is no file of arrays (.npz), or has objects in it" if pickled else cause(error)[:200]
+        raise ValueError(said) from error
     for name, array in found.items():
         if not isinstance(array, np.ndarray):  # bytes, where NumPy does not know the beginning
             raise ValueError(f"'{name}' is no array")

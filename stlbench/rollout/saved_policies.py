@@ -10,7 +10,7 @@ import numpy as np
 
 from stlbench.contract import Arrays, Policy, StatePolicy
 from stlbench.errors import UsageError
-from stlbench.result import CellId, Result
+from stlbench.result import OUTSIDE, CellId, Result
 from stlbench.rollout import npz
 
 __all__ = ["FOLDER", "Which", "digest", "policy_file", "read", "save"]
@@ -57,6 +57,14 @@ def digest(arrays: Arrays) -> str:
     return found.hexdigest()
 
 
+def _why_none(result: Result) -> str:
+    if result.id.track == OUTSIDE:
+        source = result.provenance.get("source", "FILE")
+        how = f"falsify and certify take it as --task {result.id.task} {source}"
+        return f"it is from outside, and only its score is kept; {how}"
+    return "its agent keeps none, or an older stlbench trained it"
+
+
 def read(results: Path, result: Result, which: Which) -> Arrays:
     """The arrays of a cell's policy, as they were when it was recorded.
 
@@ -67,7 +75,7 @@ def read(results: Path, result: Result, which: Which) -> Arrays:
     if measured is None:
         raise UsageError(f"{name} has no policy: {': '.join(filter(None, (result.status, result.reason)))}")
     if measured.policies is None:
-        raise UsageError(f"{name} has no stored policy: its agent keeps none, or an older stlbench trained it")
+        raise UsageError(f"{name} has no stored policy: {_why_none(result)}")
     path, policies = policy_file(results, result.id, result.key), measured.policies
     there = "selected" if policies.selected == policies.final else which
     if not path.is_file():

@@ -120,6 +120,8 @@ class TestOutside:
         assert say("render", "results", "toy-line/unknown/home/0/outside", "--out", "films").exit_code == 0
         line = refused(say("render", "results", "toy-line/unknown/home/0/outside", "--start", "0.5"))
         assert "has no stored policy" in line
+        line = refused(say("falsify", "toy-line/unknown/home/0/outside"))
+        assert line.endswith("falsify and certify take it as --task toy-line zz_functions:home")
 
     def test_a_row_of_the_same_name_is_replaced(self, say, mine):
         say("score", "toy-line", "zz_functions:down", "--name", "mine")
@@ -131,6 +133,21 @@ class TestOutside:
         assert len(list(Path("results/traces").iterdir())) == 1
         assert say("results", "remove", "results", "*/outside", "--yes").exit_code == 0
         assert not list(Path("results/traces").iterdir())
+
+    def test_it_is_scored_from_the_starts_of_the_cells_beside_it(self, say, mine, toy):
+        path = toy / "toy_plugins/line/task.yaml"
+        smoke = "  smoke: {steps: 8, seeds: 1, deadline: 60, checkpoints: 2, random_starts: 5}\n"
+        path.write_text(path.read_text().replace("random_starts: 0", "random_starts: 3") + smoke)
+        done = say("score", "toy-line", "zz_functions:down", "--name", "alone", "--json")
+        assert json.loads(done.stdout)["measurement"]["selected"]["random"]["summary"]["starts"] == 3
+        assert say(*RUN, "--budget", "smoke").exit_code == 0
+        done = say("score", "toy-line", "zz_functions:down", "--name", "beside")
+        assert "The rows are from 3 or 5 starts: compare those from as many; --budget says which" in done.stdout
+        scored = Results.load("results").cell("toy-line/unknown/beside/0/outside").measurement
+        assert scored.selected["random"].starts == 5
+        assert say(*RUN).exit_code == 0  # now there are two budgets
+        again = json.loads(say("score", "toy-line", "zz_functions:down", "--name", "again", "--json").stdout)
+        assert again["measurement"]["selected"]["random"]["summary"]["starts"] == 3
 
     def test_while_a_run_writes_the_folder_it_is_refused(self, say, mine):
         with writing(Path("results")):
@@ -153,6 +170,10 @@ class TestOutside:
             (["nothing.zip"], "there is no file nothing.zip"),
             (["short.csv"], "short.csv has 2 rows; an episode of toy-line has 5, one at the start and one after each"),
             (["other.csv"], "other.csv has no signal 'x'"),
+            (
+                ["junk.npz"],
+                "cannot read junk.npz as traces of stlbench: it is no file of arrays (.npz), or has",
+            ),
             (["slow.csv"], "row 3 has time 1, 0.5 is expected with a sampling time of 0.5 s"),
             (["short.csv", "--on", "state"], "short.csv has traces, which are shown nothing"),
             (["zz_functions:down", "--name", "Mine"], "--name Mine: a name consists of a-z"),
@@ -164,6 +185,7 @@ class TestOutside:
     def test_bad_input_is_one_line_and_writes_nothing(self, say, mine, words, message):
         Path("short.csv").write_text("x\n0\n1\n")
         Path("other.csv").write_text("y\n0\n1\n0\n1\n0\n")
+        Path("junk.npz").write_text("what is no archive at all")
         Path("slow.csv").write_text("time,x\n0,0\n1,1\n2,0\n3,0\n4,1\n")
         assert message in refused(say("score", "toy-line", *words))
         assert not Path("results").exists()
