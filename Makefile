@@ -117,6 +117,8 @@ alignment: $(VENV)/ready-all
 ablation: $(VENV)/ready-all
 	$(BIN)/stlbench run studies/ablation.yaml
 	$(BIN)/stlbench export results/ablation --format jsonl
+	$(BIN)/stlbench run studies/overlap-ends.yaml
+	$(BIN)/stlbench export results/overlap-ends --format jsonl
 
 ## Every method on eight tasks, five seeds; the three cheapest also by a recipe for each method, 12 trials for each; and what
 ## each method asks for, by planning on a coarse grid. 2 hours of CPU time; goes on where it was interrupted. See

@@ -90,6 +90,13 @@ def without(part: str) -> Callable[[], str]:
     )
 
 
+def overlap_ends() -> str:
+    """One row per method: what is learned on `overlap` without ends, beside the whole recipe."""
+    whole, without = learned_by("shared"), recorded.table("overlap-ends", "robustness")
+    body = [[f"`{row['method']}`", entry(row), entry(whole["overlap", row["method"]])] for row in without]
+    return table(["method", "without ends", "the whole recipe"], body, right=0)
+
+
 def parameters() -> str:
     """One row per task and parameter of the agent: what is learned without it, beside the whole recipe, with raw."""
     body = [
@@ -233,6 +240,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "overlap": by_seed("overlap"),
         "arms": by_seed("fetch-reach", "cartpole", "ball-in-cup"),
     },
+    "docs/findings.md": {"overlap-ends": overlap_ends},
     "docs/performance.md": {"cost": cost},
     "docs/survey.md": {
         "survey1": lambda: whole(survey.of_tasks(survey.order()[0][:5])),
