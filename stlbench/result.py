@@ -1,41 +1,30 @@
-"""Which cell it is, and what it leaves behind: frozen values that go to the ledger as JSON and come back equal."""
+"""What a cell leaves behind: frozen values that go to the ledger as JSON and come back equal."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Annotated, Any, Literal, Self, cast, get_args
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, PlainSerializer, TypeAdapter
+from pydantic import ConfigDict, TypeAdapter
 
 from stlbench.contract_parts.texts import one_line, printable
-from stlbench.errors import UsageError, did_you_mean
-from stlbench.registry.choices import Choice, choice_of, parse_choice
+from stlbench.identity import IDENTITY, CellId
+from stlbench.status import Status
 
 __all__ = [
-    "ACCIDENTS",
-    "FAILED",
-    "IDENTITY",
     "MAIN",
-    "NOT_RUN",
-    "OUTSIDE",
     "RANDOM",
-    "CellId",
     "CurvePoint",
     "Measurement",
     "Planned",
     "Result",
     "Score",
-    "Setting",
-    "Status",
     "StoredPolicies",
     "Summary",
-    "Track",
-    "accidents_of",
-    "find_cell",
     "from_json",
     "plain_scores",
     "reported",
@@ -47,131 +36,6 @@ MAIN = "formula"
 
 RANDOM = "random"
 """Name of the protocol that budgets may ask for: the task's own formula, from many starts drawn at random."""
-
-Track = Literal["shared", "plain", "tuned", "outside"]
-"""By which rules a cell was trained. `shared`: by the task's one recipe for all methods. `plain`: on the state and the
-time alone, without any part of the task that is there to help, with the agent's defaults. `tuned`: by a recipe that was
-found for this method, with the same budget of tuning for each. `outside`: stlbench did not train it, and scored it."""
-
-OUTSIDE: Literal["outside"] = "outside"
-"""The track of what stlbench did not train (`stlbench score`): no comparison and no statistic has it."""
-
-Status = Literal["done", "raised", "timeout", "killed", "intractable", "unsuitable"]
-"""How a cell ended. `intractable` and `unsuitable` are findings about a method; the three before them are accidents."""
-
-NOT_RUN: Literal["not run"] = "not run"
-"""In tables, in the place of a status: the cell was planned and has no result."""
-
-ACCIDENTS: tuple[Status, ...] = ("raised", "timeout", "killed")
-"""What a retry may run again."""
-
-FAILED = "failed"
-"""The word for all of them."""
-
-
-def accidents_of(value: object) -> tuple[Status, ...]:
-    """Which accidents are to be tried again: a comma list or the words themselves, `failed` for all; True is all too.
-
-    Raises:
-        UsageError: one of them is no accident.
-    """
-    if value is None or isinstance(value, bool):
-        return ACCIDENTS if value else ()
-    words = value.split(",") if isinstance(value, str) else list(value) if isinstance(value, Iterable) else [value]
-    said = [str(word).strip() for word in words]
-    for word in said:
-        if word not in (*ACCIDENTS, FAILED):
-            raise UsageError(f"no failure '{word}'{did_you_mean(word, (*ACCIDENTS, FAILED))}")
-    return tuple(status for status in ACCIDENTS if status in said or FAILED in said)
-
-
-# --------------------------------------------------------------------------------------------------------- identity
-
-_Chosen = Annotated[Choice, BeforeValidator(choice_of), PlainSerializer(str)]
-"""A choice, which JSON and tables write as its text."""
-
-
-@dataclass(frozen=True, order=True)
-class Setting:
-    """What cells have in common that differ in nothing but the seed. Comparisons are made between settings."""
-
-    task: _Chosen
-    method: _Chosen
-    agent: _Chosen
-    budget: str
-    track: Track = "shared"
-
-    @property
-    def name(self) -> str:
-        """For people: hold-disc/funnel/dqn, without the budget; with the track where it is not `shared`."""
-        return _joined(self.task, self.method, self.agent, track=self.track)
-
-
-@dataclass(frozen=True, order=True)
-class CellId:
-    """Which cell: the one identity that plans, results, tables and the gate share."""
-
-    task: _Chosen
-    """The task, or an ablation of it: overlap[without=cuts]."""
-    method: _Chosen
-    """With the parameters that the user set: funnel[ginf=0.02,variant=code]."""
-    agent: _Chosen
-    seed: int
-    budget: str
-    track: Track = "shared"
-
-    @classmethod
-    def parse(cls, name: str, budget: str) -> Self:
-        """The inverse of `name`, which does not say the budget. Raises `UsageError`."""
-        parts = name.split("/")
-        track = parts.pop() if len(parts) == 5 and parts[4] in get_args(Track) else "shared"
-        if len(parts) != 4 or not (parts[3].isascii() and parts[3].isdigit()):
-            raise UsageError(
-                f"'{name}' names no cell; a name is task/method/agent/seed, as in hold-disc/funnel/dqn/0, "
-                "and on another track than shared task/method/agent/seed/track"
-            )
-        task, method, agent = map(parse_choice, parts[:3])
-        return cls(task, method, agent, int(parts[3]), budget, cast(Track, track))
-
-    @property
-    def name(self) -> str:
-        """For people, and in the names of files: hold-disc/funnel/dqn/0. Budgets share it; tracks other than `shared`
-        are at its end."""
-        return _joined(self.task, self.method, self.agent, self.seed, track=self.track)
-
-    @property
-    def setting(self) -> Setting:
-        """All but the seed."""
-        return Setting(self.task, self.method, self.agent, self.budget, self.track)
-
-
-def _joined(*parts: Choice | int, track: Track) -> str:
-    return "/".join([*map(str, parts), *([] if track == "shared" else [track])])
-
-
-IDENTITY = tuple(part.name for part in fields(CellId))
-"""The names of the parts, which are columns of every table of cells."""
-
-
-def find_cell(cells: Iterable[CellId], name: str, budget: str | None = None) -> CellId:
-    """The one of the cells that a user names.
-
-    Raises:
-        UsageError: there is none of that name and budget, or several budgets and none is named.
-    """
-    known = list(cells)
-    canonical = CellId.parse(name, budget or "").name
-    budgets = {cell.budget: cell for cell in known if cell.name == canonical}
-    if not budgets:
-        raise UsageError(f"there is no cell '{name}'{did_you_mean(canonical, {cell.name for cell in known})}")
-    if budget is None and len(budgets) > 1:
-        raise UsageError(f"{name} has the budgets {', '.join(sorted(budgets))}; say which")
-    if budget is not None and budget not in budgets:
-        raise UsageError(f"{name} has no budget '{budget}'{did_you_mean(budget, budgets)}")
-    return budgets[budget] if budget is not None else next(iter(budgets.values()))
-
-
-# ----------------------------------------------------------------------------------------------------------- result
 
 
 @dataclass(frozen=True)

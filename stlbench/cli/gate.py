@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from stlbench import contract
     from stlbench.gate.snapshot import Snapshot
-    from stlbench.result import CellId
+    from stlbench.identity import CellId
     from stlbench.study.cell import Cell
 
 SEEDS = "10"
@@ -129,7 +129,7 @@ def _judge(base: tuple[str, Snapshot], new: tuple[str, Snapshot], folder: Path, 
 def _update(reference: Path, snapshot: Snapshot, as_json: bool) -> None:
     """Write the reference, unless a cell ended by accident."""
     from stlbench.gate import files
-    from stlbench.result import ACCIDENTS
+    from stlbench.status import ACCIDENTS
 
     failed = [sample for sample in snapshot.samples.values() if sample.status in ACCIDENTS]
     if failed:

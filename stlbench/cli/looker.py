@@ -13,7 +13,8 @@ from typing import NamedTuple
 from stlbench.cli.live import MOST, line_of
 from stlbench.cli.pace import LATEST, Ended, Pace, reward_of, unfit
 from stlbench.errors import UsageError
-from stlbench.result import CellId, Result
+from stlbench.identity import CellId
+from stlbench.result import Result
 from stlbench.study import lock, stored
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.outlook import Took

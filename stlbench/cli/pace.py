@@ -9,8 +9,9 @@ from statistics import fmean
 from typing import NamedTuple
 
 from stlbench.cli.live import duration
+from stlbench.identity import CellId, Setting
 from stlbench.registry.choices import Choice
-from stlbench.result import CellId, Result, Setting
+from stlbench.result import Result
 from stlbench.study.outlook import Begun, Took, time_left
 from stlbench.study.running import Running
 

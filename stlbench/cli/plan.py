@@ -15,8 +15,8 @@ from stlbench.cli.run import interruptible, report_cells
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from stlbench.identity import CellId
     from stlbench.registry.choices import Choice
-    from stlbench.result import CellId
 
 
 def plan(
@@ -65,7 +65,7 @@ def plan(
     """
     from stlbench.cli.progress import Progress
     from stlbench.registry.folders import task_of
-    from stlbench.result import accidents_of
+    from stlbench.status import accidents_of
     from stlbench.study.alignment import parse_settings, plan_alignment
     from stlbench.study.run import build_executor, run_cells
 

@@ -18,8 +18,10 @@ from rich.text import Text
 
 from stlbench.cli.live import MOST, Sight, draws, line_of
 from stlbench.cli.pace import LATEST, Ended, Pace, reward_of, unfit
+from stlbench.identity import CellId
 from stlbench.registry.choices import Choice
-from stlbench.result import ACCIDENTS, CellId, Result, reported
+from stlbench.result import Result, reported
+from stlbench.status import ACCIDENTS
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from stlbench.cli.common import print_json
 from stlbench.cli.report import standards_of
 from stlbench.errors import UsageError
-from stlbench.result import NOT_RUN
+from stlbench.status import NOT_RUN
 
 __all__ = ["report_page"]
 

@@ -16,7 +16,7 @@ from stlbench.cli.report import show_report
 from stlbench.errors import UsageError, is_disk_full
 
 if TYPE_CHECKING:
-    from stlbench.result import CellId
+    from stlbench.identity import CellId
     from stlbench.study.cell import Cell
 
 
@@ -181,7 +181,7 @@ def _recorded(cells: Sequence[Cell], folder: Path) -> str:
 def report_cells(cells: Container[CellId], folder: Path) -> None:
     """Write the tables of all cells in the folder and show those of some; exit with code 1 if one had an accident."""
     from stlbench.report import condense, only
-    from stlbench.result import ACCIDENTS
+    from stlbench.status import ACCIDENTS
     from stlbench.study import stored
 
     recorded = condense(stored.read(folder), stored.missing(folder))

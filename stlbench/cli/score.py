@@ -95,7 +95,7 @@ def _stored(
 
 def _usual(results: Path, task: Choice) -> str:
     """The budget of the task's cells in a folder, so that a row is from their starts; `quick` without one budget."""
-    from stlbench.result import OUTSIDE
+    from stlbench.identity import OUTSIDE
     from stlbench.study import stored
 
     if stored.locate(results) is None:

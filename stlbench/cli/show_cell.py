@@ -30,9 +30,9 @@ def cell(
       stlbench show cell hold-disc/funnel/dqn/0
       stlbench show cell "overlap[without=cuts]/funnel/dqn/1" results/ablation --json
     """
+    from stlbench.identity import OUTSIDE
     from stlbench.report import to_screen
     from stlbench.report.tables.cell import cost_table, scores_table
-    from stlbench.result import OUTSIDE
     from stlbench.study.logs import log_file
     from stlbench.study.results import Results
 
@@ -66,7 +66,7 @@ def facts(result: Result, log: Path) -> dict[str, Any]:
 
 def _lines(result: Result, log: Path) -> list[str]:
     """What is recorded; of a cell that failed also the end of its log."""
-    from stlbench.result import ACCIDENTS
+    from stlbench.status import ACCIDENTS
     from stlbench.study.logs import end_of
 
     parts = {

@@ -15,8 +15,9 @@ from stlbench.cli.run import interruptible
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from stlbench.identity import CellId
     from stlbench.report import Table
-    from stlbench.result import CellId, Result
+    from stlbench.result import Result
     from stlbench.study.cell import Cell
     from stlbench.study.study import Study
     from stlbench.study.tuning import Entrant

@@ -11,7 +11,8 @@ from stlbench.cli.live import duration
 from stlbench.cli.looker import Looker, View
 from stlbench.errors import UsageError
 from stlbench.report.page.now import Cell, Ended, policy, rendered, require
-from stlbench.result import ACCIDENTS, Result, reported
+from stlbench.result import Result, reported
+from stlbench.status import ACCIDENTS
 from stlbench.study.running import Running
 
 __all__ = ["handler", "page_of", "serve"]

@@ -19,8 +19,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from stlbench.errors import UsageError
 from stlbench.gate.snapshot import Sample, Snapshot, gather
-from stlbench.result import IDENTITY, NOT_RUN, OUTSIDE, CellId
+from stlbench.identity import IDENTITY, OUTSIDE, CellId
 from stlbench.sharing.checked import unpacked
+from stlbench.status import NOT_RUN
 from stlbench.study import stored
 from stlbench.study.ledger import FILE
 from stlbench.study.schema import is_sqlite

@@ -24,8 +24,9 @@ from scipy import special
 
 from stlbench.gate.metrics import METRICS, Metric
 from stlbench.gate.snapshot import Pair, Sample
+from stlbench.identity import CellId, Setting
 from stlbench.report.statistics.holm import holm
-from stlbench.result import ACCIDENTS, CellId, Setting
+from stlbench.status import ACCIDENTS
 
 __all__ = ["EXIT", "Comparison", "Finding", "Judgement", "Verdict", "judge"]
 

@@ -15,7 +15,7 @@ from stlbench.gate.stamped_ledger import StampedLedger
 from stlbench.gate.trial import run_cell
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import fingerprint
-from stlbench.result import ACCIDENTS
+from stlbench.status import ACCIDENTS
 from stlbench.study.cell import Cell
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.plan import plan_cells

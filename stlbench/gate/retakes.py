@@ -8,7 +8,7 @@ from dataclasses import replace
 from stlbench.gate.judge import judge
 from stlbench.gate.metrics import METRICS
 from stlbench.gate.snapshot import Sample, Snapshot, pair
-from stlbench.result import CellId
+from stlbench.identity import CellId
 
 __all__ = ["RETAKES", "middle", "settle"]
 

@@ -6,7 +6,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from stlbench.gate.calibration import CALIBRATIONS
-from stlbench.result import OUTSIDE, CellId, Result, Status, reported
+from stlbench.identity import OUTSIDE, CellId
+from stlbench.result import Result, reported
+from stlbench.status import Status
 from stlbench.study.provenance import CODE, TASK_FOLDER
 
 __all__ = ["Pair", "Sample", "Snapshot", "gather", "pair", "sample"]

@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from stlbench.gate.calibration import CALIBRATIONS
-from stlbench.result import Result, Status
+from stlbench.result import Result
+from stlbench.status import Status
 from stlbench.study.ledger import Ledger
 
 __all__ = ["StampedLedger"]

@@ -9,7 +9,8 @@ from pathlib import Path
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from stlbench.errors import UsageError
-from stlbench.result import CellId, Status
+from stlbench.identity import CellId
+from stlbench.status import Status
 
 __all__ = ["FILE", "Entry", "Numbers", "Refused", "Scored", "Scores", "read", "write"]
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from stlbench.result import OUTSIDE, Result, Setting
+from stlbench.identity import OUTSIDE, Setting
+from stlbench.result import Result
 from stlbench.sharing.crate import About
 
 __all__ = ["FIRST_SEED", "LEAST_SEEDS", "NOT_REPORTED", "broken"]

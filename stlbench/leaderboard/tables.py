@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stlbench.identity import Setting
 from stlbench.leaderboard.entry import Entry, Scored, Scores
 from stlbench.report import Column, Table, Value
 from stlbench.report.statistics.differences import Pair, differences
 from stlbench.report.statistics.intervals import Interval, interval, iqm, share_interval
 from stlbench.report.tables.rows import LEARNED
 from stlbench.report.tables.table import Seeds
-from stlbench.result import Setting
 
 __all__ = ["bundles", "in_markup", "results"]
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from stlbench.identity import CellId
 from stlbench.registry.choices import Choice
-from stlbench.result import CellId, Result, Score
+from stlbench.result import Result, Score
 from stlbench.rollout.referee import Referee
 from stlbench.rollout.saved_policies import Which
 from stlbench.study.kept import load_policy

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stlbench.errors import UsageError
+from stlbench.identity import OUTSIDE, CellId
 from stlbench.outside.scoring import UNKNOWN, Scored, Shown, score
 from stlbench.outside.source import Source
 from stlbench.registry import folders
 from stlbench.registry.choices import NAME, Choice
-from stlbench.result import OUTSIDE, CellId, Result
+from stlbench.result import Result
 from stlbench.rollout import saved_traces
 from stlbench.rollout.referee import Assessment
 from stlbench.study import stored, upkeep

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stlbench.errors import UsageError
+from stlbench.identity import CellId
 from stlbench.report.tables.across import aggregates_table, fields, improvement_table
 from stlbench.report.tables.alignment import Aligned, align, alignment_table
 from stlbench.report.tables.cells import cells_table, unfinished_table
@@ -22,7 +23,7 @@ from stlbench.report.tables.rows import Group, Row, group, missing_row, row
 from stlbench.report.tables.summary import summary
 from stlbench.report.tables.table import Column, Table, Value, show
 from stlbench.report.tables.times import time_table
-from stlbench.result import CellId, Result
+from stlbench.result import Result
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard

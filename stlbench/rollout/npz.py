@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract_parts.texts import cause
-from stlbench.result import CellId
+from stlbench.identity import CellId
 
 __all__ = ["cell_file", "read", "unpacked_size", "write"]
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from stlbench.contract import Arrays, Policy, StatePolicy
 from stlbench.errors import UsageError
-from stlbench.result import OUTSIDE, CellId, Result
+from stlbench.identity import OUTSIDE, CellId
+from stlbench.result import Result
 from stlbench.rollout import npz
 
 __all__ = ["FOLDER", "Which", "digest", "policy_file", "read", "save"]

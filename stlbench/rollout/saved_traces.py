@@ -10,7 +10,8 @@ import numpy as np
 from stlbench.contract import Array, Integers
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
-from stlbench.result import MAIN, CellId, Result
+from stlbench.identity import CellId
+from stlbench.result import MAIN, Result
 from stlbench.rollout import npz
 from stlbench.rollout.referee import Assessment
 

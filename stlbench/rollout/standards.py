@@ -8,8 +8,9 @@ from typing import Literal
 
 from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError
+from stlbench.identity import Setting, Track
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.result import Score, Setting, Track
+from stlbench.result import Score
 from stlbench.rollout import controller
 from stlbench.rollout.questions import Ask, answers, ask_here
 from stlbench.task import build_method, load_task

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stlbench.errors import UsageError
+from stlbench.identity import CellId
 from stlbench.outside.again import ScoreAgain
-from stlbench.result import CellId, Result, Score
+from stlbench.result import Result, Score
 from stlbench.rollout.questions import Unanswered
 from stlbench.sharing.checked import results_in, unpacked
 from stlbench.study.asked import LONG, ask

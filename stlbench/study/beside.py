@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from stlbench.result import CellId
+from stlbench.identity import CellId
 from stlbench.rollout.saved_policies import policy_file
 from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study.logs import log_file

@@ -8,8 +8,9 @@ from typing import NamedTuple, cast
 from stlbench.contract import Agent, Arrays, Intractable, Policy, RewardMethod, Unsuitable
 from stlbench.contract_parts.texts import cause
 from stlbench.errors import UsageError
+from stlbench.identity import CellId
 from stlbench.registry import plugins
-from stlbench.result import CellId, Result, StoredPolicies
+from stlbench.result import Result, StoredPolicies
 from stlbench.rollout.cost import observation_size
 from stlbench.rollout.saved_policies import Which, read
 from stlbench.study.tracks import Recipe, on_track

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from stlbench.errors import UsageError
-from stlbench.result import ACCIDENTS, IDENTITY, CellId, Result, Status
+from stlbench.identity import IDENTITY, CellId
+from stlbench.result import Result
+from stlbench.status import ACCIDENTS, Status
 from stlbench.study.records import LedgerWarning, Records
 from stlbench.study.rows import Row, texts, values
 from stlbench.study.schema import open_to_write

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from stlbench.contract_parts.texts import printable
-from stlbench.result import CellId
+from stlbench.identity import CellId
 from stlbench.rollout import npz
 from stlbench.study.cell import Cell
 

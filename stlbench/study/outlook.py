@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from statistics import fmean
 from typing import NamedTuple
 
-from stlbench.result import CellId, Setting
+from stlbench.identity import CellId, Setting
 
 __all__ = ["Begun", "Took", "time_left"]
 

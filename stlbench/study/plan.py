@@ -11,10 +11,10 @@ from typing import Any
 from stlbench.contract import Unsuitable, cause
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
+from stlbench.identity import CellId, Track
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import Code
-from stlbench.result import CellId, Track
 from stlbench.study import keys
 from stlbench.study.cell import Cell
 from stlbench.study.tracks import Recipe, Recipes, on_track

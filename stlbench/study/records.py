@@ -13,7 +13,8 @@ from typing import Any, NamedTuple, Self
 
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
-from stlbench.result import IDENTITY, CellId, Result
+from stlbench.identity import IDENTITY, CellId
+from stlbench.result import Result
 from stlbench.study.rows import LISTED, Row, cell_of, result_of, texts
 from stlbench.study.salvage import salvage
 from stlbench.study.schema import is_sqlite, open_to_read

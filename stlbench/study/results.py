@@ -8,9 +8,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from stlbench.result import ACCIDENTS, IDENTITY, NOT_RUN, CellId, Measurement, Result, Score, find_cell
+from stlbench.identity import IDENTITY, CellId, find_cell
+from stlbench.result import Measurement, Result, Score
 from stlbench.rollout.saved_policies import Which
 from stlbench.rollout.saved_traces import SavedTraces, read_cell
+from stlbench.status import ACCIDENTS, NOT_RUN
 from stlbench.study import stored
 
 if TYPE_CHECKING:

@@ -10,8 +10,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, Self, cast, get_args
 
+from stlbench.identity import IDENTITY, CellId, Track
 from stlbench.registry.choices import parse_choice
-from stlbench.result import IDENTITY, CellId, Result, Status, Track, from_json, reported, to_json
+from stlbench.result import Result, from_json, reported, to_json
+from stlbench.status import Status
 from stlbench.study.beside import files_beside
 
 __all__ = ["LISTED", "Row", "checksum_of", "checksums_beside", "result_of", "texts", "values"]

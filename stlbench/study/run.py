@@ -11,9 +11,11 @@ from typing import Protocol, cast
 from stlbench.contract import Executor, Unsuitable, Work
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
+from stlbench.identity import CellId
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, executor_of
-from stlbench.result import CellId, Result, Status
+from stlbench.result import Result
+from stlbench.status import Status
 from stlbench.study import running, scheduler, trial
 from stlbench.study.cell import Cell
 from stlbench.study.ledger import FILE, Ledger
@@ -111,7 +113,7 @@ def run_study(
         agents: names; each task's own where left out.
         seeds: a number n for 0..n-1, or a list of seeds; as many as the budget says where left out.
         budget: how much training: `quick` where left out.
-        track: by which rules: `shared` where left out, `plain` or `tuned` (`stlbench.result.Track`).
+        track: by which rules: `shared` where left out, `plain` or `tuned` (`stlbench.identity.Track`).
         recipes: file of recipes of the track `tuned`, as `stlbench tune` writes it.
         jobs: cells at a time; where left out, as many as the executor thinks right, two for `local`.
         memory: the most that a cell's processes may take together, as in "4G"; the cells' share of nine tenths of the

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from stlbench.result import CellId
+from stlbench.identity import CellId
 
 __all__ = ["FOLDER", "Glance", "Notice", "Running", "announce", "clear", "ended", "running"]
 

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Self
 
 from stlbench.errors import UsageError
+from stlbench.identity import CellId
 from stlbench.registry import folders
-from stlbench.result import CellId, Result, from_json, to_json
+from stlbench.result import Result, from_json, to_json
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.provenance import TASK_FOLDER
 

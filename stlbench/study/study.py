@@ -13,7 +13,7 @@ from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import folders
 from stlbench.registry.choices import Choice, choice_of, executor_of, parse_choices, split
-from stlbench.result import Status, accidents_of
+from stlbench.status import Status, accidents_of
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
 from stlbench.study.tracks import read_recipes

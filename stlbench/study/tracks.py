@@ -12,8 +12,8 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
+from stlbench.identity import Track
 from stlbench.registry.choices import Choice
-from stlbench.result import Track
 from stlbench.task.entry import Count
 from stlbench.task.task import Task
 from stlbench.task.yaml_text import load_yaml

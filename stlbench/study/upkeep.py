@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean
-from stlbench.result import ACCIDENTS, CellId, Result, Status
+from stlbench.identity import CellId
+from stlbench.result import Result
+from stlbench.status import ACCIDENTS, Status
 from stlbench.study import stored
 from stlbench.study.beside import files_beside
 from stlbench.study.ledger import FILE, Ledger

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stlbench.errors import UsageError
-from stlbench.result import CellId, Result
+from stlbench.identity import CellId
+from stlbench.result import Result
 from stlbench.rollout import saved_policies, saved_traces
 from stlbench.study import stored
 from stlbench.study.beside import files_beside

@@ -9,7 +9,7 @@ from helpers.synthetic_results import result
 
 from stlbench.cli import pace
 from stlbench.cli.pace import Ended, Pace, reward_of, unfit
-from stlbench.result import CellId
+from stlbench.identity import CellId
 from stlbench.study.outlook import Took
 from stlbench.study.running import Running
 

@@ -12,7 +12,7 @@ from stlbench.cli import progress
 from stlbench.cli.live import sparkline
 from stlbench.cli.looker import Looker, View
 from stlbench.cli.progress import Progress
-from stlbench.result import CellId
+from stlbench.identity import CellId
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writer, writing
 from stlbench.study.running import announce

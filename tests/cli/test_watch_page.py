@@ -16,8 +16,8 @@ from helpers.synthetic_results import result
 
 from stlbench.cli.looker import Looker
 from stlbench.cli.watch_page import handler
+from stlbench.identity import CellId
 from stlbench.report.page.now import points
-from stlbench.result import CellId
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writing
 from stlbench.study.running import announce

@@ -14,7 +14,7 @@ from stlbench.gate.judge import Judgement, judge
 from stlbench.gate.metrics import LOAD
 from stlbench.gate.retakes import settle
 from stlbench.gate.snapshot import Sample, Snapshot, pair
-from stlbench.result import Setting
+from stlbench.identity import Setting
 
 PAGE = Path(__file__).parents[2] / "docs" / "ci.md"
 CELLS = [sample for sample in load(REFERENCE).samples.values() if sample.status == "done"]

@@ -8,7 +8,7 @@ from typing import Any
 
 from stlbench.gate.retakes import middle, settle
 from stlbench.gate.snapshot import Sample, Snapshot
-from stlbench.result import CellId
+from stlbench.identity import CellId
 
 FINE = {"robustness_mean": 0.3, "satisfaction": 0.8, "training_cpu_seconds": 2.0, "reward_nanoseconds": 20.0}
 FINE |= {"training_calibration_seconds": 0.01, "reward_calibration_seconds": 0.002}

@@ -13,7 +13,8 @@ from stlbench.errors import UsageError
 from stlbench.gate.calibration import CALIBRATIONS
 from stlbench.gate.files import load, save
 from stlbench.gate.snapshot import Sample, Snapshot, gather, pair, sample
-from stlbench.result import CellId, Result
+from stlbench.identity import CellId
+from stlbench.result import Result
 from stlbench.study.ledger import Ledger
 
 HEADER = "task,method,agent,seed,budget,track,status,reason,robustness_mean,satisfaction,training_cpu_seconds"

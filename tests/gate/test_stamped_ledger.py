@@ -9,7 +9,8 @@ from helpers import synthetic_results
 
 from stlbench.gate.calibration import CALIBRATIONS
 from stlbench.gate.stamped_ledger import StampedLedger
-from stlbench.result import ACCIDENTS, Result
+from stlbench.result import Result
+from stlbench.status import ACCIDENTS
 from stlbench.study.ledger import Ledger
 
 

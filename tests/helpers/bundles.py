@@ -10,7 +10,8 @@ from pathlib import Path
 
 from helpers import line_task
 from helpers.kept_policies import install, trained
-from stlbench.result import CellId, Result, from_json, to_json
+from stlbench.identity import CellId
+from stlbench.result import Result, from_json, to_json
 from stlbench.sharing.bundle import Packed, pack
 from stlbench.sharing.crate import METADATA, About
 from stlbench.study import trial

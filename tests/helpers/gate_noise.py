@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stlbench.gate.files import load
 from stlbench.gate.metrics import METRICS, Metric
 from stlbench.gate.snapshot import Sample, Snapshot
-from stlbench.result import CellId, Setting
+from stlbench.identity import CellId, Setting
 
 Floats = NDArray[np.float64]
 

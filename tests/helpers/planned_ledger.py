@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from helpers.synthetic_results import result
-from stlbench.result import CellId
+from stlbench.identity import CellId
 from stlbench.study.ledger import FILE, Ledger
 
 

@@ -7,7 +7,8 @@ import signal
 import time
 from pathlib import Path
 
-from stlbench.result import CellId, Result
+from stlbench.identity import CellId
+from stlbench.result import Result
 from stlbench.study.cell import Cell
 
 

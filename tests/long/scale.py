@@ -21,8 +21,9 @@ from pathlib import Path
 import numpy as np
 
 from stlbench.cli.report import report
+from stlbench.identity import CellId
 from stlbench.registry.choices import parse_choices
-from stlbench.result import MAIN, RANDOM, CellId, CurvePoint, Measurement, Result, Score
+from stlbench.result import MAIN, RANDOM, CurvePoint, Measurement, Result, Score
 from stlbench.study.cell import Cell
 from stlbench.study.ledger import FILE, Ledger, _insert
 from stlbench.study.plan import plan_cells

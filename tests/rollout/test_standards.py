@@ -9,9 +9,9 @@ import pytest
 from helpers.line_task import line, steered
 
 from stlbench.contract import Array, Integers
+from stlbench.identity import Setting, Track
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choices
-from stlbench.result import Setting, Track
 from stlbench.rollout import standards
 from stlbench.task.file import BestPossible
 from stlbench.task.task import Task

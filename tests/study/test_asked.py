@@ -10,11 +10,11 @@ import pytest
 from helpers.line_task import SYSTEM, text
 
 from stlbench.errors import UsageError
+from stlbench.identity import Setting
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.report.bands import bands_of
 from stlbench.report.figures.units import UNKNOWN, unit_of_task
-from stlbench.result import Setting
 from stlbench.rollout.questions import Unanswered, ask_here
 from stlbench.rollout.standards import AtRandom, ByHand, Pays, standards
 from stlbench.study import asked

@@ -15,7 +15,7 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.result import ACCIDENTS
+from stlbench.status import ACCIDENTS
 from stlbench.study.ledger import Ledger, LedgerWarning
 from stlbench.study.schema import VERSION
 

@@ -10,7 +10,7 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.result import ACCIDENTS
+from stlbench.status import ACCIDENTS
 from stlbench.study.ledger import Ledger, LedgerWarning
 
 COUNT = 14

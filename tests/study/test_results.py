@@ -15,7 +15,8 @@ from helpers.synthetic_results import result
 
 import stlbench
 from stlbench.errors import UsageError
-from stlbench.result import CellId, Planned
+from stlbench.identity import CellId
+from stlbench.result import Planned
 from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import stored
 from stlbench.study.ledger import FILE, Ledger

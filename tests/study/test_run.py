@@ -8,7 +8,7 @@ from helpers import scripted_cells
 from stlbench.contract import Executor, Outcome
 from stlbench.errors import UsageError
 from stlbench.registry.choices import choice_of
-from stlbench.result import ACCIDENTS
+from stlbench.status import ACCIDENTS
 from stlbench.study import run, trial
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.run import build_executor, run_cells

@@ -9,7 +9,8 @@ import pytest
 from helpers.synthetic_results import measurement
 
 from stlbench.errors import UsageError
-from stlbench.result import CellId, CurvePoint, Result
+from stlbench.identity import CellId
+from stlbench.result import CurvePoint, Result
 from stlbench.study.cell import Cell
 from stlbench.study.study import Study
 from stlbench.study.tracks import Recipe

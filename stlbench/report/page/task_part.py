@@ -8,6 +8,7 @@ from pathlib import Path
 
 from stlbench import stl
 from stlbench.errors import UsageError
+from stlbench.identity import CellId, Setting
 from stlbench.registry.choices import Choice
 from stlbench.report.bands import bands_of
 from stlbench.report.figures.regions import terms
@@ -19,7 +20,7 @@ from stlbench.report.page.of_story import charts_of
 from stlbench.report.page.story import Story, tell_story
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Column, Table
-from stlbench.result import CellId, Result, Setting
+from stlbench.result import Result
 from stlbench.rollout.saved_traces import FOLDER
 from stlbench.study.asked import loaded
 from stlbench.task.task import Task

@@ -13,7 +13,7 @@ from stlbench.registry.choices import Choice
 from stlbench.report.tables.planned import RESOLUTION, best_possible, maximised, reached, split
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Column, Table, Value
-from stlbench.result import NOT_RUN
+from stlbench.status import NOT_RUN
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stlbench.identity import Setting
 from stlbench.registry.choices import Choice
 from stlbench.report.statistics.intervals import Interval, interval, iqm, share_interval
 from stlbench.report.tables.contests import contests, mark, mark_notes
@@ -15,7 +16,6 @@ from stlbench.report.tables.outside import MARK, outside_notes
 from stlbench.report.tables.rows import LEARNED, Group
 from stlbench.report.tables.setting import SETTING, setting_values
 from stlbench.report.tables.table import Column, FirstFailed, Table, Value
-from stlbench.result import Setting
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard

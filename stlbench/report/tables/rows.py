@@ -8,20 +8,10 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Literal
 
+from stlbench.identity import OUTSIDE, CellId, Setting
 from stlbench.report.tables.table import FirstFailed, Seeds
-from stlbench.result import (
-    MAIN,
-    NOT_RUN,
-    OUTSIDE,
-    RANDOM,
-    CellId,
-    Measurement,
-    Planned,
-    Result,
-    Setting,
-    Status,
-    reported,
-)
+from stlbench.result import MAIN, RANDOM, Measurement, Planned, Result, reported
+from stlbench.status import NOT_RUN, Status
 
 __all__ = ["LEARNED", "CurveRow", "Group", "Numbers", "Row", "group", "missing_row", "row"]
 

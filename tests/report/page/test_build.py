@@ -11,11 +11,11 @@ from helpers.pages import Page, write
 from helpers.synthetic_results import by_hand, result
 
 from stlbench.errors import UsageError
+from stlbench.identity import CellId
 from stlbench.report import condense
 from stlbench.report.page import build, bundle
 from stlbench.report.tables.robustness import robustness_table
 from stlbench.report.tables.table import show
-from stlbench.result import CellId
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,105 @@
+"""Which cell it is: one identity, which plans, results, tables and the gate share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from typing import Annotated, Literal, Self, cast, get_args
+
+from pydantic import BeforeValidator, PlainSerializer
+
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.registry.choices import Choice, choice_of, parse_choice
+
+__all__ = ["IDENTITY", "OUTSIDE", "CellId", "Setting", "Track", "find_cell"]
+
+Track = Literal["shared", "plain", "tuned", "outside"]
+"""By which rules a cell was trained. `shared`: by the task's one recipe for all methods. `plain`: on the state and the
+time alone, without any part of the task that is there to help, with the agent's defaults. `tuned`: by a recipe that was
+found for this method, with the same budget of tuning for each. `outside`: stlbench did not train it, and scored it."""
+
+OUTSIDE: Literal["outside"] = "outside"
+"""The track of what stlbench did not train (`stlbench score`): no comparison and no statistic has it."""
+
+_Chosen = Annotated[Choice, BeforeValidator(choice_of), PlainSerializer(str)]
+"""A choice, which JSON and tables write as its text."""
+
+
+@dataclass(frozen=True, order=True)
+class Setting:
+    """What cells have in common that differ in nothing but the seed. Comparisons are made between settings."""
+
+    task: _Chosen
+    method: _Chosen
+    agent: _Chosen
+    budget: str
+    track: Track = "shared"
+
+    @property
+    def name(self) -> str:
+        """For people: hold-disc/funnel/dqn, without the budget; with the track where it is not `shared`."""
+        return _joined(self.task, self.method, self.agent, track=self.track)
+
+
+@dataclass(frozen=True, order=True)
+class CellId:
+    """Which cell: the one identity that plans, results, tables and the gate share."""
+
+    task: _Chosen
+    """The task, or an ablation of it: overlap[without=cuts]."""
+    method: _Chosen
+    """With the parameters that the user set: funnel[ginf=0.02,variant=code]."""
+    agent: _Chosen
+    seed: int
+    budget: str
+    track: Track = "shared"
+
+    @classmethod
+    def parse(cls, name: str, budget: str) -> Self:
+        """The inverse of `name`, which does not say the budget. Raises `UsageError`."""
+        parts = name.split("/")
+        track = parts.pop() if len(parts) == 5 and parts[4] in get_args(Track) else "shared"
+        if len(parts) != 4 or not (parts[3].isascii() and parts[3].isdigit()):
+            raise UsageError(
+                f"'{name}' names no cell; a name is task/method/agent/seed, as in hold-disc/funnel/dqn/0, "
+                "and on another track than shared task/method/agent/seed/track"
+            )
+        task, method, agent = map(parse_choice, parts[:3])
+        return cls(task, method, agent, int(parts[3]), budget, cast(Track, track))
+
+    @property
+    def name(self) -> str:
+        """For people, and in the names of files: hold-disc/funnel/dqn/0. Budgets share it; tracks other than `shared`
+        are at its end."""
+        return _joined(self.task, self.method, self.agent, self.seed, track=self.track)
+
+    @property
+    def setting(self) -> Setting:
+        """All but the seed."""
+        return Setting(self.task, self.method, self.agent, self.budget, self.track)
+
+
+def _joined(*parts: Choice | int, track: Track) -> str:
+    return "/".join([*map(str, parts), *([] if track == "shared" else [track])])
+
+
+IDENTITY = tuple(part.name for part in fields(CellId))
+"""The names of the parts, which are columns of every table of cells."""
+
+
+def find_cell(cells: Iterable[CellId], name: str, budget: str | None = None) -> CellId:
+    """The one of the cells that a user names.
+
+    Raises:
+        UsageError: there is none of that name and budget, or several budgets and none is named.
+    """
+    known = list(cells)
+    canonical = CellId.parse(name, budget or "").name
+    budgets = {cell.budget: cell for cell in known if cell.name == canonical}
+    if not budgets:
+        raise UsageError(f"there is no cell '{name}'{did_you_mean(canonical, {cell.name for cell in known})}")
+    if budget is None and len(budgets) > 1:
+        raise UsageError(f"{name} has the budgets {', '.join(sorted(budgets))}; say which")
+    if budget is not None and budget not in budgets:
+        raise UsageError(f"{name} has no budget '{budget}'{did_you_mean(budget, budgets)}")
+    return budgets[budget] if budget is not None else next(iter(budgets.values()))

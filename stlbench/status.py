@@ -1,0 +1,38 @@
+"""How a cell can end, and which of these ends are accidents."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Literal
+
+from stlbench.errors import UsageError, did_you_mean
+
+__all__ = ["ACCIDENTS", "FAILED", "NOT_RUN", "Status", "accidents_of"]
+
+Status = Literal["done", "raised", "timeout", "killed", "intractable", "unsuitable"]
+"""How a cell ended. `intractable` and `unsuitable` are findings about a method; the three before them are accidents."""
+
+NOT_RUN: Literal["not run"] = "not run"
+"""In tables, in the place of a status: the cell was planned and has no result."""
+
+ACCIDENTS: tuple[Status, ...] = ("raised", "timeout", "killed")
+"""What a retry may run again."""
+
+FAILED = "failed"
+"""The word for all of them."""
+
+
+def accidents_of(value: object) -> tuple[Status, ...]:
+    """Which accidents are to be tried again: a comma list or the words themselves, `failed` for all; True is all too.
+
+    Raises:
+        UsageError: one of them is no accident.
+    """
+    if value is None or isinstance(value, bool):
+        return ACCIDENTS if value else ()
+    words = value.split(",") if isinstance(value, str) else list(value) if isinstance(value, Iterable) else [value]
+    said = [str(word).strip() for word in words]
+    for word in said:
+        if word not in (*ACCIDENTS, FAILED):
+            raise UsageError(f"no failure '{word}'{did_you_mean(word, (*ACCIDENTS, FAILED))}")
+    return tuple(status for status in ACCIDENTS if status in said or FAILED in said)
