@@ -14,7 +14,7 @@ from stlbench.errors import UsageError
 from stlbench.leaderboard.entry import Entry, Numbers, Refused, Scored
 from stlbench.leaderboard.rules import broken
 from stlbench.result import Result, reported
-from stlbench.rollout.questions import Unanswered
+from stlbench.rollout.questions import Unanswered, plugins_of
 from stlbench.search.space import space_of
 from stlbench.search.subject import of_policy
 from stlbench.sharing.checked import check, results_in, unpacked
@@ -98,8 +98,7 @@ class _FreshStarts:
     @property
     def plugins(self) -> tuple[tuple[str, str], ...]:
         """See `Question`."""
-        cell = self.result.id
-        return ("tasks", cell.task.name), ("methods", cell.method.name), ("agents", cell.agent.name)
+        return plugins_of(self.result.id)
 
     @property
     def failed(self) -> str:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from stlbench.identity import CellId
 from stlbench.registry.choices import Choice
 from stlbench.result import Result, Score
+from stlbench.rollout.questions import plugins_of
 from stlbench.rollout.referee import Referee
 from stlbench.rollout.saved_policies import Which
 from stlbench.study.kept import load_policy
@@ -45,8 +46,7 @@ class ScoreAgain:
     @property
     def plugins(self) -> tuple[tuple[str, str], ...]:
         """See `Question`."""
-        cell, names = self.result.id, (self.task.name, self.result.id.task.name)
-        return *(("tasks", name) for name in names), ("methods", cell.method.name), ("agents", cell.agent.name)
+        return ("tasks", self.task.name), *plugins_of(self.result.id)
 
     @property
     def failed(self) -> str:

@@ -9,9 +9,10 @@ from typing import Any, Protocol, TypeVar
 
 from stlbench.contract import cause
 from stlbench.errors import UsageError
+from stlbench.identity import CellId
 from stlbench.registry.plugins import PluginWarning
 
-__all__ = ["Ask", "Question", "Unanswered", "answered_here", "answers", "ask_here"]
+__all__ = ["Ask", "Question", "Unanswered", "answered_here", "answers", "ask_here", "plugins_of"]
 
 _T = TypeVar("_T")
 _Answer = TypeVar("_Answer", covariant=True)
@@ -32,6 +33,11 @@ class Question(Protocol[_Answer]):
 
     def answer(self) -> _Answer:
         """The answer, in this process. Raises whatever the plugins raise."""
+
+
+def plugins_of(cell: CellId) -> tuple[tuple[str, str], ...]:
+    """Those of a question whose answer has the policy of a cell act, as `Question.plugins` says them."""
+    return ("tasks", cell.task.name), ("methods", cell.method.name), ("agents", cell.agent.name)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from stlbench.report.figures.cell_figures import draw_cell
 from stlbench.report.figures.files import file_name
 from stlbench.report.film import film
 from stlbench.result import MAIN, Result
+from stlbench.rollout.questions import plugins_of
 from stlbench.rollout.reenactment import Reenactment
 from stlbench.rollout.saved_policies import Which
 from stlbench.rollout.traces import load
@@ -48,8 +49,7 @@ class Filming:
     @property
     def plugins(self) -> tuple[tuple[str, str], ...]:
         """See `Question`."""
-        cell = self.result.id
-        return ("tasks", cell.task.name), ("methods", cell.method.name), ("agents", cell.agent.name)
+        return plugins_of(self.result.id)
 
     @property
     def failed(self) -> str:
