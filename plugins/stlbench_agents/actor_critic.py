@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from stlbench_agents.aligned import zeros
 from stlbench_agents.compiler import compiled
 from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, layout, outputs, size_of
+from stlbench_agents.matrices import flattened
 from stlbench_agents.products import inner_products
 from stlbench_agents.replay import Batch
 
@@ -92,8 +93,20 @@ def _output(
 ) -> None:
     """The actor's output before the tanh."""
     rows = len(observation)
-    last = hidden(flat, layers, observation.reshape(observation.size), rows, activations)
-    outputs(flat, layers, last, rows, turned, into)
+    last = hidden(flat, layers, flattened(observation), rows, activations)
+    if layers[-1, 1] == 1:
+        _single_output(flat, layers, last, rows, into)
+    else:
+        outputs(flat, layers, last, rows, turned, into)
+
+
+@compiled()
+def _single_output(flat: Floats, layers: Indices, last: Floats, rows: int, into: Floats) -> None:
+    """As `outputs`, where there is one, as critics have: (B,)."""
+    at, _, width, bias = layers[-1]
+    inner_products(last, 0, rows, width, flat, at, width, into)
+    for i in range(rows):
+        into[i] += flat[bias]
 
 
 @compiled()
@@ -118,7 +131,7 @@ def targets(
     for which in range(2):
         layers = networks.critics[which]
         last = hidden(critics, layers, work.joined, rows, work.critic.there)
-        outputs(critics, layers, last, rows, work.critic.turned, work.value)
+        _single_output(critics, layers, last, rows, work.value)
         for i in range(rows):
             work.goal[i] = work.value[i] if which == 0 else min(work.goal[i], work.value[i])
     for i in range(rows):
@@ -134,7 +147,7 @@ def critic_gradient(critics: Floats, networks: Networks, batch: Batch, work: Wor
     for which in range(2):
         layers = networks.critics[which]
         last = hidden(critics, layers, work.joined, rows, work.critic.here)
-        outputs(critics, layers, last, rows, work.critic.turned, work.value)
+        _single_output(critics, layers, last, rows, work.value)
         for i in range(rows):
             error = work.value[i] - work.goal[i]
             work.value[i] = min(kind(1), max(kind(-1), error)) / kind(rows)
@@ -165,7 +178,7 @@ def actor_gradient(
             at = i * axes + j
             action = work.by_output[at]
             work.by_output[at] = work.value[i] * (kind(1) - action * action) + share * work.output[at]
-    x = batch.observation.reshape(batch.observation.size)
+    x = flattened(batch.observation)
     final = work.actor.here[len(networks.actor) - 2]
     back_outputs(actor, networks.actor, final, work.by_output, rows, work.actor, True, into)
     back_hidden(actor, networks.actor, x, rows, work.actor, True, into)

@@ -1,9 +1,13 @@
 """Numba's decorators, as all compiled functions of this package have them.
 
 `compiled` is kept on disk and loaded by later processes. `inlined` becomes a part of the functions that call it, which
-spares the time to compile it on its own. Neither checks for divisions by 0, which would keep loops scalar, and neither
-lets the compiler reorder sums (`fastmath`): a function is compiled anew wherever it is used, and which of the copies
-runs, in a process that compiled and in one that loaded, would decide the last bits of a training.
+spares the time to compile it on its own. `named` is compiled when it is imported, and others call it by its name: its
+machine code is made once, and not again with each function that calls it.
+
+None checks for divisions by 0, which would keep loops scalar, and none lets the compiler reorder sums (`fastmath`): a
+function is compiled anew wherever it is used, and which of the copies runs, in a process that compiled and in one that
+loaded, would decide the last bits of a training. None counts references (`_nrt`), which takes time to compile: so none
+can make an array, or return one.
 """
 
 from __future__ import annotations
@@ -12,16 +16,29 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import llvmlite.binding
 import numba
 from numba.core import config
 
 from stlbench_agents.compiled_code import folder
 
-__all__ = ["OneKind", "compiled", "inlined"]
+__all__ = ["OneKind", "compiled", "inlined", "named"]
 
 config.CACHE_DIR = str(folder())  # type: ignore[attr-defined]
-compiled = partial(numba.njit, cache=True, error_model="numpy")
+_KEPT: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+compiled = partial(numba.njit, **_KEPT)
 inlined = partial(numba.njit, inline="always", error_model="numpy")
+
+
+def named(name: str, signature: Any) -> Callable[[Callable[..., None]], Any]:
+    """Compile a function for the types of a signature, and let compiled code call it as `name`."""
+
+    def decorate(function: Callable[..., None]) -> Any:
+        made = numba.cfunc(signature, **_KEPT)(function)
+        llvmlite.binding.add_symbol(name, made.address)
+        return made
+
+    return decorate
 
 
 class OneKind:

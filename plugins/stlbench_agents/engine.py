@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from stlbench_agents.aligned import zeros
 from stlbench_agents.compiler import compiled, inlined
-from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, outputs, outputs_at
+from stlbench_agents.layers import Room, Space, back_hidden, back_outputs, hidden, outputs, outputs_at
+from stlbench_agents.matrices import flattened
 from stlbench_agents.products import inner_product
 from stlbench_agents.replay import Batch
 
@@ -99,23 +100,26 @@ def _single(flat: Floats, layers: Indices, last: Floats, row: int, action: int) 
 
 
 @compiled()
-def actions(flat: Floats, network: Network, observation: Floats, epsilon: float, chance: Floats, count: int) -> Indices:
-    """Epsilon-greedy actions at observations (B, D) of any floating-point type: (B,). Of equals the first.
+def actions(
+    flat: Floats, network: Network, observation: Floats, epsilon: float, chance: Floats, count: int, room: Room,
+    into: Indices,
+) -> None:  # fmt: skip
+    """Epsilon-greedy actions at observations (B, D) of any floating-point type: `into` (B,). Of equals the first.
 
     `chance` (2, B) is uniform in [0, 1): whether to explore, and which of the `count` actions.
     """
-    rows, each = len(observation), network.layers[-1, 1]
-    values, chosen = outputs_at(flat, network.layers, observation), np.empty(rows, np.int64)
-    for i in range(rows):
-        chosen[i] = _greedy(values, i * each, network)
+    outputs_at(flat, network.layers, observation, room)
+    for i in range(len(observation)):
+        into[i] = _greedy(room.outputs, i * network.layers[-1, 1], network)
         if epsilon > 0 and chance[0, i] < epsilon:
-            chosen[i] = int(chance[1, i] * count)
-    return chosen
+            into[i] = int(chance[1, i] * count)
 
 
 def greedy_actions(flat: Floats, network: Network, observation: Floats) -> Indices:
     """Greedy actions at observations (B, D) of any floating-point type: (B,). Of equals the first."""
-    chosen: Indices = actions(flat, network, np.ascontiguousarray(observation), 0.0, _NO_CHANCE, 1)
+    rows = len(observation)
+    chosen, room = np.empty(rows, np.int64), Room.of(network.layers, rows, flat.dtype)
+    actions(flat, network, np.ascontiguousarray(observation), 0.0, _NO_CHANCE, 1, room, chosen)
     return chosen
 
 
@@ -141,7 +145,7 @@ def joint_gradient(
         else:
             value = work.outputs[i * layers[-1, 1] + _greedy(work.outputs, i * layers[-1, 1], network)]
         work.goal[i] = batch.returns[i] + batch.discount[i] * value
-    x = batch.observation.reshape(batch.observation.size)
+    x = flattened(batch.observation)
     last = hidden(online, layers, x, rows, space.here)
     _back_joint(online, layers, last, batch.action, rows, work, into)
     back_hidden(online, layers, x, rows, space, True, into)
@@ -160,7 +164,7 @@ def additive_gradient(
         chosen = work.chosen[i] if double else _greedy(work.outputs, begin, network)
         value = _additive(work.outputs, begin, chosen, network.axes, work.ones)
         work.goal[i] = batch.returns[i] + batch.discount[i] * value
-    x = batch.observation.reshape(batch.observation.size)
+    x = flattened(batch.observation)
     last = hidden(online, layers, x, rows, space.here)
     _back_additive(online, network, last, batch.action, rows, work, into)
     back_hidden(online, layers, x, rows, space, True, into)
@@ -172,7 +176,7 @@ def _later(online: Floats, target: Floats, network: Network, batch: Batch, doubl
     rows, space = len(batch.returns), work.space
     if len(work.goal) != rows:
         raise ValueError("the workspace was made for a batch of another size")
-    there = batch.arrived.reshape(batch.arrived.size)
+    there = flattened(batch.arrived)
     if double:
         last = hidden(online, network.layers, there, rows, space.there)
         outputs(online, network.layers, last, rows, space.turned, work.outputs)

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from stlbench_agents.aligned import zeros
 from stlbench_agents.compiler import compiled, inlined
-from stlbench_agents.products import Matrix, inner_product, inner_products, matrix, product, transposed, turn
+from stlbench_agents.matrices import Matrix, matrix, transposed
+from stlbench_agents.products import inner_product, product, turn
 
 __all__ = [
-    "Space", "back_hidden", "back_outputs", "hidden", "layout", "outputs", "outputs_at", "size_of", "views", "widest",
+    "Room", "Space", "back_hidden", "back_outputs", "hidden", "layout", "outputs", "outputs_at", "size_of", "views",
 ]  # fmt: skip
 
 Floats = NDArray[Any]
@@ -44,10 +45,35 @@ class Space(NamedTuple):
     @staticmethod
     def of(layers: Indices, rows: int, dtype: Any = np.float32) -> Space:
         """For B = `rows` and networks of this shape."""
-        most = int(max(layers[-1, 1], *layers[:-1, 2]))
+        most = _widest(layers)
         size, square = (len(layers) - 1, rows * most), most * most
         hidden = (zeros(size, dtype), zeros(size, dtype), zeros((2, size[1]), dtype))
         return Space(*hidden, zeros(square, dtype), np.ones(1, dtype))
+
+
+class Room(NamedTuple):
+    """What the outputs at B observations are computed in."""
+
+    inputs: Floats
+    """(B * D,): the observations in the weights' type."""
+    hidden: Floats
+    """(L - 1, B * widest)."""
+    turned: Floats
+    """(outputs * widest,): the last layer's weights, transposed."""
+    outputs: Floats
+    """(B * outputs,)."""
+
+    @staticmethod
+    def of(layers: Indices, rows: int, dtype: Any = np.float32) -> Room:
+        """For B = `rows` and networks of this shape."""
+        inputs, count, most = int(layers[0, 1]), int(layers[-1, 1]), _widest(layers)
+        sizes = rows * inputs, (len(layers) - 1, rows * most), count * most, rows * count
+        return Room(*(np.empty(size, dtype) for size in sizes))
+
+
+def _widest(layers: Indices) -> int:
+    """The width of the widest layer but the inputs."""
+    return int(max(layers[-1, 1], *layers[:-1, 2]))
 
 
 def layout(widths: Sequence[int], begin: int = 0) -> Indices:
@@ -77,17 +103,14 @@ def views(flat: Floats, layers: Indices) -> list[Floats]:
 
 
 @inlined()
-def widest(layers: Indices) -> int:
-    """The width of the widest layer but the inputs."""
-    most: int = layers[-1, 1]
-    for layer in range(len(layers) - 1):
-        most = max(most, layers[layer, 2])
-    return most
+def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) -> Floats:
+    """The last hidden layer (B * width,) of B = `rows` inputs x; all of them stay in `into`."""
+    _hidden(flat, layers, x, rows, into)
+    return into[len(layers) - 2] if len(layers) > 1 else x
 
 
 @compiled()
-def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) -> Floats:
-    """The last hidden layer (B * width,) of B = `rows` inputs x; the others stay in `into`."""
+def _hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) -> None:
     for layer in range(len(layers) - 1):
         at, inner, columns, bias = layers[layer]
         product(
@@ -95,18 +118,12 @@ def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) ->
             matrix(into[layer], 0, rows, columns),
         )  # fmt: skip
         x = into[layer]
-    return x
 
 
 @compiled()
 def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, turned: Floats, into: Floats) -> None:
     """All outputs (B, outputs) of the last hidden layer (B, width), both flat; no activation after them."""
     at, count, width, bias = layers[-1]
-    if count == 1:
-        inner_products(last, 0, rows, width, flat, at, width, into)
-        for i in range(rows):
-            into[i] += flat[bias]
-        return
     if count < _FEW:
         for i in range(rows):
             for j in range(count):
@@ -121,17 +138,13 @@ def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, turned: Floa
 
 
 @inlined()
-def outputs_at(flat: Floats, layers: Indices, observation: Floats) -> Floats:
-    """All outputs (B * outputs,) at observations (B, D) of any floating-point type, in memory of their own."""
-    rows, inputs, count, most = len(observation), observation.shape[1], layers[-1, 1], widest(layers)
-    x = np.empty(rows * inputs, flat.dtype)
+def outputs_at(flat: Floats, layers: Indices, observation: Floats, room: Room) -> None:
+    """All outputs at observations (B, D) of any floating-point type, in `room.outputs`."""
+    rows, inputs = observation.shape
     for i in range(rows):
         for j in range(inputs):
-            x[i * inputs + j] = observation[i, j]
-    activations = np.empty((len(layers) - 1, rows * most), flat.dtype)
-    values, turned = np.empty(rows * count, flat.dtype), np.empty(count * most, flat.dtype)
-    outputs(flat, layers, hidden(flat, layers, x, rows, activations), rows, turned, values)
-    return values
+            room.inputs[i * inputs + j] = observation[i, j]
+    outputs(flat, layers, hidden(flat, layers, room.inputs, rows, room.hidden), rows, room.turned, room.outputs)
 
 
 _FEW = 8

@@ -7,14 +7,20 @@ to the last, one fused operation after the other, so its bits do not depend on h
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, cast
 
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from stlbench_agents.compiler import compiled, inlined
+from stlbench_agents.compiler import compiled, named
 from stlbench_agents.kernels import BYTES, SUMS, TALL, block_of, partial_sums, row_sums, turned_block
+from stlbench_agents.matrices import Matrix
 
-__all__ = ["Matrix", "inner_product", "inner_products", "matrix", "product", "transposed", "turn"]
+__all__ = ["inner_product", "inner_products", "product", "turn"]
 
 Floats = NDArray[Any]
 
@@ -24,40 +30,7 @@ _column, _cell = block_of(TALL, 1), block_of(1, 1)
 _narrow, _short = block_of(TALL, 1, narrow=True), block_of(1, 1, narrow=True)
 
 
-class Matrix(NamedTuple):
-    """A matrix that lies in a flat vector: entry (i, j) is at `at` + i `row` + j `step`."""
-
-    values: Floats
-    at: int
-    rows: int
-    columns: int
-    row: int
-    step: int
-
-
-@inlined()
-def matrix(values: Floats, at: int, rows: int, columns: int) -> Matrix:
-    """The matrix (rows, columns) that lies row by row from `at` on."""
-    return Matrix(values, at, rows, columns, columns, 1)
-
-
-@inlined()
-def transposed(of: Matrix) -> Matrix:
-    """The same entries, with rows and columns exchanged; nothing is copied."""
-    return Matrix(of.values, of.at, of.columns, of.rows, of.step, of.row)
-
-
-@compiled()
-def product(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> None:
-    """out = max(least, a b + bias), for a (rows, inner) and b (inner, columns).
-
-    Args:
-        a: any matrix, also a transposed one.
-        b: not transposed.
-        bias: (1, columns), added to every row; none where it has no rows.
-        least: no entry is smaller: 0 for a ReLU, minus infinity for the plain product.
-        out: (rows, columns), not transposed; shares no memory with the others.
-    """
+def _blocks(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> None:
     width = BYTES // a.values.itemsize
     if b.columns < width:
         if out.rows < TALL:
@@ -87,6 +60,39 @@ def product(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> No
             else:
                 for i in range(0, out.rows, TALL):
                     _block(a, b, bias, least, out, min(i, out.rows - TALL), left)
+
+
+_SINGLE = types.NamedTuple([types.Array(types.float32, 1, "C"), *[types.int64] * 5], Matrix)
+_NAME = "stlbench_product_of_float32"
+_single = named(_NAME, types.void(_SINGLE, _SINGLE, _SINGLE, types.float64, _SINGLE))(_blocks)
+
+
+@intrinsic
+def _product(_: Any, a: Any, b: Any, bias: Any, least: Any, out: Any) -> Any:
+    signature = types.void(a, b, bias, types.float64, out)
+
+    def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
+        if {a, b, bias, out} != {_SINGLE}:
+            return context.compile_internal(builder, _blocks, signature, args)
+        kind = ir.FunctionType(ir.VoidType(), [arg.type for arg in args])
+        builder.call(cgutils.get_or_insert_function(builder.module, kind, _NAME), args)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+product = cast("Callable[[Matrix, Matrix, Matrix, float, Matrix], None]", _product)
+"""out = max(least, a b + bias), for a (rows, inner) and b (inner, columns); called by compiled functions alone.
+
+Args:
+    a: any matrix, also a transposed one.
+    b: not transposed.
+    bias: (1, columns), added to every row; none where it has no rows.
+    least: no entry is smaller: 0 for a ReLU, minus infinity for the plain product.
+    out: (rows, columns), not transposed; shares no memory with the others.
+
+In single precision it has machine code of its own. Otherwise, in tests, it is compiled with what calls it.
+"""
 
 
 @compiled()

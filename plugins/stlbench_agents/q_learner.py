@@ -10,6 +10,7 @@ import numpy as np
 from stlbench.contract import ActionGrid, Array, Integers, Transition
 from stlbench_agents.compiler import OneKind, compiled, inlined
 from stlbench_agents.engine import Network, Workspace, actions, additive_gradient, joint_gradient
+from stlbench_agents.layers import Room
 from stlbench_agents.network import GreedyPolicy, QNetwork
 from stlbench_agents.optimizer import Weights, decay, step
 from stlbench_agents.replay import Batch, Memory, Replay, gather
@@ -69,15 +70,20 @@ class QLearner:
         )
         self._actions, self._copies, self._count = grid.size, copies, 0
         self._batch = Batch.of(recipe.batch_size, size)
+        self._room = Room.of(self.network.engine.layers, copies)
         self._work = Workspace.of(self.network.engine, recipe.batch_size)
         self._update = OneKind(_update_joint if recipe.head == "joint" else _update_additive)
 
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
         """Actions (N,) at observations (N, D): each with probability `epsilon` any, else the current best."""
-        chance = generator.random((2, len(observation)))
-        chosen: Integers = actions(
-            self.weights.online, self.network.engine, observation, epsilon, chance, self._actions
-        )
+        rows = len(observation)
+        if len(self._room.outputs) != rows * self.network.engine.layers[-1, 1]:
+            self._room = Room.of(self.network.engine.layers, rows)
+        chosen = np.empty(rows, np.int64)
+        actions(
+            self.weights.online, self.network.engine, observation, epsilon, generator.random((2, rows)),
+            self._actions, self._room, chosen,
+        )  # fmt: skip
         return chosen
 
     def learn(

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from stlbench.contract import Array, Integers, Transition
 from stlbench_agents.aligned import zeros
-from stlbench_agents.compiler import compiled, inlined
+from stlbench_agents.compiler import compiled
+from stlbench_agents.matrices import flattened
 
 __all__ = ["Batch", "Memory", "Replay", "gather", "weighted_rewards"]
 
@@ -150,8 +151,8 @@ def gather(memory: Memory, first: Integers, copies: int, into: Batch) -> None:
     """Write the transitions of up to n decisions that begin at the places `first` (B,) into a batch of B rows."""
     reward, powers, size = memory.reward, memory.powers, memory.observation.shape[1]
     axes = memory.action.size // len(reward)
-    seen, arrived, acted = _flat(memory.observation), _flat(memory.arrived), _flat(memory.action)
-    into_seen, into_arrived, into_acted = _flat(into.observation), _flat(into.arrived), _flat(into.action)
+    seen, arrived, acted = flattened(memory.observation), flattened(memory.arrived), flattened(memory.action)
+    into_seen, into_arrived, into_acted = flattened(into.observation), flattened(into.arrived), flattened(into.action)
     for i in range(len(first)):
         begin = last = first[i]
         taken, total = 1, reward[begin]
@@ -167,9 +168,3 @@ def gather(memory: Memory, first: Integers, copies: int, into: Batch) -> None:
         for j in range(size):
             into_seen[i * size + j] = seen[begin * size + j]
             into_arrived[i * size + j] = arrived[last * size + j]
-
-
-@inlined()
-def _flat(values: NDArray[Any]) -> NDArray[Any]:
-    """The same memory as one row of numbers, which is faster to copy from and to."""
-    return values.reshape(values.size)

@@ -12,7 +12,7 @@ from stlbench.contract import ActionBox, Array, Integers
 from stlbench_agents.actor_critic import Networks, Noise, Work, actor_gradient, critic_gradient, targets
 from stlbench_agents.actor_policy import ActorPolicy
 from stlbench_agents.compiler import OneKind, compiled
-from stlbench_agents.layers import outputs_at, size_of, views
+from stlbench_agents.layers import Room, outputs_at, size_of, views
 from stlbench_agents.optimizer import Weights, decay, step
 from stlbench_agents.replay import Batch, Memory, Replay, gather
 
@@ -63,6 +63,7 @@ class TD3Learner:
         bounded = recipe.gamma < 1  # otherwise values are sums of rewards, without bounds
         self.bounds = (math.inf, -math.inf) if bounded else (-math.inf, math.inf)
         self._batch = Batch.of(recipe.batch_size, inputs, len(box.names))
+        self._room = Room.of(self.networks.actor, 1)
         self._work = Work.of(self.networks, recipe.batch_size)
         self._update = OneKind(_update)
 
@@ -82,7 +83,11 @@ class TD3Learner:
 
     def act(self, observation: Array, noise: Array) -> Array:
         """The actor's actions at observations (N, D) with noise (N, axes) added, within [-1, 1]: (N, axes)."""
-        vectors: Array = _act(self.actor.online, self.networks.actor, observation, noise)
+        rows = len(observation)
+        if len(self._room.outputs) != rows * len(self.box.names):
+            self._room = Room.of(self.networks.actor, rows)
+        vectors = np.empty(noise.shape)
+        _act(self.actor.online, self.networks.actor, observation, noise, self._room, vectors)
         return vectors
 
     def saw(self, reward: Array) -> None:
@@ -119,13 +124,12 @@ def _initial(generator: np.random.Generator, layers: Indices, last: float) -> Fl
 
 
 @compiled()
-def _act(flat: Floats, layers: Indices, observation: Floats, noise: Floats) -> Floats:
+def _act(flat: Floats, layers: Indices, observation: Floats, noise: Floats, room: Room, into: Floats) -> None:
+    outputs_at(flat, layers, observation, room)
     rows, axes = noise.shape
-    output, vectors = outputs_at(flat, layers, observation), np.empty((rows, axes))
     for i in range(rows):
         for j in range(axes):
-            vectors[i, j] = min(1.0, max(-1.0, math.tanh(output[i * axes + j]) + noise[i, j]))
-    return vectors
+            into[i, j] = min(1.0, max(-1.0, math.tanh(room.outputs[i * axes + j]) + noise[i, j]))
 
 
 @compiled()

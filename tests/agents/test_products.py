@@ -10,7 +10,9 @@ import pytest
 from numba import njit
 from numpy.typing import NDArray
 
-from stlbench_agents.products import Matrix, inner_product, inner_products, matrix, product, transposed, turn
+from stlbench_agents import products
+from stlbench_agents.matrices import Matrix, flattened, matrix, transposed
+from stlbench_agents.products import inner_product, inner_products, turn
 
 Floats = NDArray[Any]
 ROWS = (1, 3, 4, 5, 7, 8, 9, 16, 33)
@@ -22,6 +24,11 @@ PAD = 5
 @njit
 def turned(of: Matrix) -> Matrix:
     return transposed(of)
+
+
+@njit
+def product(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> None:
+    products.product(a, b, bias, least, out)
 
 
 def laid(values: Floats, row: int = 0) -> Matrix:
@@ -93,10 +100,22 @@ def test_inner_products_of_many_rows_have_the_bits_of_single_ones(count: int, dt
     assert into[:-1].tolist() == [inner_product(a, 2 + i * row, b, 5, count) for i in range(rows)]
 
 
-def test_a_matrix_lies_row_by_row() -> None:
-    flat = np.arange(12.0)
-    assert matrix(flat, 2, 3, 3)[1:] == (2, 3, 3, 3, 1)
-    assert transposed(Matrix(flat, 2, 2, 3, 4, 1))[1:] == (2, 3, 2, 1, 4)
+@njit
+def laid_out(values: Floats) -> tuple[Matrix, Matrix, Floats]:
+    return matrix(values.ravel(), 2, 3, 3), transposed(Matrix(values.ravel(), 2, 2, 3, 4, 1)), flattened(values)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int64])
+def test_views_are_of_the_same_memory(dtype: Any) -> None:
+    """Also where compiled code counts references, as this function's does: each view keeps its memory alive."""
+    values = np.arange(12, dtype=dtype).reshape(3, 4)
+    views = [laid_out(values) for _ in range(100)]
+    for rows, columns, flat in views:
+        assert rows[1:] == (2, 3, 3, 3, 1)
+        assert columns[1:] == (2, 3, 2, 1, 4)
+        assert flat.tolist() == list(range(12))
+        assert np.shares_memory(flat, values)
+    assert flat.dtype == dtype
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])

@@ -67,7 +67,9 @@ class Grid:
     def read(self, values: Floats, points: Array, outside: float) -> Array:
         """Values (size,) of the grid between its points, at points (N, axes): (N,)."""
         places = self.places(points)
-        return interpolate(values, places.at, places.weights, self.strides, outside).astype(np.float64)
+        found = np.empty(len(points), np.float32)
+        interpolate(values, places.at, places.weights, self.strides, outside, found)
+        return found.astype(np.float64)
 
     def __str__(self) -> str:
         return " x ".join(map(str, self.shape))

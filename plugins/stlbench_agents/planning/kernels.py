@@ -53,12 +53,10 @@ def _between(values: Floats, at: int, strides: Strides, weights: Floats) -> Any:
 
 
 @compiled()
-def interpolate(values: Floats, at: Indices, weights: Floats, strides: Strides, outside: float) -> Floats:
-    """Values (S,) of a grid at places (N,), weights (N, axes): (N,)."""
-    found = np.empty(len(at), np.float32)
+def interpolate(values: Floats, at: Indices, weights: Floats, strides: Strides, outside: float, into: Floats) -> None:
+    """Values (S,) of a grid at places (N,), weights (N, axes): into (N,)."""
     for i in range(len(at)):
-        found[i] = _between(values, at[i], strides, weights[i]) if at[i] >= 0 else outside
-    return found
+        into[i] = _between(values, at[i], strides, weights[i]) if at[i] >= 0 else outside
 
 
 @compiled()
@@ -130,7 +128,7 @@ def compile_all() -> None:
     values, weights = np.zeros((1, 2), np.float32), np.zeros((1, 1, 1), np.float32)
     at, strides, active = np.zeros((1, 1), np.int32), np.ones(1, np.int64), np.ones(1, np.bool_)
     many, table = np.zeros((1, 1, 1), np.float32), np.zeros((1, 1), np.float32)
-    interpolate(values[0], at[0], weights[0], strides, 0.0)
+    interpolate(values[0], at[0], weights[0], strides, 0.0, values[0].copy())
     mean_rewards(values, at[None], weights[None], strides, many)
     pay_best(values, at, weights, strides, many, at[None], table, 1.0, 0.0, values.copy())
     reach_best(values[0], at, weights, strides, table, 0.0, values[0].copy())
