@@ -32,7 +32,7 @@ def export(
     """Write results for other programs, in full precision.
 
     csv and parquet write three tables: cells, robustness and curves, as `stlbench.Results` has them in Python. jsonl
-    writes cells.jsonl: one result per line, nothing left out. A folder with this file in place of a ledger can be
+    writes cells.jsonl: one cell per line, nothing left out. A folder with this file in place of a ledger can be
     reported, compared, plotted and loaded, and be kept in git. Prints the files; --json prints a list of them.
 
     \b
@@ -45,7 +45,7 @@ def export(
 
     if form == "jsonl":
         path = (out or (folder if folder.is_dir() else folder.parent)) / stored.LINES
-        stored.write_lines(list(stored.read(folder)), path)
+        stored.write_lines(list(stored.read(folder)), path, stored.missing_by_key(folder))
         paths = [path]
     else:
         results = Results.load(folder)

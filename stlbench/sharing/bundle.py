@@ -91,7 +91,7 @@ def _contents(
     folder: Path, results: Results, kept: list[Result], about: About, traces: bool
 ) -> Iterator[tuple[str, bytes]]:
     """Paths inside the bundle, in the order of their names as far as they are of a kind, and what they hold."""
-    yield stored.LINES, stored.lines(results).encode()
+    yield stored.LINES, stored.lines(results, stored.missing_by_key(folder)).encode()
     for path in sorted(path for path in folder.iterdir() if path.suffix in _TABLES and path.is_file()):
         yield path.name, path.read_bytes()
     for result in kept:

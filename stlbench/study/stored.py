@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
+
+from pydantic import TypeAdapter
 
 from stlbench.errors import UsageError
 from stlbench.identity import CellId
 from stlbench.registry import folders
 from stlbench.result import Result, from_json, to_json
+from stlbench.status import NOT_RUN
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.provenance import TASK_FOLDER
 
-__all__ = ["LINES", "SUFFIX", "OneByOne", "lines", "locate", "missing", "read", "write_lines"]
+__all__ = ["LINES", "SUFFIX", "OneByOne", "lines", "locate", "missing", "missing_by_key", "read", "write_lines"]
 
 SUFFIX = ".jsonl"
 """Of files of lines."""
 
 LINES = "cells" + SUFFIX
-"""Name of the text file in a folder of results: one result per line, ordered by cell, nothing rounded and nothing
-left out but the paths of tasks that are folders."""
+"""Name of the text file in a folder of results: one cell per line, ordered, nothing rounded and nothing left out but
+the paths of tasks that are folders. A cell that was planned and has no result is there with the status `not run`."""
 
 
 def locate(path: Path) -> Path | None:
@@ -84,17 +88,26 @@ class OneByOne(Mapping[CellId, Result]):
 
 
 def missing(path: Path) -> list[CellId]:
-    """The cells that were planned and have no result; a file of lines knows no plan. Raises `UsageError` as `read`."""
+    """The cells that were planned and have no result. Raises `UsageError` as `read`."""
+    return list(missing_by_key(path).values())
+
+
+def missing_by_key(path: Path) -> dict[str, CellId]:
+    """The same, by the keys that they were planned with."""
     file = _existing(path)
     if file.suffix == SUFFIX:
-        return []
+        return {entry.key: entry.cell for entry in _entries(file) if isinstance(entry, _Planned)}
     with Ledger(file, create=False) as ledger:
-        return ledger.missing()
+        lacking = set(ledger.missing())
+        return {key: cell for key, cell in ledger.planned().items() if cell in lacking}
 
 
-def write_lines(results: Iterable[Result], path: Path) -> int:
-    """Write results as text, over the file of before; how many there are. Raises `UsageError` where it cannot."""
-    text = lines(results)
+def write_lines(results: Iterable[Result], path: Path, planned: Mapping[str, CellId] | None = None) -> int:
+    """Write results as text, over the file of before, and by key what was `planned` and has none; how many lines.
+
+    Raises `UsageError` where it cannot.
+    """
+    text = lines(results, planned)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
@@ -103,9 +116,34 @@ def write_lines(results: Iterable[Result], path: Path) -> int:
     return text.count("\n")
 
 
-def lines(results: Iterable[Result]) -> str:
-    """The text of `cells.jsonl`: one line per result, ordered by cell."""
-    return "".join(to_json(_without_path(result)) + "\n" for result in sorted(results, key=lambda result: result.id))
+def lines(results: Iterable[Result], planned: Mapping[str, CellId] | None = None) -> str:
+    """The text of `cells.jsonl`: one line per result, and per cell that was `planned` and has none, ordered by cell."""
+    texts = [(result.id, to_json(_without_path(result))) for result in results]
+    texts += [(cell, _Planned(cell, key).text) for key, cell in (planned or {}).items()]
+    return "".join(text + "\n" for _, text in sorted(texts))
+
+
+@dataclass(frozen=True)
+class _Planned:
+    """A line of a cell without a result."""
+
+    cell: CellId
+    key: str
+
+    @property
+    def text(self) -> str:
+        identity = TypeAdapter(CellId).dump_python(self.cell, mode="json")
+        return json.dumps({**identity, "key": self.key, "status": NOT_RUN})
+
+    @classmethod
+    def of(cls, text: str) -> Self | None:
+        """What a line says; None where it is of a result. Raises `ValueError` where a part is missing or wrong."""
+        if NOT_RUN not in text:
+            return None
+        content = json.loads(text)
+        if not isinstance(content, dict) or content.pop("status", "") != NOT_RUN:
+            return None
+        return cls(key=str(content.pop("key", "")), cell=TypeAdapter(CellId).validate_python(content))
 
 
 def _without_path(result: Result) -> Result:
@@ -123,21 +161,26 @@ def _existing(path: Path) -> Path:
 
 
 def _read_lines(path: Path) -> Iterator[Result]:
+    return (entry for entry in _entries(path) if isinstance(entry, Result))
+
+
+def _entries(path: Path) -> Iterator[Result | _Planned]:
     lines = dict[CellId, int]()
     try:
         with path.open(encoding="utf-8") as file:
             for number, text in enumerate(file, 1):
-                result = _parsed(text, f"{path}, line {number}")
-                if (first := lines.setdefault(result.id, number)) != number:
-                    raise UsageError(f"{path}, line {number}: {result.id.name} is in line {first} already")
-                yield result
+                entry = _parsed(text, f"{path}, line {number}")
+                cell = entry.id if isinstance(entry, Result) else entry.cell
+                if (first := lines.setdefault(cell, number)) != number:
+                    raise UsageError(f"{path}, line {number}: {cell.name} is in line {first} already")
+                yield entry
     except (OSError, UnicodeError) as error:
         raise UsageError(f"cannot read {path}: {error}") from error
 
 
-def _parsed(text: str, where: str) -> Result:
+def _parsed(text: str, where: str) -> Result | _Planned:
     try:
-        return from_json(text)
+        return _Planned.of(text) or from_json(text)
     except ValueError as error:
         cause = str(error).splitlines()[0]
         raise UsageError(f"{where}: not a result as `stlbench export --format jsonl` writes it: {cause}") from error

@@ -158,12 +158,8 @@ def _damaged(source: Path) -> set[tuple[str, str]]:
 
 def _plan(source: Path, ledger: Ledger) -> int:
     """Take over what the source has planned and lacks; how many cells there are of which the ledger did not know."""
-    if not (source / FILE).is_file():
-        return 0
-    with Ledger(source / FILE, create=False) as other:
-        planned, lacking = other.planned(), set(other.missing())
     known = {*ledger.counted(), *ledger.planned().values()}
-    new = {key: cell for key, cell in planned.items() if cell in lacking and cell not in known}
+    new = {key: cell for key, cell in stored.missing_by_key(source).items() if cell not in known}
     ledger.plan_also(new)
     return len(new)
 

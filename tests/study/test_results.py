@@ -173,6 +173,28 @@ def test_a_cell_twice(recorded, tmp_path):
         Results.load(tmp_path)
 
 
+def test_what_was_planned_and_not_run_is_a_line_too(recorded, tmp_path):
+    planned = CellId.parse("hold-disc/raw/dqn/7", "quick")
+    with Ledger(tmp_path / FILE) as ledger:
+        ledger.record(recorded[0])
+        ledger.plan({"a key": planned, recorded[0].key: recorded[0].id})
+    written = tmp_path / "text" / stored.LINES
+    lines = stored.missing_by_key(tmp_path)
+    assert lines == {"a key": planned}
+    stored.write_lines(stored.read(tmp_path), written, lines)
+    assert list(stored.read(written)) == [recorded[0]]
+    assert stored.missing_by_key(written) == lines
+    assert stored.missing(written) == [planned]
+    assert [json.loads(line)["status"] for line in written.read_text().splitlines()] == ["done", "not run"]
+    with pytest.raises(UsageError, match="line 1: not a result as"):
+        stored.missing(_written(tmp_path / "bad.jsonl", '{"task": "hold-disc", "status": "not run"}'))
+
+
+def _written(path, text):
+    path.write_text(text + "\n")
+    return path
+
+
 def test_a_folder_without_results(tmp_path):
     with pytest.raises(UsageError, match=r"there is neither .*ledger.sqlite nor cells.jsonl; `stlbench run` writes"):
         Results.load(tmp_path)
