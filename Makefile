@@ -87,9 +87,8 @@ tuning: $(VENV)/ready-all
 ## docs/findings.md. Plans are made in results/alignment, and come into results/reference at the end.
 ALIGN := PYTHONPATH=build/example $(BIN)/stlbench run --results results/alignment --seeds 0-0
 GRIDS := integrator-or,hold-disc,hold-disc-coarse,annulus,robot-nav,reach-stay,pendulum,overlap
-LESS := pendulum[without=rewarded],pendulum[without=cuts],overlap[without=rewarded],overlap[without=cuts],\
-	overlap[without=ends]
-PLAIN := pendulum[without=rewarded+cuts],overlap[without=rewarded+cuts+ends]
+LESS := pendulum[without=rewarded],pendulum[without=cuts],overlap[without=rewarded],overlap[without=cuts]
+PLAIN := pendulum[without=rewarded+cuts],overlap[without=rewarded+cuts]
 alignment: $(VENV)/ready-all
 	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target build/example plugins/example
 	$(ALIGN) --tasks "$(GRIDS)" --methods raw --agents "best-possible,best-possible[resolution=0.7]"
@@ -117,8 +116,6 @@ alignment: $(VENV)/ready-all
 ablation: $(VENV)/ready-all
 	$(BIN)/stlbench run studies/ablation.yaml
 	$(BIN)/stlbench export results/ablation --format jsonl
-	$(BIN)/stlbench run studies/overlap-ends.yaml
-	$(BIN)/stlbench export results/overlap-ends --format jsonl
 
 ## Every method on eight tasks, five seeds; the three cheapest also by a recipe for each method, 12 trials for each; and what
 ## each method asks for, by planning on a coarse grid. 2 hours of CPU time; goes on where it was interrupted. See
