@@ -18,6 +18,7 @@ from stlbench.status import Status
 __all__ = [
     "MAIN",
     "RANDOM",
+    "TASK_FOLDER",
     "CurvePoint",
     "Measurement",
     "Planned",
@@ -31,6 +32,8 @@ __all__ = [
     "to_json",
 ]
 
+TASK_FOLDER = "task_folder"
+"""Among the facts of a result's provenance, where its task is a folder: where that was."""
 MAIN = "formula"
 """Name of the protocol that every task has: the task's own formula, from the grid of starts that figures show."""
 

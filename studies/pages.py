@@ -91,7 +91,7 @@ def without(part: str) -> Callable[[], str]:
 
 
 def overlap_ends() -> str:
-    """One row per method: what is learned on `overlap`, beside what was with early ends of episodes, as recorded before."""
+    """One row per method: what is learned on `overlap`, beside what was with early ends of episodes."""
     now, before = learned_by("shared"), recorded.table("overlap-ends", "robustness")
     body = [[f"`{row['method']}`", entry(now["overlap", row["method"]]), entry(row)] for row in before]
     return table(["method", "the recipe, without ends", "with ends"], body, right=0)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 from stlbench.gate.calibration import CALIBRATIONS
 from stlbench.identity import OUTSIDE, CellId
-from stlbench.result import Result, reported
+from stlbench.result import TASK_FOLDER, Result, reported
 from stlbench.status import Status
-from stlbench.study.provenance import CODE, TASK_FOLDER
+from stlbench.study.provenance import CODE
 
 __all__ = ["Pair", "Sample", "Snapshot", "gather", "pair", "sample"]
 

@@ -12,7 +12,7 @@ from stlbench.outside.scoring import UNKNOWN, Scored, Shown, score
 from stlbench.outside.source import Source
 from stlbench.registry import folders
 from stlbench.registry.choices import NAME, Choice
-from stlbench.result import Result
+from stlbench.result import TASK_FOLDER, Result
 from stlbench.rollout import saved_traces
 from stlbench.rollout.referee import Assessment
 from stlbench.study import stored, upkeep
@@ -20,7 +20,7 @@ from stlbench.study.cell import digest
 from stlbench.study.keys import harness
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writing
-from stlbench.study.provenance import TASK_FOLDER, collect
+from stlbench.study.provenance import collect
 from stlbench.task import Task, load_task
 
 __all__ = ["Entry", "ScoreOutside", "record", "row"]

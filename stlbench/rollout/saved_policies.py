@@ -11,7 +11,7 @@ import numpy as np
 from stlbench.contract import Arrays, Policy, StatePolicy
 from stlbench.errors import UsageError
 from stlbench.identity import OUTSIDE, CellId
-from stlbench.result import Result
+from stlbench.result import TASK_FOLDER, Result
 from stlbench.rollout import npz
 
 __all__ = ["FOLDER", "Which", "digest", "policy_file", "read", "save"]
@@ -60,8 +60,8 @@ def digest(arrays: Arrays) -> str:
 
 def _why_none(result: Result) -> str:
     if result.id.track == OUTSIDE:
-        source = result.provenance.get("source", "FILE")
-        how = f"falsify and certify take it as --task {result.id.task} {source}"
+        task, source = result.provenance.get(TASK_FOLDER, result.id.task), result.provenance.get("source", "FILE")
+        how = f"falsify and certify take it as --task {task} {source}"
         return f"it is from outside, and only its score is kept; {how}"
     return "its agent keeps none, or an older stlbench trained it"
 

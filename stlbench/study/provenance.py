@@ -11,13 +11,12 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stlbench.result import TASK_FOLDER
+
 if TYPE_CHECKING:
     from stlbench.study.cell import Cell
 
-__all__ = ["CODE", "TASK_FOLDER", "code_of", "collect", "elsewhere", "here", "of_cell"]
-
-TASK_FOLDER = "task_folder"
-"""Beside these facts, in the cells of a task that is a folder: where it was."""
+__all__ = ["CODE", "code_of", "collect", "elsewhere", "here", "of_cell"]
 
 CODE = "code"
 """Beside them: of which code a cell is, as the first digits of the hash of each part of its key (`keys.PARTS`)."""

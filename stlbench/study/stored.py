@@ -13,10 +13,9 @@ from pydantic import TypeAdapter
 from stlbench.errors import UsageError
 from stlbench.identity import CellId
 from stlbench.registry import folders
-from stlbench.result import Result, from_json, to_json
+from stlbench.result import TASK_FOLDER, Result, from_json, to_json
 from stlbench.status import NOT_RUN
 from stlbench.study.ledger import FILE, Ledger
-from stlbench.study.provenance import TASK_FOLDER
 
 __all__ = ["LINES", "SUFFIX", "OneByOne", "lines", "locate", "missing", "missing_by_key", "read", "write_lines"]
 

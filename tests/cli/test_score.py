@@ -6,6 +6,7 @@ On toy-line x' = x + v / 2 for 4 steps, v in -1, 0, 1; the formula is G[0,4] x <
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -122,6 +123,13 @@ class TestOutside:
         assert "has no stored policy" in line
         line = refused(say("falsify", "toy-line/unknown/home/0/outside"))
         assert line.endswith("falsify and certify take it as --task toy-line zz_functions:home")
+
+    def test_of_a_task_that_is_a_folder_the_way_to_search_it_names_the_folder(self, say, mine, toy):
+        folder = toy / "elsewhere" / "zz-line"
+        shutil.copytree(toy / "toy_plugins" / "line", folder)
+        assert say("score", folder, "zz_functions:home", "--on", "state", "--name", "home").exit_code == 0
+        line = refused(say("falsify", f"{folder.name}/unknown/home/0/outside"))
+        assert line.endswith(f"falsify and certify take it as --task {folder} zz_functions:home")
 
     def test_a_row_of_the_same_name_is_replaced(self, say, mine):
         say("score", "toy-line", "zz_functions:down", "--name", "mine")

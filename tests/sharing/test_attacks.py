@@ -14,12 +14,12 @@ import pytest
 from helpers import bundles, line_task
 
 from stlbench.errors import UsageError
+from stlbench.result import TASK_FOLDER
 from stlbench.rollout import npz, saved_policies
 from stlbench.sharing import checked
 from stlbench.sharing.checked import check, results_in, unpacked
 from stlbench.sharing.rescored import rescore
 from stlbench.study.ledger import FILE, Ledger
-from stlbench.study.provenance import TASK_FOLDER
 
 
 @pytest.fixture
