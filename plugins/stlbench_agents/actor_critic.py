@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench_agents.aligned import zeros
-from stlbench_agents.compiler import compiled
+from stlbench_agents.compiler import compiled, part
 from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, layout, outputs, size_of
 from stlbench_agents.matrices import flattened
 from stlbench_agents.products import inner_products
@@ -75,7 +75,7 @@ class Work(NamedTuple):
         return Work(*spaces, *(zeros(size, dtype) for size in sizes))
 
 
-@compiled()
+@part
 def _join(observation: Floats, action: Floats, into: Floats) -> None:
     """Observations (B, D) and actions (B, axes) side by side."""
     rows, inputs, axes = len(observation), observation.shape[1], action.shape[1]
@@ -87,20 +87,20 @@ def _join(observation: Floats, action: Floats, into: Floats) -> None:
             into[begin + inputs + j] = action[i, j]
 
 
-@compiled()
+@part
 def _output(
     flat: Floats, layers: Indices, observation: Floats, activations: Floats, turned: Floats, into: Floats
 ) -> None:
     """The actor's output before the tanh."""
     rows = len(observation)
-    last = hidden(flat, layers, flattened(observation), rows, activations)
+    hidden(flat, layers, flattened(observation), rows, activations)
     if layers[-1, 1] == 1:
-        _single_output(flat, layers, last, rows, into)
+        _single_output(flat, layers, activations[-1], rows, into)
     else:
-        outputs(flat, layers, last, rows, turned, into)
+        outputs(flat, layers, activations[-1], rows, turned, into)
 
 
-@compiled()
+@part
 def _single_output(flat: Floats, layers: Indices, last: Floats, rows: int, into: Floats) -> None:
     """As `outputs`, where there is one, as critics have: (B,)."""
     at, _, width, bias = layers[-1]
@@ -130,8 +130,8 @@ def targets(
     _join(batch.arrived, later, work.joined)
     for which in range(2):
         layers = networks.critics[which]
-        last = hidden(critics, layers, work.joined, rows, work.critic.there)
-        _single_output(critics, layers, last, rows, work.value)
+        hidden(critics, layers, work.joined, rows, work.critic.there)
+        _single_output(critics, layers, work.critic.there[-1], rows, work.value)
         for i in range(rows):
             work.goal[i] = work.value[i] if which == 0 else min(work.goal[i], work.value[i])
     for i in range(rows):
@@ -146,7 +146,8 @@ def critic_gradient(critics: Floats, networks: Networks, batch: Batch, work: Wor
     _join(batch.observation, batch.action, work.joined)
     for which in range(2):
         layers = networks.critics[which]
-        last = hidden(critics, layers, work.joined, rows, work.critic.here)
+        hidden(critics, layers, work.joined, rows, work.critic.here)
+        last = work.critic.here[-1]
         _single_output(critics, layers, last, rows, work.value)
         for i in range(rows):
             error = work.value[i] - work.goal[i]
@@ -166,10 +167,10 @@ def actor_gradient(
     for i in range(rows * axes):
         work.by_output[i] = math.tanh(work.output[i])
     _join(batch.observation, work.by_output.reshape((rows, axes)), work.joined)
-    last = hidden(critics, layers, work.joined, rows, work.critic.here)
+    hidden(critics, layers, work.joined, rows, work.critic.here)
     for i in range(rows):
         work.value[i] = kind(-1) / kind(rows)
-    back_outputs(critics, layers, last, work.value, rows, work.critic, False, into)
+    back_outputs(critics, layers, work.critic.here[-1], work.value, rows, work.critic, False, into)
     back = back_hidden(critics, layers, work.joined, rows, work.critic, False, into)
     width, share = layers[0, 2], kind(2 * penalty / (rows * axes))
     for j in range(axes):
@@ -179,6 +180,5 @@ def actor_gradient(
             action = work.by_output[at]
             work.by_output[at] = work.value[i] * (kind(1) - action * action) + share * work.output[at]
     x = flattened(batch.observation)
-    final = work.actor.here[len(networks.actor) - 2]
-    back_outputs(actor, networks.actor, final, work.by_output, rows, work.actor, True, into)
+    back_outputs(actor, networks.actor, work.actor.here[-1], work.by_output, rows, work.actor, True, into)
     back_hidden(actor, networks.actor, x, rows, work.actor, True, into)

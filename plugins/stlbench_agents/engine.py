@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench_agents.aligned import zeros
-from stlbench_agents.compiler import compiled, inlined
+from stlbench_agents.compiler import compiled, inlined, part
 from stlbench_agents.layers import Room, Space, back_hidden, back_outputs, hidden, outputs, outputs_at
 from stlbench_agents.matrices import flattened
 from stlbench_agents.products import inner_product
@@ -66,7 +66,7 @@ class Workspace(NamedTuple):
         )
 
 
-@compiled()
+@part
 def _greedy(values: Floats, begin: int, network: Network) -> int:
     """The action of the largest Q, the first of equals, of a row of outputs that begins there."""
     action = 0
@@ -136,7 +136,8 @@ def joint_gradient(
     `double`, else the target network's.
     """
     layers, rows, space = network.layers, len(batch.returns), work.space
-    later = _later(online, target, network, batch, double, work)
+    _look_ahead(online, target, network, batch, double, work)
+    later = space.there[-1]
     if not double:
         outputs(target, layers, later, rows, space.turned, work.outputs)
     for i in range(rows):
@@ -146,8 +147,8 @@ def joint_gradient(
             value = work.outputs[i * layers[-1, 1] + _greedy(work.outputs, i * layers[-1, 1], network)]
         work.goal[i] = batch.returns[i] + batch.discount[i] * value
     x = flattened(batch.observation)
-    last = hidden(online, layers, x, rows, space.here)
-    _back_joint(online, layers, last, batch.action, rows, work, into)
+    hidden(online, layers, x, rows, space.here)
+    _back_joint(online, layers, space.here[-1], batch.action, rows, work, into)
     back_hidden(online, layers, x, rows, space, True, into)
 
 
@@ -157,32 +158,32 @@ def additive_gradient(
 ) -> None:
     """The same for an additive head."""
     layers, rows, space = network.layers, len(batch.returns), work.space
-    later = _later(online, target, network, batch, double, work)
-    outputs(target, layers, later, rows, space.turned, work.outputs)
+    _look_ahead(online, target, network, batch, double, work)
+    outputs(target, layers, space.there[-1], rows, space.turned, work.outputs)
     for i in range(rows):
         begin = i * layers[-1, 1]
         chosen = work.chosen[i] if double else _greedy(work.outputs, begin, network)
         value = _additive(work.outputs, begin, chosen, network.axes, work.ones)
         work.goal[i] = batch.returns[i] + batch.discount[i] * value
     x = flattened(batch.observation)
-    last = hidden(online, layers, x, rows, space.here)
-    _back_additive(online, network, last, batch.action, rows, work, into)
+    hidden(online, layers, x, rows, space.here)
+    _back_additive(online, network, space.here[-1], batch.action, rows, work, into)
     back_hidden(online, layers, x, rows, space, True, into)
 
 
 @inlined()
-def _later(online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace) -> Floats:
-    """The target network's last hidden layer where transitions arrived; with `double` also the best actions there."""
+def _look_ahead(online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace) -> None:
+    """The target network's hidden layers where transitions arrived; with `double` also the best actions there."""
     rows, space = len(batch.returns), work.space
     if len(work.goal) != rows:
         raise ValueError("the workspace was made for a batch of another size")
     there = flattened(batch.arrived)
     if double:
-        last = hidden(online, network.layers, there, rows, space.there)
-        outputs(online, network.layers, last, rows, space.turned, work.outputs)
+        hidden(online, network.layers, there, rows, space.there)
+        outputs(online, network.layers, space.there[-1], rows, space.turned, work.outputs)
         for i in range(rows):
             work.chosen[i] = _greedy(work.outputs, i * network.layers[-1, 1], network)
-    return hidden(target, network.layers, there, rows, space.there)
+    hidden(target, network.layers, there, rows, space.there)
 
 
 @inlined()

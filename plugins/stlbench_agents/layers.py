@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench_agents.aligned import zeros
-from stlbench_agents.compiler import compiled, inlined
+from stlbench_agents.compiler import inlined, part
 from stlbench_agents.matrices import Matrix, matrix, transposed
 from stlbench_agents.products import inner_product, product, turn
 
@@ -32,7 +32,7 @@ class Space(NamedTuple):
     """What a pass through a network writes to, made once."""
 
     here: Floats
-    """(L - 1, B * widest): hidden activations of a pass that is followed back."""
+    """(L - 1, B * widest): hidden activations of a pass that is followed back; one row where there are none."""
     there: Floats
     """The same of a pass that is not."""
     back: Floats
@@ -46,7 +46,7 @@ class Space(NamedTuple):
     def of(layers: Indices, rows: int, dtype: Any = np.float32) -> Space:
         """For B = `rows` and networks of this shape."""
         most = _widest(layers)
-        size, square = (len(layers) - 1, rows * most), most * most
+        size, square = _size_of_hidden(layers, rows), most * most
         hidden = (zeros(size, dtype), zeros(size, dtype), zeros((2, size[1]), dtype))
         return Space(*hidden, zeros(square, dtype), np.ones(1, dtype))
 
@@ -57,7 +57,7 @@ class Room(NamedTuple):
     inputs: Floats
     """(B * D,): the observations in the weights' type."""
     hidden: Floats
-    """(L - 1, B * widest)."""
+    """(L - 1, B * widest), as `Space.here`."""
     turned: Floats
     """(outputs * widest,): the last layer's weights, transposed."""
     outputs: Floats
@@ -67,13 +67,17 @@ class Room(NamedTuple):
     def of(layers: Indices, rows: int, dtype: Any = np.float32) -> Room:
         """For B = `rows` and networks of this shape."""
         inputs, count, most = int(layers[0, 1]), int(layers[-1, 1]), _widest(layers)
-        sizes = rows * inputs, (len(layers) - 1, rows * most), count * most, rows * count
+        sizes = rows * inputs, _size_of_hidden(layers, rows), count * most, rows * count
         return Room(*(np.empty(size, dtype) for size in sizes))
 
 
 def _widest(layers: Indices) -> int:
-    """The width of the widest layer but the inputs."""
-    return int(max(layers[-1, 1], *layers[:-1, 2]))
+    """The width of the widest layer; of the inputs only where there are no hidden layers."""
+    return int(max(layers[-1, 1], *layers[:, 2]))
+
+
+def _size_of_hidden(layers: Indices, rows: int) -> tuple[int, int]:
+    return max(1, len(layers) - 1), rows * _widest(layers)
 
 
 def layout(widths: Sequence[int], begin: int = 0) -> Indices:
@@ -102,15 +106,12 @@ def views(flat: Floats, layers: Indices) -> list[Floats]:
     return parts
 
 
-@inlined()
-def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) -> Floats:
-    """The last hidden layer (B * width,) of B = `rows` inputs x; all of them stay in `into`."""
-    _hidden(flat, layers, x, rows, into)
-    return into[len(layers) - 2] if len(layers) > 1 else x
-
-
-@compiled()
-def _hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) -> None:
+@part
+def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) -> None:
+    """The hidden layers of B = `rows` inputs x, one per row of `into`; the inputs themselves where there are none."""
+    if len(layers) == 1:
+        for i in range(len(x)):
+            into[0, i] = x[i]
     for layer in range(len(layers) - 1):
         at, inner, columns, bias = layers[layer]
         product(
@@ -120,7 +121,7 @@ def _hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) -
         x = into[layer]
 
 
-@compiled()
+@part
 def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, turned: Floats, into: Floats) -> None:
     """All outputs (B, outputs) of the last hidden layer (B, width), both flat; no activation after them."""
     at, count, width, bias = layers[-1]
@@ -144,7 +145,8 @@ def outputs_at(flat: Floats, layers: Indices, observation: Floats, room: Room) -
     for i in range(rows):
         for j in range(inputs):
             room.inputs[i * inputs + j] = observation[i, j]
-    outputs(flat, layers, hidden(flat, layers, room.inputs, rows, room.hidden), rows, room.turned, room.outputs)
+    hidden(flat, layers, room.inputs, rows, room.hidden)
+    outputs(flat, layers, room.hidden[-1], rows, room.turned, room.outputs)
 
 
 _FEW = 8

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench_agents.aligned import aligned, zeros
-from stlbench_agents.compiler import compiled, inlined
+from stlbench_agents.compiler import inlined, part
 from stlbench_agents.products import inner_product
 
 __all__ = ["Weights", "adam", "blend", "clipping", "decay", "step"]
@@ -81,7 +81,7 @@ def blend(into: Floats, weights: Floats, share: float) -> None:
         into[i] = rest * into[i] + part * weights[i]
 
 
-@compiled()
+@part
 def step(weights: Weights, rate: float, count: int, max_norm: float, target_share: float, average_share: float) -> None:
     """Step `count` of Adam along the gradient, its norm clipped; then target and average move by their shares."""
     factor = clipping(weights.gradient, max_norm) if max_norm < np.inf else 1.0

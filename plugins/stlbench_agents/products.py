@@ -16,7 +16,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from stlbench_agents.compiler import compiled, named
+from stlbench_agents.compiler import named, part
 from stlbench_agents.kernels import BYTES, SUMS, TALL, block_of, partial_sums, row_sums, turned_block
 from stlbench_agents.matrices import Matrix
 
@@ -95,7 +95,7 @@ In single precision it has machine code of its own. Otherwise, in tests, it is c
 """
 
 
-@compiled()
+@part
 def inner_product(a: Floats, a_at: int, b: Floats, b_at: int, count: int) -> Any:
     """The sum of a[a_at + i] b[b_at + i] over i < count, in an order of its own that is always the same."""
     lanes = SUMS // a.itemsize
@@ -106,7 +106,7 @@ def inner_product(a: Floats, a_at: int, b: Floats, b_at: int, count: int) -> Any
     return total
 
 
-@compiled()
+@part
 def inner_products(a: Floats, a_at: int, rows: int, row: int, b: Floats, b_at: int, count: int, into: Floats) -> None:
     """Those of `rows` rows of a, the first at `a_at` and each `row` behind the one before, with b: `into` (rows,)."""
     lanes, i = SUMS // a.itemsize, 0
@@ -118,7 +118,7 @@ def inner_products(a: Floats, a_at: int, rows: int, row: int, b: Floats, b_at: i
         into[rest] = inner_product(a, a_at + rest * row, b, b_at, count)
 
 
-@compiled()
+@part
 def turn(a: Floats, at: int, rows: int, columns: int, into: Floats) -> None:
     """Write the transpose of the matrix (rows, columns) that lies at an offset: `into` (columns, rows), row by row."""
     width = BYTES // a.itemsize

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 from helpers import plain_q
+from numba import njit
 from numpy.typing import NDArray
 
 from stlbench_agents.engine import Network, Workspace, additive_gradient, greedy_actions, joint_gradient
@@ -21,8 +22,8 @@ from stlbench_agents.replay import Batch
 Floats = NDArray[Any]
 
 INPUTS, ROWS = 5, 48
-ARCHITECTURES = [(9,), (12, 7), (6, 14, 10), (40, 24)]
-"""Widths that grow and that shrink, none equal to another; the last wider than the processor's vectors."""
+ARCHITECTURES: list[tuple[int, ...]] = [(), (9,), (12, 7), (6, 14, 10), (40, 24)]
+"""Widths that grow and that shrink, none equal to another; no hidden layer; one wider than the processor's vectors."""
 GRIDS = [(6,), (4, 3), (3, 2, 4)]
 SHAPES = [
     *(plain_q.Shape(INPUTS, net_arch, (4, 3), "joint") for net_arch in ARCHITECTURES),
@@ -31,6 +32,11 @@ SHAPES = [
 
 shapes = pytest.mark.parametrize("shape", SHAPES, ids=lambda s: f"{s.head}-{len(s.net_arch)}-{len(s.grid)}")
 doubles = pytest.mark.parametrize("double", [True, False], ids=["double", "plain"])
+
+
+@njit
+def _step(weights: Weights, rate: float, count: int, max_norm: float, target: float, average: float) -> None:
+    step(weights, rate, count, max_norm, target, average)
 
 
 class Case(NamedTuple):
@@ -337,7 +343,7 @@ class TestStep:
         mean, square = np.zeros(size), np.zeros(size)
         for count in range(1, 5):
             weights.gradient[:] = generator.normal(size=size)
-            step(weights, 0.1, count, 0.5, *shares)
+            _step(weights, 0.1, count, 0.5, *shares)
             adam(online, weights.gradient, mean, square, 0.1, count, clipping(weights.gradient, 0.5))
             blend(target, online, shares[0])
             blend(average, online, shares[1])

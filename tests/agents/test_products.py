@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from stlbench_agents import products
 from stlbench_agents.matrices import Matrix, flattened, matrix, transposed
-from stlbench_agents.products import inner_product, inner_products, turn
 
 Floats = NDArray[Any]
 ROWS = (1, 3, 4, 5, 7, 8, 9, 16, 33)
@@ -29,6 +28,21 @@ def turned(of: Matrix) -> Matrix:
 @njit
 def product(a: Matrix, b: Matrix, bias: Matrix, least: float, out: Matrix) -> None:
     products.product(a, b, bias, least, out)
+
+
+@njit
+def inner_product(a: Floats, a_at: int, b: Floats, b_at: int, count: int) -> Any:
+    return products.inner_product(a, a_at, b, b_at, count)
+
+
+@njit
+def inner_products(a: Floats, a_at: int, rows: int, row: int, b: Floats, b_at: int, count: int, into: Floats) -> None:
+    products.inner_products(a, a_at, rows, row, b, b_at, count, into)
+
+
+@njit
+def turn(a: Floats, at: int, rows: int, columns: int, into: Floats) -> None:
+    products.turn(a, at, rows, columns, into)
 
 
 def laid(values: Floats, row: int = 0) -> Matrix:
