@@ -20,7 +20,7 @@ from stlbench_agents.aligned import zeros
 from stlbench_agents.compiler import compiled, inlined, part
 from stlbench_agents.layers import Room, Space, back_hidden, back_outputs, hidden, outputs, outputs_at
 from stlbench_agents.matrices import flattened
-from stlbench_agents.products import inner_product
+from stlbench_agents.products import START, inner_product
 from stlbench_agents.replay import Batch
 
 __all__ = ["Network", "Workspace", "actions", "additive_gradient", "greedy_actions", "joint_gradient"]
@@ -87,7 +87,7 @@ def _additive(values: Floats, begin: int, action: int, axes: Indices, ones: Floa
     q, at, rest = values[begin], begin + len(ones), action
     for i in range(len(axes) - 1, -1, -1):
         at -= axes[i]
-        q += values[at + rest % axes[i]] - inner_product(values, at, ones, 0, axes[i]) / values.dtype.type(axes[i])
+        q += values[at + rest % axes[i]] - inner_product(values, at, ones, START, axes[i]) / values.dtype.type(axes[i])
         rest //= axes[i]
     return q
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from stlbench_agents.aligned import aligned, zeros
 from stlbench_agents.compiler import inlined, part
-from stlbench_agents.products import inner_product
+from stlbench_agents.products import START, inner_product
 
 __all__ = ["Weights", "adam", "blend", "clipping", "decay", "step"]
 
@@ -49,7 +49,7 @@ def decay(first: float, last: float, updates: int) -> float:
 @inlined()
 def clipping(gradient: Floats, max_norm: float) -> float:
     """The factor, at most 1, that brings the gradient's norm to `max_norm`."""
-    total = inner_product(gradient, 0, gradient, 0, len(gradient))
+    total = inner_product(gradient, START, gradient, START, len(gradient))
     return float(min(1.0, max_norm / (np.sqrt(total) + 1e-6)))
 
 

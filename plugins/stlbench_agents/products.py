@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, cast
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -20,10 +21,12 @@ from stlbench_agents.compiler import named, part
 from stlbench_agents.kernels import BYTES, SUMS, TALL, block_of, partial_sums, row_sums, turned_block
 from stlbench_agents.matrices import Matrix
 
-__all__ = ["inner_product", "inner_products", "product", "turn"]
+__all__ = ["START", "inner_product", "inner_products", "product", "turn"]
 
 Floats = NDArray[Any]
 
+START = np.int64(0)
+"""Where a vector begins. A plain 0 is a type of its own to Numba, for which it would compile `inner_product` again."""
 _LOW = TALL // 2
 _block, _low, _row = block_of(TALL, 2), block_of(_LOW, 2), block_of(1, 2)
 _column, _cell = block_of(TALL, 1), block_of(1, 1)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -37,6 +40,27 @@ def test_what_is_compiled_is_not_compiled_again(empty: Path, agent: Agent, same:
     assert same.uncompiled() is None
     assert other.uncompiled() is not None
     assert len([path for path in empty.iterdir() if path.is_file()]) == 1
+
+
+ONCE = """
+import sys
+from stlbench_agents.dqn import DQN
+from stlbench_agents import products, layers, engine, optimizer, replay, q_learner
+DQN(head="additive")._compile()
+for module in (products, layers, engine, optimizer, replay, q_learner):
+    for name, function in vars(module).items():
+        if hasattr(function, "signatures") and function.py_func.__module__ == module.__name__:
+            print(name, len(function.signatures))
+"""
+
+
+def test_no_function_is_compiled_for_two_kinds_of_arguments(tmp_path: Path) -> None:
+    """A plain 0 is a type of its own, and a call with it compiles a function again, which only a clock would tell."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", ONCE], env=environment, capture_output=True, text=True, check=True)
+    counts = dict(line.split() for line in done.stdout.splitlines())
+    assert counts["inner_product"] == counts["gather"] == counts["_update_additive"] == "1"
+    assert set(counts.values()) <= {"0", "1"}  # 0: what became a part of others
 
 
 def test_an_agent_without_compiled_code_has_nothing_to_compile() -> None:
