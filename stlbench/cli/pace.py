@@ -20,6 +20,9 @@ __all__ = ["LATEST", "Ended", "Pace", "reward_of", "unfit"]
 LATEST = 2_000
 """Cells that ended, of which so many tell enough: more would make large studies slow."""
 
+_SOON = 0.5
+"""Seconds. Less is rounded to 0, which a cell that runs longer than all before it would say until it ends."""
+
 _UNFIT = ("intractable", "unsuitable")
 """Found out at once and for every seed, so that such cells take no time."""
 
@@ -54,9 +57,9 @@ class Pace(NamedTuple):
 
     @property
     def words(self) -> str:
-        """ "about 3 min 5 s left"; empty where nothing is left, or nothing is known."""
+        """ "about 3 min 5 s left"; empty where nothing is left or known, as of a cell slower than all before."""
         seconds = self.seconds
-        return "" if seconds is None else f"about {duration(seconds)} left"
+        return f"about {duration(seconds)} left" if seconds and seconds >= _SOON else ""
 
     @property
     def seconds(self) -> float | None:

@@ -100,3 +100,14 @@ def test_what_overlapped_says_how_many_run_at_a_time_and_no_more_than_are_allowe
 def test_methods_that_do_not_fit():
     results = [result("tau-mdp", status="intractable"), result("machine", status="unsuitable"), result("raw")]
     assert unfit(results) == {reward_of(each.id) for each in results[:2]}
+
+
+def test_of_a_cell_that_takes_longer_than_all_before_it_nothing_is_said():
+    """As of plans, which tell of no steps: a second method takes 100 s where the first took 25."""
+    raw, funnel = (CellId.parse(f"overlap/{method}/planner/0", "quick") for method in ("raw", "funnel"))
+
+    def at(now):
+        return Pace(now, [funnel], [Running(funnel.name, "quick", STEPS, 1000, 0, 1000)], [Ended(raw, 25, 1000)], 1)
+
+    assert at(1010).words == "about 15 s left"
+    assert at(1025).words == at(1090).words == ""
