@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test quick lint types imports unit coverage lowest docs gate bench soak reference tuning alignment ablation agents survey leaderboard paper-figures clean
+.PHONY: run test quick lint types imports unit coverage lowest docs gate bench soak reference tuning alignment ablation agents survey field leaderboard paper-figures clean
 
 ## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
 run: $(VENV)/ready
@@ -142,6 +142,16 @@ survey: $(VENV)/ready-all
 	$(BIN)/stlbench export build/survey --format jsonl
 	cp build/survey/*.csv build/survey/report.md build/survey/cells.jsonl results/survey
 	$(BIN)/python studies/survey.py
+	$(BIN)/python studies/pages.py
+
+## The tasks from the field, five seeds of three methods by two agents; 2 hours of CPU time and as much for lane, goes on
+## where it was interrupted. See docs/reference/tasks.md, "What was learned".
+field: $(VENV)/ready-all
+	$(BIN)/stlbench run studies/field.yaml
+	$(BIN)/stlbench run --results results/field --tasks cartpole-steady --methods tau-mdp --seeds 5
+	$(BIN)/stlbench run studies/field-sb3.yaml
+	$(BIN)/stlbench run studies/field-sb3-grid.yaml
+	$(BIN)/stlbench export results/field --format jsonl
 	$(BIN)/python studies/pages.py
 
 ## What the parts of the agents are worth, and other agents beside ours; half an hour of CPU time. See

@@ -97,6 +97,18 @@ def overlap_ends() -> str:
     return table(["method", "the recipe, without ends", "with ends"], body, right=0)
 
 
+def field() -> str:
+    """One row per task from the field and agent, one column per method."""
+    found = {(row["task"], row["agent"], row["method"]): row for row in recorded.table("field", "robustness")}
+    methods = ("funnel", "raw", "flag", "tau-mdp")
+    keys = dict.fromkeys((task, agent) for task, agent, _ in found)
+    body = [
+        [f"`{task}`", f"`{agent}`", *(entry(found.get((task, agent, method)), 5) for method in methods)]
+        for task, agent in keys
+    ]
+    return table(["task", "agent", *(f"`{method}`" for method in methods)], body, right=0)
+
+
 def parameters() -> str:
     """One row per task and parameter of the agent: what is learned without it, beside the whole recipe, with raw."""
     body = [
@@ -241,6 +253,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "arms": by_seed("fetch-reach", "cartpole", "ball-in-cup"),
     },
     "docs/findings.md": {"overlap-ends": overlap_ends},
+    "docs/reference/tasks.md": {"field": field},
     "docs/performance.md": {"cost": cost},
     "docs/survey.md": {
         "survey1": lambda: whole(survey.of_tasks(survey.order()[0][:5])),
