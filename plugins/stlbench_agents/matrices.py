@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, cast
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.errors import TypingError
 from numba.core.imputils import impl_ret_borrowed
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
@@ -57,6 +58,8 @@ def _transposed(_: Any, of: Any) -> Any:
 
 @intrinsic
 def _flattened(_: Any, values: Any) -> Any:
+    if values.layout != "C":
+        raise TypingError("an array that does not lie row by row has no numbers in one row")
     kind = types.Array(values.dtype, 1, "C")
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numba import njit
+from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
 from stlbench_agents import products
@@ -130,6 +131,11 @@ def test_views_are_of_the_same_memory(dtype: Any) -> None:
         assert flat.tolist() == list(range(12))
         assert np.shares_memory(flat, values)
     assert flat.dtype == dtype
+
+
+def test_only_what_lies_row_by_row_is_one_row() -> None:
+    with pytest.raises(TypingError, match="does not lie row by row"):
+        laid_out(np.zeros((3, 4)).T)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
