@@ -16,8 +16,11 @@ __all__ = ["Window", "below", "beside", "beyond_key", "number", "window"]
 
 _NEAR, _FAR = 5.0, 10.0
 """What lies so many times as far as the nearest group is shown with it; beyond the second number more is cut."""
-_LEAST = 1e-3
-"""Of the furthest value's distance, that of the nearest group is at least: one by chance at 0 cuts off no others."""
+_LEAST, _LEAST_AT_ZERO = 1e-3, 2e-2
+"""Of the furthest value's distance, that of the nearest group is at least: one by chance at 0 cuts off no others.
+
+The second number counts where no value is positive, as where 0 is the best possible.
+"""
 _ROOM = 0.25
 """Below 0, of what is above it."""
 _FROM = 0.5
@@ -51,7 +54,8 @@ def window(groups: Iterable[Iterable[float]]) -> Window | None:
     values = [value for group in kept for value in group]
     top = max([0.0, *values])
     furthest = top - min(values, default=0.0)
-    least = max(min((top - median(group) for group in kept), default=0.0), top, _LEAST * furthest)
+    share = _LEAST if top > 0 else _LEAST_AT_ZERO
+    least = max(min((top - median(group) for group in kept), default=0.0), top, share * furthest)
     if furthest <= _FAR * least:
         return None
     return Window(min([-_ROOM * top, *(value for value in values if top - value <= _NEAR * least)]), top)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,6 +20,10 @@ from stlbench.report.statistics.curves import MeanCurve, mean_curve
 from stlbench.report.tables.rows import Group
 
 __all__ = ["learning_curves"]
+
+
+_LINE = 30
+"""Characters of a line of an axis' label: as many as the axis is high."""
 
 
 @styled
@@ -43,7 +48,7 @@ def learning_curves(groups: Sequence[Group], unit: str) -> Figure:
         _draw(right, line, style, low)
     below(right, far)
     left.set(ylabel="starts that satisfy [%]", ylim=(-4, 104))
-    right.set_ylabel(f"mean robustness [{unit}]")
+    right.set_ylabel(textwrap.fill(f"mean robustness [{unit}]", _LINE))
     right.axhline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)
     for axes in (left, right):
         axes.set_xlabel("environment steps")

@@ -89,3 +89,5 @@ def test_axes_say_what_they_show_in_which_unit():
     assert left.get_xlabel() == right.get_xlabel() == "environment steps"
     assert left.get_ylabel() == "starts that satisfy [%]"
     assert right.get_ylabel() == "mean robustness [m]"
+    _, right = learning_curves(GROUPS, "- or half widths or half heights").axes
+    assert max(map(len, right.get_ylabel().splitlines())) <= 30
