@@ -11,8 +11,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stlbench.result import TASK_FOLDER
-
 if TYPE_CHECKING:
     from stlbench.study.cell import Cell
 
@@ -47,6 +45,8 @@ def elsewhere(provenance: Mapping[str, str], facts: Mapping[str, str]) -> dict[s
 
 def of_cell(cell: Cell) -> dict[str, str]:
     """What is beside them in the provenance of one cell."""
+    from stlbench.result import TASK_FOLDER  # imports NumPy, which `here` is asked for before anything is loaded
+
     code = ", ".join(f"{name} {said[:8]}" for name, said in cell.parts)
     place = {} if cell.folder is None else {TASK_FOLDER: str(cell.folder)}
     return ({CODE: code} if code else {}) | place

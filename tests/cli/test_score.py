@@ -15,6 +15,7 @@ import pytest
 from PIL import Image
 
 from stlbench.gate.files import load
+from stlbench.registry import plugins
 from stlbench.study.lock import writing
 from stlbench.study.results import Results
 from stlbench.task import load_task
@@ -124,7 +125,8 @@ class TestOutside:
         line = refused(say("falsify", "toy-line/unknown/home/0/outside"))
         assert line.endswith("falsify and certify take it as --task toy-line zz_functions:home")
 
-    def test_of_a_task_that_is_a_folder_the_way_to_search_it_names_the_folder(self, say, mine, toy):
+    def test_of_a_task_that_is_a_folder_the_way_to_search_it_names_the_folder(self, say, mine, toy, monkeypatch):
+        monkeypatch.setitem(plugins._ADDED, "tasks", {})
         folder = toy / "elsewhere" / "zz-line"
         shutil.copytree(toy / "toy_plugins" / "line", folder)
         assert say("score", folder, "zz_functions:home", "--on", "state", "--name", "home").exit_code == 0

@@ -37,7 +37,8 @@ def test_what_is_no_setting(item: str) -> None:
 
 def test_by_default_each_part_that_a_task_has_is_left_out_once() -> None:
     parts = [PlanSetting("cuts"), PlanSetting("ends"), PlanSetting("rewarded")]
-    assert default_settings(Choice("overlap")) == (PlanSetting(), PlanSetting("", GAMMA), *parts)
+    assert default_settings(Choice("cartpole")) == (PlanSetting(), PlanSetting("", GAMMA), *parts)
+    assert default_settings(Choice("overlap")) == (PlanSetting(), PlanSetting("", GAMMA), parts[0], parts[2])
     assert default_settings(Choice("hold-disc")) == (PlanSetting(), PlanSetting("", GAMMA))
 
 
