@@ -70,6 +70,10 @@ class Room(NamedTuple):
         sizes = rows * inputs, _size_of_hidden(layers, rows), count * most, rows * count
         return Room(*(np.empty(size, dtype) for size in sizes))
 
+    def fit(self, layers: Indices, rows: int) -> Room:
+        """Itself, or another where it was not made for B = `rows`."""
+        return self if len(self.inputs) == rows * layers[0, 1] else Room.of(layers, rows, self.inputs.dtype)
+
 
 def _widest(layers: Indices) -> int:
     """The width of the widest layer; of the inputs only where there are no hidden layers."""

@@ -77,8 +77,7 @@ class QLearner:
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
         """Actions (N,) at observations (N, D): each with probability `epsilon` any, else the current best."""
         rows = len(observation)
-        if len(self._room.outputs) != rows * self.network.engine.layers[-1, 1]:
-            self._room = Room.of(self.network.engine.layers, rows)
+        self._room = self._room.fit(self.network.engine.layers, rows)
         chosen = np.empty(rows, np.int64)
         actions(
             self.weights.online, self.network.engine, observation, epsilon, generator.random((2, rows)),

@@ -83,9 +83,7 @@ class TD3Learner:
 
     def act(self, observation: Array, noise: Array) -> Array:
         """The actor's actions at observations (N, D) with noise (N, axes) added, within [-1, 1]: (N, axes)."""
-        rows = len(observation)
-        if len(self._room.outputs) != rows * len(self.box.names):
-            self._room = Room.of(self.networks.actor, rows)
+        self._room = self._room.fit(self.networks.actor, len(observation))
         vectors = np.empty(noise.shape)
         _act(self.actor.online, self.networks.actor, observation, noise, self._room, vectors)
         return vectors

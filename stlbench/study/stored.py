@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
-from typing import Self
+from typing import Self, TypeVar
 
 from pydantic import TypeAdapter
 
@@ -18,6 +19,8 @@ from stlbench.status import NOT_RUN
 from stlbench.study.ledger import FILE, Ledger
 
 __all__ = ["LINES", "SUFFIX", "OneByOne", "lines", "locate", "missing", "missing_by_key", "read", "write_lines"]
+
+_T = TypeVar("_T")
 
 SUFFIX = ".jsonl"
 """Of files of lines."""
@@ -95,7 +98,8 @@ def missing_by_key(path: Path) -> dict[str, CellId]:
     """The same, by the keys that they were planned with."""
     file = _existing(path)
     if file.suffix == SUFFIX:
-        return {entry.key: entry.cell for entry in _entries(file) if isinstance(entry, _Planned)}
+        found = (_checked(_Planned.of, text, where) for text, where in _texts(file))
+        return {planned.key: planned.cell for planned in found if planned}
     with Ledger(file, create=False) as ledger:
         lacking = set(ledger.missing())
         return {key: cell for key, cell in ledger.planned().items() if cell in lacking}
@@ -131,7 +135,7 @@ class _Planned:
 
     @property
     def text(self) -> str:
-        identity = TypeAdapter(CellId).dump_python(self.cell, mode="json")
+        identity = _identity().dump_python(self.cell, mode="json")
         return json.dumps({**identity, "key": self.key, "status": NOT_RUN})
 
     @classmethod
@@ -142,7 +146,12 @@ class _Planned:
         content = json.loads(text)
         if not isinstance(content, dict) or content.pop("status", "") != NOT_RUN:
             return None
-        return cls(key=str(content.pop("key", "")), cell=TypeAdapter(CellId).validate_python(content))
+        return cls(key=str(content.pop("key", "")), cell=_identity().validate_python(content))
+
+
+@cache
+def _identity() -> TypeAdapter[CellId]:
+    return TypeAdapter(CellId)
 
 
 def _without_path(result: Result) -> Result:
@@ -160,26 +169,28 @@ def _existing(path: Path) -> Path:
 
 
 def _read_lines(path: Path) -> Iterator[Result]:
-    return (entry for entry in _entries(path) if isinstance(entry, Result))
-
-
-def _entries(path: Path) -> Iterator[Result | _Planned]:
     lines = dict[CellId, int]()
+    for number, (text, where) in enumerate(_texts(path), 1):
+        entry = _checked(_Planned.of, text, where) or _checked(from_json, text, where)
+        cell = entry.id if isinstance(entry, Result) else entry.cell
+        if (first := lines.setdefault(cell, number)) != number:
+            raise UsageError(f"{where}: {cell.name} is in line {first} already")
+        if isinstance(entry, Result):
+            yield entry
+
+
+def _texts(path: Path) -> Iterator[tuple[str, str]]:
+    """The lines of a file, and where each is."""
     try:
         with path.open(encoding="utf-8") as file:
-            for number, text in enumerate(file, 1):
-                entry = _parsed(text, f"{path}, line {number}")
-                cell = entry.id if isinstance(entry, Result) else entry.cell
-                if (first := lines.setdefault(cell, number)) != number:
-                    raise UsageError(f"{path}, line {number}: {cell.name} is in line {first} already")
-                yield entry
+            yield from ((text, f"{path}, line {number}") for number, text in enumerate(file, 1))
     except (OSError, UnicodeError) as error:
         raise UsageError(f"cannot read {path}: {error}") from error
 
 
-def _parsed(text: str, where: str) -> Result | _Planned:
+def _checked(parse: Callable[[str], _T], text: str, where: str) -> _T:
     try:
-        return _Planned.of(text) or from_json(text)
+        return parse(text)
     except ValueError as error:
         cause = str(error).splitlines()[0]
         raise UsageError(f"{where}: not a result as `stlbench export --format jsonl` writes it: {cause}") from error
