@@ -21,6 +21,7 @@ robustness of its trace, and whether it satisfies the formula.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from numbers import Real
 from typing import Any, get_args, overload
 
 import gymnasium
@@ -87,8 +88,8 @@ def wrap(
     """Have an environment paid by a reward method, and its episodes judged by a formula.
 
     Args:
-        env: an environment, or a vector environment, under any of Gymnasium's autoreset modes. Actions are a Box or
-            Discrete. One step of it is one step of the formula.
+        env: an environment, or a vector environment, under any of Gymnasium's autoreset modes. Actions are numbers: a
+            Box, Discrete, MultiDiscrete or MultiBinary. One step of it is one step of the formula.
         formula: STL over the signals; its operators without an interval reach to the end of the episode.
         method: a reward method by name, with or without parameters, "funnel" or "flag[beta=10]"; or a class, or any
             other callable from a `stlbench.contract.Specification` to a `RewardMethod`.
@@ -122,7 +123,7 @@ def wrap(
         UsageError: in one line, what does not fit: names, signals, ranges, formula, its horizon, method, steps. Later,
             with the step, signals, observations or rewards that are no finite numbers, and signals of other names.
     """
-    _check(terminated, discount)
+    _check(ranges, terminated, discount)
     if isinstance(env, VectorEnv):
         reader = _reader(signals, names, ranges, env.single_observation_space, env.observation_space)
         length = steps_of_copies(env, steps, autoreset_of(env))
@@ -136,11 +137,13 @@ def wrap(
     return StlVectorWrapper(env, scoring) if isinstance(env, VectorEnv) else StlWrapper(env, scoring)
 
 
-def _check(terminated: str, discount: float) -> None:
+def _check(ranges: Ranges, terminated: str, discount: float) -> None:
+    if not isinstance(ranges, Mapping):
+        raise UsageError(f"ranges: expected a mapping, signal -> (low, high), got {ranges!r}")
     if terminated not in get_args(EarlyEnd):
         raise UsageError(f"terminated: no '{terminated}'{did_you_mean(str(terminated), get_args(EarlyEnd))}")
-    if not 0 <= discount <= 1:
-        raise UsageError(f"discount is in 0..1, got {discount}")
+    if not isinstance(discount, Real) or not 0 <= discount <= 1:
+        raise UsageError(f"discount is a number in 0..1, got {discount!r}")
 
 
 def _reader(

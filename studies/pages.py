@@ -98,8 +98,8 @@ def overlap_ends() -> str:
 
 
 def field() -> str:
-    """One row per task from the field and agent, one column per method."""
-    found = {(row["task"], row["agent"], row["method"]): row for row in recorded.table("field", "robustness")}
+    """One row per task from the field and agent, one column per method that many of them were trained with."""
+    found = field_rows()
     methods = ("funnel", "raw", "flag", "tau-mdp")
     keys = dict.fromkeys((task, agent) for task, agent, _ in found)
     body = [
@@ -107,6 +107,25 @@ def field() -> str:
         for task, agent in keys
     ]
     return table(["task", "agent", *(f"`{method}`" for method in methods)], body, right=0)
+
+
+def either_or() -> str:
+    """One row per method on `either-or`, the best first; one column per agent."""
+    found = {(method, agent): row for (task, agent, method), row in field_rows().items() if task == "either-or"}
+    agents = ("td3", "sb3-ppo")
+    methods = sorted({method for method, _ in found}, key=lambda method: (_last(found[method, agents[0]]), method))
+    body = [[f"`{method}`", *(entry(found.get((method, agent)), 5) for agent in agents)] for method in methods]
+    return table(["method", *(f"`{agent}`" for agent in agents)], body, right=0)
+
+
+def _last(row: Row) -> float:
+    """Sorts by robustness, the greatest first and what has none last."""
+    return -float(row["IQM robustness"] or "-inf")
+
+
+def field_rows() -> dict[tuple[str, str, str], Row]:
+    """The rows of `results/field` by task, agent and method."""
+    return {(row["task"], row["agent"], row["method"]): row for row in recorded.table("field", "robustness")}
 
 
 def parameters() -> str:
@@ -253,7 +272,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "arms": by_seed("fetch-reach", "cartpole", "ball-in-cup"),
     },
     "docs/findings.md": {"overlap-ends": overlap_ends},
-    "docs/reference/tasks.md": {"field": field},
+    "docs/reference/tasks.md": {"field": field, "either-or": either_or},
     "docs/performance.md": {"cost": cost},
     "docs/survey.md": {
         "survey1": lambda: whole(survey.of_tasks(survey.order()[0][:5])),

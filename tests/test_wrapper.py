@@ -327,7 +327,10 @@ def test_a_method_is_a_name_with_parameters_a_class_or_what_makes_one() -> None:
         ({"steps": None}, "steps: the environment says no time limit; give the length of an episode"),
         ({"steps": 0}, "steps is a whole number, at least 1, got 0"),
         ({"terminated": "violate"}, "terminated: no 'violate'; did you mean 'violated'"),
-        ({"discount": 1.5}, "discount is in 0..1, got 1.5"),
+        ({"discount": 1.5}, "discount is a number in 0..1, got 1.5"),
+        ({"discount": "a"}, "discount is a number in 0..1, got 'a'"),
+        ({"ranges": None}, r"ranges: expected a mapping, signal -> \(low, high\), got None"),
+        ({"method": dict}, "method: expected a name or a class of reward methods, got <class 'dict'>"),
         ({"signals": lambda o, i: {}}, "names are for expressions"),
     ],
 )
@@ -339,12 +342,36 @@ def test_what_does_not_fit_is_one_clear_line(options: dict[str, Any], message: s
 def test_actions_that_are_no_numbers_and_no_environment() -> None:
     env = Walk()
     env.action_space = Dict({"push": env.action_space})
-    with pytest.raises(UsageError, match="actions are numbers, a Box or Discrete; the environment has Dict"):
+    with pytest.raises(UsageError, match=r"actions are numbers, a Box, .* or MultiBinary; the environment has Dict"):
         wrapped(env)
     with pytest.raises(UsageError, match=r"wrap takes an environment of Gymnasium, .* got 'Pendulum-v1'"):
         stlbench.wrap("Pendulum-v1", "G x <= 1", **BASE)  # type: ignore[call-overload]
     with pytest.raises(ResetNeeded):
         wrapped().step(STAY)
+
+
+class Odd(Walk):
+    """Its step returns something else."""
+
+    def __init__(self, change: Callable[..., Any]) -> None:
+        super().__init__()
+        self.change = change
+
+    def step(self, action: Any) -> Any:
+        return self.change(*super().step(action))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda *five: five[:4], "step of the environment returned 4 values; Gymnasium's have five: observation,"),
+        (lambda *five: None, "step of the environment returned None; Gymnasium's have five"),
+        (lambda seen, _, *rest: (seen, None, *rest), "returned a reward that is no number at step 1: None"),
+    ],
+)
+def test_a_step_that_is_none_of_gymnasium_s(change: Callable[..., Any], message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        walk(wrapped(Odd(change)), STAY)
 
 
 class Lost(Walk):

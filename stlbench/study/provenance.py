@@ -19,7 +19,7 @@ __all__ = ["CODE", "code_of", "collect", "elsewhere", "here", "of_cell"]
 CODE = "code"
 """Beside them: of which code a cell is, as the first digits of the hash of each part of its key (`keys.PARTS`)."""
 
-PACKAGES = ("mujoco", "numba", "numpy", "scipy", "stable-baselines3", "stlbench-rl", "torch")
+PACKAGES = ("gymnasium", "mujoco", "numba", "numpy", "scipy", "stable-baselines3", "stlbench-rl", "torch")
 
 
 def collect(jobs: int) -> dict[str, str]:

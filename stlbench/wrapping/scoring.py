@@ -70,13 +70,18 @@ def make_method(method: MethodOf, specification: Specification) -> RewardMethod:
     try:
         if isinstance(method, str):
             return cast(RewardMethod, plugins.build("methods", choice_of(method), specification))
-        made = method(specification) if callable(method) else None
+        made = None if not callable(method) or _no_method(method) else method(specification)
     except (Intractable, Unsuitable) as error:
         name = method if isinstance(method, str) else getattr(method, "__name__", method)
         raise UsageError(f"method {name} does not fit: {error}") from error
     if not isinstance(made, RewardMethod):
         raise UsageError(f"method: expected a name or a class of reward methods, got {method!r}")
     return made
+
+
+def _no_method(made_by: object) -> bool:
+    """Whether it is a class of something else, which a specification may not make."""
+    return isinstance(made_by, type) and not issubclass(made_by, RewardMethod)
 
 
 def _ends(names: Sequence[str], ranges: Ranges) -> tuple[tuple[float, ...], tuple[float, ...]]:

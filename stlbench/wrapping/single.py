@@ -10,7 +10,9 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils import RecordConstructorArgs
 
 from stlbench.contract import Array, RewardMethod, Specification
+from stlbench.errors import UsageError
 from stlbench.wrapping.episodes import Episodes
+from stlbench.wrapping.reading import place
 from stlbench.wrapping.scoring import Scoring
 from stlbench.wrapping.spaces import Observing, action_rows, check_actions
 
@@ -66,11 +68,11 @@ class StlWrapper(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         """
         if not self._running:
             raise ResetNeeded("call reset() first: no episode is running")
-        observation, own, terminated, truncated, info = self.env.step(action)
+        observation, own, terminated, truncated, info = _five(self.env.step(action))
         t, taken = int(self._episodes.t[0]) + 1, action_rows(action, 1)
         signals = self._scoring.reader.one(observation, info, t)
         reward = float(self._episodes.arrive(_ALL, signals, taken)[0])
-        info = {**info, "signals": signals, "t": t, "env_reward": float(own)}
+        info = {**info, "signals": signals, "t": t, "env_reward": _number(own, t)}
         complete = t == self._episodes.steps
         if terminated or truncated or complete:
             reward += self._episodes.left_out(0, taken)
@@ -86,3 +88,20 @@ class StlWrapper(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         """As numbers; under `interval` as arrays (2,)."""
         found = {name: value[0] for name, value in self._episodes.verdicts(_ALL).items()}
         return {name: value if np.ndim(value) else value.item() for name, value in found.items()}
+
+
+def _five(returned: Any) -> tuple[Any, Any, Any, Any, Info]:
+    """What a step of an environment returns. Raises `UsageError` where it is something else."""
+    if not isinstance(returned, tuple) or len(returned) != 5:
+        given = f"{len(returned)} values" if isinstance(returned, tuple) else repr(returned)
+        rule = "observation, reward, terminated, truncated, info"
+        raise UsageError(f"step of the environment returned {given}; Gymnasium's have five: {rule}")
+    return returned
+
+
+def _number(own: Any, t: int) -> float:
+    """The environment's own reward."""
+    try:
+        return float(own)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"the environment returned a reward that is no number {place(t, None)}: {own!r}") from error

@@ -86,7 +86,9 @@ def _tell(part: NDArray[Any], t: Integers, copy: int | None) -> None:
 def check_actions(space: Space[Any]) -> None:
     """Raises `UsageError` where actions are no numbers that a method could be told."""
     if not isinstance(space, Box | Discrete | MultiBinary | MultiDiscrete):
-        raise UsageError(f"actions are numbers, a Box or Discrete; the environment has {space}")
+        raise UsageError(
+            f"actions are numbers, a Box, Discrete, MultiDiscrete or MultiBinary; the environment has {space}"
+        )
 
 
 def action_rows(action: Any, count: int) -> Array:
