@@ -9,18 +9,14 @@ import pytest
 from stlbench.study.ledger import FILE, Ledger
 
 PLAN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--methods", "toy-raw")
-BROKEN = (
-    """
+BROKEN = '''
 
 class Broken(Here):
-    """
-    + '"""Does wrong."""'
-    + """
+    """Does wrong."""
     def run(self, function, items, deadlines):
         outcomes = super().run(function, items, deadlines)
         {body}
-"""
-)
+'''
 ITEMS = "its run should give one outcome for each of 2 items, it gives"
 
 
