@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from stlbench.contract import Array, Integers
+from stlbench.contract import Array, Integers, Truth
 
 __all__ = ["last_recorded"]
 
 
 def last_recorded(traces: Array) -> Integers:
     """The last row of each of traces (N, T + 1, k) that is not NaN in all signals, (N,); T where all rows are."""
-    recorded = ~np.isnan(traces).all(axis=2)
-    last: Integers = traces.shape[1] - 1 - np.argmax(recorded[:, ::-1], axis=1)
+    missing: Truth = np.isnan(traces).all(axis=2)
+    last: Integers = traces.shape[1] - 1 - np.argmin(missing[:, ::-1], axis=1)
     return last

@@ -67,7 +67,7 @@ def build_executor(choice: Choice | str = "local", jobs: int | None = None, memo
     if memory is not None:
         chosen = Choice(said.name, tuple({"memory": memory, **dict(said.parameters)}.items()))
     try:
-        with _refusals(), failing(f"executor {chosen.name}"):
+        with _refusals(), failing(chosen.name):
             return cast(Executor, plugins.build("executors", chosen, defaults={} if jobs is None else {"jobs": jobs}))
     except UsageError as error:
         raise UsageError(str(error).replace(str(chosen), str(said))) from error  # by the name that the user gave it

@@ -52,4 +52,5 @@ def test_one_that_cannot_be_made(say, toy):
     path = toy / "toy_plugins/executors.py"
     path.write_text(path.read_text().replace("super().__init__(jobs=jobs)", 'raise OSError("no cluster")'))
     done = say(*PLAN, "--executor", "toy-here")
-    assert (done.exit_code, done.stderr) == (2, "error: executor toy-here failed: OSError: no cluster\n")
+    message = "error: executor 'toy-here' of toy-plugins 1.2 failed: OSError: no cluster\n"
+    assert (done.exit_code, done.stderr) == (2, message)
