@@ -55,7 +55,7 @@ def check(
         raise UsageError(f"{plugin} refuses what it is checked on: {refusal}") from refusal
     except RuleBroken as error:
         broken = str(error).removeprefix("rule broken: ")
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         broken = f"it raises nothing that the contract does not name; got {_raised(error)}"
     _print(plugin, rules, broken)
     if broken:
@@ -108,7 +108,7 @@ def _run(plugin: Plugin, name: str, task: str | None, rules: Rules) -> None:
         testing.check_executor(name, rules)
 
 
-def _raised(error: Exception) -> str:
+def _raised(error: BaseException) -> str:
     """The exception, and the line of the plugin's source, or of what it called, that raised it."""
     import traceback
 

@@ -88,6 +88,8 @@ def monitor(
     parsed = [_parsed(source, dt) for source in sources]
     used = {name for formula in parsed for name in stl.signals(formula)}
     traces, starts = _traces(path, used, dt, start)
+    if path.suffix == ".npz":
+        _warn_of_early_ends(traces, starts)
     verdicts = [
         verdict
         for source, formula in zip(sources, parsed, strict=True)
@@ -161,6 +163,26 @@ def _traces(path: Path, used: set[str], dt: float | None, start: int | None) -> 
 def _judge(
     source: Source, formula: stl.Formula, traces: SavedTraces, starts: list[int | None], policy: ShortTraces
 ) -> list[Verdict]:
+    """Each trace as far as it was recorded."""
+    import numpy as np
+
+    from stlbench.rollout.recorded import last_recorded
+
+    last, found = last_recorded(traces.samples), dict[int, Verdict]()
+    for end in np.unique(last):
+        which = np.flatnonzero(last == end).tolist()
+        alike = traces._replace(samples=traces.samples[which, : end + 1])
+        early = end + 1 < traces.samples.shape[1]
+        at = f"start {starts[which[0]]}: the episode ended early; the formula " if early else ""
+        verdicts = _judge_alike(source, formula, alike, [starts[i] for i in which], policy, at)
+        found |= dict(zip(which, verdicts, strict=True))
+    return [found[i] for i in range(len(starts))]
+
+
+def _judge_alike(
+    source: Source, formula: stl.Formula, traces: SavedTraces, starts: list[int | None], policy: ShortTraces, at: str
+) -> list[Verdict]:
+    """Traces that end at the same row; `at` is before the message that they are too short."""
     from stlbench import stl
 
     names, samples = traces.names, traces.samples
@@ -168,9 +190,20 @@ def _judge(
         values = stl.robustness(formula, samples, names, policy=policy)
         verdicts = stl.satisfied(formula, samples, names, policy=policy)
     except stl.ShortTraceError as error:
-        rule = f"needs {error.needed} rows, the trace has {error.got}; --policy clip evaluates short traces"
+        rule = f"{at}needs {error.needed} rows, the trace has {error.got}; --policy clip evaluates short traces"
         raise UsageError(f"{source.place}: {rule}") from error
     except ValueError as error:
         raise UsageError(f"{source.place}: {error}") from error
     judged = zip(values.tolist(), verdicts.tolist(), starts, strict=True)
     return [Verdict(source.text, value, verdict, start) for value, verdict, start in judged]
+
+
+def _warn_of_early_ends(traces: SavedTraces, starts: list[int | None]) -> None:
+    """That verdicts are about less than an episode has to be said: they are not those of the task."""
+    from stlbench.rollout.recorded import last_recorded
+
+    rows, length = last_recorded(traces.samples) + 1, traces.samples.shape[1]
+    if early := [f"start {start} has {count}" for start, count in zip(starts, rows, strict=True) if count < length]:
+        said = ", ".join(early[:3]) + (", ..." if len(early) > 3 else "")
+        rule = "each is judged by the rows that it has; `stlbench score` judges it as the task says"
+        warn(f"{len(early)} of {len(starts)} traces ended before their {length} rows ({said}): {rule}")

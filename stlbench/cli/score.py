@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from stlbench.cli.common import Json, console, print_json
+from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
     from stlbench.outside.again import Again
@@ -30,7 +32,7 @@ def score(
         typer.Option(
             metavar="NAME",
             help="Budget whose random starts count; of a cell, its budget.",
-            show_default="the only one of the task's cells in DIR, else quick",
+            show_default="the only one of the task's cells in DIR, or of the task, else quick",
         ),
     ] = None,
     method: Annotated[
@@ -38,17 +40,22 @@ def score(
         typer.Option(metavar="NAME", help="Reward method whose inputs the policy is shown.", show_default="none"),
     ] = None,
     on: Annotated[
-        Literal["observation", "state", "environment"],
-        typer.Option(help="What it is given: as agents, states and steps, or the environment's own."),
-    ] = "observation",
+        Literal["observation", "state", "environment"] | None,
+        typer.Option(
+            help="What it is given: as agents, states and steps, or the environment's own.", show_default="observation"
+        ),
+    ] = None,
     name: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="What tables call it.", show_default="as the file or the function"),
     ] = None,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Which of several alike.")] = 0,
+    seed: Annotated[
+        int | None, typer.Option(metavar="N", min=0, help="Which of several alike.", show_default="0")
+    ] = None,
     which: Annotated[
-        Literal["selected", "final"], typer.Option("--policy", help="Which of a cell's two policies.")
-    ] = "selected",
+        Literal["selected", "final"] | None,
+        typer.Option("--policy", help="Which of a cell's two policies.", show_default="selected"),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Score a policy that stlbench did not train, or a stored one again.
@@ -68,10 +75,19 @@ def score(
 
     source, choice = find_source(policy), task_of(task)
     if source.kind == "cell":
-        _stored(choice, source, results, budget, which, as_json)
+        _refuse_options({"--method": method, "--on": on, "--name": name, "--seed": seed}, "is a stored cell", policy)
+        _stored(choice, source, results, budget, which or "selected", as_json)
         return
-    result = _outside(choice, source, results, budget or _usual(results, choice), method, on, name, seed)
+    _refuse_options({"--policy": which}, "is no stored cell", policy)
+    budget = budget or _usual(results, choice)
+    result = _outside(choice, source, results, budget, method, on or "observation", name, seed or 0)
     _show(result, results, as_json)
+
+
+def _refuse_options(said: Mapping[str, object], reason: str, policy: str) -> None:
+    """Options of another kind of policy would change nothing. Raises `UsageError`."""
+    if found := [option for option, value in said.items() if value is not None]:
+        raise UsageError(f"{policy} {reason}; leave {' and '.join(found)} out")
 
 
 def _stored(
@@ -93,16 +109,16 @@ def _stored(
     to_screen(scores_table({"": again.scores}), console())
 
 
-def _usual(results: Path, task: Choice) -> str:
-    """The budget of the task's cells in a folder, so that a row is from their starts; `quick` without one budget."""
+def _usual(results: Path, task: Choice) -> str | None:
+    """The budget of the task's cells in a folder, so that a row is from their starts; None without one budget."""
     from stlbench.identity import OUTSIDE
     from stlbench.study import stored
 
     if stored.locate(results) is None:
-        return "quick"
+        return None
     cells = (result.id for result in stored.read(results))
     found = {cell.budget for cell in cells if cell.task == task and cell.track != OUTSIDE}
-    return found.pop() if len(found) == 1 else "quick"
+    return found.pop() if len(found) == 1 else None
 
 
 def _facts(again: Again, which: str, task: str) -> dict[str, Any]:
@@ -117,7 +133,7 @@ def _outside(
     task: Choice,
     source: Source,
     results: Path,
-    budget: str,
+    budget: str | None,
     method: str | None,
     on: Literal["observation", "state", "environment"],
     name: str | None,

@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.contract import ActionBox, ActionGrid, Actions, Array
+from stlbench.contract import Actions, Array
 from stlbench.contract_parts.texts import cause
 from stlbench.errors import UsageError
+from stlbench.outside.outputs import meaning_of_outputs
 
 __all__ = ["load_sb3"]
 
@@ -57,13 +58,16 @@ _FORMS = (
 def load_sb3(path: Path, actions: Actions, size: int) -> Callable[[Array], Any]:
     """The deterministic policy of a model that SB3 saved: DQN, TD3, DDPG, SAC, PPO or A2C, with an `MlpPolicy`.
 
+    Of numbers alone, a `MultiInputPolicy` is the same: it flattens a Dict as Gymnasium does.
+
     Args:
         path: the file that `model.save` wrote.
         actions: of the task.
         size: D, numbers in an observation of the task.
 
     Raises:
-        UsageError: torch is not installed, the file is no such model, or it is for other observations or actions.
+        UsageError: torch is not installed, the file is no such model, it is for other observations or actions, or has
+            a weight that is no finite number.
     """
     data, weights = _read(path)
     form = next((form for form in _FORMS if _numbers(weights, form)), None)
@@ -73,30 +77,20 @@ def load_sb3(path: Path, actions: Actions, size: int) -> Callable[[Array], Any]:
     layers = _layers(weights, form)
     if (inputs := layers[0][0].shape[1]) != size:
         raise UsageError(f"{path}: the policy acts on {inputs} numbers, and the task's observation has {size}")
-    outputs = len(layers[-1][1])
-    grid = isinstance(actions, ActionGrid)
-    expected = actions.size if isinstance(actions, ActionGrid) else len(actions.names)
-    if outputs != expected or (grid and form.squashed) or (not grid and form.hidden == "q_net.q_net."):
-        of = f"a grid of {expected} actions" if grid else f"{expected} continuous actions"
-        raise UsageError(f"{path}: the policy has {outputs} outputs, and the task {of}")
-    return _policy(layers, activation, actions, form.squashed)
+    if not all(np.isfinite(part).all() for layer in layers for part in layer):
+        raise UsageError(f"{path}: the policy has weights that are NaN or infinite; its training went wrong")
+    space = data.get("action_space")
+    told = space if isinstance(space, Mapping) else {}
+    meaning = meaning_of_outputs(path, told, len(layers[-1][1]), actions, form.squashed)
+    return lambda observation: meaning(_outputs(layers, activation, observation))
 
 
-def _policy(
-    layers: list[tuple[Single, Single]], activation: Callable[[Single], Single], actions: Actions, squashed: bool
-) -> Callable[[Array], Any]:
-    def act(observation: Array) -> Any:
-        x: Single = observation.astype(np.float32)
-        for matrix, bias in layers[:-1]:
-            x = activation(x @ matrix.T + bias)
-        matrix, bias = layers[-1]
-        output = (x @ matrix.T + bias).astype(np.float64)
-        if not isinstance(actions, ActionBox):
-            return output.argmax(axis=1)
-        low, high = np.array(actions.low), np.array(actions.high)
-        return low + (np.tanh(output) + 1) / 2 * (high - low) if squashed else np.clip(output, low, high)
-
-    return act
+def _outputs(layers: list[tuple[Single, Single]], activation: Callable[[Single], Single], observation: Array) -> Array:
+    x: Single = observation.astype(np.float32)
+    for matrix, bias in layers[:-1]:
+        x = activation(x @ matrix.T + bias)
+    matrix, bias = layers[-1]
+    return (x @ matrix.T + bias).astype(np.float64)
 
 
 def _read(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Single]]:

@@ -42,7 +42,8 @@ class ScoreOutside:
     task: Choice
     source: Source
     shown: Shown
-    budget: str
+    budget: str | None
+    """None is the task's only one, else `quick`."""
     name: str | None
     seed: int
 
@@ -61,10 +62,10 @@ class ScoreOutside:
     def answer(self) -> Entry:
         """See `Question`."""
         task = load_task(self.task)
-        scored = score(task, self.source, self.shown, task.budget(self.budget).random_starts)
-        return Entry(
-            row(task, self.source, self.shown, scored, self.budget, self.name, self.seed), scored, task.signals
-        )
+        budgets = tuple(task.file.budgets)
+        budget = self.budget or (budgets[0] if len(budgets) == 1 else "quick")
+        scored = score(task, self.source, self.shown, task.budget(budget).random_starts)
+        return Entry(row(task, self.source, self.shown, scored, budget, self.name, self.seed), scored, task.signals)
 
 
 def row(task: Task, source: Source, shown: Shown, scored: Scored, budget: str, name: str | None, seed: int) -> Result:

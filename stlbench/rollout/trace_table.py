@@ -7,7 +7,7 @@ import io
 import math
 import sys
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +60,13 @@ class TraceTable:
                 raise UsageError(f"{place}: '{row[column]}' is no finite number{hint}")
             values.append(value)
         return values
+
+    def without_end(self, names: Collection[str]) -> TraceTable:
+        """Without the rows at its end in which all columns `names` are NaN or empty; the first row stays."""
+        columns, count = [self.names.index(name) for name in names], len(self.rows)
+        while count > 1 and all(_is_missing(self.rows[count - 1][column]) for column in columns):
+            count -= 1
+        return replace(self, rows=self.rows[:count])
 
     def is_numeric(self, name: str) -> bool:
         """Whether a column has numbers alone."""
@@ -130,6 +137,11 @@ def _names(header: list[str]) -> tuple[str, ...]:
         if name in names[: column - 1]:
             raise UsageError(f"the header names '{name}' twice")
     return names
+
+
+def _is_missing(text: str) -> bool:
+    value = _number(text) if text.strip() else math.nan
+    return value is not None and math.isnan(value)
 
 
 def _number(text: str) -> float | None:

@@ -16,7 +16,7 @@ from stlbench.rollout.saved_policies import Which, read
 from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_method, load_task
 
-__all__ = ["Kept", "load_policy"]
+__all__ = ["Kept", "load_policy", "own_task"]
 
 
 class Kept(NamedTuple):
@@ -49,7 +49,7 @@ def load_policy(folder: Path, result: Result, which: Which = "selected", on: Tas
     assert result.measurement is not None
     assert result.measurement.policies is not None
     stored, cell = result.measurement.policies, result.id
-    task = _own_task(cell, stored) if on is None else on
+    task = own_task(cell, stored) if on is None else on
     try:
         method = build_method(task, cell.method)
         policy = _restored(cell.agent.name, arrays, task)
@@ -59,7 +59,8 @@ def load_policy(folder: Path, result: Result, which: Which = "selected", on: Tas
     return Kept(task, method, policy)
 
 
-def _own_task(cell: CellId, stored: StoredPolicies) -> Task:
+def own_task(cell: CellId, stored: StoredPolicies) -> Task:
+    """The task of a cell, as its track and recipe have it. Raises `UsageError` where it is not installed."""
     recipe = Recipe(stored.agent, stored.hold) if cell.track == "tuned" else None
     return on_track(load_task(cell.task), cell.agent, cell.track, recipe)
 

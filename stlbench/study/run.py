@@ -18,6 +18,7 @@ from stlbench.result import Result
 from stlbench.status import Status
 from stlbench.study import running, scheduler, trial
 from stlbench.study.cell import Cell
+from stlbench.study.executed import failing
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.lock import writing
 from stlbench.study.logs import log_of
@@ -66,7 +67,7 @@ def build_executor(choice: Choice | str = "local", jobs: int | None = None, memo
     if memory is not None:
         chosen = Choice(said.name, tuple({"memory": memory, **dict(said.parameters)}.items()))
     try:
-        with _refusals():
+        with _refusals(), failing(chosen.name):
             return cast(Executor, plugins.build("executors", chosen, defaults={} if jobs is None else {"jobs": jobs}))
     except UsageError as error:
         raise UsageError(str(error).replace(str(chosen), str(said))) from error  # by the name that the user gave it

@@ -12,6 +12,7 @@ from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 from stlbench.result import Result, from_json, to_json
 from stlbench.study.cell import Cell
+from stlbench.study.executed import outcomes
 from stlbench.study.ledger import Ledger
 from stlbench.study.provenance import elsewhere, of_cell
 from stlbench.study.unchanged import NoSpace, key_without_code
@@ -28,8 +29,8 @@ def run(
 ) -> Generator[Result]:
     """Yield the result of each cell, as they end. A result is in the ledger when it is yielded.
 
-    ctrl-C, or closing the iterator, stops the workers; what ended before is recorded. So it is with a full disk, which
-    raises `UsageError`.
+    ctrl-C, or closing the iterator, stops the workers; what ended before is recorded. So it is with a full disk, and
+    with an executor that fails, which raise `UsageError`.
 
     Args:
         cells: what to run, in the order in which to begin.
@@ -39,8 +40,8 @@ def run(
         provenance: added to that of every result that is recorded (see `provenance.collect`); of one of another machine
             what is of the run.
     """
-    with closing(executor.run(run_cell, cells, [cell.deadline for cell in cells])) as outcomes:
-        for outcome in outcomes:
+    with closing(outcomes(executor, run_cell, cells, [cell.deadline for cell in cells])) as ended:
+        for outcome in ended:
             cell = cells[outcome.index]
             result = _result(cell, outcome)
             where = provenance if outcome.facts is None else elsewhere(provenance, outcome.facts)

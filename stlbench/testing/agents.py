@@ -76,7 +76,7 @@ def _refusal(agent: Agent, form: Form, rules: Rules) -> Unsuitable | None:
         return refusal
     except RuleBroken:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise RuleBroken(f"rule broken: {rule}; got {cause(error)}") from error
     rules.keep(True, rule, None)
     return None

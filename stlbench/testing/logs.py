@@ -81,7 +81,7 @@ def _play(
         began = time.monotonic()
         try:
             call()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             rules.keep(False, rule, f"{type(error).__name__}: {error}")
         longest = max(longest, time.monotonic() - began)
     rules.keep(True, rule, "")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 
 def test_the_kind_is_found_by_the_name(say, toy):
     done = say("check", "toy-raw")
@@ -34,6 +36,22 @@ def test_an_error_of_the_plugin_is_a_broken_rule_with_its_place(say, toy):
         "broken  it raises nothing that the contract does not name; got ValueError: no [such] luck (methods.py, line"
         in (done.stdout)
     )
+
+
+@pytest.mark.parametrize("code", [0, 7])
+def test_a_plugin_that_ends_the_process_has_broken_a_rule(say, toy, code):
+    unknown = "it raises nothing that the contract does not name"
+    for name, file, before, rule in (
+        ("toy-wrong", "methods", 'raise ValueError("no [such] luck")', unknown),
+        ("toy-agent", "agents", "environment.reset()", "with one of 5 actions, it trains or raises Unsuitable"),
+        ("toy-line", "line/system", "return state + self.dt * action", unknown),
+    ):
+        path = toy / f"toy_plugins/{file}.py"
+        path.write_text(path.read_text().replace(before, f"raise SystemExit({code})"))
+        done = say("check", name)
+        assert done.exit_code == 1
+        assert f"broken  {rule}; got SystemExit: {code}" in done.stdout
+        assert "one is broken; those after it were not checked" in done.stdout.splitlines()[-1]
 
 
 def test_bad_input_is_one_line_and_2(say, toy):

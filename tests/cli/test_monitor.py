@@ -238,6 +238,24 @@ def test_the_traces_that_the_referee_saves_are_read(say):
     assert [verdict["robustness"] for verdict in json.loads(done.stdout)] == list(assessment.scores[MAIN].robustness)
 
 
+def test_a_trace_that_ended_early_is_judged_as_far_as_it_was_recorded(say):
+    saved(traces=np.array([[[1.0], [2.0], [3.0]], [[1.0], [-2.0], [np.nan]], [[4.0], [5.0], [np.nan]]]))
+    done = say("monitor", "G[0,2] x >= 0", "cell.npz", "--policy", "clip", "--json")
+    assert [verdict["robustness"] for verdict in json.loads(done.stdout)] == [1, -2, 4]
+    assert done.stderr == (
+        "warning: 2 of 3 traces ended before their 3 rows (start 1 has 2, start 2 has 2): each is judged by the rows "
+        "that it has; `stlbench score` judges it as the task says\n"
+    )
+    done = say("monitor", "G[0,2] x >= 0", "cell.npz")
+    assert (done.exit_code, done.stdout) == (2, "")
+    said = "start 1: the episode ended early; the formula needs 3 rows, the trace has 2; --policy clip evaluates"
+    assert f"error: formula: {said}" in done.stderr
+    assert say("monitor", "G[0,2] x >= 0", "cell.npz", "--start", "0").stderr == ""
+    saved(traces=np.array([[[1.0], [np.nan], [3.0]]]))
+    done = say("monitor", "G x >= 0", "cell.npz")
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+
+
 def test_a_formula_beyond_the_limits_is_one_line_and_its_place(say, trace):
     done = say("monitor", "!" * 300 + "x > 0", trace)
     assert (done.exit_code, len(done.stderr.splitlines())) == (2, 3)

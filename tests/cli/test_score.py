@@ -165,6 +165,12 @@ class TestOutside:
         assert "results is written by process" in line
         assert say("score", "toy-line", "zz_functions:down").exit_code == 0
 
+    def test_the_only_budget_of_a_task_need_not_be_said(self, say, mine, toy):
+        path = toy / "toy_plugins/line/task.yaml"
+        path.write_text(path.read_text().replace("  quick: {", "  smoke: {"))
+        done = say("score", "toy-line", "zz_functions:down", "--json")
+        assert (done.exit_code, json.loads(done.stdout)["budget"]) == (0, "smoke")
+
     @pytest.mark.parametrize(
         ("words", "message"),
         [
@@ -176,6 +182,7 @@ class TestOutside:
                 ["zz_functions:up"],
                 "zz_functions:up failed: TypeError: up() missing 1 required positional argument: 't'",
             ),
+            (["zz_functions:down", "--policy", "selected"], "zz_functions:down is no stored cell; leave --policy out"),
             (["zz_functions:dwon"], "has no 'dwon'; did you mean 'down'"),
             (["nothing.zip"], "there is no file nothing.zip"),
             (["short.csv"], "short.csv has 2 rows; an episode of toy-line has 5, one at the start and one after each"),
@@ -218,6 +225,25 @@ class TestStored:
         assert again == {"cell": CELL, "policy": "selected", "task": "toy-line[hold=2]", "as_recorded": None}
         assert scores.keys() == {"formula", "end"}
         assert scores["formula"]["robustness"] == pytest.approx((1 - begun()).tolist())
+
+    def test_on_a_task_that_shows_other_things(self, say, toy):
+        path = toy / "toy_plugins/line/system.py"
+        path.write_text(
+            path.read_text().replace('state = ("x",)', 'state = ("x",)\n    beyond_state = ("a close-up",)')
+        )
+        say(*RUN)
+        line = refused(say("score", "toy-line[without=features]", CELL))
+        said = "its policy acts on a close-up, which task toy-line[without=features] does not show; score it on a task"
+        assert line.startswith(f"error: {CELL}: {said}")
+        assert say("score", "toy-line[hold=2]", CELL).exit_code == 0
+
+    def test_options_that_are_for_policies_from_outside(self, say, toy):
+        say(*RUN)
+        words = (("--name", "x"), ("--method", "toy-raw"), ("--on", "observation"), ("--seed", "0"))
+        for option, value in words:
+            line = refused(say("score", "toy-line", CELL, option, value))
+            assert line == f"error: {CELL} is a stored cell; leave {option} out"
+        assert "leave --method and --seed out" in refused(say("score", "toy-line", CELL, *words[1], *words[3]))
 
     def test_the_scores_are_in_the_form_of_the_recorded_ones(self, say, toy):
         say(*RUN)

@@ -14,37 +14,40 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Space
 
 from stlbench.contract import ActionBox, ActionGrid, Actions
 from stlbench.errors import UsageError
 from stlbench.outside.perceptron import load_sb3
 
 GRID = ActionGrid(("v",), ((-1.0, 0.0, 1.0),))
+PAIR = ActionGrid(("v", "w"), ((0.0, 1.0, 2.0), (0.0, 1.0, 2.0, 3.0)))
+FOUR = ActionGrid(("v",), ((0.0, 1.0, 2.0, 3.0),))
 BOX = ActionBox(("v", "w"), (-1.0, 0.0), (1.0, 2.0))
 
 
 class World(gymnasium.Env[Any, Any]):
-    observation_space = Box(-np.inf, np.inf, (4,), np.float32)
-
-    def __init__(self, actions: Actions) -> None:
-        grid = isinstance(actions, ActionGrid)
-        ends = np.array(actions.low, np.float32), np.array(actions.high, np.float32)
-        self.action_space = Discrete(actions.size) if isinstance(actions, ActionGrid) else Box(*ends)
-        assert grid or len(ends[0]) == 2
+    def __init__(self, actions: Space[Any], observations: Space[Any] | None = None) -> None:
+        self.action_space, self.observation_space = actions, observations or Box(-np.inf, np.inf, (4,), np.float32)
 
     def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
-        return np.zeros(4, np.float32), {}
+        return self.observation_space.sample(), {}
 
 
-def saved(path: Path, algorithm: str, actions: Actions, **words: Any) -> Any:
+def space_of(actions: Actions) -> Space[Any]:
+    if isinstance(actions, ActionGrid):
+        return Discrete(actions.size)
+    return Box(np.array(actions.low, np.float32), np.array(actions.high, np.float32))
+
+
+def saved(path: Path, algorithm: str, world: World, policy: str = "MlpPolicy", **words: Any) -> Any:
     """An untrained model, with weights that are far from 0 so that actions differ."""
     import stable_baselines3
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         options = {"device": "cpu", "seed": 0, "policy_kwargs": words}
-        model = getattr(stable_baselines3, algorithm)("MlpPolicy", World(actions), **options)
+        model = getattr(stable_baselines3, algorithm)(policy, world, **options)
     generator = torch.Generator().manual_seed(1)
     with torch.no_grad():
         for weight in model.policy.parameters():
@@ -67,7 +70,7 @@ def saved(path: Path, algorithm: str, actions: Actions, **words: Any) -> Any:
     ],
 )
 def test_it_acts_as_sb3_does(tmp_path: Path, algorithm: str, actions: Actions, words: dict[str, Any]) -> None:
-    model = saved(tmp_path / "m.zip", algorithm, actions, **words)
+    model = saved(tmp_path / "m.zip", algorithm, World(space_of(actions)), **words)
     observation = np.random.default_rng(0).normal(size=(200, 4))
     expected, _ = model.predict(observation.astype(np.float32), deterministic=True)
     found = load_sb3(tmp_path / "m.zip", actions, 4)(observation)
@@ -75,12 +78,52 @@ def test_it_acts_as_sb3_does(tmp_path: Path, algorithm: str, actions: Actions, w
     assert found == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("space", "shape"),
+    [
+        (MultiDiscrete([3, 4]), (3, 4)),
+        (MultiDiscrete([2, 2]), (2, 2)),  # as many outputs as the grid has actions
+        (MultiBinary(3), (2, 2, 2)),
+        (MultiBinary(1), (2,)),
+    ],
+)
+def test_actions_of_several_axes(tmp_path: Path, space: Any, shape: tuple[int, ...]) -> None:
+    model = saved(tmp_path / "m.zip", "PPO", World(space))
+    observation = np.random.default_rng(0).normal(size=(200, 4))
+    expected, _ = model.predict(observation.astype(np.float32), deterministic=True)
+    grid = ActionGrid(tuple("abc")[: len(shape)], tuple(tuple(map(float, range(size))) for size in shape))
+    found = load_sb3(tmp_path / "m.zip", grid, 4)(observation)
+    assert np.array_equal(grid.vectors[found], expected)
+    assert len(np.unique(found)) > grid.size / 2
+
+
+def test_a_dict_of_numbers_is_flattened_as_gymnasium_does(tmp_path: Path) -> None:
+    space = Dict({"b": Box(-1, 1, (2,), np.float32), "a": Box(-1, 1, (1,), np.float32), "c": Discrete(2)})
+    model = saved(tmp_path / "m.zip", "PPO", World(space_of(BOX), space), "MultiInputPolicy")
+    seen: list[Any] = [space.sample() for _ in range(50)]
+    expected = [model.predict(each, deterministic=True)[0] for each in seen]
+    found = load_sb3(tmp_path / "m.zip", BOX, 5)(np.stack([gymnasium.spaces.flatten(space, each) for each in seen]))
+    assert found == pytest.approx(np.stack(expected), abs=1e-5)
+
+
+@pytest.mark.parametrize(("algorithm", "actions"), [("DQN", GRID), ("PPO", BOX), ("SAC", BOX)])
+@pytest.mark.parametrize("value", [np.nan, -np.inf])
+def test_weights_that_are_no_finite_numbers(tmp_path: Path, algorithm: str, actions: Actions, value: float) -> None:
+    model = saved(tmp_path / "m.zip", algorithm, World(space_of(actions)), net_arch=[8])
+    with torch.no_grad():
+        for weight in model.policy.parameters():
+            weight[-1] = value
+    model.save(tmp_path / "m.zip")
+    with pytest.raises(UsageError, match=r"m.zip: the policy has weights that are NaN or infinite"):
+        load_sb3(tmp_path / "m.zip", actions, 4)
+
+
 def test_nothing_in_a_file_is_run(tmp_path: Path) -> None:
     class Trap:
         def __reduce__(self) -> tuple[Any, ...]:
             return Path.touch, (tmp_path / "run",)
 
-    saved(tmp_path / "m.zip", "DQN", GRID, net_arch=[8])
+    saved(tmp_path / "m.zip", "DQN", World(space_of(GRID)), net_arch=[8])
     with zipfile.ZipFile(tmp_path / "m.zip") as file:
         members = {name: file.read(name) for name in file.namelist()}
     data = json.loads(members["data"])
@@ -104,16 +147,40 @@ def write(path: Path, members: dict[str, bytes]) -> None:
 @pytest.mark.parametrize(
     ("algorithm", "trained", "words", "actions", "size", "message"),
     [
-        ("DQN", GRID, {}, GRID, 5, "the policy acts on 4 numbers, and the task's observation has 5"),
-        ("DQN", GRID, {}, BOX, 4, "the policy has 3 outputs, and the task 2 continuous actions"),
-        ("TD3", BOX, {}, GRID, 4, "the policy has 2 outputs, and the task a grid of 3 actions"),
-        ("PPO", BOX, {"activation_fn": torch.nn.GELU}, BOX, 4, "activation GELU; known are ReLU, Tanh"),
+        ("DQN", space_of(GRID), {}, GRID, 5, "the policy acts on 4 numbers, and the task's observation has 5"),
+        ("DQN", space_of(GRID), {}, BOX, 4, "has 3 outputs for Discrete actions, and the task 2 continuous actions"),
+        ("TD3", space_of(BOX), {}, GRID, 4, "has 2 outputs for Box actions, and the task a grid of 3 actions"),
+        ("PPO", Box(-1, 1, (3,)), {}, GRID, 4, "has 3 outputs for Box actions, and the task a grid of 3 actions"),
+        (
+            "PPO",
+            MultiDiscrete([4, 3]),
+            {},
+            PAIR,
+            4,
+            "MultiDiscrete actions, 4 x 3, and the task a grid of 12 actions, 3 x 4",
+        ),
+        (
+            "PPO",
+            MultiBinary(2),
+            {},
+            PAIR,
+            4,
+            "2 outputs for MultiBinary actions, and the task a grid of 12 actions, 3 x 4",
+        ),
+        ("PPO", MultiDiscrete([2, 2]), {}, FOUR, 4, "MultiDiscrete actions, 2 x 2, and the task a grid of 4 actions"),
+        ("PPO", space_of(BOX), {"activation_fn": torch.nn.GELU}, BOX, 4, "activation GELU; known are ReLU, Tanh"),
     ],
 )
 def test_what_does_not_fit(
-    tmp_path: Path, algorithm: str, trained: Actions, words: dict[str, Any], actions: Actions, size: int, message: str
+    tmp_path: Path,
+    algorithm: str,
+    trained: Space[Any],
+    words: dict[str, Any],
+    actions: Actions,
+    size: int,
+    message: str,
 ) -> None:
-    saved(tmp_path / "m.zip", algorithm, trained, **words)
+    saved(tmp_path / "m.zip", algorithm, World(trained), **words)
     with pytest.raises(UsageError, match=message):
         load_sb3(tmp_path / "m.zip", actions, size)
 

@@ -44,9 +44,15 @@ class NoCurve(Quiet):
             cell.curve[-1]
 
 
+class Ending(Quiet):
+    def end(self) -> None:
+        raise SystemExit(0)
+
+
 @pytest.mark.parametrize(
     ("log", "rule"),
     [
+        (Ending, "a run of no cells; got SystemExit: 0"),
         (NoCells, "a run of no cells; got IndexError"),
         (NoNumbers, "numbers that are none"),
         (Once, "the same cells again, in a second run; got FileExistsError"),

@@ -1,0 +1,56 @@
+"""`stlbench run` with an executor that does wrong: a line with its name, and the cells that ended are kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stlbench.study.ledger import FILE, Ledger
+
+PLAN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--methods", "toy-raw")
+BROKEN = '''
+
+class Broken(Here):
+    """Does wrong."""
+    def run(self, function, items, deadlines):
+        outcomes = super().run(function, items, deadlines)
+        {body}
+'''
+ITEMS = "its run should give one outcome for each of 2 items, it gives"
+
+
+@pytest.mark.parametrize(
+    ("body", "message", "kept"),
+    [
+        ('raise OSError("no cluster")', " failed: OSError: no cluster", 0),
+        ("raise SystemExit(0)", " failed: SystemExit: 0", 0),
+        ('yield next(outcomes); raise RuntimeError("the\\ncluster has gone")', " failed: RuntimeError: the cluster", 1),
+        ("return None", ": its run should be a generator of outcomes, it gives NoneType", 0),
+        ("return iter(list(outcomes))", ": its run should be a generator of outcomes, it gives list_iterator", 0),
+        ("yield next(outcomes); yield 3", f": {ITEMS} 3", 1),
+        ("yield next(outcomes); yield None", f": {ITEMS} None", 1),
+        ("first = next(outcomes); yield first; yield first", f": {ITEMS} Outcome(index=0, status='done'", 1),
+        ("yield Outcome(2, 'killed')", f": {ITEMS} Outcome(index=2, status='killed'", 0),
+        ("yield next(outcomes)", ": its run ended without the outcomes of 1 of 2 items", 1),
+    ],
+)
+def test_it_is_told_with_its_name(say, toy, body, message, kept):
+    path = toy / "toy_plugins/executors.py"
+    path.write_text(path.read_text() + BROKEN.format(body=body))
+    (entries,) = toy.glob("*.dist-info/entry_points.txt")
+    entries.write_text(entries.read_text() + "toy-broken = toy_plugins.executors:Broken\n")
+    done = say(*PLAN, "--executor", "toy-broken")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert f"error: executor 'toy-broken' of toy-plugins 1.2{message}" in done.stderr.splitlines()[-1]
+    with Ledger(Path("results") / FILE) as ledger:
+        assert len(list(ledger.results())) == kept
+    assert say(*PLAN, "--executor", "toy-here").exit_code == 0
+
+
+def test_one_that_cannot_be_made(say, toy):
+    path = toy / "toy_plugins/executors.py"
+    path.write_text(path.read_text().replace("super().__init__(jobs=jobs)", 'raise OSError("no cluster")'))
+    done = say(*PLAN, "--executor", "toy-here")
+    message = "error: executor 'toy-here' of toy-plugins 1.2 failed: OSError: no cluster\n"
+    assert (done.exit_code, done.stderr) == (2, message)
