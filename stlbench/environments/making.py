@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from functools import cache
-from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from importlib.metadata import PackageNotFoundError, packages_distributions, requires, version
 from types import ModuleType
 from typing import Any, TypeAlias
 
@@ -14,7 +15,7 @@ import gymnasium
 from stlbench.contract import cause
 from stlbench.errors import UsageError, did_you_mean
 
-__all__ = ["Gym", "failed", "made", "software"]
+__all__ = ["Gym", "failed", "made", "modules", "software"]
 
 Gym: TypeAlias = gymnasium.Env[Any, Any]
 
@@ -31,6 +32,9 @@ _EXTRAS = {
 
 _OURS = frozenset({"numpy", "stlbench"})
 """What every task is computed with, and whose version is in no key."""
+
+_ENGINES = frozenset({"box2d", "box2d-py", "brax", "mujoco", "mujoco-mjx", "pybullet", "pymunk"})
+"""Distributions that compute motions: a library that needs one computes with it, whichever of its modules does."""
 
 
 def made(identifier: str, keywords: Mapping[str, Any]) -> Gym:
@@ -65,13 +69,32 @@ def _missing(error: BaseException | None) -> str:
 
 
 def software(env: Gym) -> tuple[tuple[str, str], ...]:
-    """Distribution -> version, of the modules that define the environment and of those that these import."""
-    tops = {name.partition(".")[0] for name in _modules(type(env.unwrapped))} - _OURS
+    """Distribution -> version, of the modules that define the environment, of those that these import, and of engines
+    that one of these distributions needs."""
+    tops = {name.partition(".")[0] for name in _imported(type(env.unwrapped))} - _OURS
     found = {each for top in tops for each in _distributions().get(top, ())}
+    found |= {engine for each in found for engine in _engines(each)}
     return tuple(sorted((name, _version(name)) for name in found))
 
 
-def _modules(kind: type) -> Iterator[str]:
+def modules(env: Gym) -> tuple[str, ...]:
+    """Names of those with the classes of the environment and of its wrappers, and with what its id is registered as."""
+    entry: Any = getattr(env.spec, "entry_point", None)
+    entry = entry.partition(":")[0] if isinstance(entry, str) else getattr(entry, "__module__", None)
+    names = {base.__module__ for kind in _layers(env) for base in kind.__mro__}
+    return tuple(sorted(names | ({entry} if entry else set())))
+
+
+def _layers(env: Any) -> Iterator[type]:
+    """The classes of its wrappers, the outermost first, and its own."""
+    innermost = env.unwrapped
+    while env is not innermost:
+        yield type(env)
+        env = getattr(env, "env", innermost)
+    yield type(innermost)
+
+
+def _imported(kind: type) -> Iterator[str]:
     for base in kind.__mro__:
         module = sys.modules.get(base.__module__)
         yield base.__module__
@@ -83,6 +106,15 @@ def _modules(kind: type) -> Iterator[str]:
 @cache
 def _distributions() -> Mapping[str, list[str]]:
     return packages_distributions()
+
+
+def _engines(distribution: str) -> Iterator[str]:
+    """Those that it cannot be installed without."""
+    for said in requires(distribution) or ():
+        name, _, condition = said.partition(";")
+        name = re.split(r"[^\w.-]", name.strip())[0].lower()
+        if name in _ENGINES and "extra" not in condition:
+            yield name
 
 
 def _version(distribution: str) -> str:
