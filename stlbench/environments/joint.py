@@ -31,8 +31,8 @@ class JointEnv(gymnasium.Env[Any, Any]):
     """All agents of a parallel environment, in lock-step.
 
     The observation is a Dict of theirs, agent -> observation; the action has theirs one after the other. The info has
-    the entries of an agent's as `agent_entry`. An episode is over when all agents are; the last observation of one that
-    is over before the others stays, and it is given no actions.
+    the entries of an agent's as `agent_entry`. An episode is over when all agents are; the last observation and
+    the last info of one that is over before the others stay, and it is given no actions.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - declared so by Gymnasium
@@ -57,8 +57,8 @@ class JointEnv(gymnasium.Env[Any, Any]):
         """Start an episode of all agents."""
         super().reset(seed=seed)
         observations, infos = self.env.reset(seed=seed, options=options)
-        self._last = dict(observations)
-        return dict(self._last), _flat(infos)
+        self._last, self._infos = dict(observations), dict(infos)
+        return dict(self._last), _flat(self._infos)
 
     def render(self) -> Any:
         """The parallel environment's picture of all agents."""
@@ -70,8 +70,9 @@ class JointEnv(gymnasium.Env[Any, Any]):
         actions = {name: as_action(self._spaces[name], own[name]) for name in self.env.agents}
         observations, rewards, terminations, truncations, infos = self.env.step(actions)
         self._last |= observations
+        self._infos |= infos
         over = not self.env.agents or all(terminations[name] or truncations[name] for name in terminations)
-        return dict(self._last), float(sum(rewards.values())), over, False, _flat(infos)
+        return dict(self._last), float(sum(rewards.values())), over, False, _flat(self._infos)
 
 
 def _joined(spaces: Mapping[str, Space[Any]]) -> Space[Any]:

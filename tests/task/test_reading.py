@@ -12,6 +12,7 @@ from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.task.reading import read_task_file
 from stlbench.task.region import Region
+from stlbench.task.yaml_text import load_yaml
 
 
 def errors(**changes: Any) -> list[str]:
@@ -222,6 +223,22 @@ class TestMessages:
         with pytest.raises(UsageError, match=r"^task line: task.yaml is no YAML: "):
             read_task_file("title: [", "line")
 
+    @pytest.mark.parametrize(
+        ("content", "said"),
+        [
+            ("formula: x >= 0\nsteps: 3\n'formula': x <= 0\n", "the key 'formula' in line 1 and again in line 3"),
+            ("signals:\n  x: {low: 0, low: 1}\n", "the key 'low' in line 2 and again in line 2"),
+            ("training:\n- {ends: [{at: 1}]}\n- ends:\n  - at: 1\n    at: 2", "the key 'at' in line 4 and again in"),
+        ],
+    )
+    def test_a_key_that_is_there_twice(self, content: str, said: str) -> None:
+        with pytest.raises(UsageError, match=f"^task line: task.yaml has {said}"):
+            read_task_file(content, "line")
+
+    def test_a_key_may_override_what_is_merged(self) -> None:
+        text = "x: &x {low: 0, high: 1}\ny: &y\n  <<: *x\n  low: 2\nz:\n  <<: *y\n  high: 3\n"
+        assert load_yaml(text, "here")["z"] == {"low": 2, "high": 3}
+
     @pytest.mark.parametrize("content", ["", "- a\n- b", "words"])
     def test_yaml_that_is_no_mapping(self, content: str) -> None:
         with pytest.raises(UsageError, match=r"has errors:\n  Input should be a valid dictionary"):
@@ -266,7 +283,7 @@ class TestMessagesAboutTraining:
         assert errors(**changes) == [message]
 
 
-@pytest.mark.parametrize("line", ['nested: "\\ud800"', 'title: "a \\udfff b"', '"\\ud800": 1'])
+@pytest.mark.parametrize("line", ['nested: "\\ud800"', 'source: "a \\udfff b"', '"\\ud800": 1'])
 def test_half_a_character_is_refused_with_what_it_is(line: str) -> None:
     with pytest.raises(UsageError, match=r"^task line: task.yaml has a text with .ud(800|fff), which is a half of a "):
         read_task_file(f"title: A line\n{line}\n", "line")
