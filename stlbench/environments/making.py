@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
 from functools import cache
 from importlib.metadata import PackageNotFoundError, packages_distributions, requires, version
 from types import ModuleType
@@ -45,8 +46,7 @@ def made(identifier: str, keywords: Mapping[str, Any]) -> Gym:
     try:
         return gymnasium.make(identifier, max_episode_steps=-1, disable_env_checker=True, **keywords)
     except gymnasium.error.NameNotFound as error:
-        name = identifier.rpartition(":")[2]
-        raise UsageError(f"no environment '{identifier}'{did_you_mean(name, gymnasium.registry)}") from error
+        raise UsageError(f"no environment '{identifier}'{_hint(identifier)}") from error
     except Exception as error:
         raise failed(f"environment {identifier}", error) from error
 
@@ -57,6 +57,14 @@ def failed(what: str, error: Exception) -> UsageError:
     if missing in _EXTRAS:
         return UsageError(f"{what} needs {missing}: pip install 'stlbench-rl[{_EXTRAS[missing]}]'")
     return UsageError(f"{what} cannot be made: {cause(error)}")
+
+
+def _hint(identifier: str) -> str:
+    """Of an unknown id: one that is like it; there are too many to name all."""
+    if re.fullmatch(r"[a-z]\w*(\.\w+)+", identifier):
+        return "; a module with parallel environments of PettingZoo is named in a task file, with `api: pettingzoo`"
+    near = get_close_matches(identifier.rpartition(":")[2], gymnasium.registry, n=1, cutoff=0.7)
+    return did_you_mean(near[0], near) if near else "; `gymnasium.pprint_registry()` lists all"
 
 
 def _missing(error: BaseException | None) -> str:

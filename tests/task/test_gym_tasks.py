@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from gymnasium.spaces import Box, Dict
 from helpers.walk_task import walk
 
 from stlbench.contract import ActionBox, ActionGrid, Unsuitable
 from stlbench.environments import making
+from stlbench.environments.entries import entries_of
+from stlbench.environments.observing import Observed
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
@@ -22,6 +25,7 @@ from stlbench.study.keys import task_part
 from stlbench.study.plan import plan_cells
 from stlbench.task import load_task
 from stlbench.task.start_sets import SeedStarts
+from stlbench.testing import check_task
 
 POLE: dict[str, Any] = {
     "title": "A pole",
@@ -253,3 +257,15 @@ def test_an_installed_environment_adds_no_source_to_the_keys(name: str) -> None:
     task = load_task(name)
     code = code_of(plugins.find("tasks", name).entry_point.module)
     assert task_part(task, "smoke").code == code
+
+
+def test_the_check_names_the_entry_that_is_large(folder: Callable[..., str]) -> None:
+    place = folder(**environment(scale={"omega": 0.01}))
+    with pytest.raises(AssertionError, match=r"features are about in \[-1, 1\]; got [\d.]+ of 'omega'; a scale would"):
+        check_task(place)
+
+
+def test_entries_without_a_name_are_told_by_their_place() -> None:
+    space = Dict({"a": Box(-1, 1, (2,)), "b": Box(-1, 1, (2,))})
+    observed = Observed(space, entries_of(space, {"b": ["x", "y"]}), {})
+    assert [observed.name(place) for place in (1, 3)] == ["number 1 of the observation", "'y'"]
