@@ -175,3 +175,10 @@ def test_what_is_no_environment_for_a_task_is_said(words: tuple[str, ...], said:
     assert line.startswith(f"error: {said}")
     assert len(line) < 250
     assert not list(tmp_path.iterdir())
+
+
+def test_a_warning_of_gymnasium_has_no_colour(tmp_path: Path) -> None:
+    command = ["new", "task", "zz-made", "--environment", "CartPole-v0", "--into", str(tmp_path)]
+    done = CliRunner().invoke(app, command)
+    assert done.stderr.startswith("warning: WARN: The environment CartPole-v0 is out of date.")
+    assert "x1b" not in done.stderr

@@ -183,6 +183,12 @@ def test_what_needs_a_state_says_that_there_is_none() -> None:
         _ = walk().system
 
 
+@pytest.mark.parametrize("part", ["features", "exploring", "ends+features"])
+def test_an_environment_has_no_features_that_it_could_do_without(part: str, folder: Callable[..., str]) -> None:
+    with pytest.raises(UsageError, match=f"the task is without {part.partition('+')[0]} as it is"):
+        load_task(f"{folder()}[without={part}]")
+
+
 def test_the_versions_of_an_environments_software_are_in_the_keys(
     folder: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

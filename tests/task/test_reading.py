@@ -69,8 +69,16 @@ class TestMessages:
             ({"best_possible": {}}, "best_possible.reached: Field required"),
             ({"best_possible": {"reached": float("inf")}}, "best_possible.reached: Input should be a finite number"),
             ({"best_possible": {"reached": "x"}}, "best_possible.reached: Input should be a valid number"),
-            ({"best_possible": {"reached": 1, "best": 2}}, "best_possible.best: Extra inputs are not permitted"),
-            ({"titel": "x"}, "titel: Extra inputs are not permitted"),
+            (
+                {"best_possible": {"reached": 1, "best": 2}},
+                "best_possible.best: there is no such key; there are: coarser, how, reached, value",
+            ),
+            ({"titel": "x"}, "titel: there is no such key; did you mean 'title'?"),
+            (
+                {"signals": {"x": {"low": 1, "high": 2, "hihg": 1}}},
+                "signals.x.hihg: there is no such key; did you mean 'high'?",
+            ),
+            ({"environment": {"naems": []}}, "environment.naems: there is no such key; did you mean 'names'?"),
             ({"sampling_time": 0}, "sampling_time: Input should be greater than 0"),
             ({"sampling_time": float("inf")}, "sampling_time: Input should be a finite number"),
             ({"steps": 0}, "steps: Input should be greater than or equal to 1"),
@@ -211,6 +219,10 @@ class TestMessages:
             "protocols.late.initial.where: no state 'y'; there are: x",
         ]
 
+    def test_what_has_two_forms(self) -> None:
+        expected = ["environment.names: expected a list", "environment.names: expected a mapping, {key: value}"]
+        assert errors(environment={"names": 3}) == expected
+
     def test_intervals_of_an_unknown_unit_are_not_judged(self) -> None:
         """Whether 0.7 s are whole steps, and how many, only the sampling time could tell; the syntax is checked."""
         assert errors(time="seconds", sampling_time=0, formula="G[0,0.7] x <= 1") == [
@@ -241,7 +253,7 @@ class TestMessages:
 
     @pytest.mark.parametrize("content", ["", "- a\n- b", "words"])
     def test_yaml_that_is_no_mapping(self, content: str) -> None:
-        with pytest.raises(UsageError, match=r"has errors:\n  Input should be a valid dictionary"):
+        with pytest.raises(UsageError, match=r"has errors:\n  expected a mapping, {key: value}"):
             read_task_file(content, "line")
 
     def test_yaml_is_read_safely(self) -> None:
@@ -258,7 +270,7 @@ class TestMessagesAboutTraining:
             ({"training": {"exploring": {"share": 0}}}, "training.exploring.share: Input should be greater than 0"),
             (
                 {"training": {"ends": [{"where": "violation", "reward": -1}]}},
-                "training.ends.0.reward: Extra inputs are not permitted",
+                "training.ends.0.reward: there is no such key; there are: where",
             ),
             (
                 {"training": {"ends": [{"where": "y <= 1"}]}},
