@@ -6,6 +6,7 @@ import errno
 import json
 import math
 import os
+import re
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
@@ -28,6 +29,8 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else
 DISK_FULL = 74
 """The exit code where results cannot be written since the disk is full; that of an input/output error in sysexits.h."""
 
+
+_COLOUR = re.compile("\x1b\\[[0-9;]*m")
 
 _OF_PATHS = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM)
 """Errors of a path that a user has named, which even a look at whether it is there raises."""
@@ -95,7 +98,7 @@ def _show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    warn(str(message))
+    warn(_COLOUR.sub("", str(message)))  # Gymnasium writes its warnings in yellow
 
 
 def warn(message: str) -> None:

@@ -49,6 +49,12 @@ _WORDS: dict[Kind, dict[str, str]] = {
 }
 
 
+_SEEN = """\
+# The environment gives some entries no ends. In two episodes of random actions, their magnitudes were at most `scale`,
+# rounded up; the ranges of their signals are twice as wide. A trained policy may go further: change what you know.
+"""
+
+
 def new(
     kind: Annotated[Kind, typer.Argument(metavar="KIND", help="method, task or agent.")],
     name: Annotated[str, typer.Argument(metavar="NAME", help="Of the plugin: a-z, 0-9, and - between them.")],
@@ -98,8 +104,9 @@ def _sketched(environment: str) -> dict[str, str]:
 
     from stlbench.environments.sketch import sketch
 
-    text = yaml.safe_dump(sketch(environment), sort_keys=False, default_flow_style=None, width=110)
-    return {"task.yaml": text}
+    content = sketch(environment)
+    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110)
+    return {"task.yaml": f"{_SEEN}{text}" if "scale" in content["environment"] else text}
 
 
 def _check(kind: Kind, name: str) -> None:

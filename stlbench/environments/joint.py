@@ -31,15 +31,15 @@ class JointEnv(gymnasium.Env[Any, Any]):
     """All agents of a parallel environment, in lock-step.
 
     The observation is a Dict of theirs, agent -> observation; the action has theirs one after the other. The info has
-    the entries of an agent's as `agent_entry`. An episode is over when all agents are; the last observation of one that
-    is over before the others stays, and it is given no actions.
+    the entries of an agent's as `agent_entry`. An episode is over when all agents are; the last observation and
+    the last info of one that is over before the others stay, and it is given no actions.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - declared so by Gymnasium
 
     def __init__(self, env: Any) -> None:
         """Args: `env` a PettingZoo `ParallelEnv`. Raises `UsageError` where actions of agents do not go together."""
-        self._env, self._names = env, tuple(env.possible_agents)
+        self.env, self._names = env, tuple(env.possible_agents)
         self.metadata = {"render_modes": list(getattr(env, "metadata", {}).get("render_modes", ()))}
         self.render_mode = getattr(env, "render_mode", None)
         self._spaces = {name: env.action_space(name) for name in self._names}
@@ -51,27 +51,28 @@ class JointEnv(gymnasium.Env[Any, Any]):
     @property
     def unwrapped(self) -> Any:
         """The parallel environment, whose software is in the keys of cells."""
-        return self._env.unwrapped
+        return self.env.unwrapped
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode of all agents."""
         super().reset(seed=seed)
-        observations, infos = self._env.reset(seed=seed, options=options)
-        self._last = dict(observations)
-        return dict(self._last), _flat(infos)
+        observations, infos = self.env.reset(seed=seed, options=options)
+        self._last, self._infos = dict(observations), dict(infos)
+        return dict(self._last), _flat(self._infos)
 
     def render(self) -> Any:
         """The parallel environment's picture of all agents."""
-        return self._env.render()
+        return self.env.render()
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One step by a joint action (axes,); the reward is the sum of all agents'."""
         own = dict(zip(self._names, np.split(np.ravel(action), self._ends), strict=True))
-        actions = {name: as_action(self._spaces[name], own[name]) for name in self._env.agents}
-        observations, rewards, terminations, truncations, infos = self._env.step(actions)
+        actions = {name: as_action(self._spaces[name], own[name]) for name in self.env.agents}
+        observations, rewards, terminations, truncations, infos = self.env.step(actions)
         self._last |= observations
-        over = not self._env.agents or all(terminations[name] or truncations[name] for name in terminations)
-        return dict(self._last), float(sum(rewards.values())), over, False, _flat(infos)
+        self._infos |= infos
+        over = not self.env.agents or all(terminations[name] or truncations[name] for name in terminations)
+        return dict(self._last), float(sum(rewards.values())), over, False, _flat(self._infos)
 
 
 def _joined(spaces: Mapping[str, Space[Any]]) -> Space[Any]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
 from functools import cache
-from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from importlib.metadata import PackageNotFoundError, packages_distributions, requires, version
 from types import ModuleType
 from typing import Any, TypeAlias
 
@@ -14,7 +16,7 @@ import gymnasium
 from stlbench.contract import cause
 from stlbench.errors import UsageError, did_you_mean
 
-__all__ = ["Gym", "failed", "made", "software"]
+__all__ = ["Gym", "failed", "made", "modules", "software"]
 
 Gym: TypeAlias = gymnasium.Env[Any, Any]
 
@@ -32,6 +34,9 @@ _EXTRAS = {
 _OURS = frozenset({"numpy", "stlbench"})
 """What every task is computed with, and whose version is in no key."""
 
+_ENGINES = frozenset({"box2d", "box2d-py", "brax", "mujoco", "mujoco-mjx", "pybullet", "pymunk"})
+"""Distributions that compute motions: a library that needs one computes with it, whichever of its modules does."""
+
 
 def made(identifier: str, keywords: Mapping[str, Any]) -> Gym:
     """The environment of an id, "CartPole-v1" or "a_module_that_registers_it:Id-v0", without its time limit.
@@ -41,8 +46,7 @@ def made(identifier: str, keywords: Mapping[str, Any]) -> Gym:
     try:
         return gymnasium.make(identifier, max_episode_steps=-1, disable_env_checker=True, **keywords)
     except gymnasium.error.NameNotFound as error:
-        name = identifier.rpartition(":")[2]
-        raise UsageError(f"no environment '{identifier}'{did_you_mean(name, gymnasium.registry)}") from error
+        raise UsageError(f"no environment '{identifier}'{_hint(identifier)}") from error
     except Exception as error:
         raise failed(f"environment {identifier}", error) from error
 
@@ -55,6 +59,14 @@ def failed(what: str, error: Exception) -> UsageError:
     return UsageError(f"{what} cannot be made: {cause(error)}")
 
 
+def _hint(identifier: str) -> str:
+    """Of an unknown id: one that is like it; there are too many to name all."""
+    if re.fullmatch(r"[a-z]\w*(\.\w+)+", identifier):
+        return "; a module with parallel environments of PettingZoo is named in a task file, with `api: pettingzoo`"
+    near = get_close_matches(identifier.rpartition(":")[2], gymnasium.registry, n=1, cutoff=0.7)
+    return did_you_mean(near[0], near) if near else "; `gymnasium.pprint_registry()` lists all"
+
+
 def _missing(error: BaseException | None) -> str:
     """The library that could not be imported, where that is why; Gymnasium raises an error of its own from that one."""
     while error is not None:
@@ -65,13 +77,32 @@ def _missing(error: BaseException | None) -> str:
 
 
 def software(env: Gym) -> tuple[tuple[str, str], ...]:
-    """Distribution -> version, of the modules that define the environment and of those that these import."""
-    tops = {name.partition(".")[0] for name in _modules(type(env.unwrapped))} - _OURS
+    """Distribution -> version, of the modules that define the environment, of those that these import, and of engines
+    that one of these distributions needs."""
+    tops = {name.partition(".")[0] for name in _imported(type(env.unwrapped))} - _OURS
     found = {each for top in tops for each in _distributions().get(top, ())}
+    found |= {engine for each in found for engine in _engines(each)}
     return tuple(sorted((name, _version(name)) for name in found))
 
 
-def _modules(kind: type) -> Iterator[str]:
+def modules(env: Gym) -> tuple[str, ...]:
+    """Names of those with the classes of the environment and of its wrappers, and with what its id is registered as."""
+    entry: Any = getattr(env.spec, "entry_point", None)
+    entry = entry.partition(":")[0] if isinstance(entry, str) else getattr(entry, "__module__", None)
+    names = {base.__module__ for kind in _layers(env) for base in kind.__mro__}
+    return tuple(sorted(names | ({entry} if entry else set())))
+
+
+def _layers(env: Any) -> Iterator[type]:
+    """The classes of its wrappers, the outermost first, and its own."""
+    innermost = env.unwrapped
+    while env is not innermost:
+        yield type(env)
+        env = getattr(env, "env", innermost)
+    yield type(innermost)
+
+
+def _imported(kind: type) -> Iterator[str]:
     for base in kind.__mro__:
         module = sys.modules.get(base.__module__)
         yield base.__module__
@@ -83,6 +114,15 @@ def _modules(kind: type) -> Iterator[str]:
 @cache
 def _distributions() -> Mapping[str, list[str]]:
     return packages_distributions()
+
+
+def _engines(distribution: str) -> Iterator[str]:
+    """Those that it cannot be installed without."""
+    for said in requires(distribution) or ():
+        name, _, condition = said.partition(";")
+        name = re.split(r"[^\w.-]", name.strip())[0].lower()
+        if name in _ENGINES and "extra" not in condition:
+            yield name
 
 
 def _version(distribution: str) -> str:

@@ -36,8 +36,13 @@ class Observed:
         known = (np.abs(low) <= _LARGE) & (np.abs(high) <= _LARGE) & (low < high)
         low, high = np.where(known, low, -1.0), np.where(known, high, 1.0)
         self._middle, self._reach = (low + high) / 2, (high - low) / 2
-        for name, places in _places(space, entries, scale).items():
-            self._middle[places], self._reach[places] = 0.0, scale[name]
+        self._names = {place: name for name, place in _named(space, entries).items()}
+        for name, place in _places(space, entries, scale).items():
+            self._middle[place], self._reach[place] = 0.0, scale[name]
+
+    def name(self, place: int) -> str:
+        """What the number at a place of the flat observation is called: 'v', or number 3 of the observation."""
+        return f"'{self._names[place]}'" if place in self._names else f"number {place} of the observation"
 
     def flat(self, observation: Any) -> Array:
         """The numbers (d,) of one observation, as they are."""
@@ -67,11 +72,15 @@ def _flat(space: spaces.Space[Any]) -> spaces.Box:
 
 def _places(space: spaces.Space[Any], entries: Entries, scale: Mapping[str, float]) -> dict[str, int]:
     """Named entry that has a scale -> its place in the flat observation."""
-    named = dict(zip(entries.names, _offsets(space, entries), strict=True))
+    named = _named(space, entries)
     for name in scale:
         if name not in named:
             raise UsageError(f"scale: no entry '{name}'{did_you_mean(name, named)}")
     return {name: named[name] for name in scale}
+
+
+def _named(space: spaces.Space[Any], entries: Entries) -> dict[str, int]:
+    return dict(zip(entries.names, _offsets(space, entries), strict=True))
 
 
 def _offsets(space: spaces.Space[Any], entries: Entries) -> list[int]:

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-from math import prod
+from collections.abc import Iterator
+from math import ceil, floor, log10, prod
 from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete, Space
 
+from stlbench.contract import Array, cause
+from stlbench.environments.entries import Names, entries_of
 from stlbench.environments.making import Gym, made
 from stlbench.errors import UsageError
 
 __all__ = ["sketch"]
 
-_STEPS, _SECONDS, _REACH = 200, 0.05, 10.0
-"""Where the environment says nothing: steps of an episode, seconds of a step, the largest magnitude of an entry."""
+_STEPS, _SECONDS = 200, 0.05
+"""Where the environment says nothing: steps of an episode, seconds of a step."""
+
+_EPISODES, _PLAYED = 2, 1000
+"""Of random actions, that show the magnitude of entries without ends; the most steps of one."""
+
+_MOST = 500
+"""Entries that a draft names. Of pictures, which have thousands, none has a meaning."""
 
 
 def sketch(identifier: str) -> dict[str, Any]:
@@ -24,18 +33,24 @@ def sketch(identifier: str) -> dict[str, Any]:
     Args:
         identifier: as `gymnasium.make` takes it.
 
+    Entries without ends get a scale, and signals on them a range, by the magnitudes that random actions show.
+
     Raises:
-        UsageError: it cannot be made, or its observation is no array of numbers, nor a Dict of some.
+        UsageError: it cannot be made or played, or its observation is no array of numbers, nor a Dict of some, or has
+            more numbers than anybody would name.
     """
     env = made(identifier, {})
-    names, ends = _entries(env.observation_space)
+    names, known = _entries(env.observation_space)
+    scale = {} if all(known.values()) else _magnitudes(identifier, env, names)
+    ends = {name: pair or (-2 * scale[name], 2 * scale[name]) for name, pair in known.items()}
+    scale = {name: scale[name] for name, pair in known.items() if pair is None}
     first, (low, high) = next(iter(ends.items()))
     steps, middle = _limit(identifier), (low + high) / 2
     distance = f"abs({first} - {middle:g})" if middle else f"abs({first})"
     return {
         "title": f"A task on {identifier}",
         "source": identifier,
-        "environment": {"id": identifier, "names": names},
+        "environment": {"id": identifier, "names": names} | ({"scale": scale} if scale else {}),
         "formula": f"G[0,{steps}] {distance} <= {(high - low) / 4:g}",
         "sampling_time": round(_seconds(env), 6),
         "steps": steps,
@@ -48,21 +63,20 @@ def sketch(identifier: str) -> dict[str, Any]:
     }
 
 
-def _entries(space: Space[Any]) -> tuple[Any, dict[str, tuple[float, float]]]:
-    """Names as a task file has them, and name -> ends."""
-    if isinstance(space, Dict):
-        parts = {key: part for key, part in space.spaces.items() if isinstance(part, Box)}
-        named = {key: _numbered(key, part) for key, part in parts.items()}
-        ends = {name: pair for key, part in parts.items() for name, pair in zip(named[key], _ends(part), strict=True)}
-        names: Any = named
-    elif isinstance(space, Box):
-        names = _numbered("o", space)
-        ends = dict(zip(names, _ends(space), strict=True))
-    else:
-        ends, names = {}, None
-    if not ends:
+def _entries(space: Space[Any]) -> tuple[Names, dict[str, tuple[float, float] | None]]:
+    """Names as a task file has them, and name -> ends, None where there are none."""
+    whole = isinstance(space, Box)
+    parts = {"o": space} if whole else dict(space.spaces) if isinstance(space, Dict) else {}
+    boxes = {key: part for key, part in parts.items() if isinstance(part, Box)}
+    count = sum(prod(part.shape) for part in boxes.values())
+    if not count:
         raise UsageError(f"its observation is no Box, nor a Dict with one: {space}; write the task file by hand")
-    return names, ends
+    if count > _MOST:
+        by_hand = "write the task file by hand, with signals over entries of the info, or a class of GymTask"
+        raise UsageError(f"its observation has {count} numbers, more than the {_MOST} that are named here; {by_hand}")
+    named = {key: _numbered(key, box) for key, box in boxes.items()}
+    ends = {name: pair for key, box in boxes.items() for name, pair in zip(named[key], _ends(box), strict=True)}
+    return named["o"] if whole else named, ends
 
 
 def _numbered(name: str, space: Box) -> list[str]:
@@ -71,12 +85,43 @@ def _numbered(name: str, space: Box) -> list[str]:
     return [plain] if count == 1 else [f"{plain}{i}" for i in range(count)]
 
 
-def _ends(space: Box) -> list[tuple[float, float]]:
+def _ends(space: Box) -> list[tuple[float, float] | None]:
     pairs = zip(space.low.ravel().tolist(), space.high.ravel().tolist(), strict=True)
     return [
-        (float(f"{low:.4g}"), float(f"{high:.4g}")) if -1e4 < low < high < 1e4 else (-_REACH, _REACH)
+        (float(f"{low:.4g}"), float(f"{high:.4g}")) if -1e4 <= low < high <= 1e4 else None  # as policies see it
         for low, high in pairs
     ]
+
+
+def _magnitudes(identifier: str, env: Gym, names: Names) -> dict[str, float]:
+    """Name -> the largest magnitude of the entry in episodes of random actions, rounded up."""
+    entries = entries_of(env.observation_space, names)
+    try:
+        seen = [np.abs(entries.read(each, 1)[0]) for each in _observations(env, min(_limit(identifier), _PLAYED))]
+    except Exception as error:  # it is code of others
+        raise UsageError(f"environment {identifier} cannot be played: {cause(error)}") from error
+    most: Array = np.max(np.nan_to_num(seen, posinf=0.0), axis=0)
+    return {name: _rounded_up(value) for name, value in zip(entries.names, most.tolist(), strict=True)}
+
+
+def _observations(env: Gym, steps: int) -> Iterator[Any]:
+    env.action_space.seed(0)
+    for seed in range(_EPISODES):
+        yield env.reset(seed=seed)[0]
+        for _ in range(steps):
+            observation, _, terminated, truncated, _ = env.step(env.action_space.sample())
+            yield observation
+            if terminated or truncated:
+                break
+
+
+def _rounded_up(value: float) -> float:
+    """To 1, 2 or 5 times a power of ten; 1 where an entry never moved."""
+    if value < 1e-6:
+        return 1.0
+    power = 10.0 ** floor(log10(value))
+    digit = next(each for each in (1, 2, 5, 10) if ceil(value / power) <= each)
+    return float(f"{digit * power:.1g}")
 
 
 def _limit(identifier: str) -> int:

@@ -15,7 +15,7 @@ from stlbench.contract import Array, cause
 from stlbench.environments.acting import ActionAxis, action_axes
 from stlbench.environments.entries import Names, entries_of
 from stlbench.environments.expressions import compiled, parsed
-from stlbench.environments.making import Gym, software
+from stlbench.environments.making import Gym, modules, software
 from stlbench.environments.observing import Observed
 from stlbench.errors import UsageError
 
@@ -59,7 +59,7 @@ class GymSource:
         self.action_space = first.action_space
         self.entries = entries_of(first.observation_space, names)
         self.observed = Observed(first.observation_space, self.entries, scale or {})
-        self.software = software(first)
+        self.software, self.modules = software(first), modules(first)
         self.function = signals
         self.from_info: tuple[str, ...] = ()
         """What expressions use of the info."""

@@ -5,16 +5,16 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
 from stlbench.registry.meaning import TASK_FILE, meaning_of
 
-__all__ = ["Code", "code_of", "fingerprint"]
+__all__ = ["Code", "code_of", "fingerprint", "own_code"]
 
 _NO_DATA = (".py", ".pyc", ".pyi", ".md", ".rst", ".typed", "~")
 """How names end of files beside modules that are no data."""
@@ -33,6 +33,11 @@ class Code:
     """Name and digest of each module, `pack.one`, and of each file of data beside one, `pack/table.npz`; sorted."""
     packages: tuple[tuple[str, str], ...] = ()
     """Name and version of each installed distribution that is imported; sorted."""
+
+    def __or__(self, other: Code) -> Code:
+        """Both together."""
+        files, packages = {*self.files, *other.files}, {*self.packages, *other.packages}
+        return Code(tuple(sorted(files)), tuple(sorted(packages)))
 
     @cached_property
     def digest(self) -> str:
@@ -84,6 +89,13 @@ def code_of(module: str, *, packages: bool = True) -> Code:
             files[name], imported = meaning_of(path, name)
         pending |= {*imported, *_above(name)} - seen
     return Code(tuple(sorted(files.items())), tuple(sorted(installed.items())))
+
+
+def own_code(modules: Iterable[str]) -> Code:
+    """The code (`code_of`) of those modules that are the user's own: of no installed distribution, or of one that is
+    installed editable, so that its source can change while its version does not."""
+    own = (name for name in modules if _versions(name.partition(".")[0], True) is None)
+    return reduce(Code.__or__, map(code_of, own), Code())
 
 
 def _above(module: str) -> tuple[str, ...]:

@@ -35,7 +35,8 @@ def judge(formula: stl.Formula, traces: Array, specification: Specification, ter
         traces: NaN after an early end.
         specification: the ranges of the signals.
         terminated: `violated` makes the formula violated, by as much as is possible within the ranges, or by as much as
-            the recorded samples make sure, where a signal left its range and that is more; `interval` has both ends of
+            the recorded samples make sure, where a signal left its range and that is more, and by 0 where the ranges
+            alone make the formula true; `interval` has both ends of
             what is possible.
     """
     early: Truth = np.zeros(len(traces), dtype=np.bool_)
@@ -59,7 +60,7 @@ def judge(formula: stl.Formula, traces: Array, specification: Specification, ter
         robustness[alike, 1] = np.maximum(np.minimum(high, greatest), low)
         satisfied[alike] = np.stack(stl.satisfaction_bounds(formula, known, names), axis=-1)
         if terminated == "violated":
-            robustness[alike], satisfied[alike] = np.minimum(high, least)[:, None], False
+            robustness[alike], satisfied[alike] = np.minimum(high, min(least, 0.0))[:, None], False
     return Verdicts(robustness, satisfied, early)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from stlbench.contract import GymTask, System
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.registry.fingerprint import Code, code_of
+from stlbench.registry.fingerprint import Code, code_of, own_code
 from stlbench.registry.meaning import WORDS
 from stlbench.study.cell import digest
 from stlbench.task.task import Task
@@ -24,6 +24,9 @@ _NO_PART: dict[str, Any] = dict.fromkeys((*WORDS, "agents", "budgets"), True) | 
 """What a task file says that changes no result, or is in the key of a cell by itself."""
 _NO_SYSTEM: dict[str, Any] = {"environment": True, "terminated": True, "signals": {"__all__": {"expression"}}}
 """What it says of environments alone."""
+
+
+_NO_CODE = Code()
 
 
 @dataclass(frozen=True)
@@ -69,13 +72,25 @@ def harness() -> Code:
 def task_part(task: Task, budget: str) -> Part:
     """Words and pictures for people change no result, nor do other budgets, deadlines, recipes of other agents.
 
-    The versions of the software of an environment belong to it.
+    The versions of the software of an environment belong to it, and the source of those of its modules that are
+    the user's own.
     """
     left_out = _NO_PART | _NO_SYSTEM if isinstance(task.dynamics, System) else _NO_PART
     content = task.file.model_dump(mode="json", exclude=left_out)
     numbers = task.budget(budget).model_dump(mode="json", include={"steps", "checkpoints", "random_starts"})
-    software = [task.source.software] if isinstance(task.dynamics, GymTask) else []
-    return _part("tasks", task.choice.name, [task.choice.name, content, numbers, *software])
+    said: list[Any] = [task.choice.name, content, numbers]
+    if not isinstance(task.dynamics, GymTask):
+        return _part("tasks", task.choice.name, said)
+    return _part("tasks", task.choice.name, [*said, task.source.software], own_code(_modules(task)))
+
+
+def _modules(task: Task) -> tuple[str, ...]:
+    """Those that define a task's environment, with the one that its id names."""
+    entry = task.file.environment
+    if entry is None or entry.id is None:
+        return task.source.modules
+    named = entry.id if entry.api == "pettingzoo" else entry.id.rpartition(":")[0]
+    return (*task.source.modules, *([named] if named else []))
 
 
 def method_part(choice: Choice) -> Part:
@@ -88,9 +103,12 @@ def agent_part(task: Task, choice: Choice) -> Part:
     return _part("agents", choice.name, [str(choice), dict(task.recipe(choice.name))])
 
 
-def _part(kind: str, name: str, said: list[Any]) -> Part:
-    """The version of another's distribution counts, as it may have parts that no source shows."""
+def _part(kind: str, name: str, said: list[Any], further: Code = _NO_CODE) -> Part:
+    """A plugin, and further code that it works on.
+
+    The version of another's distribution counts, as it may have parts that no source shows.
+    """
     plugin = plugins.find(kind, name)
-    code = code_of(plugin.entry_point.module)
+    code = code_of(plugin.entry_point.module) | further
     version = "" if plugin.distribution == plugins.OWN else plugin.version
     return Part(digest([*said, plugin.distribution, version, code.digest]), code)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -10,7 +10,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from stlbench.task.entry import Timing
 
-__all__ = ["Parts", "as_parts", "right_parts"]
+__all__ = ["Parts", "as_parts", "fields_at", "right_parts"]
 
 Parts = Mapping[str, Any]
 """Entry -> its value where it is right; of an entry of several, nested likewise. A wrong value is not there."""
@@ -57,6 +57,19 @@ def _without_none(declared: Any) -> Any:
         others = [part for part in get_args(declared) if part is not NoneType]
         return _without_none(others[0]) if len(others) == 1 else declared
     return declared
+
+
+def fields_at(kind: type[BaseModel], place: Iterable[str]) -> Iterable[str]:
+    """The keys that a mapping of the file can have, by where it is: of `signals`, `x` those of a signal."""
+    declared: Any = kind
+    for name in place:
+        several = _without_none(declared)
+        if isinstance(several, type) and issubclass(several, BaseModel):
+            declared = several.model_fields[name].annotation
+        else:
+            declared = get_args(several)[1 if get_origin(several) is dict else 0]
+    found: type[BaseModel] = _without_none(declared)
+    return found.model_fields
 
 
 def as_parts(value: Any) -> Any:

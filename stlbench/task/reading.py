@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -9,11 +10,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, did_you_mean
 from stlbench.task.checks import check_entries
 from stlbench.task.entry import Timing
 from stlbench.task.file import TaskFile
-from stlbench.task.parts import Parts, as_parts, right_parts
+from stlbench.task.parts import Parts, as_parts, fields_at, right_parts
 from stlbench.task.yaml_text import load_yaml
 
 __all__ = ["Reading", "errors_of", "read", "read_task_file"]
@@ -74,8 +75,22 @@ def _timing(content: Any) -> Timing:
     return Timing(1e-6, known=False)  # so small that every end of an interval that anyone writes is whole
 
 
+_EXPECTED = {
+    "dict_type": "expected a mapping, {key: value}",
+    "model_type": "expected a mapping, {key: value}",
+    "tuple_type": "expected a list",
+}
+"""Kind of Pydantic's errors -> what it is in a file."""
+
+_TYPE = re.compile(r"(dict|tuple)\[")
+"""Of a place that may have values of several types, Pydantic names the type too."""
+
+
 def _lines(error: ValidationError) -> Iterator[str]:
     for item in error.errors():
-        place = ".".join(str(part) for part in item["loc"])
-        message = item["msg"].removeprefix("Value error, ")
+        parts = [str(part) for part in item["loc"]]
+        message = _EXPECTED.get(item["type"], item["msg"].removeprefix("Value error, "))
+        if item["type"] == "extra_forbidden":
+            message = f"there is no such key{did_you_mean(parts[-1], fields_at(TaskFile, parts[:-1]))}"
+        place = ".".join(part for part in parts if not _TYPE.match(part))
         yield f"{place}: {message}" if place else message

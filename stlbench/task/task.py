@@ -153,18 +153,20 @@ def load_task(choice: Choice | str) -> Task:
     errors += _misfits(dynamics or kind, reading.parts)
     if errors or reading.file is None or dynamics is None:
         raise errors_of(name, errors)
-    task = Task(choice, _varied(reading.file, choice), dynamics)
+    task = Task(choice, _varied(reading.file, choice, dynamics), dynamics)
     if isinstance(dynamics, GymTask):
         _ = task.source  # what of the file does not fit the environment is said now
     return task
 
 
-def _varied(file: TaskFile, choice: Choice) -> TaskFile:
-    """The file with what the choice says."""
+def _varied(file: TaskFile, choice: Choice, dynamics: Dynamics) -> TaskFile:
+    """The file with what the choice says. Only a system has features that a task can do without."""
     for key, value in choice.parameters:
         try:
             if key == "without":
                 for part in value.split("+"):
+                    if part == "features" and not isinstance(dynamics, System):
+                        raise ValueError("the task is without features as it is")
                     file = file.without(part)
             elif key == "hold":
                 if _count(value) == file.hold:

@@ -12,6 +12,8 @@ from stlbench.errors import UsageError
 
 __all__ = ["load_yaml"]
 
+_MERGE = "tag:yaml.org,2002:merge"
+
 MOST = 200_000
 """Values that a file may have, each alias counted as what it stands for."""
 
@@ -20,12 +22,14 @@ def load_yaml(text: str, place: str) -> Any:
     """The content of a text, which comes from `place`.
 
     Raises:
-        UsageError: it is no YAML, a value is none of its type (2001-99-99), a text is none ("\\ud800"), it nests too
-            deep, or a few aliases make more of it than any file would have.
+        UsageError: it is no YAML, a mapping has a key twice, a value is none of its type (2001-99-99), a text is none
+            ("\\ud800"), it nests too deep, or a few aliases make more of it than any file would have.
     """
     try:
-        content = yaml.safe_load(text)
+        content = _loaded(text)
         size = _size(content, {})
+    except _TwiceError as twice:
+        raise UsageError(f"{place} has {twice}") from None
     except yaml.YAMLError as error:
         raise UsageError(f"{place} is no YAML: {error}") from error
     except UnicodeEncodeError as error:
@@ -38,6 +42,36 @@ def load_yaml(text: str, place: str) -> Any:
     if size > MOST:
         raise UsageError(f"{place} has more than {MOST} values, or an alias inside of what it stands for")
     return content
+
+
+class _TwiceError(Exception):
+    """Which key, and where."""
+
+
+def _loaded(text: str) -> Any:
+    loader = yaml.SafeLoader(text)
+    try:
+        node = loader.get_single_node()
+        _check_keys(node, set())
+        return None if node is None else loader.construct_document(node)
+    finally:
+        loader.dispose()
+
+
+def _check_keys(node: yaml.Node | None, seen: set[int]) -> None:
+    """Raises `_TwiceError`: YAML's own reader would take the last value of a key, and say nothing."""
+    if not isinstance(node, yaml.CollectionNode) or id(node) in seen:
+        return
+    seen.add(id(node))
+    lines = dict[tuple[str, str], int]()
+    for part in node.value:
+        key, value = part if isinstance(node, yaml.MappingNode) else (None, part)
+        if isinstance(key, yaml.ScalarNode) and key.tag != _MERGE:
+            name, line = (key.tag, key.value), key.start_mark.line + 1
+            if name in lines:
+                raise _TwiceError(f"the key '{one_line(key.value)}' in line {lines[name]} and again in line {line}")
+            lines[name] = line
+        _check_keys(value, seen)
 
 
 def _size(value: Any, known: dict[int, int]) -> int:

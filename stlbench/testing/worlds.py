@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stlbench.contract import ActionGrid, Array, Integers, World
+from stlbench.contract import ActionGrid, Array, GymTask, Integers, World
 from stlbench.rollout import controller, referee
 from stlbench.rollout.worlds import make_world
 from stlbench.task import Task
@@ -59,7 +59,7 @@ def _episode(task: Task, rules: Rules, world: World, begun: Array, actions: Arra
         rules.keep(*_finite(task, samples, i * hold))
         if world.can_end:
             rules.keep(bool((samples[:, ended] == before[ended]).all()), "a copy that has ended stands still", samples)
-        _check_features(rules, world, np.full(count, (i + 1) * hold), (low, high))
+        _check_features(task, rules, world, np.full(count, (i + 1) * hold), (low, high))
         trace.append(samples[1:])
     return np.concatenate(trace).transpose(1, 0, 2)
 
@@ -76,13 +76,19 @@ def _finite(task: Task, samples: Array, t: int) -> tuple[bool, str, object]:
     return not got, "samples are finite", "".join(got)
 
 
-def _check_features(rules: Rules, world: World, t: Integers, box: tuple[Array, Array]) -> None:
+def _check_features(task: Task, rules: Rules, world: World, t: Integers, box: tuple[Array, Array]) -> None:
     features = world.features(t)
     rules.keep(features.ndim == 2 and len(features) == len(t), "features has shape (N, d)", features.shape)
     rules.keep(bool(np.isfinite(features).all()), "features is finite", features)
     inside = np.all((box[0] <= world.signals) & (world.signals <= box[1]), axis=1)
-    most = np.abs(features[inside]).max(initial=0.0)
-    rules.keep(bool(most <= 5), "features are about in [-1, 1]", f"{most:.3g}; a scale would help")
+    most = np.abs(features[inside]).max(axis=0, initial=0.0)
+    place = int(np.argmax(most))
+    said = f"{most[place]:.3g} of {_feature(task, place)}; a scale would help"
+    rules.keep(bool(most[place] <= 5), "features are about in [-1, 1]", said)
+
+
+def _feature(task: Task, place: int) -> str:
+    return task.source.observed.name(place) if isinstance(task.dynamics, GymTask) else f"number {place}"
 
 
 def _check_restart(task: Task, rules: Rules, world: World, begun: Array) -> None:

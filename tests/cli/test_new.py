@@ -122,7 +122,14 @@ def test_a_bad_name_is_one_line(tmp_path: Path, kind: str, name: str, said: str)
 
 @pytest.mark.parametrize(
     ("identifier", "agent"),
-    [("CartPole-v1", "dqn"), ("Pendulum-v1", "td3"), ("gymnasium_robotics:FetchReach-v4", "td3"), ("Hopper-v5", "td3")],
+    [
+        ("CartPole-v1", "dqn"),
+        ("Pendulum-v1", "td3"),
+        ("gymnasium_robotics:FetchReach-v4", "td3"),
+        ("Hopper-v5", "td3"),
+        ("HalfCheetah-v5", "td3"),
+        ("shimmy:dm_control/cartpole-balance-v0", "td3"),
+    ],
 )
 def test_a_task_on_an_environment_keeps_the_contract_as_it_is(
     identifier: str, agent: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -131,8 +138,20 @@ def test_a_task_on_an_environment_keeps_the_contract_as_it_is(
     new("task", "zz-made", "--into", tmp_path, "--environment", identifier)
     task = load_task(str(tmp_path / "zz-made"))
     assert task.own_agent == agent
-    if identifier != "Hopper-v5":  # what it has no ends for, it leaves by more than anybody can guess
-        check_task(str(tmp_path / "zz-made"))
+    check_task(str(tmp_path / "zz-made"))
+
+
+def test_what_has_no_ends_is_scaled_by_what_was_seen(tmp_path: Path) -> None:
+    new("task", "zz-made", "--into", tmp_path, "--environment", "Hopper-v5")
+    text = (tmp_path / "zz-made" / "task.yaml").read_text()
+    assert text.startswith("# The environment gives some entries no ends. In two episodes of random actions")
+    content = yaml.safe_load(text)
+    scale, signals = content["environment"]["scale"], content["signals"]
+    assert list(scale) == list(signals)
+    assert scale["o0"] == 2  # its height, 1.25 m
+    assert all((ends["low"], ends["high"]) == (-2 * scale[name], 2 * scale[name]) for name, ends in signals.items())
+    new("task", "zz-again", "--into", tmp_path, "--environment", "Hopper-v5")
+    assert (tmp_path / "zz-again" / "task.yaml").read_text() == text
 
 
 @pytest.mark.parametrize(
@@ -140,11 +159,26 @@ def test_a_task_on_an_environment_keeps_the_contract_as_it_is(
     [
         (("task", "zz-made", "--environment", "CartPoel-v1"), "no environment 'CartPoel-v1'; did you mean"),
         (("task", "zz-made", "--environment", "FrozenLake-v1"), "its observation is no Box, nor a Dict with one"),
+        (("task", "zz-made", "--environment", "CarRacing-v3"), "its observation has 27648 numbers, more than the 500"),
+        (
+            ("task", "zz-made", "--environment", "Qwertz-v0"),
+            "no environment 'Qwertz-v0'; `gymnasium.pprint_",
+        ),
+        (("task", "zz-made", "--environment", "mpe2.simple_v3"), "no environment 'mpe2.simple_v3'; a module with"),
         (("agent", "zz-made", "--environment", "CartPole-v1"), "--environment is for a task; agent was asked for"),
     ],
 )
 def test_what_is_no_environment_for_a_task_is_said(words: tuple[str, ...], said: str, tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["new", *words, "--into", str(tmp_path)])
     assert done.exit_code == 2
-    assert done.stderr.startswith(f"error: {said}")
+    line = done.stderr.splitlines()[-1]  # before it, Box2D warns of itself where it is first imported
+    assert line.startswith(f"error: {said}")
+    assert len(line) < 250
     assert not list(tmp_path.iterdir())
+
+
+def test_a_warning_of_gymnasium_has_no_colour(tmp_path: Path) -> None:
+    command = ["new", "task", "zz-made", "--environment", "CartPole-v0", "--into", str(tmp_path)]
+    done = CliRunner().invoke(app, command)
+    assert done.stderr.startswith("warning: WARN: The environment CartPole-v0 is out of date.")
+    assert "x1b" not in done.stderr

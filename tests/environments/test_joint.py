@@ -55,19 +55,24 @@ class Two:
             self.place[name] += float(np.ravel(action)[0])
         seen, leaving = self._seen(), {name: name == "b" for name in self.agents}
         self.agents = ["a"]
-        return seen, dict.fromkeys(seen, 1.0), leaving, dict.fromkeys(seen, False), {name: {"n": 2} for name in seen}
+        return seen, dict.fromkeys(seen, 1.0), leaving, dict.fromkeys(seen, False), self._infos(seen)
+
+    def _infos(self, seen: dict[str, Any]) -> dict[str, Any]:
+        return {name: {"hits": self.place[name]} for name in seen}
 
     def _seen(self) -> dict[str, Any]:
         return {name: np.array([self.place[name]]) for name in self.agents}
 
 
 @pytest.mark.parametrize("space", [Box(-2, 2, (1,), np.float32), Discrete(3)])
-def test_an_agent_that_has_left_keeps_its_last_observation(space: Any) -> None:
+def test_an_agent_that_has_left_keeps_its_last_observation_and_info(space: Any) -> None:
     joint = JointEnv(Two(space))
     joint.reset(seed=0)
     assert joint.step(np.array([1, 2]))[0] == {"a": 1, "b": 2}
     observation, reward, over, _, infos = joint.step(np.array([1, 1]))
-    assert (observation, reward, over, infos) == ({"a": 2, "b": 2}, 1.0, False, {"a_n": 2})
+    assert (observation, reward, over) == ({"a": 2, "b": 2}, 1.0, False)
+    assert infos == {"a_hits": 2, "b_hits": 2}
+    assert joint.reset(seed=0)[1] == {}
 
 
 def test_it_is_a_task_like_any_other() -> None:

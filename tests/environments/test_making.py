@@ -22,6 +22,12 @@ def test_the_software_of_an_environment_is_what_its_modules_import() -> None:
     assert "mujoco" not in dict(software(made("CartPole-v1", {})))
 
 
+def test_an_engine_counts_that_a_library_needs_whose_modules_do_not_import_it() -> None:
+    found = dict(software(made("shimmy:dm_control/cartpole-balance-v0", {})))
+    assert found["mujoco"] == version("mujoco")
+    assert found["dm_control"] == version("dm_control")
+
+
 def test_there_is_no_time_limit() -> None:
     env = made("CartPole-v1", {"sutton_barto_reward": True})
     assert "TimeLimit" not in str(env)

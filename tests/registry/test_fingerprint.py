@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from stlbench.registry import fingerprint as fingerprints
-from stlbench.registry.fingerprint import code_of, fingerprint
+from stlbench.registry.fingerprint import Code, code_of, fingerprint, own_code
 
 FILES = {
     "zz_pack/__init__.py": "raise RuntimeError('never run')",
@@ -118,6 +118,28 @@ def test_installed_distributions_count_by_their_version_and_pythons_own_modules_
         assert code.packages == (("Zz_Lib", "3.4"), ("zz-other", "5"))
         assert [name for name, _ in code.files] == ["zz_loose", "zz_pack", "zz_pack.one"]
         assert code_of("zz_pack.one", packages=False).packages == ()
+    finally:
+        sys.path.remove(str(root / "site-packages"))
+        fingerprints._all_distributions.cache_clear()
+
+
+def test_own_code_is_what_is_not_installed_or_editable(site):
+    """An editable install has its metadata in site-packages, and its source elsewhere."""
+    installed = {
+        "site-packages/zz_lib/__init__.py": "import zz_single\n",
+        "site-packages/Zz_Lib-3.4.dist-info/METADATA": "Metadata-Version: 2.1\nName: Zz_Lib\nVersion: 3.4\n",
+        "site-packages/zz_edited-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: zz-edited\nVersion: 1\n",
+        "site-packages/zz_edited-1.dist-info/top_level.txt": "zz_edited\n",
+        "zz_edited/__init__.py": "import zz_lib\n",
+    }
+    root = site("acme", "", FILES | installed)
+    sys.path.insert(0, str(root / "site-packages"))
+    fingerprints._all_distributions.cache_clear()
+    try:
+        assert own_code(["os", "stlbench.task", "numpy", "zz_lib", "zz_gone"]) == Code()
+        code = own_code(["zz_edited", "zz_single", "zz_lib"])
+        assert [name for name, _ in code.files] == ["zz_edited", "zz_single"]
+        assert code.packages == (("Zz_Lib", "3.4"),)
     finally:
         sys.path.remove(str(root / "site-packages"))
         fingerprints._all_distributions.cache_clear()

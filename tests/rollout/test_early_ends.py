@@ -146,6 +146,7 @@ def test_what_is_left_to_a_method_that_can_end() -> None:
         ("violated", "G[0,4] x <= 2", -8.0, False, {"ended early": 4}),  # x may be 10
         ("violated", "G[0,4] x <= 0.75", -9.25, False, {"G[0,4] x <= 0.75": 4}),  # before it ended
         ("violated", "G[3,4] x <= 0 & G[0,4] x <= 0.75", -10.0, False, {"G[0,4] x <= 0.75": 4}),
+        ("violated", "G[0,4] x <= 11", 0.0, False, {"ended early": 4}),  # which the range alone makes sure
         ("interval", "G[0,4] x <= 0.75", -9.25, False, {"G[0,4] x <= 0.75": 4}),  # violated whatever follows
         ("interval", "G[0,4] x <= 2", -8.0, False, {"ended early, verdict open": 4}),
         ("interval", "F[0,4] x >= 1", 0.0, True, {}),  # satisfied whatever follows
@@ -181,7 +182,7 @@ def test_within_the_ranges_what_was_recorded_changes_no_bound(formula: stl.Formu
     box = Specification(formula, tuple(NAMES), (-3.0,) * 3, (3.0,) * 3, steps, 1.0)
     recorded = without_end(traces(steps + 1, seed)[None], np.array([last]))
     least = greatest_and_least(box, formula)[1]
-    assert judge(formula, recorded, box, "violated").robustness.tolist() == [[least, least]]
+    assert judge(formula, recorded, box, "violated").robustness.tolist() == [[min(least, 0.0)] * 2]
     ((low, high),) = judge(formula, recorded, box, "interval").robustness
     whole = stl.robustness(formula, traces(steps + 1, seed), NAMES)
     assert low - 1e-9 <= whole <= high + 1e-9

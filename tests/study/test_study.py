@@ -69,6 +69,7 @@ def test_all_errors_at_once(tmp_path):
         ("- hold-disc\n", "a study has keys such as tasks and methods, got ['hold-disc']"),
         ("", "a study has keys such as tasks and methods, got None"),
         ("tasks: !!python/object/apply:os.system [ls]\n", "is no YAML: could not determine a constructor"),
+        ("tasks: a\nseeds: 2\ntasks: b\n", "study.yaml has the key 'tasks' in line 1 and again in line 3"),
         ("- " * 5000, "nests too deep"),
         ("tasks: []\nmethods: 3\n", "tasks: Tuple should have at least 1 item"),
     ],

@@ -9,17 +9,23 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from gymnasium.spaces import Box, Dict
 from helpers.walk_task import walk
 
 from stlbench.contract import ActionBox, ActionGrid, Unsuitable
 from stlbench.environments import making
+from stlbench.environments.entries import entries_of
+from stlbench.environments.observing import Observed
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
+from stlbench.registry.fingerprint import code_of
 from stlbench.rollout.worlds import make_world
+from stlbench.study.keys import task_part
 from stlbench.study.plan import plan_cells
 from stlbench.task import load_task
 from stlbench.task.start_sets import SeedStarts
+from stlbench.testing import check_task
 
 POLE: dict[str, Any] = {
     "title": "A pole",
@@ -177,6 +183,12 @@ def test_what_needs_a_state_says_that_there_is_none() -> None:
         _ = walk().system
 
 
+@pytest.mark.parametrize("part", ["features", "exploring", "ends+features"])
+def test_an_environment_has_no_features_that_it_could_do_without(part: str, folder: Callable[..., str]) -> None:
+    with pytest.raises(UsageError, match=f"the task is without {part.partition('+')[0]} as it is"):
+        load_task(f"{folder()}[without={part}]")
+
+
 def test_the_versions_of_an_environments_software_are_in_the_keys(
     folder: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -193,3 +205,73 @@ def test_the_versions_of_an_environments_software_are_in_the_keys(
     monkeypatch.setattr(making, "_version", lambda name: "0.0")
     assert key() != before
     gym_source._of_text.cache_clear()
+
+
+REGISTERED = """
+import gymnasium
+from zz_physics import PUSH
+class Pole(gymnasium.Env):
+    observation_space = gymnasium.spaces.Box(-1, 1, (1,))
+    action_space = gymnasium.spaces.Discrete(2)
+    def reset(self, *, seed=None, options=None): return self.observation_space.low * 0, {}
+    def step(self, action): return self.observation_space.low * PUSH, 0.0, False, False, {}
+gymnasium.register("ZzPole-v0", entry_point="zz_poles:Pole")
+"""
+WRAPPED = """
+import importlib
+import gymnasium
+from stlbench.contract import GymTask
+class Pole(GymTask):
+    def make(self):
+        return importlib.import_module("zz_" + "wrapper").Wrapped(gymnasium.make("CartPole-v1", max_episode_steps=-1))
+"""
+
+
+@pytest.mark.parametrize("edited", ["zz_poles", "zz_physics", "zz_registers"])
+def test_the_source_of_an_environment_that_is_not_installed_is_in_the_keys(
+    edited: str, folder: Callable[..., str], site: Callable[..., Path]
+) -> None:
+    files = {"zz_poles.py": REGISTERED, "zz_physics.py": "PUSH = 0.5\n", "zz_registers.py": "import zz_poles\n"}
+    root = site("acme", "", files)
+    entry = {"id": "zz_registers:ZzPole-v0", "names": ["theta"]}
+    task = load_task(folder(environment=entry))
+
+    def planned() -> Any:
+        return plan_cells([task.choice], [Choice("raw")], None, [0], "smoke")[0]
+
+    before = planned()
+    assert planned().key == before.key
+    with (root / f"{edited}.py").open("a") as file:
+        file.write("# the same\n")
+    assert planned().key == before.key
+    with (root / f"{edited}.py").open("a") as file:
+        file.write("edited = 1\n")
+    assert planned().key != before.key
+    assert {code.changed for code in before.code} == {None, str(root / f"{edited}.py")}
+
+
+def test_the_source_of_a_wrapper_is_in_the_keys(folder: Callable[..., str], site: Callable[..., Path]) -> None:
+    root = site("acme", "", {"zz_wrapper.py": "import gymnasium\nclass Wrapped(gymnasium.Wrapper): pass\n"})
+    part = task_part(load_task(folder(WRAPPED)), "smoke")
+    assert {"zz_wrapper", "stlbench_folder_zz_pole.system"} <= dict(part.code.files).keys()
+    (root / "zz_wrapper.py").write_text("import gymnasium\nclass Wrapped(gymnasium.ActionWrapper): pass\n")
+    assert task_part(load_task(folder(WRAPPED)), "smoke").digest != part.digest
+
+
+@pytest.mark.parametrize("name", ["hopper", "walker", "lunar-lander", "lane"])
+def test_an_installed_environment_adds_no_source_to_the_keys(name: str) -> None:
+    task = load_task(name)
+    code = code_of(plugins.find("tasks", name).entry_point.module)
+    assert task_part(task, "smoke").code == code
+
+
+def test_the_check_names_the_entry_that_is_large(folder: Callable[..., str]) -> None:
+    place = folder(**environment(scale={"omega": 0.01}))
+    with pytest.raises(AssertionError, match=r"features are about in \[-1, 1\]; got [\d.]+ of 'omega'; a scale would"):
+        check_task(place)
+
+
+def test_entries_without_a_name_are_told_by_their_place() -> None:
+    space = Dict({"a": Box(-1, 1, (2,)), "b": Box(-1, 1, (2,))})
+    observed = Observed(space, entries_of(space, {"b": ["x", "y"]}), {})
+    assert [observed.name(place) for place in (1, 3)] == ["number 1 of the observation", "'y'"]

@@ -12,6 +12,7 @@ from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.task.reading import read_task_file
 from stlbench.task.region import Region
+from stlbench.task.yaml_text import load_yaml
 
 
 def errors(**changes: Any) -> list[str]:
@@ -68,8 +69,16 @@ class TestMessages:
             ({"best_possible": {}}, "best_possible.reached: Field required"),
             ({"best_possible": {"reached": float("inf")}}, "best_possible.reached: Input should be a finite number"),
             ({"best_possible": {"reached": "x"}}, "best_possible.reached: Input should be a valid number"),
-            ({"best_possible": {"reached": 1, "best": 2}}, "best_possible.best: Extra inputs are not permitted"),
-            ({"titel": "x"}, "titel: Extra inputs are not permitted"),
+            (
+                {"best_possible": {"reached": 1, "best": 2}},
+                "best_possible.best: there is no such key; there are: coarser, how, reached, value",
+            ),
+            ({"titel": "x"}, "titel: there is no such key; did you mean 'title'?"),
+            (
+                {"signals": {"x": {"low": 1, "high": 2, "hihg": 1}}},
+                "signals.x.hihg: there is no such key; did you mean 'high'?",
+            ),
+            ({"environment": {"naems": []}}, "environment.naems: there is no such key; did you mean 'names'?"),
             ({"sampling_time": 0}, "sampling_time: Input should be greater than 0"),
             ({"sampling_time": float("inf")}, "sampling_time: Input should be a finite number"),
             ({"steps": 0}, "steps: Input should be greater than or equal to 1"),
@@ -210,6 +219,10 @@ class TestMessages:
             "protocols.late.initial.where: no state 'y'; there are: x",
         ]
 
+    def test_what_has_two_forms(self) -> None:
+        expected = ["environment.names: expected a list", "environment.names: expected a mapping, {key: value}"]
+        assert errors(environment={"names": 3}) == expected
+
     def test_intervals_of_an_unknown_unit_are_not_judged(self) -> None:
         """Whether 0.7 s are whole steps, and how many, only the sampling time could tell; the syntax is checked."""
         assert errors(time="seconds", sampling_time=0, formula="G[0,0.7] x <= 1") == [
@@ -222,9 +235,25 @@ class TestMessages:
         with pytest.raises(UsageError, match=r"^task line: task.yaml is no YAML: "):
             read_task_file("title: [", "line")
 
+    @pytest.mark.parametrize(
+        ("content", "said"),
+        [
+            ("formula: x >= 0\nsteps: 3\n'formula': x <= 0\n", "the key 'formula' in line 1 and again in line 3"),
+            ("signals:\n  x: {low: 0, low: 1}\n", "the key 'low' in line 2 and again in line 2"),
+            ("training:\n- {ends: [{at: 1}]}\n- ends:\n  - at: 1\n    at: 2", "the key 'at' in line 4 and again in"),
+        ],
+    )
+    def test_a_key_that_is_there_twice(self, content: str, said: str) -> None:
+        with pytest.raises(UsageError, match=f"^task line: task.yaml has {said}"):
+            read_task_file(content, "line")
+
+    def test_a_key_may_override_what_is_merged(self) -> None:
+        text = "x: &x {low: 0, high: 1}\ny: &y\n  <<: *x\n  low: 2\nz:\n  <<: *y\n  high: 3\n"
+        assert load_yaml(text, "here")["z"] == {"low": 2, "high": 3}
+
     @pytest.mark.parametrize("content", ["", "- a\n- b", "words"])
     def test_yaml_that_is_no_mapping(self, content: str) -> None:
-        with pytest.raises(UsageError, match=r"has errors:\n  Input should be a valid dictionary"):
+        with pytest.raises(UsageError, match=r"has errors:\n  expected a mapping, {key: value}"):
             read_task_file(content, "line")
 
     def test_yaml_is_read_safely(self) -> None:
@@ -241,7 +270,7 @@ class TestMessagesAboutTraining:
             ({"training": {"exploring": {"share": 0}}}, "training.exploring.share: Input should be greater than 0"),
             (
                 {"training": {"ends": [{"where": "violation", "reward": -1}]}},
-                "training.ends.0.reward: Extra inputs are not permitted",
+                "training.ends.0.reward: there is no such key; there are: where",
             ),
             (
                 {"training": {"ends": [{"where": "y <= 1"}]}},
@@ -266,7 +295,7 @@ class TestMessagesAboutTraining:
         assert errors(**changes) == [message]
 
 
-@pytest.mark.parametrize("line", ['nested: "\\ud800"', 'title: "a \\udfff b"', '"\\ud800": 1'])
+@pytest.mark.parametrize("line", ['nested: "\\ud800"', 'source: "a \\udfff b"', '"\\ud800": 1'])
 def test_half_a_character_is_refused_with_what_it_is(line: str) -> None:
     with pytest.raises(UsageError, match=r"^task line: task.yaml has a text with .ud(800|fff), which is a half of a "):
         read_task_file(f"title: A line\n{line}\n", "line")
