@@ -55,7 +55,8 @@ def certify(
 
     The starts are others than those of training, of selection and of the report. With a fixed number of them the
     interval is that of Clopper and Pearson. With --at-least or --until the test looks after every batch and stops
-    early, by an interval that is valid at any time. The exit code is 0 whatever is found.
+    early, by an interval that is valid at any time. The exit code is 0 whatever is found, and 2 if a policy or a task
+    fails.
 
     \b
     Examples:

@@ -134,7 +134,7 @@ def test_bad_input() -> None:
         falsify(still(), How("evolution"))
     with pytest.raises(UsageError, match="at least one evaluation, got 0"):
         falsify(still(), How(evaluations=0))
-    with pytest.raises(UsageError, match="^still cannot be tried: sqrt"):
+    with pytest.raises(UsageError, match=r"^still cannot be tried: sqrt"):
         falsify(still("G[0,8] sqrt(a) <= 1"))
     hopeless = {"box": {"a": [-1, 0], "b": [0, 1]}, "where": "a >= 1"}
     with pytest.raises(UsageError, match="'a >= 1' holds \\(almost\\) nowhere"):
