@@ -55,7 +55,8 @@ def certify(
 
     The starts are others than those of training, of selection and of the report. With a fixed number of them the
     interval is that of Clopper and Pearson. With --at-least or --until the test looks after every batch and stops
-    early, by an interval that is valid at any time. The exit code is 0 whatever is found.
+    early, by an interval that is valid at any time. The exit code is 0 whatever is found, and 2 if a policy or a task
+    fails.
 
     \b
     Examples:
@@ -93,12 +94,19 @@ def _show(found: list[Certificate], as_json: bool) -> None:
 
 def _line(one: Certificate) -> str:
     """One certificate in words."""
+    from stlbench.search.certify import plain
+
     low, high = one.interval
-    told = (
-        f"{one.subject.name}: satisfied from {one.satisfied} of {one.starts} random starts; with confidence "
-        f"{one.claim.confidence:g} the probability is in [{low:.4f}, {high:.4f}]"
-    )
-    return told if one.verdict is None else f"{told}; that it is at least {one.claim.at_least:g} is {one.verdict}"
+    counts, what = f"{one.satisfied} of {one.starts} random starts", "the probability"
+    if one.open:
+        counts += f", violated from {one.violated}, open from {one.open} that ended early"
+        what = "the probability that every continuation satisfies"
+    confidence = plain(one.claim.confidence)
+    told = f"{one.subject.name}: satisfied from {counts}; with confidence {confidence} {what} is in "
+    told += f"[{low:.4f}, {high:.4f}]"
+    if one.claim.at_least is None:
+        return told
+    return f"{told}; that it is at least {plain(one.claim.at_least)} is {one.verdict}"
 
 
 def _facts(one: Certificate) -> dict[str, Any]:
@@ -108,6 +116,8 @@ def _facts(one: Certificate) -> dict[str, Any]:
         "confidence": one.claim.confidence,
         "starts": one.starts,
         "satisfied": one.satisfied,
+        "violated": one.violated,
+        "open": one.open,
         "probability": one.satisfied / one.starts,
         "low": one.interval.low,
         "high": one.interval.high,

@@ -61,7 +61,8 @@ def falsify(
 
     A global optimiser of SciPy minimises the robustness over the task's initial states; the search stops at the first
     counterexample. Printed are the start, the robustness, and the predicate and the step that it comes from. The trace
-    (.npz, .csv) and its picture are written. Of several cells a table is printed. The exit code is 0 whatever is found.
+    (.npz, .csv) and its picture are written. Of several cells a table is printed. The exit code is 0 whatever is found,
+    and 2 if a policy or a task fails.
 
     \b
     Examples:
@@ -81,7 +82,7 @@ def falsify(
 
     def work(subject: Subject, told: Callable[[int, float], None]) -> _Written:
         found = search.falsify(subject, how, told)
-        return _Written(found, write(found, out or results / "falsified") if found.found or least else [])
+        return _Written(found, write(found, out or results / "falsified") if found.found or found.open or least else [])
 
     one_by_one(named, evaluations, work, lambda one: _line(one.found), lambda found: _show(found, as_json))
 
@@ -112,7 +113,10 @@ def _show(searched: list[_Written], as_json: bool) -> None:
 def _line(one: Falsification) -> str:
     """What was found, in short."""
     spent = f"{one.evaluations} evaluations, {one.cpu_seconds:.1f} s CPU"
-    word = f"counterexample, the first in evaluation {one.first}" if one.found else "no counterexample"
+    words = {"violated": "counterexample", "open": "no counterexample, verdict open"}
+    word = words.get(one.worst.verdict, "no counterexample")
+    if one.first is not None:
+        word += f", the first in evaluation {one.first}"
     return f"{one.subject.name}: {word} ({one.how.optimiser}, {spent})"
 
 
@@ -121,14 +125,21 @@ def _lines(one: Falsification) -> list[str]:
     lines = [
         _line(one),
         f"start:      {one.start_text(9)}",
-        f"robustness: {one.worst.robustness:.6g}, {'violated' if one.found else 'satisfied'}",
-        f"{'failed:' if one.found else 'least:':<11} {one.failed}",
+        f"robustness: {_robustness(one)}",
+        f"{'failed:' if one.found else 'open:' if one.open else 'least:':<11} {one.failed}",
     ]
     if (witness := one.witness) is not None:
         predicate = f"{'not ' if witness.sign < 0 else ''}{witness.predicate}"
         at = f"step {witness.step} ({witness.step * one.subject.task.file.sampling_time:.6g} s)"
         lines.append(f"because:    {predicate} at {at}: margin {witness.margin:.6g}")
     return lines
+
+
+def _robustness(one: Falsification) -> str:
+    """Its value and the verdict."""
+    if not one.open:
+        return f"{one.worst.robustness:.6g}, {one.worst.verdict}"
+    return f"at least {one.worst.robustness:.6g}, verdict open: the episode ended early, what would follow decides"
 
 
 def _facts(one: Falsification, files: list[Path]) -> dict[str, Any]:
@@ -141,10 +152,11 @@ def _facts(one: Falsification, files: list[Path]) -> dict[str, Any]:
         "seed": one.how.seed,
         "evaluations": one.evaluations,
         "counterexample": one.found,
+        "verdict": one.worst.verdict,
         "first": one.first,
         "start": one.start,
         "robustness": one.worst.robustness,
-        "failed": one.failed if one.found else None,
+        "failed": one.failed if one.found or one.open else None,
         "predicate": None if witness is None else str(witness.predicate),
         "step": early if witness is None else witness.step,
         "margin": None if witness is None else witness.margin,

@@ -79,10 +79,14 @@ def subjects(named: Named) -> list[Subject]:
 
 def _by_hand(controllers: str) -> list[Subject]:
     from stlbench.registry.folders import parse_tasks
-    from stlbench.search.subject import of_controller
+    from stlbench.search.subject import foreign, of_controller
     from stlbench.task import load_task
 
-    return [of_controller(load_task(task)) for task in parse_tasks(controllers)]
+    found = []
+    for task in parse_tasks(controllers):
+        with foreign(f"{task}, by hand"):
+            found.append(of_controller(load_task(task)))
+    return found
 
 
 def _outside(named: Named, name: str) -> list[Subject]:
@@ -90,24 +94,30 @@ def _outside(named: Named, name: str) -> list[Subject]:
     from stlbench.outside.scoring import UNKNOWN, Shown
     from stlbench.registry.choices import parse_choice
     from stlbench.registry.folders import task_of
+    from stlbench.search.subject import foreign
     from stlbench.task import load_task
 
     if not named.policies:
         raise UsageError("--task needs a policy: module:function, or a file .zip (SB3) or .onnx")
-    task, method = load_task(task_of(name)), UNKNOWN if named.method is None else parse_choice(named.method)
-    return [_from_outside(task, policy, Shown(named.on, method)) for policy in named.policies]
+    shown = Shown(named.on, UNKNOWN if named.method is None else parse_choice(named.method))
+    with foreign(f"task {name}"):
+        task = load_task(task_of(name))
+    return [_from_outside(task, policy, shown) for policy in named.policies]
 
 
 def _from_outside(task: Task, policy: str, shown: Shown) -> Subject:
     from stlbench.outside.scoring import acting
     from stlbench.outside.source import find_source
-    from stlbench.search.subject import of_policy
+    from stlbench.search.subject import foreign, of_policy
 
     source = find_source(policy)
     if source.kind in ("cell", "traces"):
         what = "a cell: name it without --task" if source.kind == "cell" else "recorded traces, which cannot act"
         raise UsageError(f"{policy} is {what}")
-    return of_policy(f"{task.name}, {source.shown}", (task.name, source.name), task, *acting(task, source, shown))
+    called = f"{task.name}, {source.shown}"
+    with foreign(called):
+        method, acts = acting(task, source, shown)
+    return of_policy(called, (task.name, source.name), task, method, acts)
 
 
 def _stored(named: Named) -> list[Subject]:
@@ -135,9 +145,10 @@ def _kept(result: Result) -> bool:
 
 
 def _subject(results: Results, result: Result, which: Literal["selected", "final"]) -> Subject:
-    from stlbench.search.subject import of_policy
+    from stlbench.search.subject import foreign, of_policy
 
-    kept = results.policy(result.id, which=which)
     last = [which] if which == "final" else []
-    label = (*result.id.name.split("/"), result.id.budget, *last)
-    return of_policy(", ".join([result.id.name, *last]), label, kept.task, kept.method, kept.policy)
+    called, label = ", ".join([result.id.name, *last]), (*result.id.name.split("/"), result.id.budget, *last)
+    with foreign(called):
+        kept = results.policy(result.id, which=which)
+    return of_policy(called, label, kept.task, kept.method, kept.policy)

@@ -38,7 +38,10 @@ class GymTask:
         return None
 
     def controller(self, observation: Any, info: Mapping[str, Any], t: int) -> Sequence[float] | None:
-        """A controller written by hand: what it does at step t in one copy, (axes,); None where a task has none."""
+        """A controller written by hand: what it does at step t in one copy, (axes,); None where a task has none.
+
+        Its actions are within their range; of whole numbers, as a `Discrete` space has, the nearest is taken.
+        """
         return None
 
 

@@ -61,6 +61,6 @@ class System(ABC):
 
         It shows that the formula can be satisfied, and its robustness is what learned policies are compared with.
         It knows the whole state and the formula; no agent is shown what it does. It is asked every `hold` steps, and
-        its actions are clipped, or on a grid rounded to the nearest value of each axis.
+        its actions, finite numbers, are clipped, or on a grid rounded to the nearest value of each axis.
         """
         return None

@@ -62,5 +62,8 @@ class World(ABC):
         return None
 
     def by_hand(self, t: _Integers) -> _Array | None:
-        """What a controller written by hand does at steps t (N,): actions (N, axes); None where there is none."""
+        """What a controller written by hand does at steps t (N,): actions (N, axes); None where there is none.
+
+        They are within their range; on a grid the nearest value of each axis is taken.
+        """
         return None

@@ -112,8 +112,8 @@ class _FreshStarts:
         budget, space = task.file.budgets.get(cell.budget), space_of(task)
         count = (budget.random_starts if budget else 0) or STARTS
         generator = np.random.default_rng(derive_seed("leaderboard", task.choice.name, self.draw))
-        starts = space.starts(space.draw(generator, count))
-        played = [subject.play(starts[i : i + subject.rows]) for i in range(0, count, subject.rows)]
+        points = space.draw(generator, count)
+        played = [subject.play(points[i : i + subject.rows]) for i in range(0, count, subject.rows)]
         robustness = np.concatenate([each.robustness for each in played])
         satisfied = np.concatenate([each.satisfied for each in played])
         return Numbers(float(robustness.mean()), float(satisfied.mean()), count)

@@ -13,11 +13,9 @@ from stlbench.contract import ActionGrid, Actions, Array, Integers, Policy, Stat
 from stlbench.contract_parts.texts import cause
 from stlbench.errors import UsageError
 from stlbench.rollout.controller import nearest
+from stlbench.rollout.faults import out_of_range
 
 __all__ = ["OnObservation", "OnState", "actions_of"]
-
-_ROUNDING = 1e-6
-"""Share of an axis' span by which an action may be beyond its ends: that of single precision."""
 
 
 @dataclass(frozen=True)
@@ -98,12 +96,6 @@ def _indices(array: Integers, size: int, source: str) -> Integers:
 
 
 def _vectors(array: Array, actions: Actions, source: str) -> Array:
-    low, high = np.array(actions.low), np.array(actions.high)
-    beyond = _ROUNDING * (high - low)
-    wrong = ~((array >= low - beyond) & (array <= high + beyond))
-    if wrong.any():
-        axis = int(np.flatnonzero(wrong.any(axis=0))[0])
-        value = array[wrong[:, axis], axis][0]
-        rule = f"{actions.names[axis]} is in [{low[axis]:g}, {high[axis]:g}]"
-        raise UsageError(f"{source}: an action has {actions.names[axis]} {value:g}; {rule}")
-    return np.clip(array, low, high)
+    if wrong := out_of_range(actions, array):
+        raise UsageError(f"{source}: {wrong}")
+    return np.clip(array, actions.low, actions.high)

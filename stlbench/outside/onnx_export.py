@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,11 +14,12 @@ from stlbench.errors import UsageError
 from stlbench.outside.actions import actions_of
 from stlbench.outside.onnx_file import load_onnx
 from stlbench.result import Result
+from stlbench.rollout.questions import plugins_of
 from stlbench.rollout.referee import Referee
 from stlbench.rollout.saved_policies import Which
 from stlbench.study.kept import Kept, load_policy
 
-__all__ = ["Exported", "export"]
+__all__ = ["Export", "Exported", "export"]
 
 _ROUNDING = 1e-6
 """Share of an action's span: what single precision makes of another order of sums."""
@@ -33,8 +36,32 @@ class Exported(NamedTuple):
     """The largest difference of an action, as a share of its axis' span."""
 
 
+@dataclass(frozen=True)
+class Export:
+    """How does a stored policy compare with its ONNX file? The answer writes the file, see `export`."""
+
+    folder: Path
+    result: Result
+    which: Which
+    path: Path
+
+    @property
+    def plugins(self) -> tuple[tuple[str, str], ...]:
+        """See `Question`."""
+        return plugins_of(self.result.id)
+
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"{self.result.id.name} cannot be exported"
+
+    def answer(self) -> Exported:
+        """See `Question`."""
+        return export(self.folder, self.result, self.which, self.path)
+
+
 def export(folder: Path, result: Result, which: Which, path: Path) -> Exported:
-    """Write it, and compare it with the policy in the episodes of the report.
+    """Compare it with the policy in the episodes of the report, and write it.
 
     The file has the input `observation`, float32 (N, D), and the output `action`, float64 (N, axes), in the actions'
     units; for a grid of actions also `index`, int64 (N,). Its metadata say which cell it is.
@@ -52,12 +79,16 @@ def export(folder: Path, result: Result, which: Which, path: Path) -> Exported:
         raise UsageError(f"{result.id.name}: policies of agent {result.id.agent.name} have no ONNX form")
     facts = {"cell": result.id.name, "budget": result.id.budget, "policy": which, "task": kept.task.name}
     complete = _complete(content, kept, facts | {"hold": str(kept.task.file.hold)})
+    with TemporaryDirectory(prefix="stlbench-onnx-") as place:
+        tried = Path(place, path.name)
+        tried.write_bytes(complete)
+        found = _compared(kept, tried)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(complete)
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error}") from error
-    return _compared(kept, path)
+    return found
 
 
 def _complete(content: bytes, kept: Kept, facts: dict[str, str]) -> bytes:

@@ -5,12 +5,16 @@ The referee runs and scores them as it does a policy: from the same starts, thei
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from stlbench.contract import ActionGrid, Array, Integers, RewardMethod
+import numpy as np
+from numpy.typing import NDArray
+
+from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, System
 from stlbench.result import Score
 from stlbench.rollout import referee
 from stlbench.rollout.environment import Simulator
+from stlbench.rollout.faults import PluginFault, out_of_range
 from stlbench.task import Task
 
 __all__ = ["Unpaid", "nearest", "record", "score", "score_at_random"]
@@ -19,7 +23,12 @@ __all__ = ["Unpaid", "nearest", "record", "score", "score_at_random"]
 def record(task: Task, begun: Array) -> Array | None:
     """The traces (N, T + 1, k) when the controller acts from the starts (N, s); None where the task has none.
 
-    It does only what an agent could do: its actions are clipped, and on a grid the nearest of each axis is taken.
+    It does only what an agent could do: those of a system are clipped, as `System.controller` says, and on a grid the
+    nearest of each axis is taken.
+
+    Raises:
+        PluginFault: its actions have another shape, are no finite numbers, or are out of range where the task is no
+            system.
     """
     actions, unpaid = task.actions, Unpaid(task.specification)
     first = Simulator(task, unpaid)
@@ -28,7 +37,7 @@ def record(task: Task, begun: Array) -> Array | None:
         return None
 
     def act(simulator: Simulator) -> Integers | Array:
-        vectors = np.asarray(simulator.world.by_hand(simulator.t), dtype=np.float64)
+        vectors = _checked(task, simulator.world.by_hand(simulator.t), simulator.t)
         return nearest(actions, vectors) if isinstance(actions, ActionGrid) else vectors
 
     return referee.follow(task, unpaid, act, begun)
@@ -68,6 +77,23 @@ class Unpaid(RewardMethod):
     ) -> tuple[Array, Array]:
         """Nothing is paid: zeros (N,)."""
         return np.zeros(len(t)), memory
+
+
+def _checked(task: Task, answer: Any, t: Integers) -> Array:
+    """A controller's actions (N, axes) at steps t (N,), judged as those of a policy from outside."""
+    by_hand, actions, expected = f"{task.name}, by hand", task.actions, (len(t), len(task.actions.names))
+    if answer is None:
+        raise PluginFault(f"{by_hand}: the controller has no action at step {t.max()}")
+    array: NDArray[Any] = np.asarray(answer)
+    if array.dtype.kind not in "biuf" or array.shape != expected:
+        rule = f"expected are {expected} for {', '.join(actions.names)}"
+        raise PluginFault(f"{by_hand}: its actions are {array.dtype} {array.shape}; {rule}")
+    vectors: Array = array.astype(np.float64)
+    if isinstance(task.dynamics, System):
+        vectors = np.where(np.isfinite(vectors), np.clip(vectors, actions.low, actions.high), vectors)
+    if wrong := out_of_range(actions, vectors):
+        raise PluginFault(f"{by_hand}: {wrong}")
+    return vectors
 
 
 def nearest(grid: ActionGrid, vectors: Array) -> Integers:

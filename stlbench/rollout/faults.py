@@ -26,7 +26,12 @@ __all__ = [
     "check_over",
     "check_rewards",
     "check_samples",
+    "out_of_range",
 ]
+
+
+_ROUNDING = 1e-6
+"""Share of an axis' span by which an action may be beyond its ends: that of single precision."""
 
 
 class PluginFault(UsageError):
@@ -99,6 +104,21 @@ def check_action(actions: Actions, action: Array | Integers, t: Integers) -> Non
     if not np.logical_and.reduce(right, None):
         place = tuple(np.argwhere(~right)[0].tolist())
         raise PluginFault(f"the agent's action {action[place]} is {what}, at step {t[place[0]]} of copy {place[0]}")
+
+
+def out_of_range(actions: Actions, vectors: Array) -> str | None:
+    """Which of the vectors (N, axes) is no number or beyond its axis' ends, by more than rounding; None where none is.
+
+    In words: "an action has v 2; v is in [-1, 1]".
+    """
+    low, high = np.array(actions.low), np.array(actions.high)
+    beyond = _ROUNDING * (high - low)
+    wrong = ~((vectors >= low - beyond) & (vectors <= high + beyond))
+    if not wrong.any():
+        return None
+    axis = int(np.flatnonzero(wrong.any(axis=0))[0])
+    name, value = actions.names[axis], vectors[wrong[:, axis], axis][0]
+    return f"an action has {name} {value:g}; {name} is in [{low[axis]:g}, {high[axis]:g}]"
 
 
 def _shaped(owner: RewardMethod | Task, what: str, value: Any, shape: tuple[int, ...]) -> None:

@@ -11,6 +11,7 @@ from stlbench.contract import cause
 from stlbench.errors import UsageError
 from stlbench.identity import CellId
 from stlbench.registry.plugins import PluginWarning
+from stlbench.rollout.faults import PluginFault
 
 __all__ = ["Ask", "Question", "Unanswered", "answered_here", "answers", "ask_here", "plugins_of"]
 
@@ -66,6 +67,8 @@ def answered_here(question: Question[_T]) -> _T | Unanswered:
     """One answer, in this process."""
     try:
         return question.answer()
+    except PluginFault as error:
+        return Unanswered(str(error))
     except (UsageError, ImportError) as error:
         return Unanswered(str(error) or cause(error), is_refusal=True)
     except Exception as error:

@@ -13,10 +13,10 @@ from stlbench.errors import UsageError
 from stlbench.report.statistics.intervals import Interval, share_interval
 from stlbench.report.statistics.sequence import share_sequence
 from stlbench.search.space import space_of
-from stlbench.search.subject import Subject
+from stlbench.search.subject import Subject, Unsearchable
 from stlbench.study.cell import derive_seed
 
-__all__ = ["Certificate", "Claim", "certify", "check"]
+__all__ = ["Certificate", "Claim", "certify", "check", "plain"]
 
 STARTS = 1000
 """Starts of a certificate of a fixed number."""
@@ -59,14 +59,24 @@ class Claim:
 
 @dataclass(frozen=True)
 class Certificate:
-    """With the claim's confidence, the probability of satisfaction is in the interval."""
+    """With the claim's confidence, the probability of satisfaction is in the interval.
+
+    Satisfied is what every continuation satisfies; so an open verdict, after an early end, is none.
+    """
 
     subject: Subject
     claim: Claim
     starts: int
     satisfied: int
+    open: int
+    """Episodes that ended early and that some continuations satisfy."""
     interval: Interval
     cpu_seconds: float
+
+    @property
+    def violated(self) -> int:
+        """By every continuation."""
+        return self.starts - self.satisfied - self.open
 
     @property
     def verdict(self) -> Verdict | None:
@@ -77,12 +87,17 @@ class Certificate:
         return "shown" if self.interval.low >= claimed else "refuted" if self.interval.high < claimed else "undecided"
 
 
+def plain(number: float) -> str:
+    """A number with all of its digits: 0.999999999999 is not 1."""
+    return repr(number).removesuffix(".0")
+
+
 def check(claim: Claim) -> None:
     """Raises `UsageError` where a claim makes no sense."""
     named = {"confidence": claim.confidence, "probability": claim.at_least, "width": claim.width}
     for name, value in named.items():
         if value is not None and not 0 < value < 1:
-            raise UsageError(f"a {name} is between 0 and 1, got {value:g}")
+            raise UsageError(f"a {name} is between 0 and 1, got {plain(value)}")
     if claim.at_least is not None and claim.width is not None:
         raise UsageError("a test stops by a probability that is claimed, or by the interval's width, not by both")
     if claim.most < 1:
@@ -100,26 +115,29 @@ def certify(
         told: is called after each batch with the starts and how many of them satisfied.
 
     Raises:
-        UsageError: a claim that makes no sense, a task with a single start, or a robustness that has no value.
+        UsageError: a claim that makes no sense.
+        Unsearchable: a task with a single start, what acts fails, or a robustness has no value.
     """
     claim = claim or Claim()
     check(claim)
     space = space_of(subject.task)
     if space.single:
-        raise UsageError(f"task {subject.task.name} has a single start; `stlbench falsify` says whether it satisfies")
+        raise Unsearchable(f"task {subject.task.name} has a single start; `stlbench falsify` says whether it satisfies")
     began, most = time.process_time(), claim.most
     generator = np.random.default_rng(_seed(subject, claim))
-    starts = satisfied = 0
+    starts = satisfied = open_ = 0
     interval = Interval(0.0, 1.0)
     while starts < most and not (claim.sequential and _decided(claim, interval)):
         count = min(max(_FIRST, starts), most - starts, subject.rows)
-        satisfied += int(subject.play(space.starts(space.draw(generator, count))).satisfied.sum())
+        played = subject.play(space.draw(generator, count))
+        satisfied += int(played.satisfied.sum())
+        open_ += int((played.possible & ~played.satisfied).sum())
         starts += count
         interval = share_sequence(satisfied, starts, claim.confidence)
         told(starts, satisfied)
     if not claim.sequential:
         interval = share_interval(satisfied, starts, claim.confidence) or interval
-    return Certificate(subject, claim, starts, satisfied, interval, time.process_time() - began)
+    return Certificate(subject, claim, starts, satisfied, open_, interval, time.process_time() - began)
 
 
 def _seed(subject: Subject, claim: Claim) -> int:

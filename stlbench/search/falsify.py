@@ -16,7 +16,7 @@ from stlbench.rollout.reasons import Loss, first_loss, lasted, reason
 from stlbench.search.objective import Enough, Objective, Worst
 from stlbench.search.optimisers import DEFAULT, OF_SEEDS, OPTIMISERS
 from stlbench.search.space import Box, Seeds, space_of
-from stlbench.search.subject import Subject
+from stlbench.search.subject import Subject, Unsearchable
 from stlbench.study.cell import derive_seed
 
 __all__ = ["Falsification", "How", "check", "falsify"]
@@ -39,7 +39,10 @@ class How:
 
 @dataclass(frozen=True)
 class Falsification:
-    """What a search found: the least robust start, which is a counterexample where it does not satisfy the formula."""
+    """What a search found: the least robust start, which is a counterexample where it violates the formula.
+
+    A start that violates comes before one whose verdict is open, which comes before one that satisfies.
+    """
 
     subject: Subject
     how: How
@@ -47,7 +50,7 @@ class Falsification:
     evaluations: int
     """Episodes that were simulated."""
     first: int | None
-    """Which of them, from 1, was the first not to satisfy the formula; None where all did."""
+    """Which of them, from 1, was the first with the verdict of the worst; None where all satisfied."""
     worst: Worst
     cpu_seconds: float
 
@@ -63,7 +66,12 @@ class Falsification:
     @property
     def found(self) -> bool:
         """Whether there is a counterexample."""
-        return not self.worst.satisfied
+        return self.worst.verdict == "violated"
+
+    @property
+    def open(self) -> bool:
+        """Whether the episode from the least robust start ended early, and some continuations satisfy."""
+        return self.worst.verdict == "open"
 
     @property
     def steps(self) -> int:
@@ -85,7 +93,9 @@ class Falsification:
         """The conjunct that the least robustness comes from; after an early end the one that was lost, or the end."""
         if self.witness is not None:
             return str(self.witness.conjunct)
-        return f"ended early, at step {self.steps}" if self.loss is None else self.loss.text
+        if self.loss is not None:
+            return self.loss.text
+        return f"ended early, at step {self.steps}{', verdict open' if self.open else ''}"
 
 
 def _number(value: float, digits: int) -> str:
@@ -105,8 +115,9 @@ def falsify(
 ) -> Falsification:
     """Search for a start from which the subject violates its task's formula.
 
-    The search stops at the first counterexample, or with `how.least` when all evaluations are used; an optimiser may
-    also end before. A task with a single start takes one evaluation. The same rules give the same answer.
+    The search stops at the first start that is not sure to satisfy, or with `how.least` when all evaluations are used;
+    an optimiser may also end before. After an early end the least robustness that is possible counts. A task with a
+    single start takes one evaluation. The same rules give the same answer.
 
     Args:
         subject: what acts.
@@ -114,7 +125,8 @@ def falsify(
         told: is called after each batch of episodes with their number and the least robustness so far.
 
     Raises:
-        UsageError: no such optimiser, none that fits, no evaluation, or a robustness that has no value.
+        UsageError: no such optimiser, no evaluation.
+        Unsearchable: the optimiser does not fit, what acts fails, or a robustness has no value.
     """
     began, space = time.process_time(), space_of(subject.task)
     how = _resolved(subject, how or How(), space)
@@ -125,9 +137,10 @@ def falsify(
     if objective.worst is None:
         assert isinstance(space, Box)
         rule = f"the condition '{space.region.where}' holds (almost) nowhere in the box"
-        raise UsageError(f"{how.optimiser} met no start: {rule}")
-    spent = time.process_time() - began
-    return Falsification(subject, how, objective.count, objective.first, objective.worst, spent)
+        raise Unsearchable(f"{how.optimiser} met no start: {rule}")
+    worst, spent = objective.worst, time.process_time() - began
+    first = None if worst.verdict == "satisfied" else objective.firsts[worst.verdict]
+    return Falsification(subject, how, objective.count, first, worst, spent)
 
 
 def _resolved(subject: Subject, how: How, space: Box | Seeds) -> How:
@@ -136,7 +149,7 @@ def _resolved(subject: Subject, how: How, space: Box | Seeds) -> How:
     ordered = isinstance(space, Box)
     if not ordered and how.optimiser not in (None, OF_SEEDS):
         rule = f"its starts are seeds, which have no order to search by; --optimiser {OF_SEEDS} draws them"
-        raise UsageError(f"{how.optimiser} cannot search task {subject.task.name}: {rule}")
+        raise Unsearchable(f"{how.optimiser} cannot search task {subject.task.name}: {rule}")
     return replace(how, optimiser=how.optimiser or (DEFAULT if ordered else OF_SEEDS))
 
 

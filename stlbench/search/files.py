@@ -27,7 +27,8 @@ def write(found: Falsification, folder: Path) -> list[Path]:
     Raises:
         UsageError: the folder cannot be written.
     """
-    name = file_name("counterexample" if found.found else "least", *found.subject.label)
+    kind = "counterexample" if found.found else "open" if found.open else "least"
+    name = file_name(kind, *found.subject.label)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         paths = [_npz(found, folder / f"{name}.npz"), _csv(found, folder / f"{name}.csv")]
@@ -39,7 +40,7 @@ def write(found: Falsification, folder: Path) -> list[Path]:
 
 
 def _title(found: Falsification) -> str:
-    word = "violated" if found.found else "satisfied"
+    word = "verdict open" if found.open else found.worst.verdict
     return f"{found.subject.name}: {word}, robustness {found.worst.robustness:.4g}, from {found.start_text(4)}"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from stlbench.contract import Array
 from stlbench.search.space import Box, Seeds
-from stlbench.search.subject import Subject
+from stlbench.search.subject import VERDICTS, Subject, Verdict
 
 __all__ = ["Enough", "Objective", "Worst"]
 
@@ -25,14 +25,22 @@ class Enough(Exception):
 
 @dataclass(frozen=True)
 class Worst:
-    """The least robust start so far."""
+    """The least robust start so far of those with the worst verdict."""
 
     point: Array
     """(n,), of the region of initial states."""
     trace: Array
     """(T + 1, k), as it was recorded."""
     robustness: float
-    satisfied: bool
+    verdict: Verdict
+
+    @property
+    def _order(self) -> tuple[int, float]:
+        return VERDICTS.index(self.verdict), self.robustness
+
+    def __lt__(self, other: Worst) -> bool:
+        """Whether it is worse."""
+        return self._order < other._order
 
 
 class Objective:
@@ -52,8 +60,8 @@ class Objective:
         self.subject, self.space, self.evaluations, self.least, self._told = subject, space, evaluations, least, told
         self.count = self._asked = 0
         self.worst: Worst | None = None
-        self.first: int | None = None
-        """Which evaluation, from 1, was the first that violated the formula."""
+        self.firsts: dict[Verdict, int] = {}
+        """Which evaluation, from 1, was the first of each verdict."""
         self.failure: Exception | None = None
         """What a simulation raised; kept here, as SciPy takes some errors for its own."""
 
@@ -92,18 +100,19 @@ class Objective:
             except Exception as error:
                 self.failure = error
                 raise Enough from error
-            if self.count >= self.evaluations or (self.first is not None and not self.least):
+            if self.count >= self.evaluations or (self.firsts.keys() - {"satisfied"} and not self.least):
                 raise Enough
         return np.concatenate(parts)
 
     def _simulate(self, points: Array) -> Array:
-        traces, robustness, satisfied = self.subject.play(self.space.starts(points))
-        least = int(np.lexsort((satisfied, robustness))[0])
-        found = Worst(points[least], traces[least].copy(), float(robustness[least]), bool(satisfied[least]))
-        if self.worst is None or (found.robustness, found.satisfied) < (self.worst.robustness, self.worst.satisfied):
+        played = self.subject.play(points)
+        traces, robustness, verdicts = played.traces, played.robustness, played.verdicts
+        least = int(np.lexsort((robustness, verdicts))[0])
+        found = Worst(points[least], traces[least].copy(), float(robustness[least]), VERDICTS[verdicts[least]])
+        if self.worst is None or found < self.worst:
             self.worst = found
-        if self.first is None and not satisfied.all():
-            self.first = self.count + int(np.argmin(satisfied)) + 1
+        for place, row in zip(*np.unique(verdicts, return_index=True), strict=True):
+            self.firsts.setdefault(VERDICTS[place], self.count + int(row) + 1)
         self.count += len(points)
         self._told(self.count, self.worst.robustness)
         return robustness

@@ -2,25 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Literal, NamedTuple
+
+import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Array, Policy, RewardMethod, StatePolicy, System, Truth
+from stlbench.contract import Array, Integers, Policy, RewardMethod, StatePolicy, System, Truth
+from stlbench.contract_parts.texts import cause
 from stlbench.errors import UsageError
 from stlbench.rollout import controller, referee
 from stlbench.rollout.early_ends import judge
+from stlbench.search.space import space_of
 from stlbench.task.task import Task
 
-__all__ = ["Played", "Subject", "of_controller", "of_policy"]
+__all__ = ["VERDICTS", "Played", "Subject", "Unsearchable", "Verdict", "foreign", "of_controller", "of_policy"]
+
+Verdict = Literal["violated", "open", "satisfied"]
+"""Of one episode; open where it ended early, and some continuations satisfy."""
+VERDICTS: tuple[Verdict, ...] = ("violated", "open", "satisfied")
+"""From the worst to the best."""
 
 _NUMBERS = 2**22
 """The most numbers in the traces that are simulated at a time."""
 _ROWS, _COPIES = 1024, 64
 """The most episodes that are simulated at a time, of a system, and of what has no settable state: more are hardly
 faster."""
+
+
+class Unsearchable(UsageError):
+    """A subject that cannot be searched: others beside it still are."""
+
+
+@contextmanager
+def foreign(name: str) -> Iterator[None]:
+    """Where code of others acts for a subject of that name.
+
+    What it raises, `SystemExit` too, becomes `Unsearchable`: "NAME cannot be tried: ValueError: no such luck". What is
+    a `UsageError` stays as it is.
+    """
+    try:
+        yield
+    except UsageError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise Unsearchable(f"{name} cannot be tried: {cause(error)}") from error
 
 
 class Played(NamedTuple):
@@ -32,6 +61,13 @@ class Played(NamedTuple):
     """(N,), of the task's formula; after an early end the least that is possible."""
     satisfied: Truth
     """(N,): by every continuation."""
+    possible: Truth
+    """(N,): satisfied by some continuation; of a complete episode the same as `satisfied`."""
+
+    @property
+    def verdicts(self) -> Integers:
+        """(N,): places in `VERDICTS`."""
+        return self.satisfied.astype(np.int64) + self.possible
 
 
 @dataclass(frozen=True)
@@ -52,14 +88,22 @@ class Subject:
         most = _ROWS if isinstance(self.task.dynamics, System) else _COPIES
         return max(1, min(most, _NUMBERS // ((self.task.file.steps + 1) * len(self.task.signals))))
 
-    def play(self, starts: Array) -> Played:
-        """Act from each of the starts (N, n). Raises `UsageError` where the formula has no value on a trace."""
-        task, traces = self.task, self.record(starts)
+    def play(self, points: Array) -> Played:
+        """Act from each of the points (N, n) of the task's space.
+
+        Raises:
+            Unsearchable: what acts, or the task, fails or breaks its contract; the formula has no value on a trace.
+        """
+        task = self.task
         try:
+            with foreign(self.name):
+                traces = self.record(space_of(task).starts(points))
             found = judge(task.formula, traces, task.specification, task.file.terminated)
-            return Played(traces, found.robustness[:, 0], found.satisfied[:, 0])
-        except stl.UndefinedError as error:
-            raise UsageError(f"{self.name}: {error}") from error
+        except Unsearchable:
+            raise
+        except (UsageError, stl.UndefinedError) as error:
+            raise Unsearchable(f"{self.name} cannot be tried: {error}") from error
+        return Played(traces, found.robustness[:, 0], found.satisfied[:, 0], found.satisfied[:, 1])
 
 
 def of_policy(
@@ -70,13 +114,16 @@ def of_policy(
 
 
 def of_controller(task: Task) -> Subject:
-    """The task's controller by hand. Raises `UsageError` where it has none."""
+    """The task's controller by hand. Raises `UsageError` where it has none, or where it fails."""
+    name = f"{task.name}, by hand"
 
     def record(states: Array) -> Array:
         traces = controller.record(task, states)
         assert traces is not None
         return traces
 
-    if controller.record(task, task.starts.report_and_selection()[0][:1]) is None:
+    with foreign(name):
+        tried = controller.record(task, task.starts.report_and_selection()[0][:1])
+    if tried is None:
         raise UsageError(f"task {task.name} has no controller by hand")
-    return Subject(f"{task.name}, by hand", (task.name, "by-hand"), task, record)
+    return Subject(name, (task.name, "by-hand"), task, record)

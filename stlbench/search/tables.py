@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from stlbench.report.statistics.intervals import Interval
 from stlbench.report.tables.table import Column, Table
-from stlbench.search.certify import Certificate
+from stlbench.search.certify import Certificate, plain
 from stlbench.search.falsify import Falsification
 
 __all__ = ["certificates", "falsifications"]
@@ -28,23 +28,28 @@ def falsifications(found: Sequence[Falsification]) -> Table:
         (
             *(one.subject.name, one.how.optimiser, one.evaluations, one.worst.robustness),
             one.start_text(6) if one.found else None,
-            one.first,
-            one.failed if one.found else None,
+            one.first if one.found else None,
+            one.failed if one.found or one.open else None,
             one.cpu_seconds,
         )
         for one in found
     )
-    count = sum(one.found for one in found)
-    return Table("Falsification", columns, rows, (f"{count} of {len(found)} have a counterexample.",))
+    count, open_ = sum(one.found for one in found), sum(one.open for one in found)
+    notes = [f"{count} of {len(found)} have a counterexample."]
+    if open_:
+        notes.append(f"Of {open_} the verdict is open: an episode ended early, and some continuations satisfy.")
+    return Table("Falsification", columns, rows, tuple(notes))
 
 
 def certificates(found: Sequence[Certificate]) -> Table:
-    """The shares of satisfied starts with their intervals."""
+    """The shares of satisfied starts with their intervals; how many verdicts are open, where any is."""
+    some_open = any(one.open for one in found)
     columns = (
         Column("certified", right=False),
         Column("confidence", right=False, shared=True),
         Column("starts"),
         Column("satisfied"),
+        *([Column("open")] if some_open else []),
         Column("probability", digits=4),
         Column("interval", digits=4, kind=Interval),
         Column("claim", right=False, shared=True),
@@ -53,16 +58,18 @@ def certificates(found: Sequence[Certificate]) -> Table:
     )
     rows = tuple(
         (
-            *(one.subject.name, f"{one.claim.confidence:g}", one.starts, one.satisfied, one.satisfied / one.starts),
-            *(one.interval, _claim(one), one.verdict, one.cpu_seconds),
+            *(one.subject.name, plain(one.claim.confidence), one.starts, one.satisfied),
+            *([one.open] if some_open else []),
+            *(one.satisfied / one.starts, one.interval, _claim(one), one.verdict, one.cpu_seconds),
         )
         for one in found
     )
-    return Table("Certificates", columns, rows)
+    notes = ("The probability is of satisfaction by every continuation: open verdicts do not count.",)
+    return Table("Certificates", columns, rows, notes if some_open else ())
 
 
 def _claim(found: Certificate) -> str | None:
     claim = found.claim
     if claim.at_least is not None:
-        return f"at least {claim.at_least:g}"
-    return None if claim.width is None else f"known to {claim.width:g}"
+        return f"at least {plain(claim.at_least)}"
+    return None if claim.width is None else f"known to {plain(claim.width)}"

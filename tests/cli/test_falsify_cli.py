@@ -159,3 +159,103 @@ def test_certificates_of_several(cells: Callable[..., Result]) -> None:
     assert max(still["high"] - still["low"], up["high"] - up["low"]) <= 0.1
     table = cells("certify", "--all", "--starts", 50).stdout
     assert table.startswith("Certificates: confidence 0.99")
+
+
+def stop(*_: Any) -> Any:
+    raise SystemExit(3)
+
+
+def divide(state: Any, *_: Any) -> Any:
+    raise ZeroDivisionError("division\nby zero")
+
+
+@pytest.mark.parametrize("command", ["falsify", "certify"])
+@pytest.mark.parametrize(
+    ("control", "why"),
+    [
+        (divide, "ZeroDivisionError: division by zero"),
+        (stop, "SystemExit: 3"),
+        (lambda state, t: state[:1, 0], "toy-line, by hand: its actions are float64 (1,); expected are (1, 1) for v"),
+        (lambda state, t: None if t[0] else -state, "toy-line, by hand: the controller has no action at step 1"),
+        (lambda state, t: state * np.nan, "toy-line, by hand: an action has v nan; v is in [-1, 1]"),
+    ],
+)
+def test_a_controller_that_fails_is_one_line(
+    say: Callable[..., Result], steer: Callable[[Any], None], command: str, control: Any, why: str
+) -> None:
+    steer(control)
+    said = refused(say(command, "--controller", "toy-line"))
+    assert said.endswith(why)
+    assert "toy-line, by hand" in said
+
+
+@pytest.mark.parametrize("command", ["falsify", "certify"])
+@pytest.mark.parametrize("part", ["step", "signals", "initial_states"])
+@pytest.mark.parametrize(("fault", "why"), [(divide, "ZeroDivisionError: division by zero"), (stop, "SystemExit: 3")])
+def test_a_task_that_fails_now_is_one_line(
+    cells: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, command: str, part: str, fault: Any, why: str
+) -> None:
+    Path("mine.py").write_text("import numpy as np\ndef up(state, t): return np.ones((len(state), 1))\n")
+    monkeypatch.setattr(importlib.import_module("toy_plugins.line.system").Line, part, lambda self, *_: fault(_))
+    assert refused(cells(command, UP)) == f"error: {UP} cannot be tried: {why}"
+    outside = refused(cells(command, "--task", "toy-line", "mine:up", "--on", "state"))
+    assert outside == f"error: toy-line, mine:up cannot be tried: {why}"
+
+
+@pytest.mark.parametrize(("command", "last"), [("falsify", "no counterexample"), ("certify", "satisfied from")])
+def test_one_that_fails_costs_the_others_nothing(
+    cells: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, command: str, last: str
+) -> None:
+    agents: Any = importlib.import_module("toy_plugins.agents")
+    acts = agents.Always.act
+    monkeypatch.setattr(agents.Always, "act", lambda self, seen: divide(seen) if self.action == 2 else acts(self, seen))
+    for named in (["--all"], [UP, STILL]):
+        done = cells(command, *named, *(["--evaluations", 100] if command == "falsify" else ["--starts", 100]))
+        assert done.exit_code == 2
+        assert done.stdout.startswith(f"{STILL}: {last}")
+        lines = done.stderr.splitlines()
+        assert any(f"error: {UP} cannot be tried: ZeroDivisionError: division by zero" in line for line in lines)
+        assert [line[:5] for line in lines] == ["[1/2]", "[2/2]"]
+    monkeypatch.setattr(agents.Always, "act", divide)
+    nothing = cells(command, "--all")
+    assert (nothing.exit_code, nothing.stdout, len(nothing.stderr.splitlines())) == (2, "", 2)
+
+
+POLE = """
+title: A pole
+source: made up
+formula: G[0,30] abs(x) <= 2.5
+sampling_time: 0.02
+steps: 30
+environment: {id: CartPole-v1, names: [x, v, theta, omega], scale: {v: 3, omega: 3}}
+terminated: interval
+signals: {x: {low: -3, high: 3}}
+starts: 4
+agents: {dqn: {}}
+budgets: {smoke: {steps: 100}}
+"""
+
+
+def test_an_open_verdict_is_told(say: Callable[..., Result]) -> None:
+    """The pole falls while the cart is far inside; whether it would have stayed there is open."""
+    Path("open-pole").mkdir()
+    Path("open-pole/task.yaml").write_text(POLE)
+    Path("pushing.py").write_text("import numpy as np\ndef right(seen): return np.ones(len(seen), int)\n")
+    named = ("--task", "./open-pole", "pushing:right")
+    told, _, robustness, open_, *paths = say("falsify", *named, "--evaluations", 4).stdout.splitlines()
+    assert told.startswith("open-pole, pushing:right: no counterexample, verdict open, the first in evaluation 1 (")
+    assert robustness.startswith("robustness: at least -0.5, verdict open: the episode ended early")
+    assert open_.startswith("open:       ended early, at step ")
+    assert len(paths) == 5
+    assert all(Path(path).name.startswith("open-") for path in paths)
+    (found,) = json.loads(say("falsify", *named, "--evaluations", 4, "--json").stdout)
+    assert (found["counterexample"], found["verdict"], found["first"]) == (False, "open", 1)
+    told = say("certify", *named, "--starts", 4).stdout
+    assert "satisfied from 0 of 4 random starts, violated from 0, open from 4 that ended early; " in told
+    assert "the probability that every continuation satisfies is in [0.0000, " in told
+    (certified,) = json.loads(say("certify", *named, "--starts", 4, "--json").stdout)
+    assert (certified["satisfied"], certified["violated"], certified["open"]) == (0, 0, 4)
+
+
+def test_a_confidence_has_all_of_its_digits(cells: Callable[..., Result]) -> None:
+    assert "with confidence 0.999999999999 the" in cells("certify", STILL, "--confidence", ".999999999999").stdout

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from onnx import TensorProto, helper
 from PIL import Image
 
 from stlbench.gate.files import load
@@ -29,6 +30,20 @@ def up(state, t): return np.ones((len(state), 1))
 def home(state, t): return np.clip(-state, -1, 1)
 def bad(observation): return observation
 """
+
+
+def always(action):
+    """An ONNX model with one output `index`: the action, whatever is observed."""
+    cast = helper.make_node("ArgMax", ["zeros"], ["zero"], axis=1, keepdims=0)
+    nodes = [helper.make_node("Mul", ["observation", "nil"], ["zeros"]), cast]
+    nodes.append(helper.make_node("Add", ["zero", "action_"], ["index"]))
+    constants = [helper.make_tensor("nil", TensorProto.FLOAT, [], [0.0])]
+    constants.append(helper.make_tensor("action_", TensorProto.INT64, [], [action]))
+    given = helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["N", 2])
+    wanted = helper.make_tensor_value_info("index", TensorProto.INT64, ["N"])
+    graph = helper.make_graph(nodes, "always", [given], [wanted], constants)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    return model.SerializeToString()
 
 
 @pytest.fixture
@@ -262,6 +277,18 @@ class TestStored:
         assert "policies of agent toy-agent have no ONNX form" in refused(say("export-policy", CELL, "p.onnx"))
         assert "p.txt: a policy is written as .onnx" in refused(say("export-policy", CELL, "p.txt"))
         assert not Path("p.onnx").exists()
+
+    def test_a_task_that_fails_now_exports_nothing(self, say, toy, monkeypatch):
+        def broken(self, state, action):
+            raise ValueError("no\nsuch luck")
+
+        say(*RUN)
+        monkeypatch.setattr(sys.modules["toy_plugins.agents"].Always, "onnx", lambda self: always(1), raising=False)
+        assert say("export-policy", CELL, "new/p.onnx").exit_code == 0
+        monkeypatch.setattr(sys.modules["toy_plugins.line.system"].Line, "step", broken)
+        said = refused(say("export-policy", CELL, "q.onnx"))
+        assert said == f"error: {CELL} cannot be exported: ValueError: no such luck"
+        assert not Path("q.onnx").exists()
 
     def test_films_from_any_start(self, say, toy):
         say(*RUN)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,3 +23,14 @@ def still(formula: str = WELL, **changes: Any) -> Subject:
         return np.repeat(starts[:, None], task.file.steps + 1, axis=1)
 
     return Subject("still", ("still",), task, record)
+
+
+def ending(subject: Subject, last: int, beyond: float = -np.inf) -> Subject:
+    """The subject, whose episodes end early, at step `last`, where they start at an a above `beyond`."""
+
+    def record(starts: Array) -> Array:
+        traces = subject.record(starts)
+        traces[starts[:, 0] > beyond, last + 1 :] = np.nan
+        return traces
+
+    return replace(subject, record=record)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import pytest
 from helpers.line_task import Line, Probe, Rule, line, steered
+from helpers.walk_task import WalkTask, walk
 
 from stlbench.contract import Array, Integers
 from stlbench.result import MAIN
 from stlbench.rollout import controller
+from stlbench.rollout.faults import PluginFault
 from stlbench.rollout.referee import Referee
 from stlbench.task.task import Task
 
@@ -62,6 +67,60 @@ def test_continuous_actions_are_clipped_and_not_rounded() -> None:
     box = {"v": {"low": -1, "high": 1}}
     task = steered(lambda state, t: np.where(state > 0, 0.25, 3.0), actions=box)
     assert [row[1] for row in trace(task, 1, 0)] == [1.125, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("control", "message"),
+    [
+        (lambda state: np.full((len(state), 1), np.nan), r"an action has v nan; v is in \[-1, 1\]"),
+        (lambda state: np.full((len(state), 1), np.inf), r"an action has v inf; v is in \[-1, 1\]"),
+        (lambda state: np.zeros((len(state), 2)), r"its actions are float64 \(1, 2\); expected are \(1, 1\) for v"),
+        (lambda state: np.zeros(len(state)), r"its actions are float64 \(1,\); expected are \(1, 1\) for v"),
+        (lambda state: 1.0, r"its actions are float64 \(\); expected are \(1, 1\) for v"),
+        (lambda state: [["up"]] * len(state), r"its actions are <U2 \(1, 1\); expected"),
+    ],
+)
+@pytest.mark.parametrize("count", [None, 3])
+def test_what_is_no_action_is_refused(control: Callable[[Array], Any], message: str, count: int | None) -> None:
+    task = steered(lambda state, t: control(state), actions={"v": {"low": -1, "high": 1, "count": count}})
+    with pytest.raises(PluginFault, match=f"^line, by hand: {message}"):
+        trace(task, 0)
+
+
+def test_one_that_stops_to_answer_is_refused() -> None:
+    task = steered(lambda state, t: None if t[0] == 3 else np.ones_like(state))
+    with pytest.raises(PluginFault, match=r"^line, by hand: the controller has no action at step 3$"):
+        trace(task, 0)
+
+
+class Walker(WalkTask):
+    """Always takes one action of 0, 1 and 2."""
+
+    def __init__(self, action: Any) -> None:
+        super().__init__()
+        self.action = action
+
+    def controller(self, observation: Any, info: Any, t: int) -> Any:
+        return self.action
+
+
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        ([17], r"an action has action 17; action is in \[0, 2\]"),
+        ([-0.1], r"an action has action -0.1; action is in \[0, 2\]"),
+        ([np.nan], r"an action has action nan; action is in \[0, 2\]"),
+        (1.0, r"its actions are float64 \(1,\); expected are \(1, 1\) for action"),
+    ],
+)
+def test_of_an_environment_actions_out_of_range_are_refused(action: Any, message: str) -> None:
+    with pytest.raises(PluginFault, match=f"^walk, by hand: {message}$"):
+        trace(walk(Walker(action)), 0)
+
+
+@pytest.mark.parametrize(("action", "taken"), [(1.4, 0), (1.6, 0.5), (2 + 1e-7, 0.5), (-1e-7, -0.5)])
+def test_of_an_environment_the_nearest_action_is_taken(action: float, taken: float) -> None:
+    assert trace(walk(Walker([action])), 0)[0][1] == taken
 
 
 def test_the_score_is_the_one_of_a_policy_that_does_the_same() -> None:

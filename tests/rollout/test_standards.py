@@ -30,6 +30,7 @@ def tasks(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         "up": steered(lambda state, t: np.ones_like(state)),
         "down": steered(lambda state, t: -np.ones_like(state)),
         "broken": steered(broken),
+        "lost": steered(lambda state, t: state * np.nan),
         "none": line(best_possible={"reached": 0.25, "coarser": 0.125}),
     }
 
@@ -105,6 +106,13 @@ def test_what_cannot_be_loaded_is_left_out_silently() -> None:
         names = ("gone", "none", "torn", "../x", "", "down")
         found = standards.standards(Setting(Choice(name), Choice("raw"), Choice("dqn"), "quick") for name in names)
     assert list(found) == ["none", "down"]
+
+
+def test_a_controller_with_no_actions_is_a_warning() -> None:
+    said = r"task lost: its controller cannot be scored: line, by hand: an action has v nan; v is in \[-1, 1\]"
+    with pytest.warns(plugins.PluginWarning, match=f"^{said}$"):
+        found = standards.standards(settings("lost"))
+    assert found["lost"].by_hand is None
 
 
 def test_a_controller_that_fails_is_a_warning() -> None:

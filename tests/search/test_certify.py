@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.made_subjects import still
+from helpers.made_subjects import ending, still
 from scipy import stats
 
 from stlbench.errors import UsageError
@@ -56,6 +56,21 @@ def test_one_that_always_satisfies_is_shown_early() -> None:
     assert found.starts <= 256
 
 
+def test_open_verdicts_are_counted_apart() -> None:
+    """a is uniform in [-1, 0]: violated above -0.1, and of what ends early above -0.3 the rest is open."""
+    found = certify(ending(still(NINE_TENTHS, terminated="interval"), 3, -0.3), Claim(starts=1000))
+    assert found.satisfied + found.open + found.violated == found.starts
+    assert found.satisfied == pytest.approx(700, abs=60)
+    assert found.open == pytest.approx(200, abs=60)
+    assert found.interval.low < 0.7 < found.interval.high
+    assert certify(still(NINE_TENTHS), Claim(starts=1000)).open == 0
+
+
+def test_what_counts_as_violated_is_not_open() -> None:
+    found = certify(ending(still(NINE_TENTHS, terminated="violated"), 3), Claim(starts=50))
+    assert (found.satisfied, found.open, found.violated) == (0, 0, 50)
+
+
 def test_the_starts_are_new() -> None:
     """None of them is one of the grids, of the report's random starts or of training."""
     subject, met = still(NINE_TENTHS), list[np.ndarray]()
@@ -90,6 +105,7 @@ def test_another_seed_has_other_starts_and_the_same_has_the_same() -> None:
         (Claim(at_least=1.5), "a probability is between 0 and 1, got 1.5"),
         (Claim(width=0.0), "a width is between 0 and 1, got 0"),
         (Claim(at_least=0.5, width=0.1), "not by both"),
+        (Claim(1.0000000000001), "a confidence is between 0 and 1, got 1.0000000000001"),
         (Claim(starts=0), "at least one start, got 0"),
     ],
 )

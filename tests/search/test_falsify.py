@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.line_task import Probe, Rule, line, steered
-from helpers.made_subjects import still
+from helpers.made_subjects import ending, still
 
 from stlbench.contract import Array
 from stlbench.errors import UsageError
@@ -118,12 +118,23 @@ def test_a_controller_by_hand() -> None:
         of_controller(line())
 
 
+def test_a_violation_comes_before_an_open_verdict() -> None:
+    """Above a = -0.1 the start violates. What ends early above -0.3 is open, and a may become 4: as bad as those."""
+    cut = ending(still("G[0,8] a <= -0.1", terminated="interval"), 3, -0.3)
+    found = falsify(cut, How("random", evaluations=500, least=True))
+    assert (found.worst.verdict, found.worst.robustness) == ("violated", pytest.approx(-4.1))
+    assert found.first is not None
+    assert found.start["a"] > -0.1
+    known = cut.play(found.worst.point[None])
+    assert (known.satisfied.tolist(), known.possible.tolist()) == ([False], [False])
+
+
 def test_bad_input() -> None:
     with pytest.raises(UsageError, match="no optimiser 'evolution'; did you mean 'differential-evolution'"):
         falsify(still(), How("evolution"))
     with pytest.raises(UsageError, match="at least one evaluation, got 0"):
         falsify(still(), How(evaluations=0))
-    with pytest.raises(UsageError, match="still: sqrt"):
+    with pytest.raises(UsageError, match=r"^still cannot be tried: sqrt"):
         falsify(still("G[0,8] sqrt(a) <= 1"))
     hopeless = {"box": {"a": [-1, 0], "b": [0, 1]}, "where": "a >= 1"}
     with pytest.raises(UsageError, match="'a >= 1' holds \\(almost\\) nowhere"):

@@ -76,6 +76,25 @@ def test_an_early_end_is_what_failed(pushed: Subject, tmp_path: Path) -> None:
     assert read_saved(paths[0]).samples.shape == (1, STEPS + 1, 2)
 
 
+def test_an_open_verdict_is_no_counterexample(tmp_path: Path) -> None:
+    """The pole falls far inside of |x| <= 2.5, which the rest of the episode could keep or not."""
+    cut = subject(tmp_path, f"G[0,{STEPS}] abs(x) <= 2.5", "interval", "open-pole")
+    found = falsify(cut, How(evaluations=5))
+    assert (found.worst.verdict, found.found, found.open, found.first) == ("open", False, True, 1)
+    assert found.worst.robustness < 0
+    assert found.failed == f"ended early, at step {found.steps}, verdict open"
+    assert all(path.name.startswith("open-") for path in write(found, tmp_path))
+    certified = certify(cut, Claim(starts=10))
+    assert (certified.satisfied, certified.open, certified.violated) == (0, 10, 0)
+
+
+def test_an_end_that_decides_is_a_counterexample_under_interval_too(tmp_path: Path) -> None:
+    formula = f"G[0,{STEPS}] abs(theta) <= 0.05"
+    found = falsify(subject(tmp_path, formula, "interval", "leaning"), How(evaluations=5))
+    assert (found.worst.verdict, found.found, found.open) == ("violated", True, False)
+    assert found.failed.startswith(f"{formula}, lost at step ")
+
+
 def test_what_was_lost_before_an_early_end_is_what_failed(tmp_path: Path) -> None:
     """The pole falls through 0.05 rad long before it ends the episode at 0.21."""
     formula = f"G[0,{STEPS}] abs(theta) <= 0.05"

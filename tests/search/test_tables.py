@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from helpers.made_subjects import still
+from helpers.made_subjects import ending, still
 
 from stlbench.report.tables.formats import to_csv, to_records
 from stlbench.search.certify import Claim, certify
 from stlbench.search.falsify import How, falsify
 from stlbench.search.tables import certificates, falsifications
 
+HOW = How(evaluations=200)
+
 
 def test_falsifications() -> None:
-    how = How(evaluations=200)
-    violated, satisfied = falsify(still("G[0,8] a <= -2"), how), falsify(still("G[0,8] a <= 1"), how)
+    violated, satisfied = falsify(still("G[0,8] a <= -2"), HOW), falsify(still("G[0,8] a <= 1"), HOW)
     table = falsifications([violated, satisfied])
     one, two = to_records(table)
     assert one["counterexample"] == ", ".join(f"{name} = {value:.6g}" for name, value in violated.start.items())
@@ -21,9 +22,23 @@ def test_falsifications() -> None:
     assert table.notes == ("1 of 2 have a counterexample.",)
 
 
+def test_open_verdicts() -> None:
+    cut = ending(still("G[0,8] a <= 1", terminated="interval"), 3)
+    table = falsifications([falsify(cut, HOW), falsify(still("G[0,8] a <= -2"), HOW)])
+    first, _ = to_records(table)
+    assert (first["counterexample"], first["first counterexample"]) == (None, None)
+    assert first["failed"] == "ended early, at step 3, verdict open"
+    assert table.notes[0] == "1 of 2 have a counterexample."
+    assert table.notes[1].startswith("Of 1 the verdict is open")
+    table = certificates([certify(cut, Claim(starts=20)), certify(still("G[0,8] a <= 1"), Claim(starts=20))])
+    assert [(row["satisfied"], row["open"]) for row in to_records(table)] == [(0, 20), (20, 0)]
+    assert "open verdicts do not count" in table.notes[0]
+
+
 def test_certificates() -> None:
     found = certify(still("G[0,8] a <= 1"), Claim(0.9, at_least=0.5))
     (row,) = to_records(certificates([found]))
+    assert "open" not in row
     assert (row["claim"], row["verdict"], row["probability"]) == ("at least 0.5", "shown", 1.0)
     assert row["interval low"] == found.interval.low
     assert "known to 0.2" in to_csv(certificates([certify(still("G[0,8] a <= 1"), Claim(width=0.2))]))
