@@ -144,11 +144,15 @@ survey: $(VENV)/ready-all
 	$(BIN)/python studies/survey.py
 	$(BIN)/python studies/pages.py
 
-## The tasks from the field, five seeds of three methods by two agents; 2 hours of CPU time and as much for lane, goes on
-## where it was interrupted. See docs/reference/tasks.md, "What was learned".
+## The tasks from the field, five seeds of three methods by two agents, and either-or by all; 3 hours of CPU time and half as
+## much for lane, goes on where it was interrupted. See docs/reference/tasks.md, "What was learned".
+WHOLE := tltl,dense[mode=difference]
+OTHERS := dense,bhnr,tau-mdp,sparse,hprs,tau-cmdp,cfer,machine,causation
 field: $(VENV)/ready-all
 	$(BIN)/stlbench run studies/field.yaml
-	$(BIN)/stlbench run --results results/field --tasks cartpole-steady --methods tau-mdp --seeds 5
+	$(BIN)/stlbench run --results results/field --tasks cartpole-steady,walker --methods tau-mdp --seeds 5
+	$(BIN)/stlbench run --results results/field --tasks either-or --methods "$(WHOLE),$(OTHERS)" --seeds 5
+	$(BIN)/stlbench run --results results/field --tasks either-or --methods "$(WHOLE)" --agents sb3-ppo --seeds 5
 	$(BIN)/stlbench run studies/field-sb3.yaml
 	$(BIN)/stlbench run studies/field-sb3-grid.yaml
 	$(BIN)/stlbench export results/field --format jsonl
