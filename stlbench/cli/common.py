@@ -61,6 +61,9 @@ class Commands(TyperGroup):
                 if not (is_disk_full(error) or error.errno in _OF_PATHS):
                     raise
                 code = refuse(str(error), DISK_FULL if is_disk_full(error) else 2)
+            except typer.Abort:
+                typer.echo(err=True)  # ends the line of a question that nobody answered
+                code = refuse("the question was not answered with yes; nothing was changed", 1)
             except typer.TyperException as error:
                 code = refuse(error.format_message().replace(": Value error, ", ": ", 1) + _where_to_look(error))
         if standalone_mode:

@@ -214,10 +214,13 @@ def test_removing_says_what_and_asks(say, ledger):
 
     from stlbench.cli import app
 
-    asked = CliRunner().invoke(app, ["results", "remove", "results", "--status", "raised"], input="n\n")
-    assert asked.exit_code != 0
-    assert "hold-disc/flag/dqn/1 quick raised" in asked.stdout
-    assert len(stlbench.Results.load("results")) == 3
+    for answer in ("n\n", ""):  # the second is what a program says that is not asked by a person
+        asked = CliRunner().invoke(app, ["results", "remove", "results", "--status", "raised"], input=answer)
+        assert asked.exit_code == 1
+        assert isinstance(asked.exception, SystemExit)
+        assert "hold-disc/flag/dqn/1 quick raised" in asked.stdout
+        assert "error: the question was not answered with yes; nothing was changed" in asked.stderr
+        assert len(stlbench.Results.load("results")) == 3
     asked = CliRunner().invoke(app, ["results", "remove", "results", "--status", "raised"], input="y\n")
     assert asked.exit_code == 0
     assert asked.stdout.splitlines()[-1].startswith("Removed 1 cell from results/")

@@ -125,7 +125,7 @@ def in_small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every budget is of a few steps, a number of seeds is two at most, `local` runs cells in this process,
     figures are made and not drawn, and films have a frame a second."""
     parse, varied = study.parse_seeds, task._varied
-    monkeypatch.setattr(task, "_varied", lambda file, choice: _short(varied(file, choice)))
+    monkeypatch.setattr(task, "_varied", lambda *given: _short(varied(*given)))
     monkeypatch.setattr(study, "parse_seeds", lambda text: parse(text)[:2] if text.isdecimal() else parse(text))
     monkeypatch.setattr(LocalExecutor, "run", _here)
     monkeypatch.setattr(Figure, "savefig", _blank)
