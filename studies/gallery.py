@@ -158,7 +158,7 @@ def _small(path: Path) -> tuple[int, int]:
             shot.seek(i)
             frames.append(shot.convert("RGB").resize(size, Image.Resampling.LANCZOS))
     first, *others = frames
-    how = {"quality": 45, "method": 4, "duration": round(1000 * every / FRAMES_A_SECOND)}
+    how = {"quality": 30, "method": 6, "duration": round(1000 * every / FRAMES_A_SECOND)}
     first.save(path, save_all=True, append_images=others, loop=0, **how)
     frames[-1].save(path.with_name(f"{path.stem}-still.webp"), quality=75, method=6)
     return size
