@@ -48,7 +48,7 @@ class DQN(Agent):
 
     search_space: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
-            "gamma": (0.8, 0.9, 0.95, 0.98, 0.99, 0.995),
+            "gamma": (0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995),
             "n_steps": (1, 3, 5, 10),
             "learning_rate": (0.0003, 0.001, 0.003),
             "hold": (5, 10, 20, 50),
