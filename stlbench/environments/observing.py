@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import prod
 from typing import Any, cast
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from stlbench.contract import Array
 from stlbench.environments.entries import Entries
 from stlbench.errors import UsageError, did_you_mean
+from stlbench.observation import MOST, Observation
 
 __all__ = ["Observed"]
 
@@ -43,6 +45,14 @@ class Observed:
     def name(self, place: int) -> str:
         """What the number at a place of the flat observation is called: 'v', or number 3 of the observation."""
         return f"'{self._names[place]}'" if place in self._names else f"number {place} of the observation"
+
+    def described(self, beside: Observation) -> Observation:
+        """The record of what a policy sees; `beside` is what it is shown beside these numbers."""
+        if self.size > MOST:
+            return replace(beside, size=self.size)
+        names = tuple(self._names.get(place, "") for place in range(self.size))
+        middle, reach = tuple(self._middle.tolist()), tuple(self._reach.tolist())
+        return replace(beside, size=self.size, names=names, middle=middle, reach=reach)
 
     def flat(self, observation: Any) -> Array:
         """The numbers (d,) of one observation, as they are."""

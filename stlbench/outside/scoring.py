@@ -19,7 +19,7 @@ from stlbench.registry.choices import Choice
 from stlbench.result import MAIN, Measurement, Score
 from stlbench.rollout import referee
 from stlbench.rollout.controller import Unpaid
-from stlbench.rollout.cost import observation_size
+from stlbench.rollout.shown import observation_size
 from stlbench.task import Task, build_method
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from stlbench.errors import UsageError
 from stlbench.identity import CellId
 from stlbench.registry import plugins
 from stlbench.result import Result, StoredPolicies
-from stlbench.rollout.cost import observation_size
+from stlbench.rollout.shown import observation_size
 from stlbench.rollout.saved_policies import Which, read
 from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_method, load_task
