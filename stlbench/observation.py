@@ -72,6 +72,12 @@ class Observation:
         """D, the length of an observation."""
         return self.size + (self.steps is not None) + self.inputs
 
+    def within(self, place: int) -> bool:
+        """Whether a number is known to be from -1 to 1: the time, and what is scaled by its ends or its magnitude."""
+        if place >= self.size:
+            return place == self.size and self.steps is not None
+        return bool(self.middle) and self._scales[place] != (0.0, 1.0)
+
     @property
     def facts(self) -> dict[str, Any]:
         """As plain values, for JSON."""
@@ -102,7 +108,7 @@ class Observation:
             first = error.errors()[0]
             where = ".".join(map(str, first["loc"])) or "the whole"
             raise UsageError(one_line(f"{source}: its {KEY} is no record: {where}: {first['msg']}")) from error
-        if len(found.middle) != len(found.reach) or found.middle and len(found.middle) != found.size:
+        if len(found.middle) != len(found.reach) or (found.middle and len(found.middle) != found.size):
             raise UsageError(f"{source}: its {KEY} is no record: middle and reach have one number for each of size")
         return found
 

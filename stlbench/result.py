@@ -13,6 +13,7 @@ from pydantic import ConfigDict, TypeAdapter
 
 from stlbench.contract_parts.texts import one_line, printable
 from stlbench.identity import IDENTITY, CellId
+from stlbench.observation import Observation
 from stlbench.status import Status
 
 __all__ = [
@@ -140,6 +141,8 @@ class StoredPolicies:
     """On the track `tuned`, what the recipe says of the agent; empty on others, as the task says it."""
     hold: int | None = None
     """On the track `tuned`, the steps for which the recipe holds an action; None where that is the task's own."""
+    observation: Observation | None = None
+    """What the numbers of their observations mean; None in records of before this was recorded."""
 
 
 @dataclass(frozen=True)

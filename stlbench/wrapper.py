@@ -129,7 +129,8 @@ def wrap(
 
     Raises:
         UsageError: in one line, what does not fit: names, scale, signals, ranges, formula, its horizon, method, steps.
-            Later, with the step, signals, observations or rewards that are no finite numbers, and signals of other names.
+            Later, with the step, signals, observations or rewards that are no finite numbers, and signals of other
+            names.
     """
     _check(ranges, terminated, discount)
     if isinstance(env, VectorEnv):

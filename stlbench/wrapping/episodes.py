@@ -82,7 +82,7 @@ class Episodes:
         return found
 
     def observe(self) -> Array:
-        """What the policy is shown beside the observation: the time in [-1, 1], the method's inputs, (N, 1 + inputs)."""
+        """What is shown beside the observation: the time in [-1, 1], the method's inputs, (N, 1 + inputs)."""
         times = self._times[self.t]
         if not self._method.memory_size:
             return times
