@@ -91,8 +91,8 @@ class Observation:
     @property
     def unscaled(self) -> Observation:
         """What the environment itself shows: its numbers as they are, and nothing beside them."""
-        plain = {"middle": (0.0,) * self.size, "reach": (1.0,) * self.size, "steps": None, "inputs": 0, "method": ""}
-        return replace(self, **plain)
+        middle, reach = (0.0,) * self.size, (1.0,) * self.size
+        return replace(self, middle=middle, reach=reach, steps=None, inputs=0, method="")
 
     @classmethod
     def of_facts(cls, source: str, facts: object) -> Observation:

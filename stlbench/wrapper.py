@@ -147,8 +147,9 @@ def wrap(
     called = str(choice_of(method)) if isinstance(method, str) else ""
     beside = Observation.beside(length, scoring.inputs, called, env.spec.id if env.spec else "")
     observing = Observing(single, entries, scale or {}, beside)
-    wrapper = StlVectorWrapper if isinstance(env, VectorEnv) else StlWrapper
-    return wrapper(env, scoring, observing)
+    if isinstance(env, VectorEnv):
+        return StlVectorWrapper(env, scoring, observing)
+    return StlWrapper(env, scoring, observing)
 
 
 def _check(ranges: Ranges, terminated: str, discount: float) -> None:

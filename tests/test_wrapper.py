@@ -93,7 +93,7 @@ def test_at_robustness_0_satisfaction_is_that_of_the_boolean_semantics() -> None
 
 @pytest.mark.parametrize("terminated", ["hold", "interval"])
 def test_the_info_has_the_same_entries_at_each_step_of_one_dtype_and_shape(terminated: str) -> None:
-    """TorchRL reads the dtype of each; Gymnasium's vectors make arrays of numbers and truths of them, not of objects."""
+    """TorchRL reads the dtype of each. Gymnasium's vectors make arrays of numbers and truths of them."""
     env = wrapped(terminated=terminated)
     infos = [env.reset()[1], *(info for *_, info in [env.step(STAY) for _ in range(4)])]
     added = [{name: info[name] for name in info if name != "doubled"} for info in infos]

@@ -127,7 +127,8 @@ def actions_of(found: Any, actions: Actions, count: int, source: str, moved: Mov
     if isinstance(actions, ActionGrid) and array.dtype.kind == "f" and _are_values(array, actions, count):
         if np.isnan(array).any():
             raise UsageError(f"{source}: a value of an action is NaN")
-        return array.argmax(axis=1)
+        best: Integers = array.argmax(axis=1)
+        return best
     if array.dtype.kind not in "iuf" or array.shape != (count, len(actions.names)):
         expected = f"({count}, {len(actions.names)}) for {', '.join(actions.names)}"
         if isinstance(actions, ActionGrid):

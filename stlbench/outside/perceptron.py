@@ -21,7 +21,7 @@ from stlbench.errors import UsageError
 from stlbench.observation import Observation
 from stlbench.outside.layers import ACTIVATIONS, Layers, Weights, read_weights
 from stlbench.outside.outputs import meaning_of_outputs
-from stlbench.outside.trained_on import check_space
+from stlbench.outside.trained_on import check_observation, mapping
 
 __all__ = ["load_sb3"]
 
@@ -69,15 +69,11 @@ def load_sb3(path: Path, actions: Actions, shown: Observation, declared: bool = 
     if form is None or any("features_extractor" in name for name in weights):
         raise UsageError(f"{path}: expected is an MlpPolicy of DQN, TD3, DDPG, SAC, PPO or A2C; export others as ONNX")
     layers = Layers(_layers(weights, form), _activation(path, data, form))
-    check_space(path, _mapping(data.get("observation_space")), shown, declared)
+    check_observation(path, data, shown, declared)
     layers.check(path, shown.total)
-    told = _mapping(data.get("action_space"))
+    told = mapping(data.get("action_space"))
     meaning = meaning_of_outputs(path, told, len(layers.parts[-1][1]), actions, form.squashed)
     return lambda observation: meaning(layers.outputs(observation))
-
-
-def _mapping(value: object) -> Mapping[str, Any]:
-    return value if isinstance(value, Mapping) else {}
 
 
 def _read(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Weights]]:
@@ -90,7 +86,7 @@ def _read(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Weights]]:
         raise
     except Exception as error:  # torch raises many kinds
         raise UsageError(f"{path} is no model that Stable-Baselines3 saved: {cause(error)}") from error
-    return _mapping(data), weights
+    return mapping(data), weights
 
 
 def _layers(weights: Mapping[str, Weights], form: _Form) -> tuple[tuple[Weights, Weights], ...]:
@@ -106,7 +102,7 @@ def _numbers(weights: Mapping[str, Weights], form: _Form) -> list[int]:
 
 
 def _activation(path: Path, data: Mapping[str, Any], form: _Form) -> str:
-    text = str(_mapping(data.get("policy_kwargs")).get("activation_fn", form.activation))
+    text = str(mapping(data.get("policy_kwargs")).get("activation_fn", form.activation))
     name = text.removesuffix("'>").rpartition(".")[2]
     if name.lower() not in ACTIVATIONS:
         raise UsageError(f"{path}: activation {name}; known are ReLU, Tanh; export others as ONNX")

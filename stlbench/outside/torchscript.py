@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -33,7 +34,9 @@ def load_torchscript(path: Path) -> Callable[[Array], Any]:
     torch = imported_torch(path)
     _check_code(path)
     try:
-        module = torch.jit.load(str(path), map_location="cpu")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # torch would rather have other formats
+            module = torch.jit.load(str(path), map_location="cpu")
         module.eval()
         operators = set(_operators(module.forward.inlined_graph))
         weights = [each for each in module.state_dict().values() if each.is_floating_point()]

@@ -1,4 +1,4 @@
-"""What the observation space in a file of Stable-Baselines3 says that the policy was trained on."""
+"""What a file of Stable-Baselines3 says of the observations that its policy was trained on."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Any
 from stlbench.errors import UsageError
 from stlbench.observation import KEY, Observation
 
-__all__ = ["check_space"]
+__all__ = ["check_observation", "mapping"]
 
 _NUMBER = re.compile(r"[-+]?(?:inf|nan|\d+\.?\d*(?:e[-+]?\d+)?)")
 _ROUNDING = 1e-6
 
 
-def check_space(path: Path, space: Mapping[str, Any], shown: Observation, declared: bool) -> None:
+def check_observation(path: Path, data: Mapping[str, Any], shown: Observation, declared: bool) -> None:
     """Refuse a policy that was trained on other observations than it would be shown.
 
     The spaces of `stlbench.wrap` and `stlbench.gym` carry a record. Those of others have ends at most: a number that
@@ -25,26 +25,32 @@ def check_space(path: Path, space: Mapping[str, Any], shown: Observation, declar
 
     Args:
         path: of the file, for messages.
-        space: as SB3 writes it beside its pickle: attribute -> plain value or text.
+        data: what SB3 writes beside its pickles: attribute -> plain value or text.
         shown: what it would be shown.
-        declared: whether the user said that this is what it was trained on; then ends say nothing.
+        declared: whether the user said that this is what it was trained on; then only the record counts.
 
     Raises:
-        UsageError: the record, or an end, says otherwise.
+        UsageError: the record, an end, or a normalization says otherwise.
     """
+    space = mapping(data.get("observation_space"))
     if KEY in space:
         Observation.of_facts(str(path), space[KEY]).check(str(path), shown)
-        return
     if declared:
         return
+    hint = "if it was trained on just what is shown, say --on observation"
+    if data.get("_last_original_obs") is not None:
+        rule = "it was trained inside VecNormalize, whose statistics are not in the file"
+        raise UsageError(f"{path}: {rule}; score it by a module:function that normalizes; {hint}")
     most = [max(map(abs, pair)) for pair in zip(_ends(space.get("low")), _ends(space.get("high")), strict=False)]
     for place, end in enumerate(most if len(most) == shown.total else []):
         if shown.within(place) and 1 + _ROUNDING < end < math.inf:
-            rule = f"which here is from -1 to 1: {shown}"
-            hint = "if it was trained on just that, say --on observation"
-            raise UsageError(
-                f"{path}: in training, number {place} of the observation was up to {end:g}, {rule}; {hint}"
-            )
+            rule = f"in training, number {place} of the observation was up to {end:g}, and here it is from -1 to 1"
+            raise UsageError(f"{path}: {rule}, of {shown}; {hint}")
+
+
+def mapping(value: object) -> Mapping[str, Any]:
+    """A value where it is a mapping, else an empty one: what a file has may be anything."""
+    return value if isinstance(value, Mapping) else {}
 
 
 def _ends(text: object) -> list[float]:

@@ -191,7 +191,7 @@ class TestOutside:
         [
             (
                 ["zz_functions:bad"],
-                r"its actions are float64 (16, 2); expected are whole numbers (16,), or (16, 1) for v",
+                r"its actions are float64 (16, 2); expected are whole numbers (16,), values (16, 5), or (16, 1) for v",
             ),
             (
                 ["zz_functions:up"],
@@ -248,8 +248,8 @@ class TestStored:
         )
         say(*RUN)
         line = refused(say("score", "toy-line[without=features]", CELL))
-        said = "its policy acts on a close-up, which task toy-line[without=features] does not show; score it on a task"
-        assert line.startswith(f"error: {CELL}: {said}")
+        said = "it was trained on toy-line to observe a close-up, which task toy-line[without=features] does not show"
+        assert line == f"error: {CELL}: {said}"
         assert say("score", "toy-line[hold=2]", CELL).exit_code == 0
 
     def test_options_that_are_for_policies_from_outside(self, say, toy):
