@@ -157,7 +157,7 @@ class Observation:
         """Those of the task, in words: "x, y, omega / 8"."""
         if not self.middle:
             of = f" of {', '.join(self.names)}" if self.names else ""
-            return f"{self.size} features{of}"
+            return f"{self.size} feature{'s' * (self.size != 1)}{of}"
         more = f" and {self.size - _SAID} more numbers" if self.size > _SAID else ""
         return ", ".join(self._number(place) for place in range(min(self.size, _SAID))) + more
 

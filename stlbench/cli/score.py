@@ -180,7 +180,7 @@ def _show(result: Result, results: Path, as_json: bool) -> None:
     assert result.measurement is not None
     typer.echo(f"{result.id.name}: {result.provenance['source']}, from {result.provenance['begun_at']}")
     if observation := result.provenance.get("observation"):
-        typer.echo(f"It is shown {observation}  (--on {result.provenance['on']})")
+        typer.echo(f"It is shown {observation} (--on {result.provenance['on']})")
     if moved := result.provenance.get("moved"):
         warn(f"{moved}; --actions FILE gives it actions of its own")
     to_screen(scores_table({"": result.measurement.selected}), console())

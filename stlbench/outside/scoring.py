@@ -53,8 +53,9 @@ class Shown:
     """What a policy is shown."""
 
     on: On | None = None
-    """What agents of stlbench see, (N, D); a function alone: states (N, n) and step counts t (N,); of a task on an
-    environment: its own observations (N, d), as they are. None is the first, unless a file contradicts it."""
+    """What agents of stlbench see, (N, D); of a system the states (N, n), and for a function the step counts t (N,); of
+    a task on an environment its own observations (N, d), as they are. None is the first, unless a file contradicts
+    it."""
     method: Choice = UNKNOWN
     """The reward method whose inputs are the end of the observation."""
 
@@ -124,8 +125,10 @@ def _played(task: Task, source: Source, shown: Shown) -> _Played:
     method = _method(task, shown.method)
     table = None if source.table is None else read_actions(Path(source.table), task.actions)
     if shown.on == "state":
-        states = f"the states {', '.join(task.system.state)} and the step" if isinstance(task.dynamics, System) else ""
-        return _Played(method, OnState(_on_state(task, source), task.actions, source.text, table), states)
+        states = _states(task)
+        act = _on_state(task, source, table, states, shown)
+        step = " and the step" if source.kind == "function" else ""
+        return _Played(method, OnState(act, task.actions, source.text, table), f"{states}{step}")
     observation = observation_of(task, method, "" if shown.method == UNKNOWN else str(shown.method))
     if shown.on == "environment":
         observed, observation = _observed(task, method), observation.unscaled
@@ -146,12 +149,22 @@ def _method(task: Task, choice: Choice) -> RewardMethod:
         raise UsageError(f"method {choice} on task {task.name}: {error}") from error
 
 
-def _on_state(task: Task, source: Source) -> Callable[[Array, Integers], Any]:
-    if source.kind != "function":
-        raise UsageError(f"--on state is for module:function; {source.text} is given the observation")
+def _states(task: Task) -> Observation:
+    """The states of a system, as they are."""
     if not isinstance(task.dynamics, System):
         raise UsageError(f"--on state: task {task.name} is no system, its states are not to be had")
-    return load_function(source.text)
+    names = task.dynamics.state
+    return Observation(len(names), names, task=task.name).unscaled
+
+
+def _on_state(
+    task: Task, source: Source, table: ActionTable | None, states: Observation, shown: Shown
+) -> Callable[[Array, Integers], Any]:
+    """A function of states and steps; a network sees the states alone."""
+    if source.kind == "function":
+        return load_function(source.text)
+    network = _function(task, source, table, states, shown)
+    return lambda state, t: network(state)
 
 
 def _observed(task: Task, method: RewardMethod) -> Observed:

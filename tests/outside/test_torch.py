@@ -95,6 +95,39 @@ def test_both_are_scored_as_the_policy_itself(tmp_path: Path) -> None:
     assert own.scores[MAIN].robustness != own.scores["paper"].robustness
 
 
+OWN_V, OWN_OMEGA = np.linspace(-5, 5, 21), np.linspace(-2, 2, 9)
+
+
+def test_own_actions_are_taken_as_they_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The networks of the paper's authors: 21 x 9 actions, not the task's. Beside it, dynamics stepped by hand."""
+    task = load_task("hold-disc-coarse")
+    table = np.array([(v, omega) for v in OWN_V for omega in OWN_OMEGA])
+    rows = "".join(f"{v!r},{omega!r}\n" for v, omega in table.tolist())
+    (tmp_path / "own.csv").write_text(f"v,omega\n{rows}")
+    module = made(torch.nn.Sequential(torch.nn.Linear(3, 16), torch.nn.ReLU(), torch.nn.Linear(16, len(table))))
+    path = written(tmp_path / "q.pt", module.state_dict())
+    source = find_source(str(path), "mlp[3,16,189;relu]", str(tmp_path / "own.csv"))
+    found = score(task, source, Shown("state"), 0)
+    state, traces = task.starts.report_and_selection()[0], []
+    for _ in range(task.file.steps):
+        traces.append(task.system.signals(state))
+        with torch.no_grad():
+            best = module(torch.as_tensor(state, dtype=torch.float32)).argmax(1).numpy()
+        state = task.system.step(state, table[best])
+    assert np.array_equal(found.traces[:, :-1], np.stack(traces, axis=1))
+    assert (found.moved, found.observation) == ("", "x, y, heading")
+    (tmp_path / "zz_own.py").write_text(
+        "import numpy as np\n"
+        "def act(state, t):\n"
+        "    return np.tile([0.5, 2.0], (len(state), 1))\n"  # omega 2 is between 1.5 and 2.25
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    moved = score(task, find_source("zz_own:act"), Shown("state"), 0).moved
+    assert moved.endswith(
+        "(100 %) are not on the task's grid, and were moved to the nearest: omega by up to 0.25 rad/s"
+    )
+
+
 def weights(**changes: Any) -> dict[str, Any]:
     return made(Net()).state_dict() | changes
 
@@ -222,7 +255,7 @@ def test_without_torch_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.Mo
 def test_an_architecture_and_a_table_are_for_what_has_a_use_for_them(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("x\n0\n")
     with pytest.raises(
-        UsageError, match="my:act: --architecture is for a state_dict of PyTorch, .pt or .pth; leave it"
+        UsageError, match=r"my:act: --architecture is for a state_dict of PyTorch, .pt or .pth; leave it"
     ):
         find_source("my:act", FORM)
     for policy in (str(tmp_path / "t.csv"), "hold-disc/funnel/dqn/0"):

@@ -148,7 +148,7 @@ def test_a_model_of_sb3_that_saw_wrap(method: str, task: Task, tmp_path: Path) -
 
 
 def test_with_the_scale_of_the_task_file(pole: Task, tmp_path: Path) -> None:
-    """A DQN on `CartPole-v1`, whose speeds have no ends: with the task's scale it is the same, without it is refused."""
+    """A DQN on `CartPole-v1`, whose speeds have no ends: with the scale of the task it is the same, else refused."""
     options: dict[str, Any] = {"names": ("x", "v", "angle", "omega"), "ranges": {"angle": (-0.2, 0.2)}, "steps": 30}
 
     def made(**more: Any) -> StlWrapper:
