@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ from onnx import TensorProto, helper
 
 from stlbench.contract import ActionBox, Policy
 from stlbench.errors import UsageError
-from stlbench.observation import Observation
+from stlbench.observation import KEY, Observation
 from stlbench.outside.onnx_file import load_onnx
 from stlbench_agents.actor_policy import ActorPolicy
 from stlbench_agents.independent import TeamPolicy
@@ -109,6 +111,16 @@ def test_inputs_that_do_not_fit(tmp_path: Path, shape: list[Any], kind: int, mes
         model(tmp_path / "m.onnx", shape, kind)
     with pytest.raises(UsageError, match=message):
         load_onnx(tmp_path / "m.onnx", Observation(2))
+
+
+def test_the_record_in_the_metadata_is_what_it_is_shown(tmp_path: Path) -> None:
+    shown = Observation(1, ("v",), (0.0,), (2.0,), steps=10, task="walk")
+    made = onnx.load_model(model(tmp_path / "m.onnx", ["N", 2]))
+    helper.set_model_props(made, {KEY: json.dumps(shown.facts)})
+    onnx.save(made, tmp_path / "m.onnx")
+    assert load_onnx(tmp_path / "m.onnx", shown)(np.zeros((1, 2))).tolist() == [[1, 1]]
+    with pytest.raises(UsageError, match=r"m.onnx: it was trained on walk to observe v / 2; here is v$"):
+        load_onnx(tmp_path / "m.onnx", replace(shown, reach=(1.0,)))
 
 
 def test_a_file_that_is_none(tmp_path: Path) -> None:
