@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from stlbench.stl.language.horizon import horizon, unbounded
-from stlbench.stl.language.syntax import END, Always, And, Eventually, Formula, Implies, Not, Or, Until
+from stlbench.stl.language.syntax import END, Always, And, Eventually, Formula, Implies, Not, Or, Release, Until
 from stlbench.stl.language.traversal import is_temporal
 from stlbench.stl.predicates.compiler import compile_signed
 from stlbench.stl.recorded.evaluator import unknown
@@ -133,9 +133,10 @@ class Tree(Generic[L]):
                 return self._nested(psi, (a, c), (d, e), False, negated)
             case Always(a, c, Eventually(d, e, psi)) if not is_temporal(psi):
                 return self._nested(psi, (a, c), (d, e), True, not negated)
-            case Until(a, b, left, right) if not is_temporal(left) and not is_temporal(right):
-                (first, before), (second, after) = self._psi(left), self._psi(right)
-                return self._leaf(self.kit.until((first, second), (a, b), (before, after), negated))
+            case Until(a, b, left, right) | Release(a, b, left, right) if not (is_temporal(left) or is_temporal(right)):
+                opposite = isinstance(formula, Release)  # a release is the opposite of an until of the opposites
+                (first, before), (second, after) = self._psi(left, opposite), self._psi(right, opposite)
+                return self._leaf(self.kit.until((first, second), (a, b), (before, after), negated is not opposite))
             case _:
                 whole = Not(formula) if negated else formula
                 return self._leaf(self.kit.replayed(whole, self.names, last_step(formula)))
