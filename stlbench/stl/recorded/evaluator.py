@@ -132,6 +132,7 @@ def cause(psi: Formula, names: tuple[str, ...], sample: NDArray[np.float64]) -> 
     return f"{shorten(str(psi))} has no value (square root below 0, division by 0 or inf - inf) where {shown}"
 
 
+@lru_cache(maxsize=512)
 def unknown(psi: Formula, names: tuple[str, ...], compile_: Compile, worst: bool) -> float:
     """The least (`worst`) or greatest value of `psi` at a sample that is not known yet: infinite unless constant."""
     match psi:

@@ -82,7 +82,7 @@ class Kit(Generic[L]):
         lowest: (psi, (a, b), unknown, flipped) -> G[a,b] psi; `unknown` bounds psi at a sample not yet come.
         nested: (psi, (a, c), (d, e), unknown, flipped) -> F[a,c] G[d,e] psi.
         until: ((psi1, psi2), (a, b), (unknown1, unknown2), flipped) -> psi1 U[a,b] psi2.
-        replayed: (formula, names, last step it reads) -> any formula.
+        replayed: (formula, names, negated) -> any temporal formula.
     """
 
     least: Callable[[Sequence[Any]], Any]
@@ -91,7 +91,7 @@ class Kit(Generic[L]):
     lowest: Callable[[Pointwise, Interval, Ends, bool], L]
     nested: Callable[[Pointwise, Interval, Interval, Ends, bool], L]
     until: Callable[[tuple[Pointwise, Pointwise], Interval, tuple[Ends, Ends], bool], L]
-    replayed: Callable[[Formula, tuple[str, ...], int], L]
+    replayed: Callable[[Formula, tuple[str, ...], bool], L]
 
 
 class Tree(Generic[L]):
@@ -138,8 +138,7 @@ class Tree(Generic[L]):
                 (first, before), (second, after) = self._psi(left, opposite), self._psi(right, opposite)
                 return self._leaf(self.kit.until((first, second), (a, b), (before, after), negated is not opposite))
             case _:
-                whole = Not(formula) if negated else formula
-                return self._leaf(self.kit.replayed(whole, self.names, last_step(formula)))
+                return self._leaf(self.kit.replayed(formula, self.names, negated))
 
     def _lowest(self, psi: Formula, interval: Interval, negated: bool, flipped: bool) -> Part:
         run, ends = self._psi(psi, negated)
