@@ -21,7 +21,9 @@ def refuse_past(formula: stl.Formula) -> None:
     """Raise Unsuitable for a formula whose rewards would need samples from before the present one."""
     if (past := stl.first_past(formula)) is not None:
         place = f" at {past.position}" if past.position else ""
-        raise Unsuitable(f"the past operator {past.operator}{place} looks back; the method takes operators that look ahead")
+        raise Unsuitable(
+            f"the past operator {past.operator}{place} looks back; the method takes operators that look ahead"
+        )
 
 
 def bounded_range(specification: Specification, psi: stl.Formula, term: object) -> tuple[float, float]:

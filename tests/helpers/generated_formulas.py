@@ -70,9 +70,7 @@ def _boolean(inner: st.SearchStrategy[Formula]) -> st.SearchStrategy[Formula]:
     )
 
 
-def _temporal(
-    inner: st.SearchStrategy[Formula], longest: int, endless: bool, past: bool
-) -> st.SearchStrategy[Formula]:
+def _temporal(inner: st.SearchStrategy[Formula], longest: int, endless: bool, past: bool) -> st.SearchStrategy[Formula]:
     ends = intervals(longest)
     if endless:
         ends = st.one_of(ends, st.just((0, END)))

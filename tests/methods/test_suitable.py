@@ -53,7 +53,9 @@ def test_elsewhere_the_reason_has_the_text_that_was_written(method: type[RewardM
 
 
 @pytest.mark.parametrize("method", [*FRAGMENT, *ANY])
-@pytest.mark.parametrize("text", ["F[0,3] True & G[0,3] x >= 0", "G[0,3] (1 >= 0) & F[0,2] y >= 1", "G[0,9] (True | x >= 0)"])
+@pytest.mark.parametrize(
+    "text", ["F[0,3] True & G[0,3] x >= 0", "G[0,3] (1 >= 0) & F[0,2] y >= 1", "G[0,9] (True | x >= 0)"]
+)
 def test_a_term_that_cannot_fail_is_unsuitable_or_harmless(method: type[RewardMethod], text: str) -> None:
     try:
         made = method(specification(text, BOX, steps=9))

@@ -204,8 +204,8 @@ def _pulled(arg: Formula) -> Formula | None:
         return None
     match endless[0]:
         case Eventually(_, b, inner) if b == END:
-            goal = _pulled(inner) if unbounded(inner) else inner
-            return And((goal, Once(0, END, _all(rest)))) if goal and rest else goal
+            goal = And((inner, Once(0, END, _all(rest)))) if rest else inner
+            return _pulled(goal) if unbounded(inner) else goal
         case Release(_, b, left, right) if b == END and not (unbounded(left) or unbounded(right)):
             return And((left, Since(0, END, right, _all([*rest, right])))) if _varies(left) and _varies(right) else None
         case _:
@@ -218,7 +218,9 @@ def _all(parts: list[Formula]) -> Formula:
 
 def _varies(formula: Formula) -> bool:
     """Whether no predicate is a constant and no part looks back: at a step to come, any value is possible."""
-    constant = any(isinstance(node, TrueFormula) or isinstance(node, Predicate) and not signals(node) for node in walk(formula))
+    constant = any(
+        isinstance(node, TrueFormula) or (isinstance(node, Predicate) and not signals(node)) for node in walk(formula)
+    )
     return first_past(formula) is None and not constant
 
 

@@ -58,7 +58,8 @@ def found_or_skipped(formula: Formula, trace: NDArray[np.float64]) -> Witness:
         ("F[2,2] H x >= 0", "x >= 0", 2, -2),
         ("F[3,3] (x >= 0 S[0,3] x >= 2)", "x >= 2", 3, 2),
         ("F[2,2] (x >= 0 S[1,2] x >= 0)", "x >= 0", 2, -2),
-        ("x >= 2 R[0,2] x >= 0", "x >= 2", 0, 1),  # step 0: 3; after it the left operand has been 1
+        ("x >= 2 R[0,2] x >= 0", "x >= 0", 1, 1),  # 3, max(1, 1), and max(-2, 1)
+        ("x >= 1 R[0,2] x >= 0", "x >= 1", 0, 2),  # 3, max(1, 2), and max(-2, 2)
         ("G[0,4] (0 <= x <= 3)", "0 <= x", 2, -2),
     ],
 )
