@@ -36,8 +36,9 @@ class Bhnr(RewardMethod):
             fewer are worth 0.
         window: samples. The source has blocks of 15, `auto-shaping` the last 10, `reward_shaping` a twentieth of the
             episode.
-        semantics: `classic` is the robustness; for `lse`, `gilpin`, `agm` and `gmsr` see `stlbench.stl.semantics`. `filtering`
-            takes truths, 1 and 0, for margins, and a mean for F; `filtering-sum` a sum, as the source's program.
+        semantics: `classic` is the robustness; for `lse`, `gilpin`, `agm` and `gmsr` see `stlbench.stl.semantics`.
+            `filtering` takes truths, 1 and 0, for margins, and a mean for F; `filtering-sum` a sum, as the source's
+            program.
         sharpness: of `lse` and `gilpin`.
 
     Raises:

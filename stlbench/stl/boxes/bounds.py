@@ -61,8 +61,8 @@ def bounds(
 
     Raises:
         UnknownSignalError: psi uses a signal that the box does not have.
-        UndefinedError: a square root, a logarithm, a tangent or a division is not defined all over the box; or the margin
-            has no bounds and, in floats, no value at the middle or at a corner, as where inf - inf occurs.
+        UndefinedError: a square root, a logarithm, a tangent or a division is not defined all over the box; or the
+            margin has no bounds and, in floats, no value at the middle or a corner, as where inf - inf occurs.
         TypeError: a masked array.
         ValueError: psi has temporal operators, or an end of the box is not finite or low > high.
     """

@@ -23,8 +23,8 @@ from stlbench.stl.language.traversal import is_temporal, require_formula
 def negations_inside(formula: Formula, to_predicates: bool = False) -> Formula:
     """An equivalent formula whose negations stand at its parts without temporal operators.
 
-    Robustness and verdict are the same on every trace. `!(p U q)` is `!p R !q`, and the other way round. `!(p S q)` stays
-    as it is, since no operator is its dual.
+    Robustness and verdict are the same on every trace. `!(p U q)` is `!p R !q`, and the other way round. `!(p S q)`
+    stays as it is, since no operator is its dual.
 
     Args:
         formula: any formula.

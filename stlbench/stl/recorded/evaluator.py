@@ -46,8 +46,8 @@ Compile: TypeAlias = Callable[[Formula, tuple[str, ...]], Compiled]
 class Traces(NamedTuple):
     """Samples (n, T+1, k) of n traces, and how the steps after T are read.
 
-    `last` is the last step with a value of its own: T. Under `interval` it is the first step from which on no formula can
-    reach back to a known sample: that one step stands for the whole unknown future.
+    `last` is the last step with a value of its own: T. Under `interval` it is the first step from which on nothing
+    can reach back to a known sample: that one step stands for the whole unknown future.
 
     `before` is for samples that are not the first of their trace. It has the value of each past operator without an
     interval at the step before the first at which its operands can be told from these samples.

@@ -197,8 +197,8 @@ class GeometricLeast(_Counted):
 class RootLeast(_Counted):
     """sqrt(M0) - sqrt(Mp), M0 = (eps^n + prod max(x, 0)^2)^(1/n), Mp = (eps^p + mean max(-x, 0)^(2p))^(1/p).
 
-    One of the two roots is always sqrt(eps). The difference of the other from it is computed without a subtraction, whose
-    rounding could turn the sign. Floors keep the difference from 0, where a product or a square would be.
+    One of the two roots is always sqrt(eps). The difference of the other from it is computed without a subtraction,
+    whose rounding could turn the sign. Floors keep the difference from 0, where a product or a square would be.
     """
 
     size: ClassVar[int] = 4

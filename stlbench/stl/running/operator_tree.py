@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from stlbench.stl.language.horizon import horizon, unbounded
+from stlbench.stl.language.node import MAX_DEPTH
 from stlbench.stl.language.syntax import END, Always, And, Eventually, Formula, Implies, Not, Or, Release, Until
 from stlbench.stl.language.traversal import is_temporal
 from stlbench.stl.predicates.compiler import compile_signed
@@ -109,10 +110,9 @@ class Tree(Generic[L]):
         match formula:
             case Not(arg):
                 return self._build(arg, not negated)
-            case And(args):
-                return Joined([self._build(arg, negated) for arg in args], kit.greatest if negated else kit.least)
-            case Or(args):
-                return Joined([self._build(arg, negated) for arg in args], kit.least if negated else kit.greatest)
+            case And() | Or():
+                parts = [self._build(arg, negated) for arg in _together(formula)]
+                return Joined(parts, kit.least if isinstance(formula, And) is not negated else kit.greatest)
             case Implies(left, right):
                 parts = [self._build(left, not negated), self._build(right, negated)]
                 return Joined(parts, kit.least if negated else kit.greatest)
@@ -160,6 +160,29 @@ class Tree(Generic[L]):
     def _leaf(self, leaf: L) -> L:
         self.leaves.append(leaf)
         return leaf
+
+
+def _together(formula: And | Or) -> Sequence[Formula]:
+    """The operands; those of an `&` that are G[a,b] psi with the same interval as one, and of an `|` those with F.
+
+    So thousands of conjuncts are a few operators.
+    """
+    kind, window = (And, Always) if isinstance(formula, And) else (Or, Eventually)
+    groups = dict[Any, list[Formula]]()
+    for i, arg in enumerate(formula.args):
+        if not is_temporal(arg):
+            groups.setdefault(None, []).append(arg)
+        elif isinstance(arg, window) and not is_temporal(arg.arg):
+            groups.setdefault((arg.a, arg.b), []).append(arg.arg)
+        else:
+            groups[i, arg] = [arg]
+    if formula.depth >= MAX_DEPTH - 1 or len(groups) == len(formula.args):
+        return formula.args
+    found = list[Formula]()
+    for key, psis in groups.items():
+        psi = kind(tuple(psis)) if len(psis) > 1 else psis[0]
+        found.append(window(*key, psi) if key is not None and isinstance(key[1], int) else psi)
+    return found
 
 
 def last_step(formula: Formula) -> int:

@@ -6,8 +6,8 @@ numbers hold what these steps mean for the until. The operands are evaluated at 
 stands for all later ones. So the cost of a step depends on the operands alone: not on the length of the trace, and not
 on the interval of the until.
 
-Operands that look ahead without an interval are never decided. `unnested` rewrites many such formulas, and `_stays_open`
-finds those whose bounds stay infinite. For the others all samples are kept and evaluated at each step.
+Operands that look ahead without an interval are never decided. `unnested` rewrites many such formulas, and
+`_stays_open` finds those whose bounds stay infinite. For the others all samples are kept and evaluated at each step.
 """
 
 from __future__ import annotations
@@ -263,7 +263,7 @@ class Recent:
         self.size = 0
 
     def with_newest(self, samples: Floats, count: int) -> Floats:
-        """The last `count`, with `samples` (n, k) as the newest, which is not taken: (n, count, k), to be read at once."""
+        """The last `count`, the newest being `samples` (n, k), which is not taken yet: a view (n, count, k)."""
         self.rows[:, self.size] = samples
         return self.rows[:, self.size + 1 - count : self.size + 1]
 

@@ -103,6 +103,18 @@ def test_the_source_grows_with_the_operators_and_not_with_their_square() -> None
     assert len(written(many(400))) < 3 * len(written(many(200)))
 
 
+def test_conjuncts_of_one_interval_are_one_operator() -> None:
+    def same(count: int) -> Formula:
+        return parse(
+            " & ".join(f"G[{i % 3},9] x >= {i} & (F[1,4] x >= {i} | F[1,4] y >= {i} | z >= 1)" for i in range(count))
+        )
+
+    trace = [tuple(row) for row in (4 * np.random.default_rng(0).standard_normal((12, 3))).tolist()]
+    check(same(30), trace)
+    globally = parse(" & ".join(f"G[{i % 3},9] x >= {i}" for i in range(2000)))
+    assert len(written(globally)) <= len(written(parse("G[0,9] x >= 0 & G[1,9] x >= 1 & G[2,9] x >= 2")))
+
+
 def test_many_operators() -> None:
     formula = many(60)
     trace = 4 * np.random.default_rng(0).standard_normal((horizon(formula) + 2, 3))
