@@ -115,8 +115,9 @@ def resolve_end(formula: Formula, last: int) -> Formula:
         case Always() | Eventually() | Until() | Release() | Historically() | Once() | Since():
             for operand in operands_of(formula):
                 _refuse_unbounded(operand)
-            ends = formula.b < END or isinstance(formula, Past)
-            return formula if ends else replace(formula, b=_end(formula, last))
+            if isinstance(formula, Past) or formula.b < END:
+                return formula
+            return replace(formula, b=_end(formula, last))
         case _:
             return formula
 

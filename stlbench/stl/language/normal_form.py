@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 from stlbench.stl.language.syntax import (
     Always,
     And,
@@ -14,7 +16,6 @@ from stlbench.stl.language.syntax import (
     Or,
     Release,
     Since,
-    Temporal,
     Until,
 )
 from stlbench.stl.language.traversal import is_temporal, require_formula
@@ -47,10 +48,10 @@ def _pushed(formula: Formula, negated: bool, to_predicates: bool) -> Formula:
             parts = _pushed(left, not negated, to_predicates), _pushed(right, negated, to_predicates)
             return And(parts) if negated else Or(parts)
         case Always(a, b, arg) | Eventually(a, b, arg) | Historically(a, b, arg) | Once(a, b, arg):
-            window = _DUALS[type(formula)] if negated else type(formula)
+            window = _WINDOWS[type(formula)] if negated else type(formula)
             return window(a, b, _pushed(arg, negated, to_predicates))
         case Until(a, b, left, right) | Release(a, b, left, right):
-            between = _DUALS[type(formula)] if negated else type(formula)
+            between = Until if isinstance(formula, Until) != negated else Release
             return between(a, b, _pushed(left, negated, to_predicates), _pushed(right, negated, to_predicates))
         case Since(a, b, left, right):
             since = Since(a, b, _pushed(left, False, to_predicates), _pushed(right, False, to_predicates))
@@ -59,11 +60,10 @@ def _pushed(formula: Formula, negated: bool, to_predicates: bool) -> Formula:
             return Not(formula) if negated else formula
 
 
-_DUALS: dict[type[Temporal], type] = {
+_Window: TypeAlias = Always | Eventually | Historically | Once
+_WINDOWS: dict[type[_Window], type[_Window]] = {
     Always: Eventually,
     Eventually: Always,
     Historically: Once,
     Once: Historically,
-    Until: Release,
-    Release: Until,
 }

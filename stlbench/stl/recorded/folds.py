@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from itertools import accumulate
 from typing import ClassVar, Self, TypeAlias
 
 import numpy as np
@@ -148,13 +147,16 @@ class WeightedLeast(Fold):
 
     def accumulated(self, summaries: Floats) -> Floats:
         """One after the other."""
-        return np.stack(list(accumulate(np.moveaxis(summaries, -2, 0), self.merge)), axis=-2)
+        found = [summaries[..., 0, :]]
+        for i in range(1, summaries.shape[-2]):
+            found.append(self.merge(found[-1], summaries[..., i, :]))
+        return np.stack(found, axis=-2)
 
     def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
         """The sums `count` times."""
         times = np.asarray(count, dtype=np.float64)[..., None] * np.array([0.0, 1.0, 1.0])
         times[..., 0] = times[..., 1] > 0  # the minimum stays
-        return np.where(times > 0, summary * times, math.inf)
+        return np.asarray(np.where(times > 0, summary * times, math.inf))
 
     def _lift(self, values: Floats) -> Floats:
         return np.stack([values, np.zeros_like(values), np.ones_like(values)], axis=-1)

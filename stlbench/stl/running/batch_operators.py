@@ -208,7 +208,7 @@ class Replayed(Operator):
                 end[same] = new
             self.kept.best[same], self.kept.guard[same] = found.kept.best, found.kept.guard
             for node, values in found.kept.before.items():
-                self.kept.before[node][same] = values  # type: ignore[index]
+                self.kept.before[node][same] = values
 
     def restart(self, which: Which) -> None:
         """Forget the samples of some traces."""

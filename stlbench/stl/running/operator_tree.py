@@ -168,21 +168,22 @@ def _together(formula: And | Or) -> Sequence[Formula]:
     So thousands of conjuncts are a few operators.
     """
     kind, window = (And, Always) if isinstance(formula, And) else (Or, Eventually)
-    groups = dict[Any, list[Formula]]()
-    for i, arg in enumerate(formula.args):
+    now, windows, others = list[Formula](), dict[Interval, list[Formula]](), list[Formula]()
+    for arg in formula.args:
         if not is_temporal(arg):
-            groups.setdefault(None, []).append(arg)
+            now.append(arg)
         elif isinstance(arg, window) and not is_temporal(arg.arg):
-            groups.setdefault((arg.a, arg.b), []).append(arg.arg)
+            windows.setdefault((arg.a, arg.b), []).append(arg.arg)
         else:
-            groups[i, arg] = [arg]
-    if formula.depth >= MAX_DEPTH - 1 or len(groups) == len(formula.args):
+            others.append(arg)
+    if formula.depth >= MAX_DEPTH - 1:
         return formula.args
-    found = list[Formula]()
-    for key, psis in groups.items():
-        psi = kind(tuple(psis)) if len(psis) > 1 else psis[0]
-        found.append(window(*key, psi) if key is not None and isinstance(key[1], int) else psi)
-    return found
+    joined = [window(a, b, _one(kind, psis)) for (a, b), psis in windows.items()]
+    return [*([_one(kind, now)] if now else []), *joined, *others]
+
+
+def _one(kind: type[And | Or], psis: Sequence[Formula]) -> Formula:
+    return kind(tuple(psis)) if len(psis) > 1 else psis[0]
 
 
 def last_step(formula: Formula) -> int:
