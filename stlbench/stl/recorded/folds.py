@@ -164,7 +164,8 @@ class WeightedLeast(Fold):
     def _read(self, summary: Floats) -> Floats:
         low, rise, weight = np.moveaxis(summary, -1, 0)
         finite = np.isfinite(low)
-        return np.where(finite, low + np.where(finite, rise, 0.0) / np.where(finite, weight, 1.0), low)
+        mean: Floats = np.where(finite, low + np.where(finite, rise, 0.0) / np.where(finite, weight, 1.0), low)
+        return mean
 
 
 class _Counted(Fold):
