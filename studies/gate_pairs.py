@@ -79,7 +79,7 @@ def clone(code: str) -> Path:
     """A clone of the last commit, whose working tree has the patch."""
     place = CLONES / code
     if not place.exists():
-        subprocess.run(["git", "clone", "--quiet", str(ROOT), str(place)], check=True)
+        subprocess.run(["git", "clone", "--quiet", str(ROOT), str(place)], check=True)  # noqa: S603, S607
         file, patch = PATCHES[code]
         with (place / file).open("a", encoding="utf-8") as opened:
             opened.write(patch)
@@ -92,7 +92,7 @@ def gate(place: Path, results: Path) -> tuple[int, dict[str, Any]]:
     words = [word for pair in SETTING.items() for word in pair]
     program = "import sys; from stlbench.cli import main; sys.exit(main())"
     command = [sys.executable, "-P", "-c", program, "gate", "--against", "HEAD", "--results", str(results), *words]
-    ended = subprocess.run(
+    ended = subprocess.run(  # noqa: S603
         command, cwd=place, env={**os.environ, "PYTHONPATH": paths}, check=False, capture_output=True, text=True
     )
     if ended.returncode not in (0, 1, 3):

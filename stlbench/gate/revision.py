@@ -50,7 +50,7 @@ def both_trees(revision: str) -> Iterator[tuple[Tree, Tree]]:
         commit = _git(root, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{revision}^{{commit}}").strip()
     except UsageError as error:
         hint = "in a shallow clone, fetch its history first (fetch-depth: 0)"
-        raise UsageError(f"--against {revision}: {root} has no such revision; {hint}") from error
+        raise UsageError(f"--against {revision}: there is no such revision in {root}; {hint}") from error
     roots = _import_roots(root)
     with TemporaryDirectory(prefix="stlbench-gate-") as folder:
         base = Path(folder).resolve() / "base"
@@ -84,9 +84,8 @@ def _import_roots(root: Path) -> list[Path]:
     folders = dict.fromkeys(map(_folder_of, dict.fromkeys(["stlbench", *(name.partition(".")[0] for name in modules)])))
     own = [folder for folder in folders if folder and folder.is_relative_to(root) and not INSTALLED & {*folder.parts}]
     if not own:
-        raise UsageError(
-            f"no plugin is run from the files in {root}, so --against has nothing to compare: pip install -e"
-        )
+        said = f"neither stlbench nor a plugin is run from the files in {root}"
+        raise UsageError(f"{said}, so both sides would run the same code; install it by `pip install -e`")
     return [folder.relative_to(root) for folder in own]
 
 
