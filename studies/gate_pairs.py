@@ -4,8 +4,8 @@
 
 Each run is a whole gate of one cheap setting, in a clone of this repository's last commit. In the clones `slower` and
 `worse` the working tree differs from the commit by a patch. What ran is in results/gate-pairs: a row per run in
-runs.csv, a row per turn in turns.csv. The same command runs what is missing there, and prints the counts. A run takes
-half a minute on an idle machine.
+runs.csv, a row per turn in turns.csv. The same command runs what is missing there, and prints the table of docs/ci.md.
+A run takes half a minute on an idle machine.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def add(table: Path, columns: tuple[str, ...], found: list[dict[str, Any]]) -> N
 
 
 def main() -> None:
-    """Run what is missing, and print the counts."""
+    """Run what is missing, and print the table of docs/ci.md."""
     parser = argparse.ArgumentParser(description="Errors of `stlbench gate --against` in real runs.")
     parser.add_argument("--machine", required=True, help="what else it does: idle, loaded")
     for code in PATCHES:
@@ -156,11 +156,19 @@ def main() -> None:
                 row, turns = run(machine, code, number)
                 add(TABLES / "turns.csv", TURN, turns)
                 add(TABLES / "runs.csv", RUN, [row])
+    print("\n".join(table()))
+
+
+def table() -> Iterator[str]:
+    """How the runs of each kind ended, as Markdown for docs/ci.md."""
     recorded = list(rows(TABLES / "runs.csv"))
-    for kind in sorted({(row["machine"], row["code"]) for row in recorded}):
-        own = [row for row in recorded if (row["machine"], row["code"]) == kind]
-        counts = {name: dict(Counter(row[name] for row in own)) for name in ("exit", "robustness", "CPU", "reward")}
-        print(*kind, len(own), "runs:", "; ".join(f"{name} {count}" for name, count in counts.items()))
+    yield "| machine | code | runs | exit codes | CPU | robustness |"
+    yield "|---|---|---|---|---|---|"
+    for machine, code in sorted({(row["machine"], row["code"]) for row in recorded}):
+        own = [row for row in recorded if (row["machine"], row["code"]) == (machine, code)]
+        counts = [Counter(row[name] for row in own) for name in ("exit", "CPU", "robustness")]
+        said = [", ".join(f"{name}: {count}" for name, count in sorted(each.items())) for each in counts]
+        yield f"| {machine} | {code} | {len(own)} | {' | '.join(said)} |"
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import runpy
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -180,3 +181,9 @@ class TestErrorRates:
     def test_training_that_takes_1_3_times_as_long_is_found_in_59_of_60(self, machine: str, turned: bool) -> None:
         found = [settled(self.ratios(machine, begin, turned, 1.3)) for begin in self.starts(machine)]
         assert found.count("worse") >= len(found) * 59 / 60
+
+
+def test_the_page_says_how_the_recorded_runs_ended() -> None:
+    root = RECORDED.parents[2]
+    printed = runpy.run_path(str(root / "studies" / "gate_pairs.py"))["table"]()
+    assert "\n".join(printed) in (root / "docs" / "ci.md").read_text(encoding="utf-8")
