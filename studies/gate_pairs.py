@@ -1,6 +1,7 @@
 """How often `stlbench gate --against` errs, by real runs: equal code, code that costs 1.3 times, code that loses 10 %.
 
     python studies/gate_pairs.py --machine idle --equal 40 --slower 60 --worse 60
+    python studies/gate_pairs.py --machine loaded --busy 4 --equal 40 --slower 60 --worse 60
 
 Each run is a whole gate of one cheap setting, in a clone of this repository's last commit. In the clones `slower` and
 `worse` the working tree differs from the commit by a patch. What ran is in results/gate-pairs: a row per run in
@@ -67,6 +68,8 @@ def _worse(self, mean=Score.mean.fget):
 Score.mean = property(_worse)
 """
 """Takes a tenth off each robustness, which is positive in this setting."""
+
+NEIGHBOUR = "import numpy as np\na = np.ones((300, 300))\nwhile True: a @ a"
 
 PATCHES: Mapping[str, tuple[str, str]] = {
     "equal": ("README.md", ""),
@@ -144,11 +147,23 @@ def main() -> None:
     """Run what is missing, and print the table of docs/ci.md."""
     parser = argparse.ArgumentParser(description="Errors of `stlbench gate --against` in real runs.")
     parser.add_argument("--machine", required=True, help="what else it does: idle, loaded")
+    parser.add_argument("--busy", type=int, default=0, metavar="N", help="processes that compute beside the runs")
     for code in PATCHES:
         parser.add_argument(f"--{code}", type=int, default=0, metavar="N", help="runs")
     wanted = vars(parser.parse_args())
-    machine = wanted.pop("machine")
+    machine, busy = wanted.pop("machine"), wanted.pop("busy")
     TABLES.mkdir(parents=True, exist_ok=True)
+    neighbours = [subprocess.Popen([sys.executable, "-c", NEIGHBOUR]) for _ in range(busy)]  # noqa: S603
+    try:
+        run_missing(machine, wanted)
+    finally:
+        for neighbour in neighbours:
+            neighbour.kill()
+    print("\n".join(table()))
+
+
+def run_missing(machine: str, wanted: Mapping[str, int]) -> None:
+    """So many runs of each code, the first of each first, but for those that are recorded."""
     for number in range(1, max(wanted.values()) + 1):
         for code in (code for code, count in wanted.items() if number <= count):
             done = {(row["machine"], row["code"], row["run"]) for row in rows(TABLES / "runs.csv")}
@@ -156,7 +171,6 @@ def main() -> None:
                 row, turns = run(machine, code, number)
                 add(TABLES / "turns.csv", TURN, turns)
                 add(TABLES / "runs.csv", RUN, [row])
-    print("\n".join(table()))
 
 
 def table() -> Iterator[str]:

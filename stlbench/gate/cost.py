@@ -94,22 +94,23 @@ def _compare(setting: Setting, metric: Metric, turns: Sequence[Turn]) -> Compari
         return None
     base, new = np.array(values).T
     gains = metric.gain(base, new)
-    low, high = interval(np.sort(gains))
+    low, high = interval(sorted(gains.tolist()))
     verdict: Verdict = "cannot tell"
     if low >= -metric.tolerated:
         verdict = "no worse"
     elif high < -metric.tolerated and max(turn.round for turn in turns) >= ROUNDS:
         verdict = "worse"
     chance = float(special.bdtr(int(np.sum(gains >= -metric.tolerated)), len(gains), 0.5))
-    middle = *map(float, (np.median(base), np.median(new))), len(gains), float(np.median(gains))
-    return Comparison(setting, metric, *middle, low, high, chance, verdict, tuple(gains.tolist()))
+    middle, gain = (float(np.median(base)), float(np.median(new))), float(np.median(gains))
+    numbers = len(gains), gain, low, high, chance
+    return Comparison(setting, metric, *middle, *numbers, verdict, tuple(gains.tolist()))
 
 
-def interval(ordered: Sequence[float] | np.ndarray[tuple[int], np.dtype[np.float64]]) -> tuple[float, float]:
+def interval(ordered: Sequence[float]) -> tuple[float, float]:
     """The exact 95 % interval of the median of what these numbers, in rising order, were drawn from.
 
     With fewer than six numbers there is none: (-inf, inf).
     """
     number = len(ordered)
-    cut = sum(special.bdtr(count, number, 0.5) <= TAIL for count in range(number))
+    cut = sum(float(special.bdtr(count, number, 0.5)) <= TAIL for count in range(number))
     return (float(ordered[cut - 1]), float(ordered[number - cut])) if cut else (-math.inf, math.inf)

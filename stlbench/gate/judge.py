@@ -165,8 +165,8 @@ def _decide(family: Sequence[_Test]) -> list[Comparison]:
 def _not_judged(test: _Test) -> Comparison:
     """A cost, for information."""
     middle = float(np.median(test.base)), float(np.median(test.new))
-    gain = float(np.median(test.gains))
-    return Comparison(test.setting, test.metric, *middle, len(test.gains), gain, *[math.nan] * 3, "not judged")
+    gain, unknown = float(np.median(test.gains)), (math.nan, math.nan, math.nan)
+    return Comparison(test.setting, test.metric, *middle, len(test.gains), gain, *unknown, "not judged")
 
 
 def _estimate(test: _Test) -> tuple[float, float, float]:

@@ -41,8 +41,8 @@ def answer(asked: Mapping[str, Any]) -> Answer:
     A cell that cannot be planned, since its method is newer than this revision for example, has the status "unknown".
     """
     try:
-        choices = ([parse_choice(asked[name])] for name in ("task", "method", "agent"))
-        (cell,) = plan_cells(*choices, [asked["seed"]], asked["budget"], asked["track"])
+        task, method, agent = ([parse_choice(asked[name])] for name in ("task", "method", "agent"))
+        (cell,) = plan_cells(task, method, agent, [asked["seed"]], asked["budget"], asked["track"])
         warm([cell])
     except Exception as error:
         return {"status": "unknown", "reason": f"{type(error).__name__}: {error}"}
