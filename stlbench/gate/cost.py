@@ -101,9 +101,9 @@ def _compare(setting: Setting, metric: Metric, turns: Sequence[Turn]) -> Compari
     elif high < -metric.tolerated and max(turn.round for turn in turns) >= ROUNDS:
         verdict = "worse"
     chance = float(special.bdtr(int(np.sum(gains >= -metric.tolerated)), len(gains), 0.5))
-    middle, gain = (float(np.median(base)), float(np.median(new))), float(np.median(gains))
-    numbers = len(gains), gain, low, high, chance
-    return Comparison(setting, metric, *middle, *numbers, verdict, tuple(gains.tolist()))
+    middle = float(np.median(base)), float(np.median(new))
+    gain, turned = float(np.median(gains)), tuple(gains.tolist())
+    return Comparison(setting, metric, *middle, len(turned), gain, low, high, chance, verdict, turned)
 
 
 def interval(ordered: Sequence[float]) -> tuple[float, float]:
