@@ -14,7 +14,7 @@ from stlbench.report.figures import layout
 from stlbench.report.figures.beyond import Window, beside, beyond_key, number, window
 from stlbench.report.figures.palette import COLOURS, styles
 from stlbench.report.figures.style import DOUBLE, styled
-from stlbench.report.statistics.intervals import interval, iqm
+from stlbench.report.statistics.intervals import median, median_interval
 from stlbench.report.tables.rows import Group
 
 __all__ = ["MIDDLE", "SEED", "draw_robustness", "robustness_by_method"]
@@ -25,7 +25,7 @@ SEED, MIDDLE = COLOURS[0], COLOURS[1]
 
 @styled
 def robustness_by_method(groups: Sequence[Group], unit: str) -> Figure:
-    """A point per seed, the interquartile mean with its interval under it; groups of one task."""
+    """A point per seed, the median with its interval under it; groups of one task."""
     figure = Figure(figsize=(DOUBLE, 1.1 + 0.34 * len(groups)), layout="constrained")
     keys = draw_robustness(figure.subplots(), groups, unit)
     layout.title(figure, f"{groups[0].setting.task}: robustness by method")
@@ -57,14 +57,14 @@ def draw_robustness(axes: Axes, groups: Sequence[Group], unit: str) -> list[Arti
 
 
 def _limit(axes: Axes, values: Sequence[Sequence[float]], shown: Sequence[float]) -> None:
-    """Room for what is shown and for intervals, but for none of two seeds that would squeeze everything else."""
+    """Room for what is shown and for intervals."""
     low, high = min(shown), max(shown)
-    ends = [end for seeds in values for end in interval(seeds) or ()]
+    ends = [end for seeds in values for end in median_interval(seeds) or ()]
     left, right = max(min([low, *ends]), 2 * low - high), min(max([high, *ends]), 2 * high - low)
     margin = 0.05 * (right - left) or 1.0
     axes.set_xlim(left - margin, right + margin)
     for place, seeds in enumerate(values):
-        _arrows(axes, place + 0.16, interval(seeds) or ())
+        _arrows(axes, place + 0.16, median_interval(seeds) or ())
 
 
 def _arrows(axes: Axes, row: float, ends: Sequence[float]) -> None:
@@ -84,7 +84,7 @@ def _points(axes: Axes, place: int, values: Sequence[float], shown: Window | Non
     near = [value for value in values if value not in far]
     if near:
         axes.plot(near, np.full(len(near), place - 0.14), "o", color=SEED, alpha=0.6, markersize=4.5, mew=0)
-    centre, ends = iqm(values), interval(values)
+    centre, ends = median(values), median_interval(values)
     below = shown is not None and centre < shown.low
     if ends is not None:
         axes.plot(ends, (place + 0.16, place + 0.16), "-", color=MIDDLE, linewidth=2, solid_capstyle="butt")
@@ -106,7 +106,7 @@ def _far(values: Sequence[float]) -> str:
 def _keys(shown: Window | None) -> list[Artist]:
     keys: list[Artist] = [
         Line2D([], [], color=SEED, marker="o", linestyle="", alpha=0.6, markersize=4.5, label="one seed"),
-        Line2D([], [], color=MIDDLE, marker="D", linewidth=2, markersize=5, label="IQM over seeds, 95 % interval"),
+        Line2D([], [], color=MIDDLE, marker="D", linewidth=2, markersize=5, label="median seed, 95 % interval"),
         layout.level_key("0: satisfied above"),
     ]
     return keys if shown is None else [*keys, beyond_key("<", "beyond the axis")]

@@ -24,7 +24,7 @@ from stlbench.report.page.chart import (
     shown,
 )
 from stlbench.report.statistics.curves import MeanCurve, mean_curve
-from stlbench.report.statistics.intervals import Interval, interval, iqm
+from stlbench.report.statistics.intervals import Interval, median, median_interval
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Table
 
@@ -39,7 +39,7 @@ def _names(looks: Sequence[GroupStyle]) -> list[str]:
 
 
 def robustness(groups: Sequence[Group], unit: str) -> Chart:
-    """A point per seed, under it the interquartile mean with its interval; one row per group."""
+    """A point per seed, under it the median with its interval; one row per group."""
     looks = styles(groups)
     values = [group.values(lambda numbers: numbers.robustness_mean) for group in groups]
     axis = axis_of(values, _shown(values))
@@ -60,13 +60,13 @@ def _shown(values: Sequence[Sequence[float]]) -> list[float]:
     """What the chart has room for: all values, and intervals as far as they do not squeeze these, as in the figures."""
     every = [0.0, *(value for seeds in values for value in seeds if math.isfinite(value))]
     low, high = min(every), max(every)
-    ends = [end for seeds in values for end in interval(seeds) or ()]
+    ends = [end for seeds in values for end in median_interval(seeds) or ()]
     return [*every, *(min(max(end, 2 * low - high), 2 * high - low) for end in ends)]
 
 
 def _of_group(place: int, group: Group, seeds: Sequence[float], style: GroupStyle, axis: Axis) -> list[Trace]:
     kept = [row.id.seed for row in group.rows if row.numbers is not None]
-    name, ends, centre = plain(style.label), interval(seeds), iqm(seeds)
+    name, ends, centre = plain(style.label), median_interval(seeds), median(seeds)
     texts = [f"seed {seed}: {value:.4g}" for seed, value in zip(kept, seeds, strict=True)]
     points = _points(numbers(map(axis.at, seeds)), place - 0.15, texts, colour(style.colour), name)
     middle = _points([axis.at(centre)], place + 0.18, [_said(centre, ends)], colour(style.colour), name)
@@ -100,7 +100,7 @@ def _points(x: Sequence[float | None], y: float, texts: Sequence[str], of: str, 
 
 
 def _said(centre: float, ends: Interval | None) -> str:
-    return f"IQM {centre:.4g}" + (f", 95 % interval [{ends.low:.4g}, {ends.high:.4g}]" if ends else "")
+    return f"median {centre:.4g}" + (f", 95 % interval [{ends.low:.4g}, {ends.high:.4g}]" if ends else "")
 
 
 def learning(groups: Sequence[Group], unit: str) -> list[Chart]:
