@@ -48,31 +48,13 @@ def draw_robustness(axes: Axes, groups: Sequence[Group], unit: str) -> list[Arti
     axes.set_ylim(len(groups) - 0.5, -0.5)
     axes.grid(axis="x", alpha=0.3)
     axes.set_xlabel(f"mean robustness over the report starts [{unit}]")
-    every = [value for seeds in values for value in seeds]
+    every = [0.0, *(value for seeds in values for value in seeds)]
     if shown is not None:
         axes.set_xlim(shown.limits)
-    elif every and np.isfinite(every).all():
-        _limit(axes, values, [0.0, *every])
+    elif np.isfinite(every).all():
+        margin = 0.05 * float(np.ptp(every)) or 1.0
+        axes.set_xlim(min(every) - margin, max(every) + margin)
     return _keys(shown)
-
-
-def _limit(axes: Axes, values: Sequence[Sequence[float]], shown: Sequence[float]) -> None:
-    """Room for what is shown and for intervals."""
-    low, high = min(shown), max(shown)
-    ends = [end for seeds in values for end in median_interval(seeds) or ()]
-    left, right = max(min([low, *ends]), 2 * low - high), min(max([high, *ends]), 2 * high - low)
-    margin = 0.05 * (right - left) or 1.0
-    axes.set_xlim(left - margin, right + margin)
-    for place, seeds in enumerate(values):
-        _arrows(axes, place + 0.16, median_interval(seeds) or ())
-
-
-def _arrows(axes: Axes, row: float, ends: Sequence[float]) -> None:
-    """At the edges that cut an interval."""
-    left, right = axes.get_xlim()
-    cut = [(left, "<") for end in ends if end < left] + [(right, ">") for end in ends if end > right]
-    for edge, marker in cut:
-        axes.plot([edge], [row], marker, color=MIDDLE, markersize=4.5, clip_on=False, zorder=6)
 
 
 def _points(axes: Axes, place: int, values: Sequence[float], shown: Window | None) -> None:

@@ -43,10 +43,10 @@ def median_interval(values: Sequence[float]) -> Interval | None:
         values: one number per seed.
 
     Returns:
-        Lower and upper end; None for fewer than `FEWEST` values, or where one is NaN. Coverage is 93.75 % of five
+        Lower and upper end; None for fewer than `FEWEST` values, or where one is not finite. Coverage is 93.75 % of five
         values, 97.9 % of ten, and at least 95 % of any other number.
     """
-    if len(values) < FEWEST or np.isnan(values).any():
+    if len(values) < FEWEST or not np.isfinite(values).all():
         return None
     data, outside = sorted(values), _outside(len(values))
     return Interval(float(data[outside]), float(data[-1 - outside]))

@@ -95,7 +95,7 @@ def test_the_parts_of_compound_values_are_columns():
     (record,) = to_records(
         robustness_table(condense([result(robustness=(-0.3, 0.1), first_failed={"G[0,9] x > 0": 1})]))
     )
-    parts = {"seeds done": 1, "seeds planned": 1, "seeds unfinished": None, "IQM 95 % interval low": None}
+    parts = {"seeds done": 1, "seeds planned": 1, "seeds unfinished": None, "median 95 % interval low": None}
     parts |= {"failed first formula": "G[0,9] x > 0", "failed first starts": 1, "failed first violating starts": 1}
     assert parts.items() <= record.items()
 
