@@ -49,7 +49,7 @@ def learned_by(track: str) -> dict[tuple[str, str], Row]:
 
 
 def entry(row: Row | None, seeds: int = SEEDS) -> str:
-    """ "0.396 [0.395, 0.397] 10, 9 *": median, interval, seeds that learned it with the selected and the final policy."""
+    """ "0.396 [0.395, 0.397] 10, 9 *": median, interval, seeds that learned it with the selected and final policy."""
     if row is None:
         return ""
     if not row["median robustness"]:

@@ -94,7 +94,7 @@ _NOTES = (
     "Median: of the seeds, with its exact 95 % interval.",
     f"Learned: seeds whose policy satisfies from at least {100 * LEARNED:.0f} % of the starts, of all that ran.",
     "Beside the best: against the first row of the same task, agent, budget and track, by the report's exact test, "
-    "after Holm's correction over the whole table.",
+    "after Holm's correction over the whole table. Unlike a report, it does not know which methods pay the same there.",
     "Claimed: the same median as the bundle has it, of the starts that all reports use. Claimed less found is the mean "
     "over seeds: chance makes it small, and training on the reported starts makes it larger.",
     "Record: whether the bundle's own numbers are found again from the reported starts (stlbench verify --rescore).",

@@ -2,15 +2,14 @@
 
 If two methods are alike, every way to deal their results to the two was as likely as the one that was seen. So chances
 are counted over all deals, and no distribution is assumed: not for seeds that fail, not for ties, not for few seeds.
-The smallest of the three chances counts. How often alike methods would have one as small is counted over the same deals,
-which pays for the three looks (the single-step minP procedure of Westfall and Young, *Resampling-Based Multiple
-Testing*, 1993, equation 2.8). The statistics are those of Welch (1947), of Mann and Whitney (1947), and of Fisher's test.
+The smallest of the three chances counts. How often alike methods would have one as small is counted over the same
+deals, which pays for the three looks (the single-step minP procedure of Westfall and Young, *Resampling-Based Multiple
+Testing*, 1993). The statistics are those of Welch (1947), of Mann and Whitney (1947), and of Fisher's test.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
 from itertools import chain, combinations
 from typing import Literal, NamedTuple
@@ -37,7 +36,7 @@ class Look(NamedTuple):
 
     what: Literal["mean", "rank", "learned"]
     chance: float
-    """That methods that are alike are, in any of the three respects, as far apart as these are in this one; in (0, 1]."""
+    """That methods that are alike are as far apart, in any of the three respects, as these are in this one; (0, 1]."""
     sign: int
     """1 where the first is better in this respect, -1 where the other is, 0 where neither is."""
 

@@ -43,8 +43,8 @@ def median_interval(values: Sequence[float]) -> Interval | None:
         values: one number per seed.
 
     Returns:
-        Lower and upper end; None for fewer than `FEWEST` values, or where one is not finite. Coverage is 93.75 % of five
-        values, 97.9 % of ten, and at least 95 % of any other number.
+        Lower and upper end; None for fewer than `FEWEST` values, or where one is not finite. Coverage is 93.75 % for
+        five values, 97.9 % for ten, and at least 95 % for any other number.
     """
     if len(values) < FEWEST or not np.isfinite(values).all():
         return None

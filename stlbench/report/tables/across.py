@@ -45,8 +45,8 @@ class Entry:
 
     method: str
     scores: tuple[tuple[float, ...], ...]
-    """Of each task, of each seed: 0 is a policy that acts at random, 1 the best possible; 0 for a seed without a result.
-    Empty for a task of which no seed has one: the method does not fit."""
+    """Of each task, of each seed: 0 is a policy that acts at random, 1 the best possible. A seed without a result has
+    0. Empty for a task of which no seed has one: the method does not fit."""
     unfinished: str
     """How the cells without a result ended: "40 intractable"; empty where there are none."""
     classes: tuple[int, ...] = ()
@@ -93,8 +93,8 @@ def fields(
     those that are not trivial and that every method fits, where these are others.
 
     A task counts if it is no ablation, if it is known what actions at random and the best policy get, and if it was
-    trained by its own agent. A method counts if it was tried on all these tasks and fits one that is not trivial. Fields
-    have three tasks or more.
+    trained by its own agent. A method counts if it was tried on all these tasks and fits one that is not trivial.
+    Fields have three tasks or more.
     """
     found = dict[tuple[str, str], list[Contest]]()
     for (task, agent, budget, track), contest in contests(groups).items():
@@ -221,7 +221,14 @@ def aggregates_table(found: Iterable[Field]) -> Table:
 
 def _row(field: Field, found: Aggregate) -> tuple[Value, ...]:
     entry, estimates = found.entry, [part for each in (found.mean, found.middle, found.rank) for part in each]
-    return (*_field(field), entry.method, entry.coverage, sum(map(len, entry.scores)), *estimates, entry.unfinished or None)
+    return (
+        *_field(field),
+        entry.method,
+        entry.coverage,
+        sum(map(len, entry.scores)),
+        *estimates,
+        entry.unfinished or None,
+    )
 
 
 _NOTES = (
@@ -230,9 +237,9 @@ _NOTES = (
     "Fits: on how many of the tasks the method has a result. All other numbers are of these tasks alone, so they are "
     "nothing without it: a method may fit the easy tasks, or meet few rivals. On a task that it fits, a seed without a "
     "result counts as 0.",
-    "Over all runs of all tasks: mean and interquartile mean. Rank: place among the methods that fit a task by the median "
-    "of the seeds, 1 is the best, mean over tasks; methods that pay the same there share a place. Intervals: bootstrap "
-    "over the seeds of each task.",
+    "Over all runs of all tasks: mean and interquartile mean. Rank: place among the methods that fit a task by the "
+    "median of the seeds, 1 is the best, mean over tasks; methods that pay the same there share a place. Intervals: "
+    "bootstrap over the seeds of each task.",
 )
 
 

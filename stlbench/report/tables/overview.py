@@ -61,9 +61,9 @@ def overview(
 
 
 _NOTE = (
-    "Robustness of the selected policies: the median seed, with its 95 % interval, of five seeds or more. In parentheses the seeds that "
-    "learned the task, with the selected policy and with the final one: the policy satisfies the formula from at least "
-    f"{100 * LEARNED:.0f} % of the starts."
+    "Robustness of the selected policies: the median seed, with its 95 % interval, of five seeds or more. In "
+    "parentheses the seeds that learned the task, with the selected policy and with the final one: the policy "
+    f"satisfies the formula from at least {100 * LEARNED:.0f} % of the starts."
 )
 
 

@@ -142,8 +142,8 @@ def _notes(further: Sequence[str]) -> tuple[str, ...]:
     notes = [
         "Robustness is in the unit of the task's predicates: averaged over the starts of a seed, then over seeds.",
         "The policy is the checkpoint that did best on other starts; 'final' is the one at the end of training.",
-        "Median: half of the seeds reach it. Its interval goes from one seed to another and covers the median of all seeds "
-        "however they are distributed, also where many fail: in 94 % of cases with 5 seeds, in 95 % or more with others. "
+        "Median: half of the seeds reach it. Its interval goes from one seed to another. It covers the median of all "
+        "seeds also where many fail: in 94 % of cases with 5 seeds, in 95 % or more with others. "
         f"Fewer than {FEWEST} seeds have none.",
         f"Learned: seeds whose policy satisfies from at least {100 * LEARNED:.0f} % of the starts, of all that ran, "
         "with the exact interval of their share.",

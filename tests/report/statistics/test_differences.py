@@ -41,7 +41,10 @@ def test_the_interval_is_that_of_scipys_welch_test():
 
 def test_a_complete_separation_of_ten_seeds_is_decided_among_a_hundred_pairs_whatever_the_tail():
     """Welch's test alone had p = 0.03 here: the seeds that failed have a tail. So it was on `cartpole`."""
-    failed, learned = [-0.1, -0.2, -0.2, -0.3, -0.3, -0.4, -0.5, -0.8, -2.0, -6.0], [0.09 + 0.001 * i for i in range(10)]
+    failed, learned = (
+        [-0.1, -0.2, -0.2, -0.3, -0.3, -0.4, -0.5, -0.8, -2.0, -6.0],
+        [0.09 + 0.001 * i for i in range(10)],
+    )
     pair = Pair(failed, learned, learned=([False] * 10, [True] * 10))
     assert stats.ttest_ind(failed, learned, equal_var=False).pvalue > 0.05
     found, *_ = differences([pair, *[Pair(NORMAL, NORMAL)] * 99])
@@ -161,10 +164,12 @@ def test_power_with_seeds_that_fail_is_that_of_ranks_and_with_five_seeds_that_of
     for _ in range(rounds):
         one = np.where(generator.random(10) < 0.35, generator.normal(-3, 2, 10), generator.normal(0.6, 0.1, 10))
         other = generator.normal(0.9, 0.1, 10)
-        found.append([
-            differences([Pair(one.tolist(), other.tolist())])[0].alone < 0.005,
-            stats.ttest_ind(one, other, equal_var=False).pvalue < 0.005,
-        ])
+        found.append(
+            [
+                differences([Pair(one.tolist(), other.tolist())])[0].alone < 0.005,
+                stats.ttest_ind(one, other, equal_var=False).pvalue < 0.005,
+            ]
+        )
     exact, welch = np.mean(found, axis=0)
     assert exact > 0.85
     assert welch < 0.2

@@ -118,7 +118,7 @@ def test_methods_that_are_alike_are_apart_as_rarely_as_the_p_value_says(name, n,
 
 @pytest.mark.parametrize(("n", "m", "most"), [(5, 5, 0.10), (10, 5, 0.13), (5, 10, 0.13)])
 def test_methods_that_differ_in_scatter_alone_are_called_apart_somewhat_more_often(n, m, most):
-    """Deals are not as likely as one another then: measured at four times the scatter, and said in the documentation."""
+    """Deals are not as likely as one another then: measured at four times the scatter, as the documentation says."""
     generator, rounds = np.random.default_rng(8), 400
     found = [p_value(generator.normal(0, 1, n), generator.normal(0, 4, m)) for _ in range(rounds)]
     assert np.mean(np.array(found) < 0.05) <= most

@@ -1,4 +1,4 @@
-"""The median and the mean with their intervals, and intervals of shares, against SciPy and values worked out by hand."""
+"""The median and the mean with their intervals, and intervals of shares, against SciPy and values by hand."""
 
 from __future__ import annotations
 

@@ -100,13 +100,19 @@ def test_aggregates_have_intervals_and_ranks():
 
 def test_a_method_that_does_not_fit_has_no_rank_there_and_its_rival_is_ranked_among_fewer():
     """By hand: on `four` only good and third are ranked, so bad has 3, 3, 3 and good 1, 1, 1 and 2 on `four`."""
-    third = [each for task in TASKS for each in seeds("third", *((0.95,) * 2 if task == "four" else (0.5,) * 2), task=task)]
+    third = [
+        each for task in TASKS for each in seeds("third", *((0.95,) * 2 if task == "four" else (0.5,) * 2), task=task)
+    ]
     every, common = fields(condense([*RESULTS, *third]), STANDARDS, {})
     ranks = {each.entry.method: (each.rank.value, each.entry.coverage) for each in aggregates(every)}
     assert ranks == {"bad": (3.0, "3 of 4"), "good": (1.25, "4 of 4"), "third": (1.75, "4 of 4")}
     assert [each.rank.value for each in aggregates(common)] == [3.0, 1.0, 2.0]
     both = {row[3:5]: row[5:7] for row in improvement_table((every,)).rows}
-    assert both == {("bad", "good"): ("3 of 4", 0.0), ("bad", "third"): ("3 of 4", 0.0), ("good", "third"): ("4 of 4", 0.75)}
+    assert both == {
+        ("bad", "good"): ("3 of 4", 0.0),
+        ("bad", "third"): ("3 of 4", 0.0),
+        ("good", "third"): ("4 of 4", 0.75),
+    }
 
 
 def test_methods_that_pay_the_same_share_a_rank_whatever_stands_between_them():
