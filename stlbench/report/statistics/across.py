@@ -111,8 +111,8 @@ def ranks(tasks: Sequence[Sequence[tuple[int, Array] | None]]) -> list[Estimate]
         centres = np.stack([np.median(runs, axis) for runs in drawn])
         found = np.full((len(at), len(at[0]), *centres.shape[1:]), np.nan)
         for task, methods in enumerate(at):
-            fitting = [method for method, where in enumerate(methods) if where is not None]
-            found[task, fitting] = stats.rankdata(-centres[[methods[method] for method in fitting]], axis=0)
+            fitting = {method: where for method, where in enumerate(methods) if where is not None}
+            found[task, list(fitting)] = stats.rankdata(-centres[list(fitting.values())], axis=0)
         return np.asarray(np.nanmean(found, axis=0))
 
     return _estimates(*_bootstrapped(places, strata))

@@ -49,8 +49,7 @@ class Pair:
     def samples(self) -> tuple[Sample, Sample]:
         """What the test compares."""
         learned = self.learned or ([False] * len(self.one), [False] * len(self.other))
-        one, other = (tuple(zip(*each, strict=True)) for each in zip((self.one, self.other), learned, strict=True))
-        return one, other
+        return tuple(zip(self.one, learned[0], strict=True)), tuple(zip(self.other, learned[1], strict=True))
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,8 @@ class _Tested:
 
 def _estimate(pair: Pair) -> _Tested:
     """The difference before it is judged, with the p-value of this pair alone; without, where it is not tested."""
-    both, word = (pair.one, pair.other), "=" if pair.alike else "cannot tell"
+    both = (pair.one, pair.other)
+    word: Word = "=" if pair.alike else "cannot tell"
     if not all(values and np.isfinite(values).all() for values in both):
         return _Tested(pair, Difference(word))
     value = float(np.mean(sorted(pair.one)) - np.mean(sorted(pair.other)))
