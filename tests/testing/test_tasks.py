@@ -108,7 +108,7 @@ class Quitter(gymnasium.Env):
     action_space = gymnasium.spaces.Discrete(2)
     def reset(self, *, seed=None, options=None): return np.zeros(1, np.float32), {{}}
     def step(self, action): return np.zeros(1, np.float32), 0.0, {ends}, False, {{}}
-gymnasium.register("Quitter-v0", Quitter)
+gymnasium.register("Quitter{ends}-v0", Quitter)
 """
 
 
@@ -139,13 +139,35 @@ def test_who_checks_is_warned_of_early_ends(
 ) -> None:
     """An environment that ends at its first step satisfies `G x <= .5` by standing still."""
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "zz_quitter", raising=False)
-    (tmp_path / "zz_quitter.py").write_text(QUITTER.format(ends=ends))
+    monkeypatch.delitem(sys.modules, f"zz_quitter_{ends}", raising=False)
+    (tmp_path / f"zz_quitter_{ends}.py").write_text(QUITTER.format(ends=ends))
     folder = tmp_path / f"quit-{ends.lower()}-{rule}"
     folder.mkdir()
-    environment = {"id": "zz_quitter:Quitter-v0", "names": ["x"]}
+    environment = {"id": f"zz_quitter_{ends}:Quitter{ends}-v0", "names": ["x"]}
     changes = {"environment": environment, "terminated": rule, "formula": "G[0,4] x <= 0.5"}
     (folder / "task.yaml").write_text(walk_text(**changes))
     rules = Rules()
     check_task(str(folder), rules)
     assert rules.warnings == said
+
+
+def test_the_own_agent_of_a_task_has_to_be_able_to_act(site: Callable[..., Path]) -> None:
+    """`dqn` chooses from a grid; here the actions are continuous."""
+    continuous = {"v": {"low": -1, "high": 1}}
+    for agents, said in (
+        ({"dqn": {}, "td3": {}}, "are continuous, and this agent chooses from a grid"),
+        ({"td3": {}}, ""),
+    ):
+        files = {
+            "zz_conform/__init__.py": "",
+            "zz_conform/system.py": SYSTEM.format(**SOUND),
+            "zz_conform/task.yaml": text(agents=agents, actions=continuous),
+        }
+        site("zz-conform", "[stlbench.tasks]\nzz-conform = zz_conform.system:Line\n", files)
+        rules = Rules()
+        if said:
+            with pytest.raises(AssertionError, match=f"^rule broken: the task's own agent, dqn, can act .*{said}"):
+                check_task("zz-conform", rules)
+        else:
+            check_task("zz-conform", rules)
+            assert "the task's own agent, td3, can act and train on it" in rules.kept
