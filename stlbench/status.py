@@ -30,8 +30,11 @@ def accidents_of(value: object) -> tuple[Status, ...]:
     """
     if value is None or isinstance(value, bool):
         return ACCIDENTS if value else ()
-    several = isinstance(value, Iterable) and not isinstance(value, Mapping)
-    words = value.split(",") if isinstance(value, str) else list(value) if several else [value]
+    words: list[object] = [value]
+    if isinstance(value, str):
+        words = list(value.split(","))
+    elif isinstance(value, Iterable) and not isinstance(value, Mapping):
+        words = list(value)
     said = [str(word).strip() for word in words]
     for word in said:
         if word not in (*ACCIDENTS, FAILED):
