@@ -39,7 +39,8 @@ class Examiner:
     """
 
     def __init__(self, cells: Iterable[Cell], folder: Path) -> None:
-        self._folder, self._link, self._open = folder, None, ExitStack()
+        self._folder, self._open = folder, ExitStack()
+        self._link: Connection | None = None
         self._apart = APART and any(_is_foreign(cell) for cell in cells)
 
     def __enter__(self) -> Self:
@@ -93,7 +94,8 @@ class Examiner:
 
 def _is_foreign(cell: Cell) -> bool:
     named = (("methods", cell.id.method.name), ("agents", cell.id.agent.name))
-    return any(plugins.find(kind, name).distribution != plugins.OWN for kind, name in named)
+    found = (plugins.available(kind).get(name) for kind, name in named)
+    return any(plugin is not None and plugin.distribution != plugins.OWN for plugin in found)
 
 
 def serve(descriptor: int) -> None:

@@ -93,8 +93,8 @@ class TestPoints:
         [
             ({"low": 2.0}, "low = 2 must be less than high = 1"),
             ({"periodic": True, "near": (0.5,)}, "a periodic axis has evenly spaced points"),
-            ({"points": 1}, "at least 2"),
-            ({"width": 0.0}, "more than 0"),
+            ({"points": 1}, "greater than or equal to 2"),
+            ({"width": 0.0}, "greater than 0"),
             ({"middle": 0.0}, "not permitted"),
         ],
     )
