@@ -68,6 +68,9 @@ class Score:
     """How many starts failed, by the conjunct that failed first."""
     summary: Summary | None = None
     """Instead of the values per start, which are empty then: of many starts no more is kept."""
+    ended_early: float | None = field(default=None, compare=False)
+    """Share of the starts, in [0, 1], from which the environment ended the episode before the formula's horizon; None
+    in records of before it was counted. It is no part of the verdict, so that older scores compare equal."""
 
     @property
     def mean(self) -> float:
@@ -92,7 +95,7 @@ class Score:
     def summarised(self) -> Score:
         """The same without the values per start."""
         kept = Summary(self.mean, self.minimum, self.satisfaction, self.starts)
-        return Score((), (), self.first_failed, kept)
+        return Score((), (), self.first_failed, kept, self.ended_early)
 
 
 def reported(scores: Mapping[str, Score]) -> Score:

@@ -74,7 +74,7 @@ class SubmititExecutor(Executor):
         cluster: Literal["slurm", "local"] = "slurm",
     ) -> None:
         if find_spec("submitit") is None:
-            raise Unsuitable("executor submitit needs submitit: pip install 'stlbench-rl[submitit]'")
+            raise Unsuitable('executor submitit needs submitit: pip install "stlbench-rl[submitit]"')
         if cluster == "slurm" and not (shutil.which("sbatch") and shutil.which("srun")):
             raise Unsuitable("executor submitit needs Slurm, and here is no sbatch or srun; cluster=local goes without")
         super().__init__(jobs=jobs or (AT_A_TIME if cluster == "slurm" else 2))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from stlbench.outside.again import Again
     from stlbench.outside.source import Source
     from stlbench.registry.choices import Choice
-    from stlbench.result import Result
+    from stlbench.result import Result, Score
 
 
 def score(
@@ -120,6 +120,7 @@ def _stored(
         return
     typer.echo(f"{again.cell.name}, {which} policy, on {task}: {again.said}")
     to_screen(scores_table({"": again.scores}), console())
+    _warn_of_ends(again.scores)
 
 
 def _usual(results: Path, task: Choice) -> str | None:
@@ -166,6 +167,16 @@ def _outside(
     return result
 
 
+def _warn_of_ends(scores: Mapping[str, Score]) -> None:
+    """Say that episodes ended before their formula was decided."""
+    from stlbench.result import reported
+
+    if share := reported(scores).ended_early:
+        warn(
+            f"from {100 * share:.3g} % of the starts the episode ended before the formula's horizon; see the note above"
+        )
+
+
 def _show(result: Result, results: Path, as_json: bool) -> None:
     """The score, and the row beside the cells of its task."""
     from stlbench.cli.show_cell import facts
@@ -184,6 +195,7 @@ def _show(result: Result, results: Path, as_json: bool) -> None:
     if moved := result.provenance.get("moved"):
         warn(f"{moved}; --actions FILE gives it actions of its own")
     to_screen(scores_table({"": result.measurement.selected}), console())
+    _warn_of_ends(result.measurement.selected)
     groups = condense(each for each in stored.read(results) if each.id.task == result.id.task)
     to_screen(robustness_table(split(groups)[0], outside=outside(groups)), console())
     counts = sorted({each.starts for group in groups for each in group.done if each.starts is not None})

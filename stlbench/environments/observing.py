@@ -16,9 +16,9 @@ from stlbench.environments.entries import Entries
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.observation import MOST, Observation
 
-__all__ = ["Observed"]
+__all__ = ["LARGE", "Observed"]
 
-_LARGE = 1e4
+LARGE = 1e4
 """Ends of a space beyond this say nothing of what an entry is about: some environments write the largest float32."""
 
 
@@ -35,7 +35,7 @@ class Observed:
         self.size, self._type = flat.shape[0], flat.dtype
         self._space, self._plain = space, isinstance(space, spaces.Box) and len(space.shape) == 1
         low, high = flat.low.astype(np.float64), flat.high.astype(np.float64)
-        known = (np.abs(low) <= _LARGE) & (np.abs(high) <= _LARGE) & (low < high)
+        known = (np.abs(low) <= LARGE) & (np.abs(high) <= LARGE) & (low < high)
         low, high = np.where(known, low, -1.0), np.where(known, high, 1.0)
         self._middle, self._reach = (low + high) / 2, (high - low) / 2
         self._names = {place: name for name, place in _named(space, entries).items()}

@@ -57,7 +57,7 @@ def imported_torch(path: Path) -> Any:
     try:
         import torch
     except ImportError as error:
-        raise UsageError(f"{path} needs PyTorch: pip install 'stlbench-rl[sb3]'") from error
+        raise UsageError(f'{path} needs PyTorch: pip install "stlbench-rl[sb3]"') from error
     return torch
 
 

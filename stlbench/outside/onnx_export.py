@@ -104,7 +104,7 @@ def _complete(content: bytes, kept: Kept, facts: dict[str, str]) -> bytes:
         import onnx
         from onnx import TensorProto, helper, numpy_helper
     except ImportError as error:
-        raise UsageError("an ONNX file needs the package onnx: pip install 'stlbench-rl[onnx]'") from error
+        raise UsageError('an ONNX file needs the package onnx: pip install "stlbench-rl[onnx]"') from error
     model, actions = onnx.load_model_from_string(content), kept.task.actions
     if isinstance(actions, ActionGrid):
         graph = model.graph

@@ -60,7 +60,7 @@ def _session(path: Path) -> Any:
     try:
         import onnxruntime
     except ImportError as error:
-        raise UsageError(f"{path} needs onnxruntime: pip install 'stlbench-rl[onnx]'") from error
+        raise UsageError(f'{path} needs onnxruntime: pip install "stlbench-rl[onnx]"') from error
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4

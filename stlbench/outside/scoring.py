@@ -94,9 +94,9 @@ def score(task: Task, source: Source, shown: Shown, random_starts: int) -> Score
     if source.kind == "traces":
         if shown != Shown():
             raise UsageError(f"{source.text} has traces, which are shown nothing; leave --method and --on out")
-        traces = load_traces(source.path, task)
+        traces, lasted = load_traces(source.path, task)
         try:
-            scores = {MAIN: referee.score(task, traces)}
+            scores = {MAIN: referee.score(task, traces, lasted=lasted)}
         except ValueError as error:
             raise UsageError(f"{source.text}: {error}") from error
         starts = "the report's starts" if from_the_reports_starts(traces, task) else "starts of its own"

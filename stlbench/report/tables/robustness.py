@@ -11,6 +11,7 @@ import numpy as np
 from stlbench.identity import Setting
 from stlbench.registry.choices import Choice
 from stlbench.report.statistics.intervals import FEWEST, Interval, median, median_interval, share_interval
+from stlbench.report.tables.cell import ENDED_EARLY
 from stlbench.report.tables.contests import contests, mark, mark_notes
 from stlbench.report.tables.outside import MARK, outside_notes
 from stlbench.report.tables.rows import LEARNED, Group
@@ -41,6 +42,7 @@ def robustness_table(
     further = sorted({name for group in groups for numbers in group.done for name in numbers.further})
     by_group = _marks(own, standards or {})
     marks = [by_group.get(group.setting, MARK) for group in groups]
+    early = any(numbers.ended_early for group in groups for numbers in group.done)
     columns = (
         *SETTING,
         *([Column("mark", right=False)] if any(marks) else []),
@@ -50,6 +52,7 @@ def robustness_table(
         Column("median 95 % interval", digits=3, kind=Interval, drop=1),
         Column("worst start", digits=3, drop=5),
         Column("satisfied", unit="%", digits=1),
+        *([Column("ended early", unit="%", digits=1)] if early else []),
         Column("learned", drop=2),
         Column("learned 95 % interval", unit="%", digits=0, kind=Interval, drop=4),
         *([Column(_SHARE, "of best", digits=2, drop=2)] if best else []),
@@ -63,11 +66,11 @@ def robustness_table(
         Column("remarks", right=False, below=True),
     )
     rows = tuple(
-        (*setting_values(group), *([each or None] if any(marks) else []), *_values(group, further, best or {}))
+        (*setting_values(group), *([each or None] if any(marks) else []), *_values(group, further, best or {}, early))
         for group, each in zip(groups, marks, strict=True)
     )
     shown = tuple(map(partial(_only_selected, columns), rows, (group.outside for group in groups)))
-    return Table("Robustness", columns, shown, (*_notes(further), *mark_notes(marks), *outside_notes(outside)))
+    return Table("Robustness", columns, shown, (*_notes(further, early), *mark_notes(marks), *outside_notes(outside)))
 
 
 def _only_selected(columns: Sequence[Column], row: tuple[Value, ...], outside: bool) -> tuple[Value, ...]:
@@ -87,7 +90,7 @@ def _marks(groups: Sequence[Group], standards: Mapping[str, Standard]) -> dict[S
     return {group.setting: mark(group, contest, standards) for contest in found for group in contest}
 
 
-def _values(group: Group, further: Sequence[str], best: Mapping[Choice, float]) -> tuple[Value, ...]:
+def _values(group: Group, further: Sequence[str], best: Mapping[Choice, float], early: bool) -> tuple[Value, ...]:
     values = group.values(lambda numbers: numbers.robustness_mean)
     final = group.values(lambda numbers: numbers.final_robustness_mean)
     centre = median(values) if values else None
@@ -98,6 +101,7 @@ def _values(group: Group, further: Sequence[str], best: Mapping[Choice, float]) 
         median_interval(values),
         min(group.values(lambda numbers: numbers.robustness_min), default=None),
         _percent(group.values(lambda numbers: numbers.satisfaction)),
+        *([_percent([each.ended_early for each in group.done if each.ended_early is not None])] if early else []),
         *_learned(group, [numbers.learned for numbers in group.done]),
         *([_share(centre, best.get(group.setting.task))] if best else []),
         *(_mean([numbers.further[name] for numbers in group.done if name in numbers.further]) for name in further),
@@ -138,7 +142,7 @@ def _percent(shares: Sequence[float]) -> float | None:
     return 100 * float(np.mean(shares)) if shares else None
 
 
-def _notes(further: Sequence[str]) -> tuple[str, ...]:
+def _notes(further: Sequence[str], early: bool) -> tuple[str, ...]:
     notes = [
         "Robustness is in the unit of the task's predicates: averaged over the starts of a seed, then over seeds.",
         "The policy is the checkpoint that did best on other starts; 'final' is the one at the end of training.",
@@ -149,6 +153,8 @@ def _notes(further: Sequence[str]) -> tuple[str, ...]:
         "with the exact interval of their share.",
         "Worst start: minimum over starts and seeds. Failed first: what violating starts most often failed first.",
     ]
+    if early:
+        notes.append(ENDED_EARLY)
     if further:
         names = ", ".join(further)
         notes.append(f"Mean robustness under the task's further protocols (`stlbench show task NAME`): {names}.")

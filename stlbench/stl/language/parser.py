@@ -160,6 +160,8 @@ class _Parser(ExpressionParser):
     def group(self) -> AnyNode:
         self.take()
         node = self.parse(LEVEL_IFF)
+        if self.at(","):
+            self.fail("')' (an interval has square brackets, as in G[0,1])")
         self.expect(")")
         return node
 

@@ -21,8 +21,10 @@ from stlbench.report import (
     to_csv,
     unfinished_table,
 )
+from stlbench.report.page.cells import cells_listed
+from stlbench.report.tables.cell import scores_table
 from stlbench.report.tables.table import FirstFailed, Seeds
-from stlbench.result import RANDOM, Score, Summary
+from stlbench.result import MAIN, RANDOM, Score, Summary
 from stlbench.rollout.standards import Standard
 from stlbench.task.file import BestPossible
 
@@ -56,6 +58,29 @@ def test_the_median_has_an_interval_of_five_seeds_on_that_no_seed_is_beyond():
     table = robustness_table(condense(results))
     assert (cell(table, "median robustness"), cell(table, "median 95 % interval")) == (2.0, (-9.0, 50.0))
     assert any("Fewer than 5 seeds have none" in note for note in table.notes)
+
+
+def test_early_ends_have_a_column_where_there_are_any():
+    """Half of the starts of one seed, none of another; of a third, of an older record, nobody knows."""
+    ended = [result(seed=seed, robustness=(0.3, 0.4)) for seed in range(3)]
+    shares = dict(enumerate((0.5, 0.0)))
+    early = [with_ends(each, shares.get(seed)) for seed, each in enumerate(ended)]
+    table = robustness_table(condense(early))
+    assert cell(table, "ended early [%]") == 25
+    assert any("under `hold` the last sample stays" in note for note in table.notes)
+    assert "ended early [%]" not in [column.heading for column in robustness_table(condense(ended)).columns]
+    rows = condense(early)[0].rows
+    assert [cell(cells_table(rows), "ended_early", row) for row in range(3)] == [0.5, 0.0, None]
+    page = cells_listed(rows)
+    place = [head.text for head in page.heads].index("ended early [%]")
+    assert [row[place].key for row in page.rows] == [50, 0, None]
+    measured = early[0].measurement
+    assert cell(scores_table({"": measured.selected}), "ended early [%]") == 50
+
+
+def with_ends(of, share):
+    scores = {MAIN: replace(of.measurement.selected[MAIN], ended_early=share)}
+    return replace(of, measurement=replace(of.measurement, selected=scores))
 
 
 def test_one_seed_has_no_interval():
