@@ -47,9 +47,10 @@ lowest: | $(VENV)-lowest/bin
 docs: $(VENV)/ready-dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
-## Is anything worse than the committed reference? See docs/ci.md.
+## Is anything worse than the committed reference? See docs/ci.md. Costs as well: make gate AGAINST=origin/main
+AGAINST :=
 gate: $(VENV)/ready
-	$(BIN)/stlbench gate results/gate-reference --budget smoke
+	$(BIN)/stlbench gate results/gate-reference --budget smoke $(if $(AGAINST),--against $(AGAINST))
 
 ## Speed beside that of others, by turns in one run; an hour. Writes results/bench.json and docs/performance.md.
 ## A part, after which the rest stays as it is: make bench PARTS=tests/benchmarks/test_monitor.py

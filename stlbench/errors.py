@@ -3,15 +3,32 @@
 from __future__ import annotations
 
 import errno
+import re
 import sqlite3
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-__all__ = ["UsageError", "did_you_mean", "is_disk_full"]
+__all__ = ["UsageError", "did_you_mean", "in_words", "is_disk_full"]
 
 
 class UsageError(ValueError):
-    """Bad input of a user: shown as one line, exit code 2, never a traceback."""
+    """Bad input of a user: shown as one line, exit code 2, never a traceback.
+
+    What the system says of a file is without its number, and without a path that the message has said already.
+    """
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(_OF_SYSTEM.sub(_said_once, message))
+
+
+_OF_SYSTEM = re.compile(r"\[Errno -?\d+\] (?P<what>[^:\[]+)(?P<where>: (?P<quote>['\"])(?P<path>.*?)(?P=quote))?")
+"""An `OSError` as Python writes it: "[Errno 2] No such file or directory: 'a.csv'"."""
+
+
+def _said_once(found: re.Match[str]) -> str:
+    path = found["path"]
+    said = path is not None and path in found.string[: found.start()]
+    return found["what"] + ("" if said else found["where"] or "")
 
 
 def is_disk_full(error: BaseException | None) -> bool:
@@ -23,6 +40,34 @@ def is_disk_full(error: BaseException | None) -> bool:
             return True
         error = error.__cause__
     return False
+
+
+_WORDS = {
+    r"(Value error|Assertion failed), ": "",
+    r"Field required": "must be given",
+    r"Input should be greater than or equal to ": "should be at least ",
+    r"Input should be greater than ": "should be more than ",
+    r"Input should be less than or equal to ": "should be at most ",
+    r"Input should be a valid number.*": "should be a number",
+    r"Input should be a valid integer.*": "should be a whole number",
+    r"Input should be a valid boolean.*": "should be true or false",
+    r"Input should be a valid string.*": "should be a text",
+    r"Input should be a valid (dictionary|mapping|object).*": "expected a mapping, {key: value}",
+    r"Input should be a valid (tuple|list).*": "expected a list",
+    r"Input is not a valid path.*": "should be a path",
+    r"\w+ should have at least 1 .*": "should not be empty",
+    r"\w+ should have at (least|most) (\d+) .*": r"should have at \1 \2 entries",
+    r"Input should ": "should ",
+}
+"""How Pydantic begins to say a rule -> how stlbench says it."""
+
+
+def in_words(message: str) -> str:
+    """What Pydantic says of a value, in our words: "Input should be greater than 0" -> "should be more than 0"."""
+    for begin, words in _WORDS.items():
+        if re.match(begin, message):
+            return re.sub(begin, words, message, count=1)
+    return message
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

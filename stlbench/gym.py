@@ -37,8 +37,10 @@ from stlbench.contract import ActionGrid, Array, GymTask, Integers
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.presentation import Drawn, Pixels
 from stlbench.registry import plugins
+from stlbench.registry.choices import choice_of
 from stlbench.rollout.early_ends import standing_still
 from stlbench.rollout.environment import Simulator
+from stlbench.rollout.shown import observation_of
 from stlbench.task import Task, build_method, load_task
 
 __all__ = ["StlEnv", "StlVectorEnv", "register_all"]
@@ -84,6 +86,7 @@ class _Copies:
         self._running = False
         example = self._simulator.reset(self._draw(np.random.default_rng(0)))
         self.observation_space = Box(-np.inf, np.inf, example.shape[1:], np.float32)
+        observation_of(self.task, self.method, str(choice_of(method))).save_in(self.observation_space)
         actions = self.task.actions
         self.action_space: Discrete | Box = (
             Discrete(actions.size)

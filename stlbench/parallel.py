@@ -25,7 +25,7 @@ from stlbench.gym import StlEnv
 try:
     from pettingzoo import ParallelEnv
 except ImportError as error:
-    raise UsageError(f"stlbench.parallel needs the extra multi: pip install 'stlbench-rl[multi]' ({error})") from error
+    raise UsageError(f'stlbench.parallel needs the extra multi: pip install "stlbench-rl[multi]" ({error})') from error
 
 __all__ = ["StlParallelEnv", "parallel_env"]
 

@@ -13,6 +13,7 @@ from pydantic import ConfigDict, TypeAdapter
 
 from stlbench.contract_parts.texts import one_line, printable
 from stlbench.identity import IDENTITY, CellId
+from stlbench.observation import Observation
 from stlbench.status import Status
 
 __all__ = [
@@ -67,6 +68,9 @@ class Score:
     """How many starts failed, by the conjunct that failed first."""
     summary: Summary | None = None
     """Instead of the values per start, which are empty then: of many starts no more is kept."""
+    ended_early: float | None = field(default=None, compare=False)
+    """Share of the starts, in [0, 1], from which the environment ended the episode before the formula's horizon; None
+    in records of before it was counted. It is no part of the verdict, so that older scores compare equal."""
 
     @property
     def mean(self) -> float:
@@ -91,7 +95,7 @@ class Score:
     def summarised(self) -> Score:
         """The same without the values per start."""
         kept = Summary(self.mean, self.minimum, self.satisfaction, self.starts)
-        return Score((), (), self.first_failed, kept)
+        return Score((), (), self.first_failed, kept, self.ended_early)
 
 
 def reported(scores: Mapping[str, Score]) -> Score:
@@ -140,6 +144,8 @@ class StoredPolicies:
     """On the track `tuned`, what the recipe says of the agent; empty on others, as the task says it."""
     hold: int | None = None
     """On the track `tuned`, the steps for which the recipe holds an action; None where that is the task's own."""
+    observation: Observation | None = None
+    """What the numbers of their observations mean; None in records of before this was recorded."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Literal
 
 from stlbench.errors import UsageError, did_you_mean
@@ -30,7 +30,11 @@ def accidents_of(value: object) -> tuple[Status, ...]:
     """
     if value is None or isinstance(value, bool):
         return ACCIDENTS if value else ()
-    words = value.split(",") if isinstance(value, str) else list(value) if isinstance(value, Iterable) else [value]
+    words: list[object] = [value]
+    if isinstance(value, str):
+        words = list(value.split(","))
+    elif isinstance(value, Iterable) and not isinstance(value, Mapping):
+        words = list(value)
     said = [str(word).strip() for word in words]
     for word in said:
         if word not in (*ACCIDENTS, FAILED):

@@ -29,13 +29,16 @@ from gymnasium.spaces import Space
 from gymnasium.vector import VectorEnv
 
 from stlbench import stl
-from stlbench.environments.entries import Names, entries_of
+from stlbench.environments.entries import Entries, Names, entries_of
 from stlbench.errors import UsageError, did_you_mean
+from stlbench.observation import Observation
+from stlbench.registry.choices import choice_of
 from stlbench.task.file import EarlyEnd
 from stlbench.wrapping.limits import steps_of, steps_of_copies
 from stlbench.wrapping.reading import Expressions, Function, Reader, SignalsOf
-from stlbench.wrapping.scoring import MethodOf, Ranges, Scoring, make_method, specify
+from stlbench.wrapping.scoring import MethodOf, Ranges, Scoring, specify
 from stlbench.wrapping.single import StlWrapper
+from stlbench.wrapping.spaces import Observing
 from stlbench.wrapping.vector import StlVectorWrapper, autoreset_of
 
 __all__ = ["StlVectorWrapper", "StlWrapper", "wrap"]
@@ -50,6 +53,7 @@ def wrap(
     ranges: Ranges,
     signals: SignalsOf | Mapping[str, str] | None = ...,
     names: Names | None = ...,
+    scale: Mapping[str, float] | None = ...,
     steps: int | None = ...,
     dt: float | None = ...,
     scaled: bool = ...,
@@ -65,6 +69,7 @@ def wrap(
     ranges: Ranges,
     signals: SignalsOf | Mapping[str, str] | None = ...,
     names: Names | None = ...,
+    scale: Mapping[str, float] | None = ...,
     steps: int | None = ...,
     dt: float | None = ...,
     scaled: bool = ...,
@@ -79,6 +84,7 @@ def wrap(
     ranges: Ranges,
     signals: SignalsOf | Mapping[str, str] | None = None,
     names: Names | None = None,
+    scale: Mapping[str, float] | None = None,
     steps: int | None = None,
     dt: float | None = None,
     scaled: bool = False,
@@ -99,6 +105,7 @@ def wrap(
             environment to signal -> number, which a vector environment calls for each copy. Where left out, each signal
             is the entry of its own name.
         names: of the entries of the observation, in their order; of a Dict observation {key: names of its entries}.
+        scale: named entry -> about its largest magnitude, where its space has no ends; the same as in a task file.
         steps: T, transitions in an episode; where left out, the environment's time limit.
         dt: sampling time in seconds; with it the intervals of the formula are seconds, without it they are steps.
         scaled: divide rewards by the method's `scale`, as training in stlbench does.
@@ -115,26 +122,34 @@ def wrap(
             what they would have been worth one by one.
 
     Returns:
-        The wrapped environment. A vector observation has the time in [-1, 1] and the method's inputs at its end; a Dict
-        has them as `stl`; any other becomes a Dict of `observation` and `stl`. An early end is reported as terminated,
-        the end at T as truncated.
+        The wrapped environment. It shows what a task of stlbench on this environment shows: entries with ends in the
+        observation space from -1 to 1, others divided by their scale. A vector observation has the time in [-1, 1] and
+        the method's inputs at its end; a Dict has them as `stl`; any other becomes a Dict of `observation`, as it is,
+        and `stl`. An early end is reported as terminated, the end at T as truncated.
 
     Raises:
-        UsageError: in one line, what does not fit: names, signals, ranges, formula, its horizon, method, steps. Later,
-            with the step, signals, observations or rewards that are no finite numbers, and signals of other names.
+        UsageError: in one line, what does not fit: names, scale, signals, ranges, formula, its horizon, method, steps.
+            Later, with the step, signals, observations or rewards that are no finite numbers, and signals of other
+            names.
     """
     _check(ranges, terminated, discount)
     if isinstance(env, VectorEnv):
-        reader = _reader(signals, names, ranges, env.single_observation_space, env.observation_space)
+        single, batched = env.single_observation_space, env.observation_space
         length = steps_of_copies(env, steps, autoreset_of(env))
     elif isinstance(env, gymnasium.Env):
-        reader = _reader(signals, names, ranges, env.observation_space, env.observation_space)
+        single = batched = env.observation_space
         length = steps_of(env, steps)
     else:
         raise UsageError(f"wrap takes an environment of Gymnasium, as gymnasium.make gives it, got {env!r}")
-    specification = specify(formula, reader.names, ranges, length, dt)
-    scoring = Scoring(reader, make_method(method, specification), scaled, terminated, discount)
-    return StlVectorWrapper(env, scoring) if isinstance(env, VectorEnv) else StlWrapper(env, scoring)
+    entries = entries_of(single, names)
+    reader = _reader(signals, ranges, entries, batched)
+    scoring = Scoring(reader, method, specify(formula, reader.names, ranges, length, dt), scaled, terminated, discount)
+    called = str(choice_of(method)) if isinstance(method, str) else ""
+    beside = Observation.beside(length, scoring.inputs, called, env.spec.id if env.spec else "")
+    observing = Observing(single, entries, scale or {}, beside)
+    if isinstance(env, VectorEnv):
+        return StlVectorWrapper(env, scoring, observing)
+    return StlWrapper(env, scoring, observing)
 
 
 def _check(ranges: Ranges, terminated: str, discount: float) -> None:
@@ -147,17 +162,11 @@ def _check(ranges: Ranges, terminated: str, discount: float) -> None:
 
 
 def _reader(
-    signals: SignalsOf | Mapping[str, str] | None,
-    names: Names | None,
-    ranges: Ranges,
-    single: Space[Any],
-    batched: Space[Any],
+    signals: SignalsOf | Mapping[str, str] | None, ranges: Ranges, entries: Entries, space: Space[Any]
 ) -> Reader:
-    """What reads the signals. Of a single environment, the two spaces are the same."""
+    """What reads the signals. Args: `space` that of the observations, of a vector environment the batched one."""
     if callable(signals):
-        if names is not None:
-            raise UsageError("names are for expressions; signals are a function, which is given the whole observation")
-        return Function(signals, tuple(ranges), batched)
+        return Function(signals, tuple(ranges), space)
     if signals is not None and not isinstance(signals, Mapping):
         raise UsageError(f"signals: expected a mapping, signal -> expression, or a function, got {signals!r}")
-    return Expressions({name: name for name in ranges} if signals is None else signals, entries_of(single, names))
+    return Expressions({name: name for name in ranges} if signals is None else signals, entries)

@@ -58,7 +58,10 @@ def ablations() -> tuple[Ablation, ...]:
         task, _, part = name.removesuffix("]").partition("[without=")
         found.append((task, method, part, seeds, whole[task, method, agent]))
     found.sort(key=lambda each: (list(PARTS).index(each[2]), each[0], METHODS.index(each[1])))
-    pairs = [Pair(one.robustness, other.robustness, MATTERS * abs(hand[task])) for task, _, _, one, other in found]
+    pairs = [
+        Pair(one.robustness, other.robustness, MATTERS * abs(hand[task]), learned=(one.passed, other.passed))
+        for task, _, _, one, other in found
+    ]
     return tuple(Ablation(*each, verdict) for each, verdict in zip(found, differences(pairs), strict=True))
 
 

@@ -49,13 +49,13 @@ def learned_by(track: str) -> dict[tuple[str, str], Row]:
 
 
 def entry(row: Row | None, seeds: int = SEEDS) -> str:
-    """ "0.396 [0.395, 0.397] 10, 9 *": IQM, interval, seeds that learned it with the selected and the final policy."""
+    """ "0.396 [0.395, 0.397] 10, 9 *": median, interval, seeds that learned it with the selected and final policy."""
     if row is None:
         return ""
-    if not row["IQM robustness"]:
+    if not row["median robustness"]:
         return row["seeds unfinished"].partition(" ")[2]
-    ends = (row["IQM 95 % interval low"], row["IQM 95 % interval high"])
-    shown = f"{number(row['IQM robustness'])} [{', '.join(map(number, ends))}] " if all(ends) else ""
+    ends = (row["median 95 % interval low"], row["median 95 % interval high"])
+    shown = f"{number(row['median robustness'])} [{', '.join(map(number, ends))}] " if all(ends) else ""
     of = "" if int(row["seeds done"]) == seeds else f" of {row['seeds done']}"
     marks = row.get("mark", "").replace("~", "")
     return f"{shown}{row['learned']}, {row['final learned']}{of}{f' {marks}' if marks else ''}"
@@ -120,7 +120,7 @@ def either_or() -> str:
 
 def _last(row: Row) -> float:
     """Sorts by robustness, the greatest first and what has none last."""
-    return -float(row["IQM robustness"] or "-inf")
+    return -float(row["median robustness"] or "-inf")
 
 
 def field_rows() -> dict[tuple[str, str, str], Row]:
@@ -150,10 +150,13 @@ def verdicts() -> str:
 
 
 def across() -> str:
-    """One row per method: aggregates over all tasks of the track shared."""
-    found = [row for row in rows("aggregates") if row["track"] == "shared" and row["tasks"].startswith("all")]
-    body = [[f"`{row['method']}`", *(estimate(row, name, digits) for name, digits in _ESTIMATES)] for row in found]
-    return table(["method", "IQM", "mean", "rank"], body, right=0)
+    """One row per method: on how many tasks it fits, and aggregates over these, without trivial tasks, track shared."""
+    found = [row for row in recorded.first_field(rows("aggregates")) if row["track"] == "shared"]
+    body = [
+        [f"`{row['method']}`", row["fits"], *(estimate(row, name, digits) for name, digits in _ESTIMATES)]
+        for row in found
+    ]
+    return table(["method", "fits", "IQM", "mean", "rank"], body, right=0)
 
 
 _ESTIMATES = (("IQM", 2), ("mean", 2), ("rank", 1))
@@ -213,8 +216,8 @@ def _percent(share: str) -> str:
 
 
 def _robustness(row: Row, which: str) -> str:
-    ends = [row[f"{which}IQM 95 % interval {end}"] for end in ("low", "high")]
-    return f"{number(row[f'{which}IQM robustness'])} [{', '.join(map(number, ends))}]"
+    ends = [row[f"{which}median 95 % interval {end}"] for end in ("low", "high")]
+    return f"{number(row[f'{which}median robustness'])} [{', '.join(map(number, ends))}]"
 
 
 _MEASURES = (

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from stlbench.report.statistics.intervals import interval, iqm
+from stlbench.report.statistics.intervals import median, median_interval
 from stlbench.report.tables.rows import LEARNED
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -33,10 +33,14 @@ class Seeds:
         return cls(*(tuple(float(row[name]) for row in rows) for name in names))
 
     @property
+    def passed(self) -> list[bool]:
+        """Whether the selected policy of each seed learned the task."""
+        return [share >= LEARNED for share in self.satisfaction]
+
+    @property
     def learned(self) -> tuple[int, int]:
         """Seeds in which the selected and the final policy learned the task."""
-        selected, final = (sum(share >= LEARNED for share in shares) for shares in (self.satisfaction, self.final))
-        return selected, final
+        return sum(self.passed), sum(share >= LEARNED for share in self.final)
 
     @property
     def counts(self) -> str:
@@ -45,9 +49,9 @@ class Seeds:
 
     def __str__(self) -> str:
         """ "0.396 [0.395, 0.397] 5, 4 of 5"."""
-        ends = interval(self.robustness)
+        ends = median_interval(self.robustness)
         shown = "" if ends is None else f" [{ends.low:.3f}, {ends.high:.3f}]"
-        return f"{iqm(self.robustness):.3f}{shown} {self.counts}"
+        return f"{median(self.robustness):.3f}{shown} {self.counts}"
 
 
 def table(folder: str, name: str) -> list[Row]:
@@ -83,6 +87,12 @@ def number(text: str, digits: int = 3) -> str:
     """Never "-0.000"."""
     shown = f"{float(text):.{digits}f}"
     return shown.lstrip("-") if float(shown) == 0 else shown
+
+
+def first_field(rows: Sequence[Row]) -> list[Row]:
+    """Of a table of aggregates, the first block of each budget and track: that without trivial tasks."""
+    first: dict[tuple[str, str], str] = {}
+    return [row for row in rows if first.setdefault((row["budget"], row["track"]), row["tasks"]) == row["tasks"]]
 
 
 def estimate(row: Row, name: str, digits: int) -> str:

@@ -14,10 +14,10 @@ import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from recorded import Row, Seeds, by_hand, cells, estimate, table, trials
+from recorded import Row, Seeds, by_hand, cells, estimate, first_field, table, trials
 
 from stlbench.report.figures.palette import COLOURS
-from stlbench.report.statistics.intervals import interval, iqm
+from stlbench.report.statistics.intervals import median, median_interval
 
 STUDY = Path(__file__).parent / "survey.yaml"
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "survey.svg"
@@ -103,14 +103,13 @@ def _asked(row: Row | None) -> str:
 
 
 def across() -> tuple[list[str], list[list[str]]]:
-    """One line per method, best rank first: aggregates over all tasks of the track shared."""
-    found = [row for row in table(FOLDER, "aggregates") if row["track"] == "shared" and row["tasks"].startswith("all")]
-    names = (("rank", 1), ("mean", 2))
+    """One line per method, those that fit the most tasks first: rank among the methods that fit, beside how many do."""
+    found = [row for row in first_field(table(FOLDER, "aggregates")) if row["track"] == "shared"]
     lines = [
-        [f"`{row['method']}`", *(estimate(row, *name) for name in names), row["without a result"] or "0"]
-        for row in sorted(found, key=lambda row: float(row["rank"]))
+        [f"`{row['method']}`", row["fits"], *(estimate(row, *name) for name in (("rank", 1), ("mean", 2)))]
+        for row in sorted(found, key=lambda row: (-int(row["fits"].partition(" ")[0]), float(row["rank"])))
     ]
-    return ["method", "rank", "mean score", "cells without a result"], lines
+    return ["method", "fits", "rank where it fits", "mean score where it fits"], lines
 
 
 def draw() -> Figure:
@@ -133,7 +132,7 @@ def _panel(axes: Axes, task: str, methods: Sequence[str], hand: float | None) ->
         method: Seeds.of([row for row in results().get((task, method), ()) if row["status"] == "done"])
         for method in methods
     }
-    unit = hand or max(iqm(seeds.robustness) for seeds in done.values() if seeds.robustness)
+    unit = hand or max(median(seeds.robustness) for seeds in done.values() if seeds.robustness)
     low = -_BELOW * unit
     for height, method in enumerate(methods):
         if not done[method].robustness:
@@ -155,8 +154,8 @@ def _status(rows: Iterable[Row]) -> str:
 
 
 def _mark(axes: Axes, height: int, seeds: Seeds, low: float) -> None:
-    """Interquartile mean and interval; an arrow at the edge, with its number, where it is farther below."""
-    centre, ends, colour = iqm(seeds.robustness), interval(seeds.robustness), _COLOURS[_kind(seeds)]
+    """Median and interval; an arrow at the edge, with its number, where it is farther below."""
+    centre, ends, colour = median(seeds.robustness), median_interval(seeds.robustness), _COLOURS[_kind(seeds)]
     if centre < low:
         axes.plot([low], [height], "<", color=colour, markersize=6)
         axes.text(low, height, f"   {centre:.3g}", va="center", fontsize=7, color="0.3")

@@ -44,7 +44,14 @@ def bash(script: Path, **environment: str) -> subprocess.CompletedProcess[str]:
 
 def gate(tmp_path: Path, **changed: str) -> subprocess.CompletedProcess[str]:
     files = {name: str(tmp_path / name) for name in ("GITHUB_OUTPUT", "GITHUB_STEP_SUMMARY")}
-    inputs = {"STLBENCH": "stlbench", "REFERENCE": "a reference", "BUDGET": "smoke", "OPTIONS": "", "RESULTS": "out"}
+    inputs = {
+        "STLBENCH": "stlbench",
+        "REFERENCE": "a reference",
+        "AGAINST": "",
+        "BUDGET": "smoke",
+        "OPTIONS": "",
+        "RESULTS": "out",
+    }
     return bash(ACTION / "gate.sh", **files, **(inputs | changed))
 
 
@@ -68,6 +75,24 @@ def test_options_are_words_and_never_code(command, tmp_path) -> None:
     assert done.returncode == 0
     assert calls.read_text().endswith("out|--jobs|2|$(touch|hacked)|;|touch|hacked|\n")
     assert not (tmp_path / "hacked").exists()
+
+
+def test_costs_are_compared_with_the_base_of_a_pull_request(command, tmp_path) -> None:
+    inputs = yaml.safe_load((ACTION / "action.yml").read_text(encoding="utf-8"))["inputs"]
+    assert inputs["against"]["default"] == "${{ github.event.pull_request.base.sha }}"
+    calls = command("stlbench", "exit 0")
+    assert gate(tmp_path, AGAINST="abc $(touch hacked)", OPTIONS="--seeds 3").returncode == 0
+    assert calls.read_text().endswith("out|--seeds|3|--against|abc $(touch hacked)|\n")
+    assert not (tmp_path / "hacked").exists()
+
+
+def test_the_jobs_that_use_the_action_have_the_history_of_the_base() -> None:
+    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8"))["jobs"]
+    uses = [
+        job["steps"] for job in jobs.values() if any("actions/gate" in step.get("uses", "") for step in job["steps"])
+    ]
+    assert uses
+    assert all({"fetch-depth": 0} in [step.get("with") for step in steps] for steps in uses)
 
 
 COMMENT = {"GITHUB_REPOSITORY": "one/two", "NUMBER": "7", "RESULTS": "out"}
@@ -120,7 +145,10 @@ def test_the_gitlab_job_does_what_the_action_does(command, tmp_path) -> None:
     calls = command("stlbench", "exit 3")
     script = tmp_path / "script.sh"
     script.write_text("\n".join(GITLAB["script"]))
-    done = bash(script, **GITLAB["variables"])
-    assert done.returncode in GITLAB["allow_failure"]["exit_codes"]
-    assert calls.read_text() == "gate|results/gate-reference|--budget|smoke|--results|results/gate|\n"
+    for base in ("", "abc"):
+        done = bash(script, CI_MERGE_REQUEST_DIFF_BASE_SHA=base, **GITLAB["variables"])
+        assert done.returncode in GITLAB["allow_failure"]["exit_codes"]
+    plain = "gate|results/gate-reference|--budget|smoke|--results|results/gate|"
+    assert calls.read_text().splitlines() == [plain, f"{plain}--against|abc|"]
+    assert GITLAB["variables"]["GIT_DEPTH"] == "0"
     assert GITLAB["artifacts"]["reports"]["junit"] == "results/gate/gate.xml"

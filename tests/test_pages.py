@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stlbench import Results
-from stlbench.report.statistics.intervals import interval, iqm
+from stlbench.report.statistics.intervals import median, median_interval
 from stlbench.report.tables.rows import LEARNED
 from stlbench.result import reported
 from stlbench.task import build_method, load_task
@@ -64,9 +64,9 @@ def test_every_number_of_readme_is_measured(said, recorded) -> None:
                 continue
             selected, final = ([reported(getattr(one, policy)) for one in done] for policy in ("selected", "final"))
             values = [score.mean for score in selected]
-            low, high = interval(values)
+            low, high = median_interval(values)
             selects, lasts = (sum(score.satisfaction >= LEARNED for score in scores) for scores in (selected, final))
-            expected = f"{iqm(values):.3f} [{low:.3f}, {high:.3f}] {selects}, {lasts}"
+            expected = f"{median(values):.3f} [{low:.3f}, {high:.3f}] {selects}, {lasts}"
             assert re.sub(r"( of \d+)?[ *=]*$", "", text) == expected, (task, method)
 
 

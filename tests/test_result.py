@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 from helpers.synthetic_results import result
 
-from stlbench.result import Planned, from_json, to_json
+from stlbench.result import MAIN, Planned, Score, from_json, to_json
 
 
 def test_json_has_the_parts_of_the_identity_beside_the_rest_as_it_always_had():
@@ -26,6 +27,16 @@ def test_a_record_whose_curve_does_not_say_its_starts_is_read():
     read = from_json(json.dumps(content)).measurement
     assert read is not None
     assert [point.starts for point in read.curve] == [None, None]
+
+
+def test_how_many_episodes_ended_early_comes_back_and_is_unknown_in_older_records():
+    told = replace(Score((0.1,), (True,), {}), ended_early=0.25)
+    found = result()
+    found = replace(found, measurement=replace(found.measurement, selected={MAIN: told.summarised()}))
+    content = json.loads(to_json(found))
+    assert from_json(json.dumps(content)).measurement.selected[MAIN].ended_early == 0.25
+    del content["measurement"]["selected"][MAIN]["ended_early"]
+    assert from_json(json.dumps(content)).measurement.selected[MAIN].ended_early is None
 
 
 @pytest.mark.parametrize("value", [0.25, -math.inf, math.nan])

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import cloudpickle
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box, Dict
-from gymnasium.utils.env_checker import check_env
+from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.vector import SyncVectorEnv
 from gymnasium.wrappers import TimeLimit
 from helpers.episodes import run
 from helpers.walk_env import RIGHT, STAY, Walk
@@ -63,17 +66,19 @@ def test_an_environment_that_changes_its_observations(options: dict[str, Any]) -
 def test_an_episode_by_hand() -> None:
     steps = walk(wrapped(), RIGHT, RIGHT, RIGHT, RIGHT)
     assert [reward for _, reward, *_ in steps] == [0.5, 0.0, -0.5, -1.0]
-    assert [observation.tolist() for observation, *_ in steps][:2] == [[0.5, -0.5, -0.5], [1.0, -1.0, 0.0]]
+    assert [observation.tolist() for observation, *_ in steps][:2] == [
+        pytest.approx([0.01, -0.01, -0.5]),  # the space ends at 50
+        pytest.approx([0.02, -0.02, 0.0]),
+    ]
     assert [ends for _, _, *ends, _ in steps] == [[False, False]] * 3 + [[False, True]]
     infos = [info for *_, info in steps]
     assert [info["signals"].tolist() for info in infos] == [[[0.5]], [[1.0]], [[1.5]], [[2.0]]]
-    assert [(info["t"], info["env_reward"], "robustness" in info) for info in infos] == [
-        (1, 7.0, False),
-        (2, 7.0, False),
-        (3, 7.0, False),
-        (4, 7.0, True),
+    assert [(info["t"], info["env_reward"], info["robustness"], info["satisfied"]) for info in infos] == [
+        (1, 7.0, 0.0, False),
+        (2, 7.0, 0.0, False),
+        (3, 7.0, 0.0, False),
+        (4, 7.0, -1.0, False),
     ]
-    assert (infos[3]["robustness"], infos[3]["satisfied"]) == (-1.0, False)
 
 
 def test_the_first_sample_counts_for_the_verdict_and_is_not_paid() -> None:
@@ -82,8 +87,58 @@ def test_the_first_sample_counts_for_the_verdict_and_is_not_paid() -> None:
 
 
 def test_at_robustness_0_satisfaction_is_that_of_the_boolean_semantics() -> None:
-    assert walk(wrapped(), *[STAY] * 4, x=1.0)[-1][-1]["satisfied"] is True
-    assert walk(wrapped(formula="G[0,4] x < 1"), *[STAY] * 4, x=1.0)[-1][-1]["satisfied"] is False
+    assert walk(wrapped(), *[STAY] * 4, x=1.0)[-1][-1]["satisfied"]
+    assert not walk(wrapped(formula="G[0,4] x < 1"), *[STAY] * 4, x=1.0)[-1][-1]["satisfied"]
+
+
+@pytest.mark.parametrize("terminated", ["hold", "interval"])
+def test_the_info_has_the_same_entries_at_each_step_of_one_dtype_and_shape(terminated: str) -> None:
+    """TorchRL reads the dtype of each. Gymnasium's vectors make arrays of numbers and truths of them."""
+    env = wrapped(terminated=terminated)
+    infos = [env.reset()[1], *(info for *_, info in [env.step(STAY) for _ in range(4)])]
+    added = [{name: info[name] for name in info if name != "doubled"} for info in infos]
+    shapes = [{name: (value.dtype, value.shape) for name, value in info.items()} for info in added]
+    pair = (2,) if terminated == "interval" else ()
+    assert (
+        shapes
+        == [
+            {
+                "signals": (np.float64, (1, 1)),
+                "t": (np.int64, ()),
+                "env_reward": (np.float64, ()),
+                "robustness": (np.float64, pair),
+                "satisfied": (np.bool_, pair),
+            }
+        ]
+        * 5
+    )
+    vector = SyncVectorEnv([wrapped] * 2)
+    assert {name: vector.reset()[1][name].dtype.kind for name in shapes[0]} == dict(
+        zip(shapes[0], "fiffb", strict=True)
+    )
+
+
+@pytest.mark.parametrize("method", sorted(plugins.available("methods")))
+@pytest.mark.parametrize("formula", ["F[0,3] G[0,3] x >= 0.5", "G[0,6] (x <= 1 & minus <= 1)"])
+def test_it_pickles_in_the_middle_of_an_episode(method: str, formula: str) -> None:
+    options = {"steps": 6, "ranges": {"x": (-10, 10), "minus": (-10, 10)}, "method": method}
+    try:
+        env = wrapped(formula=formula, **options)
+    except UsageError as error:
+        pytest.skip(str(error))
+    walk(env, RIGHT, RIGHT)
+    again = pickle.loads(pickle.dumps(env))
+    for action in (STAY, RIGHT, STAY, STAY):
+        assert data_equivalence(again.step(action), env.step(action))
+
+
+def test_a_vector_environment_pickles_as_gymnasium_sends_it() -> None:
+    made = gymnasium.make_vec("Pendulum-v1", 2, vectorization_mode="sync")
+    envs = stlbench.wrap(made, "G[9,9] abs(w) <= 1", names=("c", "s", "w"), ranges={"w": (-8, 8)}, method="flag")
+    envs.reset(seed=0)
+    again = cloudpickle.loads(cloudpickle.dumps(envs))
+    action = np.ones((2, 1), np.float32)
+    assert data_equivalence(again.step(action), envs.step(action))
 
 
 def test_scaled_divides_by_the_methods_scale() -> None:
@@ -235,9 +290,11 @@ def test_stable_baselines_trains_on_it_and_its_monitor_has_the_verdict() -> None
 def test_torchrl_takes_it() -> None:
     torchrl: Any = pytest.importorskip("torchrl.envs", reason="TorchRL is not installed")
     env = stlbench.wrap(gymnasium.make("CartPole-v1"), "G abs(theta) <= 0.2", **CART)
-    episode = torchrl.GymWrapper(env).rollout(500)
-    assert bool(episode["next", "done"][-1])
+    reading = torchrl.GymWrapper(env).auto_register_info_dict()
+    episode = reading.rollout(500)["next"]
+    assert bool(episode["done"][-1])
     assert episode["observation"].shape[1:] == env.observation_space.shape
+    assert episode["robustness"][-1] < 0 <= episode["t"][-1]
 
 
 # --------------------------------------------------------------------------------------- the same as within the harness
@@ -331,7 +388,8 @@ def test_a_method_is_a_name_with_parameters_a_class_or_what_makes_one() -> None:
         ({"discount": "a"}, "discount is a number in 0..1, got 'a'"),
         ({"ranges": None}, r"ranges: expected a mapping, signal -> \(low, high\), got None"),
         ({"method": dict}, "method: expected a name or a class of reward methods, got <class 'dict'>"),
-        ({"signals": lambda o, i: {}}, "names are for expressions"),
+        ({"scale": {"y": 2}}, "scale: no entry 'y' among the names; there are: minus, x"),
+        ({"scale": {"x": 0}}, "scale: 'x' has a magnitude above 0, got 0"),
     ],
 )
 def test_what_does_not_fit_is_one_clear_line(options: dict[str, Any], message: str) -> None:

@@ -35,4 +35,4 @@ def need_onnx() -> Any:
 
 def _need(module: str, title: str, extra: str = "sb3") -> None:
     if find_spec(module) is None:
-        raise Unsuitable(f"it needs {title}: pip install 'stlbench-rl[{extra}]'")
+        raise Unsuitable(f'it needs {title}: pip install "stlbench-rl[{extra}]"')

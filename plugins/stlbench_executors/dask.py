@@ -52,7 +52,7 @@ class DaskExecutor(Executor):
         address: str | None = None,
     ) -> None:
         if find_spec("distributed") is None:
-            raise Unsuitable("executor dask needs Dask: pip install 'stlbench-rl[dask]'")
+            raise Unsuitable('executor dask needs Dask: pip install "stlbench-rl[dask]"')
         if address is not None and not _ADDRESS.fullmatch(address):
             raise Unsuitable(f"executor dask: the address of a scheduler is like tcp://node1:8786, got {address}")
         super().__init__(jobs=jobs or (0 if address else 2))

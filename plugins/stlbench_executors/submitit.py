@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shutil
 import uuid
-from collections.abc import Callable, Collection, Generator, Sequence
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -29,6 +29,9 @@ __all__ = ["SubmititExecutor"]
 
 ARRAY = 1000
 """Jobs of an array, at most; Slurm's own limit is 1001 where nobody has changed it."""
+
+JOB_NAME = "stlbench"
+"""Of every job, as `squeue` shows it."""
 
 AT_A_TIME = 256
 """Jobs that run at the same time, where the user does not say; as submitit has it."""
@@ -71,7 +74,7 @@ class SubmititExecutor(Executor):
         cluster: Literal["slurm", "local"] = "slurm",
     ) -> None:
         if find_spec("submitit") is None:
-            raise Unsuitable("executor submitit needs submitit: pip install 'stlbench-rl[submitit]'")
+            raise Unsuitable('executor submitit needs submitit: pip install "stlbench-rl[submitit]"')
         if cluster == "slurm" and not (shutil.which("sbatch") and shutil.which("srun")):
             raise Unsuitable("executor submitit needs Slurm, and here is no sbatch or srun; cluster=local goes without")
         super().__init__(jobs=jobs or (AT_A_TIME if cluster == "slurm" else 2))
@@ -84,7 +87,7 @@ class SubmititExecutor(Executor):
     ) -> Generator[Outcome]:
         """See `Executor.run`. Raises `Unsuitable` where jobs cannot be submitted, or cannot run items."""
         from stlbench_executors.submitit_job import Chunk, Desk, run_chunk
-        from stlbench_executors.submitit_run import SubmititRun
+        from stlbench_executors.submitit_run import SubmititRun, beating, ended_by_signals
         from stlbench_executors.versions import installed
 
         order, folder = Order(function, items, deadlines), (self.folder / uuid.uuid4().hex[:12]).absolute()
@@ -104,15 +107,17 @@ class SubmititExecutor(Executor):
                 raise Unsuitable(f"jobs cannot be submitted: {cause(error)}") from error
 
         queued = ARRAY if self.cluster == "slurm" else self.jobs
-        running = SubmititRun(order, desk, chunk, submit, self.size, self.jobs, queued)
-        try:
-            desk.folder.mkdir(parents=True, mode=0o700)
-            yield from running.outcomes()
-        finally:
-            self._cancel(folder, running.jobs)
-            shutil.rmtree(folder, ignore_errors=True)
-            with suppress(OSError):
-                self.folder.rmdir()  # where no other run is
+        running = SubmititRun(order, desk, chunk, submit, self._states, self.size, self.jobs, queued)
+        with ended_by_signals():
+            try:
+                desk.folder.mkdir(parents=True, mode=0o700)
+                with beating(desk):
+                    yield from running.outcomes()
+            finally:
+                self._cancel(folder, running.jobs)
+                shutil.rmtree(folder, ignore_errors=True)
+                with suppress(OSError):
+                    self.folder.rmdir()  # where no other run is
 
     def _submitter(self, folder: Path, deadlines: Sequence[float]) -> Jobs | SlurmJobs:
         import submitit
@@ -126,7 +131,7 @@ class SubmititExecutor(Executor):
         memory = {} if self.memory is None else {"mem": f"{(self.memory + BESIDE) // 2**20}M"}
         slurm = submitit.SlurmExecutor(folder)
         slurm.update_parameters(
-            job_name="stlbench",
+            job_name=JOB_NAME,
             time=minutes_for(deadlines),
             cpus_per_task=1,
             array_parallelism=self.jobs,
@@ -134,6 +139,13 @@ class SubmititExecutor(Executor):
             **self._slurm,
         )
         return slurm
+
+    def _states(self, jobs: Collection[Job[Any]]) -> Mapping[str, str]:
+        from stlbench_executors.slurm_states import states
+
+        if self.cluster == "local":
+            return {job.job_id: job.state.upper() for job in jobs}
+        return states([job.job_id for job in jobs], JOB_NAME)
 
     def _cancel(self, folder: Path, jobs: Collection[Job[Any]]) -> None:
         """Of an array all jobs by one call."""

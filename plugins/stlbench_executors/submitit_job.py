@@ -6,8 +6,13 @@ Slurm starts again goes on where it was.
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
+import signal
+import tempfile
+import threading
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -22,11 +27,32 @@ __all__ = ["OFFERS", "Chunk", "Desk", "run_chunk"]
 OFFERS = 2
 """So often an item is begun, where the job before was lost."""
 
+SILENCE_SECONDS = 300.0
+"""A job ends when the run has not said for so long that it is there. A shared disk may show a file a minute late."""
+
+LISTEN_SECONDS = 10.0
+"""How often a job looks whether the run is there."""
+
 
 class Desk(NamedTuple):
     """The folder over which a run and its jobs tell each other what has happened."""
 
     folder: Path
+
+    def beat(self) -> None:
+        """The run is there."""
+        (self.folder / "beat").touch()
+
+    def silence(self) -> float:
+        """Seconds since the last beat; infinite where the folder is gone.
+
+        Both times are those of the disk, so that the clocks of two machines need not agree.
+        """
+        try:
+            with tempfile.NamedTemporaryFile(dir=self.folder, suffix=".now") as now:
+                return os.stat(now.name).st_mtime - (self.folder / "beat").stat().st_mtime
+        except FileNotFoundError:
+            return math.inf
 
     def begin(self, index: int) -> int:
         """An item begins; how often it has."""
@@ -87,7 +113,34 @@ class Chunk(NamedTuple):
 
 
 def run_chunk(chunk: Chunk) -> None:
-    """Run the items of a job that have not ended yet."""
+    """Run the items of a job that have not ended yet. The process ends with it, unless an item cannot be run.
+
+    Submitit would write a result into the folder, which the run takes away as soon as it has all items: a job that did
+    its work would be FAILED.
+    """
+    _obey_slurm()
+    threading.Thread(target=_listen, args=(chunk.desk,), daemon=True).start()
+    _run(chunk)
+    os._exit(0)
+
+
+def _obey_slurm() -> None:
+    """A job that is cancelled ends at once. One that takes too long is ended by Slurm, as TIMEOUT.
+
+    Submitit ignores the first signal, and makes a failure of the second, which announces the end of the walltime.
+    """
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGUSR2, signal.SIG_IGN)
+
+
+def _listen(desk: Desk) -> None:
+    """End this process when the run is gone. Its keepers end what runs, as they do when it is killed."""
+    while desk.silence() < SILENCE_SECONDS:
+        time.sleep(LISTEN_SECONDS)
+    os._exit(0)
+
+
+def _run(chunk: Chunk) -> None:
     if other := difference(installed(), chunk.versions):
         chunk.desk.refuse(f"{other}; install the same versions there")
         return

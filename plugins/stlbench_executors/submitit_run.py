@@ -3,27 +3,35 @@
 from __future__ import annotations
 
 import math
+import signal
+import threading
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Generator, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from stlbench.contract import Outcome, Unsuitable
 from stlbench_executors.keeper import Ended
 from stlbench_executors.order import Order, outcome_of
 from stlbench_executors.slot import GRACE_SECONDS, START_SECONDS
+from stlbench_executors.slurm_states import GONE, LATE, LOST, OVER
 from stlbench_executors.submitit_job import OFFERS, Chunk, Desk, lost
 
 if TYPE_CHECKING:
     from submitit import Job
 
-__all__ = ["SubmititRun", "minutes_for"]
+__all__ = ["SubmititRun", "beating", "ended_by_signals", "minutes_for"]
 
 LOOK_SECONDS = 0.5
 """How often it is looked at what has ended."""
 
 STATE_SECONDS = 10.0
-"""How often the states of jobs are asked for; submitit asks Slurm less and less often."""
+"""How often the states of jobs are asked for."""
+
+BEAT_SECONDS = 10.0
+"""How often the run tells its jobs that it is there."""
 
 LAG_SECONDS = 15.0
 """So much later than the end of a job a shared disk may show what it wrote."""
@@ -31,16 +39,54 @@ LAG_SECONDS = 15.0
 STARTS = 5
 """In so many jobs an item is that no job has begun."""
 
-LOST = ("NODE_FAIL", "BOOT_FAIL", "PREEMPTED", "REVOKED", "REQUEUED", "INTERRUPTED")
-"""States of Slurm, and one of submitit's own jobs on this machine, in which what ran did nothing wrong."""
-
-LATE = ("TIMEOUT", "DEADLINE")
-"""Those in which it took too long."""
-
 
 def minutes_for(deadlines: Sequence[float]) -> int:
     """The walltime of a job for items with these deadlines, in seconds: with what it takes to start and to end them."""
     return math.ceil((START_SECONDS + sum(deadline + GRACE_SECONDS for deadline in deadlines)) / 60)
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """End in order, so that jobs are cancelled, where this process is told to end or its terminal is closed.
+
+    Only the main thread can say so; elsewhere nothing changes.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def leave(number: int, _: FrameType | None) -> NoReturn:
+        raise SystemExit(128 + number)
+
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    ours = [number for number, handler in before.items() if handler is signal.SIG_DFL]
+    for number in ours:
+        signal.signal(number, leave)
+    try:
+        yield
+    finally:
+        for number in ours:
+            signal.signal(number, signal.SIG_DFL)
+
+
+@contextmanager
+def beating(desk: Desk) -> Iterator[None]:
+    """Tell the jobs all the time that the run is there, however long the caller takes for an outcome."""
+    over = threading.Event()
+
+    def beat() -> None:
+        while not over.wait(BEAT_SECONDS):
+            with suppress(OSError):
+                desk.beat()
+
+    desk.beat()
+    thread = threading.Thread(target=beat, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 class SubmititRun:
@@ -51,6 +97,7 @@ class SubmititRun:
         desk: where jobs say how items ended.
         chunk: makes what a job is given of the numbers of its items.
         submit: submits such chunks, as one array.
+        states: the state of each job by its number (`slurm_states`), of those of which anything is known.
         size: items of a job.
         most: jobs at a time.
         queued: jobs of an array, at most.
@@ -62,11 +109,13 @@ class SubmititRun:
         desk: Desk,
         chunk: Callable[[Sequence[int]], Chunk],
         submit: Callable[[Sequence[Chunk]], Sequence[Job[Any]]],
+        states: Callable[[Collection[Job[Any]]], Mapping[str, str]],
         size: int,
         most: int,
         queued: int,
     ) -> None:
         self._order, self._desk, self._chunk, self._submit = order, desk, chunk, submit
+        self._states = states
         self._size, self._most, self._queued = size, most, queued
         self._waiting, self._left = deque(range(len(order))), set(range(len(order)))
         self._offers = [0] * len(order)
@@ -125,16 +174,21 @@ class SubmititRun:
 
     def _look(self) -> None:
         """Jobs that are over, with items of which nothing has come for a while."""
-        now = time.monotonic()
-        for job in [job for job in self._jobs if job.done()]:
-            if now - self._ended.setdefault(job, now) >= LAG_SECONDS:
+        now, known = time.monotonic(), self._states(self._jobs)
+        over = {job: known[job.job_id] for job in self._jobs if known.get(job.job_id) in OVER}
+        # Slurm starts some jobs again by itself, so that one that was over may wait or run the next time
+        self._ended = {job: self._ended.get(job, now) for job in over}
+        for job, state in over.items():
+            if now - self._ended[job] >= LAG_SECONDS:
                 indices = [index for index in self._jobs.pop(job) if index in self._left]
                 for index in indices:
-                    self._settle(index, job)
+                    self._settle(index, job, state)
 
-    def _settle(self, index: int, job: Job[Any]) -> None:
+    def _settle(self, index: int, job: Job[Any], state: str) -> None:
         """What becomes of an item whose job has ended before it did."""
-        state, begun = job.state.upper().split()[0], self._desk.has_begun(index)
+        begun = self._desk.has_begun(index)
+        if state == GONE and not begun:
+            state = "CANCELLED"  # `squeue` forgets at once a job of an array that is cancelled while it waits
         if state in LOST or (not begun and state in (*LATE, "OUT_OF_MEMORY")):
             if self._offers[index] < (OFFERS if begun else STARTS):
                 self._waiting.appendleft(index)

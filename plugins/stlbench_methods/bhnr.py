@@ -15,7 +15,7 @@ from stlbench_methods.values import Margins, Sharpness, Truths, Values
 
 __all__ = ["Bhnr"]
 
-Reading: TypeAlias = Literal["classic", "lse", "agm", "gmsr", "filtering", "filtering-sum"]
+Reading: TypeAlias = Literal["classic", "lse", "gilpin", "agm", "gmsr", "filtering", "filtering-sum"]
 _SHORT = 2
 """A block of so many samples, or fewer, is paid nothing."""
 
@@ -36,12 +36,13 @@ class Bhnr(RewardMethod):
             fewer are worth 0.
         window: samples. The source has blocks of 15, `auto-shaping` the last 10, `reward_shaping` a twentieth of the
             episode.
-        semantics: `classic` is the robustness; for `lse`, `agm` and `gmsr` see `stlbench.stl.semantics`. `filtering`
-            takes truths, 1 and 0, for margins, and a mean for F; `filtering-sum` a sum, as the source's program.
-        sharpness: of `lse`.
+        semantics: `classic` is the robustness; for `lse`, `gilpin`, `agm` and `gmsr` see `stlbench.stl.semantics`.
+            `filtering` takes truths, 1 and 0, for margins, and a mean for F; `filtering-sum` a sum, as the source's
+            program.
+        sharpness: of `lse` and `gilpin`.
 
     Raises:
-        Unsuitable: the formula negates an until, or a part of it has no bounds.
+        Unsuitable: an operator looks back, or a part of the formula has no bounds.
     """
 
     def __init__(

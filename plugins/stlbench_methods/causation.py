@@ -11,6 +11,7 @@ from pydantic import Field
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
+from stlbench_methods.windows import bounded_range
 
 __all__ = ["Causation"]
 
@@ -41,7 +42,7 @@ class Causation(RewardMethod):
         super().__init__(specification)
         self._parts = _parts(specification)
         self._margins = [specification.margin(part.psi) for part in self._parts]
-        ranges = [specification.range(part.psi) for part in self._parts]
+        ranges = [bounded_range(specification, part.psi, part) for part in self._parts]
         self._ranges = [ends for part, ends in zip(self._parts, ranges, strict=True) if part.width]
         self._bonus, self._floor = bonus, min(bonus, min(low for low, _ in ranges))
         self.scale = max(bonus, -self._floor)

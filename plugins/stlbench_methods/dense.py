@@ -27,10 +27,10 @@ class Dense(Followed, RewardMethod):
         mode: `level` or `difference`.
         semantics: what stands for minimum and maximum; see `stlbench.stl.semantics`. All but `classic` divide each
             predicate by its largest size over the box of the signals.
-        sharpness: of `lse`.
+        sharpness: of `lse` and `gilpin`.
 
     Raises:
-        Unsuitable: the formula negates an until, or a part of it has no bounds.
+        Unsuitable: an operator looks back, or a part of the formula has no bounds.
     """
 
     def __init__(

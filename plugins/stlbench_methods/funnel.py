@@ -14,6 +14,7 @@ from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsu
 from stlbench.presentation import Band
 from stlbench.stl import Term
 from stlbench_methods.schedule import Activity, Value, active_from, active_table, least_active, least_paid
+from stlbench_methods.windows import bounded_range
 
 __all__ = ["Curve", "Funnel"]
 
@@ -63,7 +64,7 @@ class Funnel(RewardMethod):
             the paper states.
 
     Raises:
-        Unsuitable: the formula is outside the fragment of eq. 2, or `ginf` outside its range.
+        Unsuitable: the formula is outside the fragment of eq. 2, a term cannot fail, or `ginf` is outside its range.
     """
 
     def __init__(
@@ -121,7 +122,7 @@ class Funnel(RewardMethod):
         return tuple(bands)
 
     def _curve(self, term: Term, t0: int, variant: Variant, t_star: float, ginf: float) -> Curve:
-        rho_min, rho_max = self.specification.range(term.psi)
+        rho_min, rho_max = bounded_range(self.specification, term.psi, term.formula)
         gamma_0 = rho_max - rho_min
         if ginf > min(gamma_0, rho_max) - 1e-6:  # bounds are rounded outwards
             raise Unsuitable(

@@ -11,6 +11,7 @@ from pydantic import Field
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth, Unsuitable
 from stlbench.stl import Term
 from stlbench_methods.predicates import truths
+from stlbench_methods.windows import bounded_range
 
 __all__ = ["Hprs"]
 
@@ -58,7 +59,7 @@ class Hprs(RewardMethod):
         self._safe = [specification.holds(term.psi) for term in self._safety]
         self._at = [specification.holds(term.psi) for term in self._targets]
         self._near = [specification.margin(term.psi) for term in self._targets]
-        self._least = [specification.range(term.psi)[0] for term in self._targets]
+        self._least = [bounded_range(specification, term.psi, term.formula)[0] for term in self._targets]
         self._needed = np.array([_samples(term) for term in self._targets])
         self._gamma, self._shaped = gamma, variant == "auto-shaping"
         self._weight = float(variant == "paper")

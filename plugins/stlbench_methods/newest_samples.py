@@ -54,7 +54,7 @@ class NewestSamples:
         read: Truth = steps >= np.maximum(begin, self._first)[:, None]
         lifted = np.where(read[..., None], self._fold.lift(values), self._fold.empty)
         counts: Truth = (t >= self._first) & (t <= self._last) & (begin <= t)
-        value = self._fold.read(self._fold.merge.reduce(lifted, axis=1))
+        value = self._fold.read(self._fold.merged(lifted))
         return Known(np.where(counts, value, 0.0), counts)
 
     def inputs(self, memory: Array) -> Array:

@@ -8,9 +8,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Specification, Truth, Unsuitable
+from stlbench.contract import Array, Integers, Specification, Truth
 from stlbench_methods.running_window import Outer, RunningWindow
 from stlbench_methods.values import Values
+from stlbench_methods.windows import refuse_past
 
 __all__ = ["Join", "Known", "Progress", "certain", "outer_windows"]
 
@@ -45,7 +46,7 @@ class Progress:
         values: what leaves are worth, and how they are combined.
 
     Raises:
-        Unsuitable: an until is negated.
+        Unsuitable: an operator looks back.
     """
 
     def __init__(self, specification: Specification, values: Values) -> None:
@@ -103,11 +104,10 @@ def outer_windows(formula: stl.Formula, semantics: stl.Semantics) -> tuple[list[
     Negations are inside of the windows. What is no window is one of step 0 alone.
 
     Raises:
-        Unsuitable: an until is negated.
+        Unsuitable: an operator looks back.
     """
+    refuse_past(formula)
     inside = stl.negations_inside(formula, to_predicates=semantics.divided)
-    if (until := _negated_until(inside)) is not None:
-        raise Unsuitable(f"it negates an until, {until}: more of a predicate may then be worse")
     found = list[Outer]()
     join = _join(inside, semantics, found)
     return found, join
@@ -131,7 +131,7 @@ def _folded(fold: stl.Fold, parts: Sequence[Known]) -> Known:
         return Known(fold(values), parts[0].counts)
     lifted = np.where(counts[..., None], fold.lift(values), fold.empty)
     some: Truth = np.asarray(counts.any(axis=-1))
-    return Known(np.where(some, fold.read(fold.merge.reduce(lifted, axis=-2)), 0.0), some)
+    return Known(np.where(some, fold.read(fold.merged(lifted)), 0.0), some)
 
 
 def _outer(node: stl.Formula, semantics: stl.Semantics) -> Outer:
@@ -142,18 +142,3 @@ def _outer(node: stl.Formula, semantics: stl.Semantics) -> Outer:
             return Outer((a, b), arg, semantics.eventually)
         case _:
             return Outer((0, 0), node, stl.Least())
-
-
-def _negated_until(node: stl.Formula) -> stl.Formula | None:
-    match node:
-        case stl.Not(arg) if stl.is_temporal(arg):
-            return arg
-        case stl.And(args) | stl.Or(args):
-            parts: tuple[stl.Formula, ...] = args
-        case stl.Always(_, _, arg) | stl.Eventually(_, _, arg):
-            parts = (arg,)
-        case stl.Until(_, _, left, right):
-            parts = left, right
-        case _:
-            parts = ()
-    return next((found for part in parts if (found := _negated_until(part)) is not None), None)

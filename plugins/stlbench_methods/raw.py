@@ -6,6 +6,7 @@ import numpy as np
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification
 from stlbench_methods.schedule import Activity, active_table, least_active, least_paid, timeless
+from stlbench_methods.windows import bounded_range
 
 __all__ = ["Raw"]
 
@@ -17,13 +18,13 @@ class Raw(RewardMethod):
         activity: which terms are active at a time: `last-deadline` or `literal`; see `stlbench_methods.schedule`.
 
     Raises:
-        Unsuitable: the formula is outside the fragment of eq. 2.
+        Unsuitable: the formula is outside the fragment of eq. 2, or a term cannot fail.
     """
 
     def __init__(self, specification: Specification, *, activity: Activity = "last-deadline") -> None:
         super().__init__(specification)
         terms = specification.terms
-        low, high = np.array([specification.range(term.psi) for term in terms]).T
+        low, high = np.array([bounded_range(specification, term.psi, term.formula) for term in terms]).T
         self.scale = float((high - low).max())
         active = active_table(terms, specification.steps, activity)
         self._floor = least_paid(low[:, None], active)

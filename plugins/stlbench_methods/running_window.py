@@ -113,7 +113,7 @@ class RunningWindow:
         steps = t[:, None] - np.arange(values.shape[1])[::-1]
         counts: Truth = (steps >= self.first) & (steps <= last[:, None])
         newest = np.where(counts[..., None], self.fold.lift(values), self.fold.empty)
-        merged: Array = self.fold.merge.reduce(np.concatenate([summary[:, None], newest], axis=1), axis=1)
+        merged: Array = self.fold.merged(np.concatenate([summary[:, None], newest], axis=1))
         return merged
 
     def _history(self, memory: Array) -> Array:

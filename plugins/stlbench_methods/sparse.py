@@ -28,7 +28,7 @@ class Sparse(RewardMethod):
         pays: `success`, as above; `failure`, -1 where the formula does not hold, else 0.
 
     Raises:
-        Unsuitable: the formula is outside the fragment and negates an until.
+        Unsuitable: an operator looks back.
     """
 
     def __init__(self, specification: Specification, *, pays: Literal["success", "failure"] = "success") -> None:

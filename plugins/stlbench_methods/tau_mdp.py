@@ -10,7 +10,7 @@ from pydantic import Field
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
-from stlbench_methods.windows import EXTENSION, from_first_read
+from stlbench_methods.windows import EXTENSION, bounded_range, from_first_read, refuse_past
 
 __all__ = ["TauMdp"]
 
@@ -47,6 +47,7 @@ class TauMdp(RewardMethod):
     ) -> None:
         super().__init__(specification)
         formula = specification.nested or specification.formula
+        refuse_past(formula)
         self.outer, phi = _outer(formula)
         if phi is formula:
             self.extension = EXTENSION
@@ -118,7 +119,7 @@ def _outer(formula: stl.Formula) -> tuple[Literal["F", "G"], stl.Formula]:
 def _range(formula: stl.Formula, specification: Specification) -> tuple[float, float]:
     """Bounds of the robustness of a formula whose samples may be anywhere in the box, each on its own."""
     if not stl.is_temporal(formula):
-        return specification.range(formula)
+        return bounded_range(specification, formula, specification.formula)
     match formula:
         case stl.Always(_, _, arg) | stl.Eventually(_, _, arg):
             return _range(arg, specification)
@@ -127,11 +128,11 @@ def _range(formula: stl.Formula, specification: Specification) -> tuple[float, f
             return -high, -low
         case stl.Implies(left, right):
             return _range(stl.Or((stl.Not(left), right)), specification)
-        case stl.Until(0, _, _, right):  # the left operand need not hold at all
+        case stl.Until(0, _, _, right) | stl.Release(0, _, _, right):  # the left operand need not hold at all
             return _range(right, specification)
-        case stl.Until(_, _, left, right):
+        case stl.Until(_, _, left, right) | stl.Release(_, _, left, right):
             parts: tuple[stl.Formula, ...] = (left, right)
         case stl.And(parts) | stl.Or(parts):
             pass
     lows, highs = zip(*(_range(part, specification) for part in parts), strict=True)
-    return (max(lows), max(highs)) if isinstance(formula, stl.Or) else (min(lows), min(highs))
+    return (max(lows), max(highs)) if isinstance(formula, stl.Or | stl.Release) else (min(lows), min(highs))

@@ -29,10 +29,10 @@ class Tltl(Followed, RewardMethod):
             `dense[mode=level]` has them. One that lasts to its last step is paid nothing.
         semantics: what stands for minimum and maximum; see `stlbench.stl.semantics`. All but `classic` divide each
             predicate by its largest size over the box of the signals.
-        sharpness: of `lse`.
+        sharpness: of `lse` and `gilpin`.
 
     Raises:
-        Unsuitable: the formula negates an until, or a part of it has no bounds; or it is paid where an episode is
+        Unsuitable: an operator looks back, or a part of the formula has no bounds; or it is paid where an episode is
             terminated, and nothing ends one of this task early.
     """
 

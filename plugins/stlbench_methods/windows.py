@@ -2,17 +2,42 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
 from stlbench import stl
+from stlbench.contract import Specification, Unsuitable
 
-__all__ = ["EXTENSION", "Window", "from_first_read", "leaves"]
+__all__ = ["EXTENSION", "Window", "bounded_range", "from_first_read", "leaves", "refuse_past"]
 
 Window = stl.Always | stl.Eventually
 
 EXTENSION = "absolute intervals; its source has windows in F or G[0,T]"
 """Why a formula without an outer operator is outside the form of both sources."""
+
+
+def refuse_past(formula: stl.Formula) -> None:
+    """Raise Unsuitable for a formula whose rewards would need samples from before the present one."""
+    if (past := stl.first_past(formula)) is not None:
+        place = f" at {past.position}" if past.position else ""
+        raise Unsuitable(
+            f"the past operator {past.operator}{place} looks back; the method takes operators that look ahead"
+        )
+
+
+def bounded_range(specification: Specification, psi: stl.Formula, term: object) -> tuple[float, float]:
+    """The bounds of the robustness of `psi`, a part of `term`.
+
+    Raises:
+        Unsuitable: the part cannot fail or cannot hold, as `True` or `1 >= 0`; or its robustness has no bounds.
+    """
+    low, high = specification.range(psi)
+    if not stl.signals(psi) or math.inf in (low, -high):
+        raise Unsuitable(f"{term} cannot {'fail' if low >= 0 else 'hold'}: {psi} is the same for all signals")
+    if not (math.isfinite(low) and math.isfinite(high)):
+        raise Unsuitable(f"the robustness of {psi} has no bounds, in {term}")
+    return low, high
 
 
 def leaves(phi: stl.Formula) -> Iterator[stl.Formula]:

@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperGroup
 
 from stlbench.contract_parts.texts import one_line, printable
-from stlbench.errors import UsageError, is_disk_full
+from stlbench.errors import UsageError, in_words, is_disk_full
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -60,12 +60,12 @@ class Commands(TyperGroup):
             except OSError as error:
                 if not (is_disk_full(error) or error.errno in _OF_PATHS):
                     raise
-                code = refuse(str(error), DISK_FULL if is_disk_full(error) else 2)
+                code = refuse(str(UsageError(str(error))), DISK_FULL if is_disk_full(error) else 2)
             except typer.Abort:
                 typer.echo(err=True)  # ends the line of a question that nobody answered
                 code = refuse("the question was not answered with yes; nothing was changed", 1)
             except typer.TyperException as error:
-                code = refuse(error.format_message().replace(": Value error, ", ": ", 1) + _where_to_look(error))
+                code = refuse(_translated(error.format_message()) + _where_to_look(error))
         if standalone_mode:
             sys.exit(code)
         return code
@@ -86,6 +86,12 @@ def refuse(message: str, code: int = 2) -> int:
     """Print what is wrong as one line on stderr; return the exit code."""
     typer.echo(f"error: {printable(message)}", err=True)
     return code
+
+
+def _translated(message: str) -> str:
+    """ "Invalid value for '--seed': ..." with the rule in our words."""
+    begin, colon, rule = message.partition(": ")
+    return f"{begin}{colon}{in_words(rule)}"
 
 
 def _where_to_look(error: typer.TyperException) -> str:

@@ -47,4 +47,5 @@ def export_policy(
         return
     typer.echo(out)
     share, away = f"{100 * found.same:.4g} %", f"{found.largest:.2g}"
+    typer.echo(f"its observation: {found.observation}")
     typer.echo(f"the same action in {share} of {found.observations} observations; largest difference {away} of a span")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,11 +14,11 @@ from stlbench.cli.options import Executor, Jobs, names, tasks_of
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Sequence
 
     from stlbench import contract
+    from stlbench.gate.judge import Judgement
     from stlbench.gate.snapshot import Snapshot
-    from stlbench.identity import CellId
     from stlbench.study.cell import Cell
 
 SEEDS = "10"
@@ -24,7 +26,13 @@ SEEDS = "10"
 
 
 def gate(
-    reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="A folder that --update wrote.")],
+    reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="A folder that --update wrote.")] = Path(
+        "results/gate-reference"
+    ),
+    against: Annotated[
+        str | None,
+        typer.Option(metavar="REV", help="Also compare costs: train by turns with the code of this git revision."),
+    ] = None,
     budget: Annotated[str, typer.Option(metavar="NAME", help="Budget of the cells.")] = "smoke",
     tasks: Annotated[
         str | None, typer.Option(metavar="LIST", help="Tasks, a comma list.", show_default="all in the reference")
@@ -49,10 +57,10 @@ def gate(
 ) -> None:
     """Measure the cells of a reference again, and say whether they are worse.
 
-    Robustness and satisfaction are compared seed by seed, CPU time and the reward's time relative to calibrations
-    measured beside the cells; cells that seem slower are measured twice more. Exit codes: 0 no worse, 1 worse, 3 these
-    seeds cannot tell, 4 nothing measured or cells missing, 2 bad input, 130 after ctrl-C. The same command again
-    measures only what is missing in DIR.
+    Robustness and satisfaction are compared seed by seed. Costs are compared only by --against: it trains each cell
+    with the code of a git revision and with that of the working tree, by turns, one at a time. Exit codes: 0 no worse,
+    1 worse, 3 cannot tell, 4 nothing measured or cells missing, 2 bad input, 130 after ctrl-C. Without --against, the
+    same command again measures only what is missing in DIR.
 
     --update alone measures and writes again what the reference holds. With --tasks, --methods, --agents or --seeds the
     reference will hold what these name, the rest as in `stlbench run` with ten seeds.
@@ -60,9 +68,12 @@ def gate(
     \b
     Examples:
       stlbench gate results/gate-reference --budget smoke
+      stlbench gate results/gate-reference --against origin/main
       stlbench gate reference --update --tasks hold-disc --methods funnel,flag --seeds 10
     """
+    from stlbench.gate.judge import judge
     from stlbench.gate.measure import Selection, cells_of, select
+    from stlbench.gate.snapshot import pair
     from stlbench.study.run import build_executor
     from stlbench.study.study import Study, parse_seeds
 
@@ -71,6 +82,8 @@ def gate(
     some_seeds = None if seeds is None else parse_seeds(seeds)
     selection = Selection(budget, tasks_of(tasks), names(methods), names(agents), some_seeds)
     place = build_executor(executor, jobs)
+    if against is not None and (update or executor != "local"):
+        raise UsageError("--against trains here and writes no reference: leave out --update and --executor")
     if update and not selection.is_everything:
         chosen = {"tasks": tasks or "hold-disc", "methods": methods or "funnel,flag", "seeds": seeds or SEEDS}
         study = Study.of({**chosen, "agents": agents, "budget": budget})
@@ -78,25 +91,31 @@ def gate(
         return
     base = select(reference, selection)
     cells = cells_of(base)
-    new = _measured(cells, results, place)
     if update:
-        _update(reference, new, as_json)
+        _update(reference, _measured(cells, results, place), as_json)
+        return
+    if against is None:
+        new = _measured(cells, results, place)
+        judgement = judge(pair(base, new))
     else:
-        new = _settled(base, new, cells, results, place)
-        _judge((str(reference), base), (str(results), new), results, as_json)
+        base, new, judgement = _by_turns(base, against)
+    _end(judgement, (str(reference), base), (str(results), new), results, as_json)
 
 
-def _settled(
-    base: Snapshot, new: Snapshot, cells: Sequence[Cell], folder: Path, executor: contract.Executor
-) -> Snapshot:
-    """What was measured, after suspicious cells were measured again, each time into a folder of its own."""
-    from stlbench.gate.retakes import settle
+def _by_turns(reference: Snapshot, revision: str) -> tuple[Snapshot, Snapshot, Judgement]:
+    """The reference, which says what the costs were compared with; what the change gave; and the verdict."""
+    from stlbench.gate.cost import judge_turns
+    from stlbench.gate.revision import both_trees
+    from stlbench.gate.turns import take_turns
 
-    def again(suspicious: Collection[CellId], number: int) -> Snapshot:
-        typer.echo(f"{len(suspicious)} cells seem slower: take {number} of them", err=True)
-        return _measured([cell for cell in cells if cell.id in suspicious], folder / f"take-{number}", executor)
-
-    return settle(base, new, again)
+    try:
+        with both_trees(revision) as (base, new):
+            turns = take_turns(reference.samples, base, new, partial(typer.echo, err=True))
+    except KeyboardInterrupt:
+        raise typer.Exit(130) from None
+    judgement, found = judge_turns(reference, turns)
+    compared = {**reference.provenance, "costs against": base.name}
+    return replace(reference, provenance=compared), found, judgement
 
 
 def _measured(cells: Sequence[Cell], folder: Path, executor: contract.Executor) -> Snapshot:
@@ -111,13 +130,13 @@ def _measured(cells: Sequence[Cell], folder: Path, executor: contract.Executor) 
         raise typer.Exit(130) from None
 
 
-def _judge(base: tuple[str, Snapshot], new: tuple[str, Snapshot], folder: Path, as_json: bool) -> None:
+def _end(
+    judgement: Judgement, base: tuple[str, Snapshot], new: tuple[str, Snapshot], folder: Path, as_json: bool
+) -> None:
     """Write and print the summaries, and exit."""
     from stlbench.gate import outputs, summary
-    from stlbench.gate.judge import EXIT, judge
-    from stlbench.gate.snapshot import pair
+    from stlbench.gate.judge import EXIT
 
-    judgement = judge(pair(base[1], new[1]))
     outputs.write(folder, "stlbench gate", judgement, base, new)
     if as_json:
         print_json(summary.facts(judgement, base, new))

@@ -192,6 +192,10 @@ def _judge_alike(
     except stl.ShortTraceError as error:
         rule = f"{at}needs {error.needed} rows, the trace has {error.got}; --policy clip evaluates short traces"
         raise UsageError(f"{source.place}: {rule}") from error
+    except stl.UndefinedError as error:
+        start = None if error.trace is None else starts[error.trace]
+        of = "" if start is None else f" of start {start}"
+        raise UsageError(f"{source.place}: {stl.UndefinedError(error.what, error.sample)}{of}") from error
     except ValueError as error:
         raise UsageError(f"{source.place}: {error}") from error
     judged = zip(values.tolist(), verdicts.tolist(), starts, strict=True)

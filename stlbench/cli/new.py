@@ -50,8 +50,9 @@ _WORDS: dict[Kind, dict[str, str]] = {
 
 
 _SEEN = """\
-# The environment gives some entries no ends. In two episodes of random actions, their magnitudes were at most `scale`,
-# rounded up; the ranges of their signals are twice as wide. A trained policy may go further: change what you know.
+# The environment gives some entries no ends. Twenty episodes of random actions found their magnitudes, rounded up to
+# `scale`; an entry that hardly moved has a tenth of the median. The ranges of signals are twice as wide. A trained
+# policy may go further: change what you know.
 """
 
 

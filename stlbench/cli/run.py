@@ -117,8 +117,8 @@ def run(
     """Compare reward methods: train and score every task, method, agent and seed.
 
     Each cell is recorded in DIR as it ends. The same command again runs only what is missing and repeats the tables,
-    so an interrupted run goes on. The exit code is 1 if a cell raised, timed out or was killed, 2 for bad input, 74 if
-    the disk is full, 130 after ctrl-C, otherwise 0.
+    so an interrupted run goes on. The exit code is 1 if a cell raised, timed out or was killed, 2 for bad input or if
+    every cell is unsuitable, 74 if the disk is full, 130 after ctrl-C, otherwise 0.
 
     \b
     Examples:
@@ -179,13 +179,22 @@ def _recorded(cells: Sequence[Cell], folder: Path) -> str:
 
 
 def report_cells(cells: Container[CellId], folder: Path) -> None:
-    """Write the tables of all cells in the folder and show those of some; exit with code 1 if one had an accident."""
+    """Write the tables of all cells in the folder and show those of some; exit with code 1 if one had an accident.
+
+    Raises:
+        UsageError: all of these cells ended as unsuitable.
+    """
     from stlbench.report import condense, only
     from stlbench.status import ACCIDENTS
     from stlbench.study import stored
 
     recorded = condense(stored.read(folder), stored.missing(folder))
     shown = only(recorded, cells)
+    rows = [row for group in shown for row in group.rows]
     show_report(shown, recorded, folder)
-    if any(row.status in ACCIDENTS for group in shown for row in group.rows):
+    if any(row.status in ACCIDENTS for row in rows):
         raise typer.Exit(1)
+    if rows and all(row.status == "unsuitable" for row in rows):
+        reasons = list(dict.fromkeys(row.reason for row in rows))
+        others = f"; cells beside it have other reasons ({len(reasons) - 1})" if len(reasons) > 1 else ""
+        raise UsageError(f"no cell fits, so nothing was trained: {rows[0].id.name}: {reasons[0]}{others}")

@@ -8,21 +8,23 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from stlbench.cli.common import Json, console, print_json
+from stlbench.cli.common import Json, console, print_json, warn
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
     from stlbench.outside.again import Again
     from stlbench.outside.source import Source
     from stlbench.registry.choices import Choice
-    from stlbench.result import Result
+    from stlbench.result import Result, Score
 
 
 def score(
     task: Annotated[str, typer.Argument(metavar="TASK", help="A task, an ablation of one, or a folder.")],
     policy: Annotated[
         str,
-        typer.Argument(metavar="POLICY", help="module:function, FILE.zip (SB3), .onnx, .csv, .npz, or a cell's name."),
+        typer.Argument(
+            metavar="POLICY", help="module:function, FILE.zip (SB3), .onnx, .pt, .csv, .npz, or a cell's name."
+        ),
     ],
     results: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of results that has the cell, or takes the row.")
@@ -44,6 +46,16 @@ def score(
         typer.Option(
             help="What it is given: as agents, states and steps, or the environment's own.", show_default="observation"
         ),
+    ] = None,
+    architecture: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FORM", help="Of a state_dict of PyTorch, as 'mlp[4,64,64,21;relu]': sizes and activation."
+        ),
+    ] = None,
+    actions: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Its own actions, a .csv with a row for each of its outputs."),
     ] = None,
     name: Annotated[
         str | None,
@@ -68,19 +80,20 @@ def score(
       stlbench score pendulum my_controllers:energy --on state
       stlbench score hold-disc model.zip --name sb3-ppo --seed 1
       stlbench score lunar-lander model.zip --on environment
+      stlbench score hold-disc-coarse q.pt --architecture "mlp[6,64,64,189;relu]"
       stlbench score hold-disc hold-disc/funnel/dqn/0
     """
     from stlbench.outside.source import find_source
     from stlbench.registry.folders import task_of
 
-    source, choice = find_source(policy), task_of(task)
+    source, choice = find_source(policy, architecture, actions), task_of(task)
     if source.kind == "cell":
         _refuse_options({"--method": method, "--on": on, "--name": name, "--seed": seed}, "is a stored cell", policy)
         _stored(choice, source, results, budget, which or "selected", as_json)
         return
     _refuse_options({"--policy": which}, "is no stored cell", policy)
     budget = budget or _usual(results, choice)
-    result = _outside(choice, source, results, budget, method, on or "observation", name, seed or 0)
+    result = _outside(choice, source, results, budget, method, on, name, seed or 0)
     _show(result, results, as_json)
 
 
@@ -107,6 +120,7 @@ def _stored(
         return
     typer.echo(f"{again.cell.name}, {which} policy, on {task}: {again.said}")
     to_screen(scores_table({"": again.scores}), console())
+    _warn_of_ends(again.scores)
 
 
 def _usual(results: Path, task: Choice) -> str | None:
@@ -135,7 +149,7 @@ def _outside(
     results: Path,
     budget: str | None,
     method: str | None,
-    on: Literal["observation", "state", "environment"],
+    on: Literal["observation", "state", "environment"] | None,
     name: str | None,
     seed: int,
 ) -> Result:
@@ -153,6 +167,16 @@ def _outside(
     return result
 
 
+def _warn_of_ends(scores: Mapping[str, Score]) -> None:
+    """Say that episodes ended before their formula was decided."""
+    from stlbench.result import reported
+
+    if share := reported(scores).ended_early:
+        warn(
+            f"from {100 * share:.3g} % of the starts the episode ended before the formula's horizon; see the note above"
+        )
+
+
 def _show(result: Result, results: Path, as_json: bool) -> None:
     """The score, and the row beside the cells of its task."""
     from stlbench.cli.show_cell import facts
@@ -166,7 +190,12 @@ def _show(result: Result, results: Path, as_json: bool) -> None:
         return
     assert result.measurement is not None
     typer.echo(f"{result.id.name}: {result.provenance['source']}, from {result.provenance['begun_at']}")
+    if observation := result.provenance.get("observation"):
+        typer.echo(f"It is shown {observation} (--on {result.provenance['on']})")
+    if moved := result.provenance.get("moved"):
+        warn(f"{moved}; --actions FILE gives it actions of its own")
     to_screen(scores_table({"": result.measurement.selected}), console())
+    _warn_of_ends(result.measurement.selected)
     groups = condense(each for each in stored.read(results) if each.id.task == result.id.task)
     to_screen(robustness_table(split(groups)[0], outside=outside(groups)), console())
     counts = sorted({each.starts for group in groups for each in group.done if each.starts is not None})

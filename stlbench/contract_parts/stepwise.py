@@ -7,6 +7,8 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from stlbench.contract_parts.arrays import are_numbers
+
 __all__ = ["along_by_steps", "complete", "refuse_circle"]
 
 Array = NDArray[np.float64]
@@ -59,8 +61,10 @@ def along_by_steps(method: Stepping, samples: Array, action: Array, t: Integers,
         times = (t + np.arange(held)[:, None]).ravel()
         reward, _ = method.step(before, np.tile(action, (held, 1)), after, times, np.zeros((len(times), 0)))
         return (reward.reshape(held, rows) if np.shape(reward) == times.shape else reward), memory
-    rewards = []  # as they are: whoever asks checks their shape, which NumPy would stretch
+    rewards = []  # as they are: whoever asks checks their shape and type, which NumPy would change
     for i in range(held):
         reward, memory = method.step(samples[i], action, samples[i + 1], t + i, memory)
         rewards.append(reward)
+        if not are_numbers(reward):
+            return reward, memory
     return np.array(rewards, np.float64), memory

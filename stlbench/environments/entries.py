@@ -27,6 +27,15 @@ class Entries:
     keys: tuple[str, ...] | None = ()
     """Of a Dict observation, the keys of the arrays that are named; None where the observation is one array."""
 
+    def of(self, space: Space[Any], key: str) -> Entries:
+        """Those of one array of an observation from `space`, as if it were the whole; of a Dict the one at `key`."""
+        if self.keys is None:
+            return self
+        if key not in self.keys or not isinstance(space, Dict):
+            return Entries()
+        begin = sum(prod(space[each].shape or ()) for each in self.keys[: self.keys.index(key)])
+        return Entries(self.names[begin : begin + prod(space[key].shape or ())], None)
+
     def read(self, observation: Any, count: int) -> Array:
         """The named entries of one observation or of `count` batched ones: (count, n).
 

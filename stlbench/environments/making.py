@@ -21,12 +21,14 @@ __all__ = ["Gym", "failed", "made", "modules", "software"]
 Gym: TypeAlias = gymnasium.Env[Any, Any]
 
 _EXTRAS = {
+    "Box2D": "field",
     "dm_control": "dm",
     "gymnasium_robotics": "mujoco",
     "highway_env": "field",
     "mpe2": "petting",
     "mujoco": "mujoco",
     "pettingzoo": "petting",
+    "pygame": "field",
     "shimmy": "dm",
 }
 """Library of environments -> the extra that brings it."""
@@ -55,7 +57,7 @@ def failed(what: str, error: Exception) -> UsageError:
     """What is said of an environment that cannot be made: it is code of others, and may raise anything."""
     missing = _missing(error)
     if missing in _EXTRAS:
-        return UsageError(f"{what} needs {missing}: pip install 'stlbench-rl[{_EXTRAS[missing]}]'")
+        return UsageError(f'{what} needs {missing}: pip install "stlbench-rl[{_EXTRAS[missing]}]"')
     return UsageError(f"{what} cannot be made: {cause(error)}")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import prod
 from typing import Any, cast
 
@@ -13,10 +14,11 @@ from numpy.typing import NDArray
 from stlbench.contract import Array
 from stlbench.environments.entries import Entries
 from stlbench.errors import UsageError, did_you_mean
+from stlbench.observation import MOST, Observation
 
-__all__ = ["Observed"]
+__all__ = ["LARGE", "Observed"]
 
-_LARGE = 1e4
+LARGE = 1e4
 """Ends of a space beyond this say nothing of what an entry is about: some environments write the largest float32."""
 
 
@@ -33,7 +35,7 @@ class Observed:
         self.size, self._type = flat.shape[0], flat.dtype
         self._space, self._plain = space, isinstance(space, spaces.Box) and len(space.shape) == 1
         low, high = flat.low.astype(np.float64), flat.high.astype(np.float64)
-        known = (np.abs(low) <= _LARGE) & (np.abs(high) <= _LARGE) & (low < high)
+        known = (np.abs(low) <= LARGE) & (np.abs(high) <= LARGE) & (low < high)
         low, high = np.where(known, low, -1.0), np.where(known, high, 1.0)
         self._middle, self._reach = (low + high) / 2, (high - low) / 2
         self._names = {place: name for name, place in _named(space, entries).items()}
@@ -43,6 +45,14 @@ class Observed:
     def name(self, place: int) -> str:
         """What the number at a place of the flat observation is called: 'v', or number 3 of the observation."""
         return f"'{self._names[place]}'" if place in self._names else f"number {place} of the observation"
+
+    def described(self, beside: Observation) -> Observation:
+        """The record of what a policy sees; `beside` is what it is shown beside these numbers."""
+        if self.size > MOST:
+            return replace(beside, size=self.size)
+        names = tuple(self._names.get(place, "") for place in range(self.size))
+        middle, reach = tuple(self._middle.tolist()), tuple(self._reach.tolist())
+        return replace(beside, size=self.size, names=names, middle=middle, reach=reach)
 
     def flat(self, observation: Any) -> Array:
         """The numbers (d,) of one observation, as they are."""

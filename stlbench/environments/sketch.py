@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import ceil, floor, log10, prod
-from typing import Any
+from typing import Any, TypeAlias
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Box, Dict, Discrete, Space
+from gymnasium.spaces import Box, Dict, Space
 
 from stlbench.contract import Array, cause
+from stlbench.environments.acting import action_axes
 from stlbench.environments.entries import Names, entries_of
 from stlbench.environments.making import Gym, made
+from stlbench.environments.observing import LARGE
 from stlbench.errors import UsageError
 
 __all__ = ["sketch"]
@@ -20,8 +22,15 @@ __all__ = ["sketch"]
 _STEPS, _SECONDS = 200, 0.05
 """Where the environment says nothing: steps of an episode, seconds of a step."""
 
-_EPISODES, _PLAYED = 2, 1000
-"""Of random actions, that show the magnitude of entries without ends; the most steps of one."""
+_EPISODES, _PLAYED = 20, 10_000
+"""Of random actions, that show the magnitude of entries without ends; the most steps of all of them together."""
+
+_KEPT = 10
+"""Steps for which every other episode keeps an action: noise that changes at each step hardly moves a body."""
+
+_FLOOR = 0.1
+"""No scale is less than this share of the median of all. Random actions hardly move some entries, such as the speed of
+an object that they never touch, and a trained policy moves them."""
 
 _MOST = 500
 """Entries that a draft names. Of pictures, which have thousands, none has a meaning."""
@@ -33,7 +42,8 @@ def sketch(identifier: str) -> dict[str, Any]:
     Args:
         identifier: as `gymnasium.make` takes it.
 
-    Entries without ends get a scale, and signals on them a range, by the magnitudes that random actions show.
+    Entries without ends get a scale, and signals on them a range, by the magnitudes that random actions show. Entries
+    that these hardly move get a scale by the others.
 
     Raises:
         UsageError: it cannot be made or played, or its observation is no array of numbers, nor a Dict of some, or has
@@ -41,9 +51,10 @@ def sketch(identifier: str) -> dict[str, Any]:
     """
     env = made(identifier, {})
     names, known = _entries(env.observation_space)
-    scale = {} if all(known.values()) else _magnitudes(identifier, env, names)
-    ends = {name: pair or (-2 * scale[name], 2 * scale[name]) for name, pair in known.items()}
-    scale = {name: scale[name] for name, pair in known.items() if pair is None}
+    without = [name for name, pair in known.items() if None in pair]
+    seen = _magnitudes(identifier, env, names) if without else {}
+    scale = {name: seen[name] for name in without}
+    ends = {name: _completed(pair, 2 * scale.get(name, 0)) for name, pair in known.items()}
     first, (low, high) = next(iter(ends.items()))
     steps, middle = _limit(identifier), (low + high) / 2
     distance = f"abs({first} - {middle:g})" if middle else f"abs({first})"
@@ -55,7 +66,7 @@ def sketch(identifier: str) -> dict[str, Any]:
         "sampling_time": round(_seconds(env), 6),
         "steps": steps,
         "signals": {name: {"low": low, "high": high} for name, (low, high) in ends.items()},
-        "agents": {"dqn" if isinstance(env.action_space, Discrete) else "td3": {}},
+        "agents": {"dqn" if all(axis.values for axis in action_axes(env.action_space)) else "td3": {}},
         "budgets": {
             "smoke": {"steps": 16 * steps, "seeds": 1, "deadline": 300, "checkpoints": 2, "random_starts": 20},
             "quick": {"steps": 100_000, "seeds": 3, "deadline": 900, "random_starts": 100},
@@ -63,8 +74,18 @@ def sketch(identifier: str) -> dict[str, Any]:
     }
 
 
-def _entries(space: Space[Any]) -> tuple[Names, dict[str, tuple[float, float] | None]]:
-    """Names as a task file has them, and name -> ends, None where there are none."""
+_Ends: TypeAlias = tuple[float | None, float | None]
+"""The least and the greatest value of an entry; None where its space does not say."""
+
+
+def _completed(ends: _Ends, most: float) -> tuple[float, float]:
+    """The ends, and in the place of one that is not known the magnitude `most`."""
+    low, high = ends
+    return -most if low is None else low, most if high is None else high
+
+
+def _entries(space: Space[Any]) -> tuple[Names, dict[str, _Ends]]:
+    """Names as a task file has them, and name -> ends."""
     whole = isinstance(space, Box)
     parts = {"o": space} if whole else dict(space.spaces) if isinstance(space, Dict) else {}
     boxes = {key: part for key, part in parts.items() if isinstance(part, Box)}
@@ -85,40 +106,43 @@ def _numbered(name: str, space: Box) -> list[str]:
     return [plain] if count == 1 else [f"{plain}{i}" for i in range(count)]
 
 
-def _ends(space: Box) -> list[tuple[float, float] | None]:
+def _ends(space: Box) -> list[_Ends]:
     pairs = zip(space.low.ravel().tolist(), space.high.ravel().tolist(), strict=True)
-    return [
-        (float(f"{low:.4g}"), float(f"{high:.4g}")) if -1e4 <= low < high <= 1e4 else None  # as policies see it
-        for low, high in pairs
-    ]
+    return [(_said(low), _said(high)) if low < high else (None, None) for low, high in pairs]
+
+
+def _said(end: float) -> float | None:
+    """None of an end that is so large that it says nothing, as for what policies see."""
+    return float(f"{end:.4g}") if abs(end) <= LARGE else None
 
 
 def _magnitudes(identifier: str, env: Gym, names: Names) -> dict[str, float]:
-    """Name -> the largest magnitude of the entry in episodes of random actions, rounded up."""
+    """Name -> the largest magnitude of the entry in episodes of random actions, above the floor, rounded up."""
     entries = entries_of(env.observation_space, names)
     try:
-        seen = [np.abs(entries.read(each, 1)[0]) for each in _observations(env, min(_limit(identifier), _PLAYED))]
+        seen = [np.abs(entries.read(each, 1)[0]) for each in _observations(env, _limit(identifier))]
     except Exception as error:  # it is code of others
         raise UsageError(f"environment {identifier} cannot be played: {cause(error)}") from error
     most: Array = np.max(np.nan_to_num(seen, posinf=0.0), axis=0)
-    return {name: _rounded_up(value) for name, value in zip(entries.names, most.tolist(), strict=True)}
+    floor = _FLOOR * float(np.median(most[most > 0])) if most.any() else 1.0
+    return {name: _rounded_up(max(value, floor)) for name, value in zip(entries.names, most.tolist(), strict=True)}
 
 
 def _observations(env: Gym, steps: int) -> Iterator[Any]:
     env.action_space.seed(0)
     for seed in range(_EPISODES):
         yield env.reset(seed=seed)[0]
-        for _ in range(steps):
-            observation, _, terminated, truncated, _ = env.step(env.action_space.sample())
+        for t in range(min(steps, _PLAYED // _EPISODES)):
+            if seed % 2 == 0 or t % _KEPT == 0:
+                action = env.action_space.sample()
+            observation, _, terminated, truncated, _ = env.step(action)
             yield observation
             if terminated or truncated:
                 break
 
 
 def _rounded_up(value: float) -> float:
-    """To 1, 2 or 5 times a power of ten; 1 where an entry never moved."""
-    if value < 1e-6:
-        return 1.0
+    """To 1, 2 or 5 times a power of ten."""
     power = 10.0 ** floor(log10(value))
     digit = next(each for each in (1, 2, 5, 10) if ceil(value / power) <= each)
     return float(f"{digit * power:.1g}")

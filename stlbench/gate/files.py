@@ -17,7 +17,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, in_words
 from stlbench.gate.snapshot import Sample, Snapshot, gather
 from stlbench.identity import IDENTITY, OUTSIDE, CellId
 from stlbench.sharing.checked import unpacked
@@ -131,7 +131,7 @@ def _row(row: Mapping[str, str | None], where: str) -> Sample:
     except ValidationError as error:
         first = error.errors()[0]
         name = next(str(part) for part in first["loc"] if part != "id")
-        raise UsageError(f"{where}: {name} is {texts[name]!r}: {first['msg']}") from error
+        raise UsageError(f"{where}: {name} is {texts[name]!r}: {in_words(first['msg'])}") from error
     if sample.status == "done" and any(getattr(sample, name) is None for name in NUMBERS):
         raise UsageError(f"{where}: status is done and one of {', '.join(NUMBERS)} is empty")
     return sample

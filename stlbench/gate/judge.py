@@ -1,28 +1,28 @@
-"""Is a new snapshot worse than its base? One rule, four metrics, paired seeds.
+"""Is a new snapshot worse than its base? One rule for robustness and satisfaction, on paired seeds.
 
 Each seed gives one *gain*, positive where the new snapshot is better. Of the gains of a setting, that is of one task,
 method, agent and budget:
 
-- **worse**: on average they lose more than is tolerated, and a t-test says that they do lose; of times it says that
-  they lose more than load from other processes explains.
+- **worse**: on average they lose more than is tolerated, and a t-test says that they do lose.
 - **no worse**: on average they lose no more than is tolerated, and their interval excludes a loss that is twice as
-  large; or not one of them differs from 0, as with equal code on one machine.
+  large; or not one of them differs from 0, as with equal code.
 - **cannot tell**: anything else.
+
+Costs are *not judged* here: the seconds of another hour say nothing. `stlbench.gate.cost` judges those of turns.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from itertools import chain
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from stlbench.gate.metrics import METRICS, Metric
+from stlbench.gate.metrics import COSTS, QUALITIES, Metric
 from stlbench.gate.snapshot import Pair, Sample
 from stlbench.identity import CellId, Setting
 from stlbench.report.statistics.holm import holm
@@ -31,13 +31,13 @@ from stlbench.status import ACCIDENTS
 __all__ = ["EXIT", "Comparison", "Finding", "Judgement", "Verdict", "judge"]
 
 Floats = NDArray[np.float64]
-Verdict = Literal["no worse", "worse", "cannot tell", "missing"]
+Verdict = Literal["no worse", "worse", "cannot tell", "missing", "not judged"]
 
-EXIT: dict[Verdict, int] = {"no worse": 0, "worse": 1, "cannot tell": 3, "missing": 4}
+EXIT: dict[Verdict, int] = {"no worse": 0, "not judged": 0, "worse": 1, "cannot tell": 3, "missing": 4}
 """Exit code of each verdict. Where several are found, the whole has the first of: worse, missing, cannot tell."""
 
 ALPHA = 0.01
-"""Probability that, in a family of metrics, anything is called worse by chance (Holm's correction)."""
+"""Probability that anything is called worse by chance (Holm's correction)."""
 LEVEL = 0.95
 """Confidence that the loss is less than the interval's end. It needs no correction: all must exclude, not one."""
 FREEDOM = 2
@@ -51,18 +51,21 @@ class Comparison:
     setting: Setting
     metric: Metric
     base: float
-    """Mean over the paired seeds."""
+    """Mean over the pairs; of a cost the median, as of the two below."""
     new: float
-    seeds: int
+    pairs: int
+    """Seeds that both have, or turns in which both trained a seed."""
     gain: float
-    """Mean over the paired seeds."""
     low: float
-    """One-sided 95 % limit of the gain, from below."""
+    """One-sided 95 % limit of the gain, from below; of a cost the lower end of its 95 % interval. NaN: not judged."""
     high: float
     """The same from above."""
     chance: float
-    """Holm-corrected p-value of the t-test that no more is lost than load explains (`Metric.load`)."""
+    """Holm-corrected p-value of the t-test that nothing is lost; of a cost, of the sign test that no more is lost than
+    is tolerated."""
     verdict: Verdict
+    gains: tuple[float, ...] = ()
+    """Of a cost that is judged: turn by turn."""
 
 
 @dataclass(frozen=True)
@@ -98,9 +101,11 @@ def judge(pairs: Sequence[Pair]) -> Judgement:
     for base, new in pairs:
         if new is not None and base.status == new.status == "done":
             done.setdefault(base.id.setting, []).append((base, new))
-    tests = [_test(setting, metric, members) for metric in METRICS for setting, members in done.items()]
-    families = ([test for test in tests if test and test.metric.timing == timing] for timing in (False, True))
-    return Judgement(tuple(chain.from_iterable(map(_decide, families))), findings)
+    qualities, costs = (
+        [test for metric in metrics for setting, members in done.items() if (test := _test(setting, metric, members))]
+        for metrics in (QUALITIES, COSTS)
+    )
+    return Judgement((*_decide(qualities), *map(_not_judged, costs)), findings)
 
 
 def _accidents(base: Sample, new: Sample | None) -> list[Finding]:
@@ -145,10 +150,7 @@ def _test(setting: Setting, metric: Metric, members: Iterable[tuple[Sample, Samp
 
 def _decide(family: Sequence[_Test]) -> list[Comparison]:
     """Compare all of a family, whose size counts in Holm's correction as far as anything differs at all."""
-    pools = {metric: _tamed([test for test in family if test.metric is metric]) for metric in METRICS}
-    estimates = [
-        (test, *_estimate(test, pool if metric.timing else [test])) for metric, pool in pools.items() for test in pool
-    ]
+    estimates = [(test, *_estimate(test)) for test in family]
     chances = holm([chance for test, _, _, chance in estimates if test.differs])
     decided = []
     for test, low, high, _ in estimates:
@@ -160,32 +162,23 @@ def _decide(family: Sequence[_Test]) -> list[Comparison]:
     return decided
 
 
-def _tamed(pool: Sequence[_Test]) -> list[_Test]:
-    """Times with each gain within three times the scatter of its setting's median: a cell beside which something began
-    may be twice as slow, and says nothing of the others. Other metrics as they are: there a bad seed is a result."""
-    if not pool or not pool[0].metric.timing:
-        return list(pool)
-    medians = [float(np.median(test.gains)) for test in pool]
-    away = np.concatenate([np.abs(test.gains - median) for test, median in zip(pool, medians, strict=True)])
-    reach = 3 * 1.4826 * float(np.median(away))  # 1.4826 makes it the standard deviation, where gains are normal
-    return [
-        replace(test, gains=np.clip(test.gains, median - reach, median + reach))
-        for test, median in zip(pool, medians, strict=True)
-    ]
+def _not_judged(test: _Test) -> Comparison:
+    """A cost, for information."""
+    middle = float(np.median(test.base)), float(np.median(test.new))
+    gain, unknown = float(np.median(test.gains)), (math.nan, math.nan, math.nan)
+    return Comparison(test.setting, test.metric, *middle, len(test.gains), gain, *unknown, "not judged")
 
 
-def _estimate(test: _Test, pool: Sequence[_Test]) -> tuple[float, float, float]:
-    """Limits of the gain from below and above, and the p-value of `Comparison.chance`; the pool tells the scatter."""
-    gain, load = float(test.gains.mean()), test.metric.load
+def _estimate(test: _Test) -> tuple[float, float, float]:
+    """Limits of the gain from below and above, and the p-value of `Comparison.chance`."""
+    gain, freedom = float(test.gains.mean()), len(test.gains) - 1
     if not test.differs or not math.isfinite(gain):
-        return gain, gain, float(gain >= -load)
-    freedom = sum(len(other.gains) - 1 for other in pool)
+        return gain, gain, float(gain >= 0)
     if freedom < FREEDOM:
         return -math.inf, math.inf, 1.0
-    squares = sum(float(np.sum((other.gains - other.gains.mean()) ** 2)) for other in pool)
-    error = math.sqrt(squares / freedom / len(test.gains))
+    error = float(test.gains.std(ddof=1)) / math.sqrt(len(test.gains))
     half = error * float(special.stdtrit(freedom, LEVEL))
-    chance = float(special.stdtr(freedom, (gain + load) / error)) if error > 0 else float(gain >= -load)
+    chance = float(special.stdtr(freedom, gain / error)) if error > 0 else float(gain >= 0)
     return gain - half, gain + half, chance
 
 

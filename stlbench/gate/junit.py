@@ -39,7 +39,7 @@ def _comparison(found: Comparison) -> ElementTree.Element:
     metric = found.metric
     text = (
         f"{metric.name}: {found.base:.4g} to {found.new:.4g} ({metric.text(found.gain)}), tolerated "
-        f"{metric.text(-metric.tolerated)}, {found.seeds} seeds, p = {found.chance:.2g}"
+        f"{metric.text(-metric.tolerated)}, {found.pairs} pairs, p = {found.chance:.2g}"
     )
     return _case(found.setting.name, metric.name, found.verdict, text)
 

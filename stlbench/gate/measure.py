@@ -4,22 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 from stlbench.contract import Executor
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.gate import files
 from stlbench.gate.snapshot import Sample, Snapshot, gather
-from stlbench.gate.stamped_ledger import StampedLedger
-from stlbench.gate.trial import run_cell
 from stlbench.registry.choices import Choice
-from stlbench.registry.fingerprint import fingerprint
 from stlbench.status import ACCIDENTS
 from stlbench.study.cell import Cell
 from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.plan import plan_cells
-from stlbench.study.provenance import collect
 from stlbench.study.run import Progress, run_cells
 
 __all__ = ["Selection", "cells_of", "measure", "select"]
@@ -79,10 +74,7 @@ def cells_of(snapshot: Snapshot) -> tuple[Cell, ...]:
 
 
 def measure(cells: Sequence[Cell], folder: Path, executor: Executor, progress: Progress | None = None) -> Snapshot:
-    """Run what is missing in the folder, or was computed by other code or on another machine."""
-    stamp = {name: value for name, value in collect(executor.jobs).items() if name not in ("jobs", "time")}
-    stamp["harness"] = fingerprint("stlbench.gate.trial")[:12]
-    stamped = partial(StampedLedger, stamp=stamp)
-    run_cells(cells, folder, executor, retry=ACCIDENTS, progress=progress, open_ledger=stamped, run_cell=run_cell)
+    """Run what is missing in the folder, or was computed by other code."""
+    run_cells(cells, folder, executor, retry=ACCIDENTS, progress=progress)
     with Ledger(folder / FILE, create=False) as ledger:
         return gather(ledger.results_of(cell.id for cell in cells))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from stlbench.gate.calibration import CALIBRATIONS
 from stlbench.identity import OUTSIDE, CellId
 from stlbench.result import TASK_FOLDER, Result, reported
 from stlbench.status import Status
@@ -13,7 +12,7 @@ from stlbench.study.provenance import CODE
 
 __all__ = ["Pair", "Sample", "Snapshot", "gather", "pair", "sample"]
 
-_PER_CELL = ("time", CODE, TASK_FOLDER, *CALIBRATIONS)
+_PER_CELL = ("time", CODE, TASK_FOLDER)
 """What of a cell's provenance differs from cell to cell."""
 
 
@@ -30,10 +29,7 @@ class Sample:
     """Share of the starts, in [0, 1]."""
     training_cpu_seconds: float | None = None
     reward_nanoseconds: float | None = None
-    training_calibration_seconds: float | None = None
-    """CPU seconds of a fixed workload beside the cell (see `calibration`); only the gate measures it."""
-    reward_calibration_seconds: float | None = None
-    """The same of the workload that the reward's time is compared with."""
+    """CPU nanoseconds of the method's reward per step."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +52,6 @@ def pair(base: Snapshot, new: Snapshot) -> list[Pair]:
 def sample(result: Result) -> Sample:
     """A few numbers of a result."""
     measured = result.measurement
-    calibrations = {name: float(result.provenance[name]) for name in CALIBRATIONS if name in result.provenance}
     return Sample(
         result.id,
         result.status,
@@ -65,7 +60,6 @@ def sample(result: Result) -> Sample:
         satisfaction=reported(measured.selected).satisfaction if measured else None,
         training_cpu_seconds=measured.training_cpu_seconds if measured else None,
         reward_nanoseconds=measured.reward_nanoseconds if measured else None,
-        **calibrations,
     )
 
 
@@ -79,7 +73,4 @@ def gather(results: Iterable[Result]) -> Snapshot:
         samples[result.id] = sample(result)
         for name in result.provenance.keys() - _PER_CELL:
             provenance.setdefault(name, set()).add(result.provenance[name])
-    loads = sorted(provenance.pop("load", ()), key=float)
-    said = {name: ", ".join(sorted(values)) for name, values in provenance.items()}
-    said |= {"load": f"{loads[0]} to {loads[-1]}"} if loads else {}
-    return Snapshot(samples, dict(sorted(said.items())))
+    return Snapshot(samples, {name: ", ".join(sorted(values)) for name, values in sorted(provenance.items())})

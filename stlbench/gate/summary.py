@@ -53,7 +53,9 @@ def _record(comparison: Comparison) -> dict[str, Any]:
     }
     setting = {name: str(part) for name, part in vars(comparison.setting).items()}
     finite = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
-    return {**setting, "metric": metric.name, "seeds": comparison.seeds, **finite, "verdict": comparison.verdict}
+    turns = {"turns": [metric.change(gain) for gain in comparison.gains]} if comparison.gains else {}
+    said = {"metric": metric.name, "pairs": comparison.pairs, **finite, "verdict": comparison.verdict}
+    return {**setting, **said, **turns}
 
 
 # --------------------------------------------------------------------------------------------------------- Markdown
@@ -79,27 +81,17 @@ def _said(role: str, path: str, snapshot: Snapshot) -> str:
 def notes(base: Snapshot, new: Snapshot) -> list[str]:
     """What a reader should know of the two before believing the verdict."""
     further = len(new.samples.keys() - base.samples.keys())
-    uncalibrated = [
-        name
-        for name, snapshot in (("base", base), ("new", new))
-        if not any(sample.training_calibration_seconds for sample in snapshot.samples.values())
-    ]
     machines = {snapshot.provenance.get("machine") for snapshot in (base, new)}
     possible = [
         (further, f"Cells of the new snapshot alone, which were not compared: {further}."),
-        (uncalibrated, f"CPU times were not compared: no calibration in {' and '.join(uncalibrated)}."),
-        (len(machines) > 1, "The two were measured on different machines: robustness differs by chance as well."),
-        (
-            len({snapshot.provenance.get("jobs") for snapshot in (base, new)}) > 1,
-            "The two ran with different numbers of jobs, or one does not say; CPU times suffer from neighbours.",
-        ),
+        (len(machines) > 1, "The two were measured on different machines, which may round differently."),
     ]
     return [note for applies, note in possible if applies]
 
 
 def trouble(judgement: Judgement) -> Table:
     """One row for each thing that is not fine, the worst first; as texts, since each row has its metric's unit."""
-    titles = ("verdict", "where", "metric", "base", "new", "change", "95 % limits", "tolerated", "seeds", "p", "reason")
+    titles = ("verdict", "where", "metric", "base", "new", "change", "95 % limits", "tolerated", "pairs", "p", "reason")
     rows = [(EXIT[finding.verdict], _finding(finding)) for finding in judgement.findings]
     rows += [
         (EXIT[comparison.verdict], _comparison(comparison))
@@ -120,7 +112,7 @@ def _comparison(comparison: Comparison) -> tuple[Value, ...]:
     return (
         *(comparison.verdict, comparison.setting.name, metric.name, f"{comparison.base:.4g}", f"{comparison.new:.4g}"),
         *(metric.text(comparison.gain), f"[{metric.text(limits[0])}, {metric.text(limits[1])}]"),
-        *(metric.text(-metric.tolerated), comparison.seeds, f"{comparison.chance:.2g}", None),
+        *(metric.text(-metric.tolerated), comparison.pairs, f"{comparison.chance:.2g}", None),
     )
 
 
@@ -128,7 +120,7 @@ def settings(judgement: Judgement) -> Table:
     """One row per setting, one column per metric."""
     compared = {(comparison.setting, comparison.metric.name): comparison for comparison in judgement.comparisons}
     names = [metric.name for metric in METRICS]
-    titles = ("task", "method", "agent", "budget", "track", "seeds", *names)
+    titles = ("task", "method", "agent", "budget", "track", "pairs", *names)
     columns = tuple(Column(title, right=place > 3) for place, title in enumerate(titles))
     rows = tuple(
         (*map(str, vars(setting).values()), *_row([compared.get((setting, name)) for name in names]))
@@ -136,20 +128,21 @@ def settings(judgement: Judgement) -> Table:
     )
     remarks = (
         "Robustness and satisfaction: mean over the paired seeds of base and new, and the change.",
-        "CPU: seconds of training, new over base; reward: its time per step; each over its calibration.",
+        "CPU: seconds of training, new over base; reward: its time per step. A cost in brackets is not judged.",
         "What is tolerated, and how it is tested: docs/ci.md.",
     )
     return Table("All settings", columns, rows, remarks)
 
 
 def _row(comparisons: Sequence[Comparison | None]) -> list[Value]:
-    seeds = max((comparison.seeds for comparison in comparisons if comparison), default=0)
-    return [seeds, *(None if comparison is None else _change(comparison) for comparison in comparisons)]
+    pairs = max((comparison.pairs for comparison in comparisons if comparison), default=0)
+    return [pairs, *(None if comparison is None else _change(comparison) for comparison in comparisons)]
 
 
 def _change(comparison: Comparison) -> str:
-    if comparison.metric.timing:
-        return comparison.metric.text(comparison.gain)
+    if comparison.metric.is_cost:
+        text = comparison.metric.text(comparison.gain)
+        return f"({text})" if comparison.verdict == "not judged" else text
     same = comparison.gain == comparison.low == comparison.high == 0
     return (
         f"{comparison.new:.3f} (same)"

@@ -12,7 +12,7 @@ from stlbench.identity import Setting
 from stlbench.leaderboard.entry import Entry, Scored, Scores
 from stlbench.report import Column, Table, Value
 from stlbench.report.statistics.differences import Pair, differences
-from stlbench.report.statistics.intervals import Interval, interval, iqm, share_interval
+from stlbench.report.statistics.intervals import Interval, median, median_interval, share_interval
 from stlbench.report.tables.rows import LEARNED
 from stlbench.report.tables.table import Seeds
 
@@ -59,7 +59,7 @@ def _lines(entries: Sequence[Entry]) -> list[_Line]:
 
 
 def _place(line: _Line) -> tuple[str, float, Setting, str]:
-    worst_last = -iqm(line.values) if line.values else float("inf")
+    worst_last = -median(line.values) if line.values else float("inf")
     return str(line.setting.task), worst_last, line.setting, line.entry.bundle
 
 
@@ -70,8 +70,8 @@ def results(scores: Scores) -> Table:
     columns = (
         Column("task", right=False),
         Column("method", right=False),
-        Column("IQM robustness", "IQM", digits=3),
-        Column("IQM 95 % interval", digits=3, kind=Interval, drop=1),
+        Column("median robustness", "median", digits=3),
+        Column("median 95 % interval", digits=3, kind=Interval, drop=1),
         Column("beside the best", right=False, drop=2),
         Column("satisfied", unit="%", digits=1),
         Column("learned", drop=1),
@@ -91,11 +91,11 @@ def results(scores: Scores) -> Table:
 
 _NOTES = (
     "Robustness, satisfied and learned are what the referee found for the selected policies, from fresh random starts. "
-    "IQM: interquartile mean over seeds, with its 95 % interval by Student's t.",
+    "Median: of the seeds, with its exact 95 % interval.",
     f"Learned: seeds whose policy satisfies from at least {100 * LEARNED:.0f} % of the starts, of all that ran.",
-    "Beside the best: against the first row of the same task, agent, budget and track, by Welch's test after Holm's "
-    "correction over the whole table.",
-    "Claimed: the same IQM as the bundle has it, of the starts that all reports use. Claimed less found is the mean "
+    "Beside the best: against the first row of the same task, agent, budget and track, by the report's exact test, "
+    "after Holm's correction over the whole table. Unlike a report, it does not know which methods pay the same there.",
+    "Claimed: the same median as the bundle has it, of the starts that all reports use. Claimed less found is the mean "
     "over seeds: chance makes it small, and training on the reported starts makes it larger.",
     "Record: whether the bundle's own numbers are found again from the reported starts (stlbench verify --rescore).",
 )
@@ -108,13 +108,13 @@ def _row(line: _Line, word: str) -> tuple[Value, ...]:
     less = [claimed.robustness - seen.robustness for claimed, seen in pairs if claimed and seen]
     return (
         *(str(setting.task), str(setting.method)),
-        iqm(found) if found else None,
-        interval(found),
+        median(found) if found else None,
+        median_interval(found),
         word or None,
         100 * float(np.mean(line.shares)) if found else None,
         *_learned(line),
         Seeds(len(found), len(line.cells), _unfinished(line.cells)),
-        iqm(claims) if claims else None,
+        median(claims) if claims else None,
         float(np.mean(less)) if less else None,
         _record(line.cells),
         entry.bundle.removesuffix(".zip"),
@@ -150,10 +150,15 @@ def _beside_the_best(lines: Sequence[_Line]) -> list[str]:
         if line.values:
             best.setdefault(line.contest, line)
     others = [i for i, line in enumerate(lines) if line.values and best[line.contest] is not line]
-    found = differences(Pair(lines[i].values, best[lines[i].contest].values) for i in others)
+    found = differences(_pair(lines[i], best[lines[i].contest]) for i in others)
     words = {i: str(each) for i, each in zip(others, found, strict=True)}
     alone = {contest for contest in best if sum(line.contest == contest for line in lines) == 1}
     return [words.get(i, "first" if line.values and line.contest not in alone else "") for i, line in enumerate(lines)]
+
+
+def _pair(line: _Line, best: _Line) -> Pair:
+    one, other = ([share >= LEARNED for share in each.shares] for each in (line, best))
+    return Pair(line.values, best.values, learned=(one, other))
 
 
 def _remarks(lines: Sequence[_Line]) -> Iterator[str]:

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
-from stlbench.contract import System
-from stlbench.errors import UsageError
 from stlbench.identity import CellId
 from stlbench.registry.choices import Choice
 from stlbench.result import Result, Score
 from stlbench.rollout.questions import plugins_of
 from stlbench.rollout.referee import Referee
 from stlbench.rollout.saved_policies import Which
-from stlbench.study.kept import load_policy, own_task
+from stlbench.study.kept import load_policy
 from stlbench.task import Task, load_task
 
 __all__ = ["Again", "ScoreAgain", "score_again"]
@@ -74,8 +71,6 @@ def score_again(task: Task, result: Result, folder: Path, which: Which) -> Again
         UsageError: no policy of it can be used on the task, or the task shows other things than its own.
     """
     own = task.choice == result.id.task
-    if not own:
-        _check_names(task, result)
     kept = load_policy(folder, result, which, on=None if own else task)
     starts = kept.task.file.budgets[result.id.budget].random_starts if result.id.budget in kept.task.file.budgets else 0
     scores = Referee(kept.task, kept.method, starts).assess(kept.policy).scores
@@ -84,29 +79,3 @@ def score_again(task: Task, result: Result, folder: Path, which: Which) -> Again
     assert result.measurement is not None
     recorded = result.measurement.selected if which == "selected" else result.measurement.final
     return Again(result.id, scores, scores == recorded)
-
-
-def _check_names(task: Task, result: Result) -> None:
-    """Observations of one size can be of different things: where both tasks name them, the names have to agree."""
-    assert result.measurement is not None
-    if result.measurement.policies is None:
-        return  # which is said where they are read
-    sees, shows = _names(own_task(result.id, result.measurement.policies)), _names(task)
-    if sees is None or shows is None or sees == shows:
-        return
-    missing = [name for name in sees if name not in shows]
-    what = (
-        f"{', '.join(missing)}, which task {task.name} does not show"
-        if missing
-        else f"the same in another order than task {task.name} shows it"
-    )
-    raise UsageError(f"{result.id.name}: its policy acts on {what}; score it on a task with the same observation")
-
-
-def _names(task: Task) -> tuple[str, ...] | None:
-    """What its policies see, beside the time; None where it does not say."""
-    if isinstance(task.dynamics, System):
-        more = task.dynamics.beyond_state if task.file.features == "engineered" else ()
-        return (*task.dynamics.state, *more)
-    names = task.file.environment.names if task.file.environment is not None else None
-    return tuple(sorted(chain.from_iterable(names.values()))) if isinstance(names, Mapping) else names

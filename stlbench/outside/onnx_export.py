@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,12 +12,14 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Policy, Unsuitable
 from stlbench.errors import UsageError
+from stlbench.observation import KEY, Observation
 from stlbench.outside.actions import actions_of
 from stlbench.outside.onnx_file import load_onnx
 from stlbench.result import Result
 from stlbench.rollout.questions import plugins_of
 from stlbench.rollout.referee import Referee
 from stlbench.rollout.saved_policies import Which
+from stlbench.rollout.shown import observation_of
 from stlbench.study.kept import Kept, load_policy
 
 __all__ = ["Export", "Exported", "export"]
@@ -34,6 +37,8 @@ class Exported(NamedTuple):
     """Share of them at which the file, run by onnxruntime, gives the same action, to a millionth of its span."""
     largest: float
     """The largest difference of an action, as a share of its axis' span."""
+    observation: str
+    """What it is to be shown, in words."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,7 @@ def export(folder: Path, result: Result, which: Which, path: Path) -> Exported:
     """Compare it with the policy in the episodes of the report, and write it.
 
     The file has the input `observation`, float32 (N, D), and the output `action`, float64 (N, axes), in the actions'
-    units; for a grid of actions also `index`, int64 (N,). Its metadata say which cell it is.
+    units; for a grid of actions also `index`, int64 (N,). Its metadata say which cell it is, and what it observes.
 
     Raises:
         UsageError: there is no stored policy, it has no ONNX form, onnx or onnxruntime is not installed, or the file
@@ -78,11 +83,13 @@ def export(folder: Path, result: Result, which: Which, path: Path) -> Exported:
     if content is None:
         raise UsageError(f"{result.id.name}: policies of agent {result.id.agent.name} have no ONNX form")
     facts = {"cell": result.id.name, "budget": result.id.budget, "policy": which, "task": kept.task.name}
-    complete = _complete(content, kept, facts | {"hold": str(kept.task.file.hold)})
+    shown = observation_of(kept.task, kept.method, str(result.id.method))
+    facts |= {"hold": str(kept.task.file.hold), KEY: json.dumps(shown.facts)}
+    complete = _complete(content, kept, facts)
     with TemporaryDirectory(prefix="stlbench-onnx-") as place:
         tried = Path(place, path.name)
         tried.write_bytes(complete)
-        found = _compared(kept, tried)
+        found = _compared(kept, tried, shown)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(complete)
@@ -97,7 +104,7 @@ def _complete(content: bytes, kept: Kept, facts: dict[str, str]) -> bytes:
         import onnx
         from onnx import TensorProto, helper, numpy_helper
     except ImportError as error:
-        raise UsageError("an ONNX file needs the package onnx: pip install 'stlbench-rl[onnx]'") from error
+        raise UsageError('an ONNX file needs the package onnx: pip install "stlbench-rl[onnx]"') from error
     model, actions = onnx.load_model_from_string(content), kept.task.actions
     if isinstance(actions, ActionGrid):
         graph = model.graph
@@ -122,13 +129,13 @@ class _Seen(Policy):
         return self.policy.act(observation)
 
 
-def _compared(kept: Kept, path: Path) -> Exported:
+def _compared(kept: Kept, path: Path, shown: Observation) -> Exported:
     seen = _Seen(kept.policy)
     Referee(kept.task, kept.method).assess(seen)
     observations, actions = np.concatenate(seen.observations), kept.task.actions
-    found = load_onnx(path, observations.shape[1])(observations)
+    found = load_onnx(path, shown)(observations)
     own, other = kept.policy.act(observations), actions_of(found, actions, len(observations), str(path))
     if isinstance(actions, ActionGrid):
         own, other = actions.vectors[own], actions.vectors[other]
     away = np.abs(own - other) / (np.array(actions.high) - np.array(actions.low))
-    return Exported(len(observations), float((away <= _ROUNDING).all(axis=1).mean()), float(away.max()))
+    return Exported(len(observations), float((away <= _ROUNDING).all(axis=1).mean()), float(away.max()), str(shown))

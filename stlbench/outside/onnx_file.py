@@ -10,6 +10,8 @@ import numpy as np
 
 from stlbench.contract import Array
 from stlbench.errors import UsageError
+from stlbench.observation import KEY, Observation
+from stlbench.outside.layers import check_size
 
 __all__ = ["load_onnx"]
 
@@ -18,7 +20,7 @@ _PREFERRED = ("action", "index")
 """Outputs by name, where there are several; else the first is taken."""
 
 
-def load_onnx(path: Path, size: int) -> Callable[[Array], Any]:
+def load_onnx(path: Path, shown: Observation) -> Callable[[Array], Any]:
     """The model as a function of observations (N, D).
 
     It has one input, float32 or float64, (N, D). A first dimension of 1 means one observation at a time. Of several
@@ -26,19 +28,22 @@ def load_onnx(path: Path, size: int) -> Callable[[Array], Any]:
 
     Args:
         path: of the file.
-        size: D, numbers in an observation of the task.
+        shown: what the policy is shown, D numbers.
 
     Raises:
-        UsageError: onnxruntime is not installed, the file is no model, or it has other inputs.
+        UsageError: onnxruntime is not installed, the file is no model, it has other inputs, or its metadata say that
+            it was trained on another observation.
     """
-    session = _session(path)
+    session, size = _session(path), shown.total
+    if record := session.get_modelmeta().custom_metadata_map.get(KEY):
+        Observation.of_facts(str(path), record).check(str(path), shown)
     inputs = session.get_inputs()
     given = inputs[0]
     if len(inputs) != 1 or given.type not in _TYPES or len(given.shape) != 2:
         said = ", ".join(f"{each.name} {each.type} {each.shape}" for each in inputs)
         raise UsageError(f"{path}: expected is one input of float, (N, {size}); it has {said}")
-    if given.shape[1] not in (size, None) and not isinstance(given.shape[1], str):
-        raise UsageError(f"{path}: the policy acts on {given.shape[1]} numbers, and the task's observation has {size}")
+    if given.shape[1] is not None and not isinstance(given.shape[1], str):
+        check_size(path, given.shape[1], size)
     names = [each.name for each in session.get_outputs()]
     output = next((name for name in _PREFERRED if name in names), names[0])
     kind, one_by_one = _TYPES[given.type], given.shape[0] == 1
@@ -55,7 +60,7 @@ def _session(path: Path) -> Any:
     try:
         import onnxruntime
     except ImportError as error:
-        raise UsageError(f"{path} needs onnxruntime: pip install 'stlbench-rl[onnx]'") from error
+        raise UsageError(f'{path} needs onnxruntime: pip install "stlbench-rl[onnx]"') from error
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4

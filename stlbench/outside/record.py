@@ -77,9 +77,11 @@ def row(task: Task, source: Source, shown: Shown, scored: Scored, budget: str, n
     if name is not None and not NAME.fullmatch(name):
         raise UsageError(f"--name {name}: a name consists of a-z, 0-9 and -, and does not begin with -")
     cell = CellId(task.choice, shown.method, Choice(name or source.name), seed, budget, OUTSIDE)
-    sha256 = source.digest
-    key = digest([harness().digest, cell.name, budget, sha256, shown.on])
-    facts = {"source": source.shown, "sha256": sha256, "on": shown.on, "begun_at": scored.starts}
+    sha256, more, on = source.digest, source.more, shown.on or "observation"
+    key = digest([harness().digest, cell.name, budget, sha256, on, more])
+    said = {"observation": scored.observation, "moved": scored.moved}
+    facts = {"source": source.shown, "sha256": sha256, "on": on, "begun_at": scored.starts, **more}
+    facts |= {name: text for name, text in said.items() if text}
     folder = folders.place_of(task.choice.name)
     place = {} if folder is None else {TASK_FOLDER: str(folder)}
     return Result(cell, key, "done", measurement=scored.measurement, provenance={**facts, **collect(1), **place})

@@ -5,21 +5,36 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from stlbench.contract import Array, GymTask, Intractable, Policy, RewardMethod, StatePolicy, System, Unsuitable
+from stlbench.contract import (
+    Array,
+    GymTask,
+    Integers,
+    Intractable,
+    Policy,
+    RewardMethod,
+    StatePolicy,
+    System,
+    Unsuitable,
+)
 from stlbench.errors import UsageError
+from stlbench.observation import Observation
 from stlbench.outside.actions import OnObservation, OnState
 from stlbench.outside.function import load_function
 from stlbench.outside.onnx_file import load_onnx
 from stlbench.outside.perceptron import load_sb3
 from stlbench.outside.source import Source
+from stlbench.outside.state_dict import load_state_dict
+from stlbench.outside.table import ActionTable, read_actions
+from stlbench.outside.torchscript import load_torchscript
 from stlbench.outside.traces import from_the_reports_starts, load_traces
 from stlbench.registry.choices import Choice
 from stlbench.result import MAIN, Measurement, Score
 from stlbench.rollout import referee
 from stlbench.rollout.controller import Unpaid
-from stlbench.rollout.cost import observation_size
+from stlbench.rollout.shown import observation_of
 from stlbench.task import Task, build_method
 
 if TYPE_CHECKING:
@@ -37,9 +52,10 @@ On = Literal["observation", "state", "environment"]
 class Shown:
     """What a policy is shown."""
 
-    on: On = "observation"
-    """What agents of stlbench see, (N, D); a function alone: states (N, n) and step counts t (N,); of a task on an
-    environment: its own observations (N, d), as they are."""
+    on: On | None = None
+    """What agents of stlbench see, (N, D); of a system the states (N, n), and for a function the step counts t (N,); of
+    a task on an environment its own observations (N, d), as they are. None is the first, unless a file contradicts
+    it."""
     method: Choice = UNKNOWN
     """The reward method whose inputs are the end of the observation."""
 
@@ -55,6 +71,10 @@ class Scored(NamedTuple):
     """(N, decisions + 1, n): the states behind them; None of recorded traces."""
     starts: str
     """Whose they are, in words."""
+    observation: str = ""
+    """What the policy was shown, in words; empty of recorded traces."""
+    moved: str = ""
+    """How many of its actions were moved to the task's grid, and how far; empty where none was."""
 
 
 def score(task: Task, source: Source, shown: Shown, random_starts: int) -> Scored:
@@ -74,22 +94,50 @@ def score(task: Task, source: Source, shown: Shown, random_starts: int) -> Score
     if source.kind == "traces":
         if shown != Shown():
             raise UsageError(f"{source.text} has traces, which are shown nothing; leave --method and --on out")
-        traces = load_traces(source.path, task)
+        traces, lasted = load_traces(source.path, task)
         try:
-            scores = {MAIN: referee.score(task, traces)}
+            scores = {MAIN: referee.score(task, traces, lasted=lasted)}
         except ValueError as error:
             raise UsageError(f"{source.text}: {error}") from error
         starts = "the report's starts" if from_the_reports_starts(traces, task) else "starts of its own"
         return Scored(_measured(scores, begun), traces, None, starts)
-    method, policy = acting(task, source, shown)
-    found = referee.Referee(task, method, random_starts).assess(policy)
-    return Scored(_measured(found.scores, begun, method.input_size), found.traces, found.states, "the report's starts")
+    played = _played(task, source, shown)
+    found = referee.Referee(task, played.method, random_starts).assess(played.policy)
+    measured = _measured(found.scores, begun, played.method.input_size)
+    moved = played.policy.moved.said({name: axis.unit for name, axis in task.file.actions.items()}, task.actions.names)
+    return Scored(measured, found.traces, found.states, "the report's starts", played.observation, moved)
+
+
+class _Played(NamedTuple):
+    method: RewardMethod
+    policy: OnObservation | OnState
+    observation: str
+    """What it is shown, in words."""
 
 
 def acting(task: Task, source: Source, shown: Shown) -> tuple[RewardMethod, Policy | StatePolicy]:
     """What the referee needs to let it act, `record(task, method, policy, starts)`. Raises `UsageError` as `score`."""
+    played = _played(task, source, shown)
+    return played.method, played.policy
+
+
+def _played(task: Task, source: Source, shown: Shown) -> _Played:
     method = _method(task, shown.method)
-    return method, _policy(task, source, shown.on, method)
+    table = None if source.table is None else read_actions(Path(source.table), task.actions)
+    if shown.on == "state":
+        states = _states(task)
+        act = _on_state(task, source, table, states, shown)
+        step = " and the step" if source.kind == "function" else ""
+        return _Played(method, OnState(act, task.actions, source.text, table), f"{states}{step}")
+    observation = observation_of(task, method, "" if shown.method == UNKNOWN else str(shown.method))
+    if shown.on == "environment":
+        observed, observation = _observed(task, method), observation.unscaled
+        own = _function(task, source, table, observation, shown)
+        size = observed.size
+        policy = OnObservation(lambda seen: own(observed.own(seen[:, :size])), task.actions, source.text, table)
+    else:
+        policy = OnObservation(_function(task, source, table, observation, shown), task.actions, source.text, table)
+    return _Played(method, policy, str(observation))
 
 
 def _method(task: Task, choice: Choice) -> RewardMethod:
@@ -101,23 +149,22 @@ def _method(task: Task, choice: Choice) -> RewardMethod:
         raise UsageError(f"method {choice} on task {task.name}: {error}") from error
 
 
-def _policy(task: Task, source: Source, on: On, method: RewardMethod) -> Policy | StatePolicy:
-    if on == "state":
-        return _on_state(task, source)
-    if on == "environment":
-        observed = _observed(task, method)
-        own = _function(task, source, observed.size)
-        return OnObservation(lambda seen: own(observed.own(seen[:, : observed.size])), task.actions, source.text)
-    size = observation_size(task, method)
-    return OnObservation(_function(task, source, size), task.actions, source.text)
-
-
-def _on_state(task: Task, source: Source) -> StatePolicy:
-    if source.kind != "function":
-        raise UsageError(f"--on state is for module:function; {source.text} is given the observation")
+def _states(task: Task) -> Observation:
+    """The states of a system, as they are."""
     if not isinstance(task.dynamics, System):
         raise UsageError(f"--on state: task {task.name} is no system, its states are not to be had")
-    return OnState(load_function(source.text), task.actions, source.text)
+    names = task.dynamics.state
+    return Observation(len(names), names, task=task.name).unscaled
+
+
+def _on_state(
+    task: Task, source: Source, table: ActionTable | None, states: Observation, shown: Shown
+) -> Callable[[Array, Integers], Any]:
+    """A function of states and steps; a network sees the states alone."""
+    if source.kind == "function":
+        return load_function(source.text)
+    network = _function(task, source, table, states, shown)
+    return lambda state, t: network(state)
 
 
 def _observed(task: Task, method: RewardMethod) -> Observed:
@@ -129,15 +176,22 @@ def _observed(task: Task, method: RewardMethod) -> Observed:
     return task.source.observed
 
 
-def _function(task: Task, source: Source, size: int) -> Callable[[Array], Any]:
-    """Of observations of so many numbers."""
+def _function(
+    task: Task, source: Source, table: ActionTable | None, observation: Observation, shown: Shown
+) -> Callable[[Array], Any]:
+    """Of such observations."""
+    actions = task.actions if table is None else table.numbers
     match source.kind:
         case "function":
             return load_function(source.text)
         case "sb3":
-            return load_sb3(source.path, task.actions, size)
+            return load_sb3(source.path, actions, observation, declared=shown.on is not None)
+        case "torch" if source.architecture is not None:
+            return load_state_dict(source.path, source.architecture, observation.total)
+        case "torch":
+            return load_torchscript(source.path)
         case _:
-            return load_onnx(source.path, size)
+            return load_onnx(source.path, observation)
 
 
 def _measured(scores: Mapping[str, Score], begun: tuple[float, float], inputs: int = 0) -> Measurement:

@@ -1,10 +1,10 @@
-"""What a user names as a policy: a stored cell, a function, a model of SB3 or ONNX, or recorded traces."""
+"""What a user names as a policy: a stored cell, a function, a model of SB3, ONNX or PyTorch, or recorded traces."""
 
 from __future__ import annotations
 
 import hashlib
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -13,9 +13,16 @@ from stlbench.outside import function
 
 __all__ = ["Kind", "Source", "find_source"]
 
-Kind = Literal["cell", "function", "sb3", "onnx", "traces"]
+Kind = Literal["cell", "function", "sb3", "onnx", "torch", "traces"]
 
-_ENDINGS: dict[str, Kind] = {".zip": "sb3", ".onnx": "onnx", ".csv": "traces", ".npz": "traces"}
+_ENDINGS: dict[str, Kind] = {
+    ".csv": "traces",
+    ".npz": "traces",
+    ".onnx": "onnx",
+    ".pt": "torch",
+    ".pth": "torch",
+    ".zip": "sb3",
+}
 _FUNCTION = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 _CELL = re.compile(r"[^/]+/[^/]+/[^/]+/[0-9]+(/[a-z]+)?")
 
@@ -27,6 +34,10 @@ class Source:
     kind: Kind
     text: str
     """As the user named it."""
+    architecture: str | None = None
+    """Of a state_dict: "mlp[4,64,64,21;relu]"."""
+    table: str | None = None
+    """The path of a table of actions, of which the policy answers numbers."""
 
     @property
     def path(self) -> Path:
@@ -49,18 +60,37 @@ class Source:
         """Of the file, 64 hex digits; of a function, of its module's source. Raises `UsageError`."""
         if self.kind == "function":
             return function.digest(self.text)
-        try:
-            return hashlib.sha256(self.path.read_bytes()).hexdigest()
-        except OSError as error:
-            raise UsageError(f"cannot read {self.text}: {error.strerror or error}") from error
+        return _sha256(self.path)
+
+    @property
+    def more(self) -> dict[str, str]:
+        """What else it takes to have the same policy, for the provenance. Raises `UsageError`."""
+        found = {} if self.architecture is None else {"architecture": self.architecture}
+        return found if self.table is None else {**found, "actions": _sha256(Path(self.table))}
 
 
-def find_source(text: str) -> Source:
+def _sha256(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+def find_source(text: str, architecture: str | None = None, table: str | None = None) -> Source:
     """What kind of policy a text names: a file by its ending, `module:function`, or a cell's name.
 
     Raises:
-        UsageError: none of these, or there is no such file.
+        UsageError: none of these, there is no such file, or the policy has no use for an architecture or a table.
     """
+    found = _found(text)
+    if architecture is not None and found.kind != "torch":
+        raise UsageError(f"{text}: --architecture is for a state_dict of PyTorch, .pt or .pth; leave it out")
+    if table is not None and found.kind in ("cell", "traces"):
+        raise UsageError(f"{text}: --actions is for a policy from outside that acts; leave it out")
+    return replace(found, architecture=architecture, table=table)
+
+
+def _found(text: str) -> Source:
     kind = _ENDINGS.get(Path(text).suffix.lower())
     if kind is not None:
         if not Path(text).is_file():
@@ -70,5 +100,6 @@ def find_source(text: str) -> Source:
         return Source("function", text)
     if _CELL.fullmatch(text):
         return Source("cell", text)
-    kinds = "a cell's name task/method/agent/seed, module:function, or a file .zip (SB3), .onnx, .csv or .npz (traces)"
+    files = "a file .zip (SB3), .onnx, .pt or .pth (PyTorch), .csv or .npz (traces)"
+    kinds = f"a cell's name task/method/agent/seed, module:function, or {files}"
     raise UsageError(f"'{text}' names no policy; one is {kinds}")

@@ -9,6 +9,7 @@ import numpy as np
 from stlbench.contract import Array
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.rollout.recorded import last_recorded
+from stlbench.rollout.referee import Episodes
 from stlbench.rollout.saved_traces import read_saved
 from stlbench.rollout.trace_table import read_table
 from stlbench.rollout.worlds.make import make_world
@@ -17,8 +18,8 @@ from stlbench.task import Task
 __all__ = ["from_the_reports_starts", "load_traces"]
 
 
-def load_traces(path: Path, task: Task) -> Array:
-    """The traces (N, T + 1, k) of a task's signals in a file: a table of text with one, or an .npz with several.
+def load_traces(path: Path, task: Task) -> Episodes:
+    """The episodes of a task's signals in a file: a table of text with one, or an .npz with several.
 
     Where the task's environment may end an episode, a trace may be shorter, or have NaN at its end. It then is as the
     referee records such an episode: after its last sample this one stays, or there is NaN, as the task's `terminated`
@@ -37,8 +38,8 @@ def load_traces(path: Path, task: Task) -> Array:
     return _ended(path, np.concatenate([traces, missing], axis=1), task)
 
 
-def _ended(path: Path, traces: Array, task: Task) -> Array:
-    """As the referee has traces (N, T + 1, k) that have NaN after an early end."""
+def _ended(path: Path, traces: Array, task: Task) -> Episodes:
+    """As the referee has them, from traces (N, T + 1, k) that have NaN after an early end."""
     early, steps = task.specification.can_end, np.arange(traces.shape[1])
     last = last_recorded(traces) if early else np.full(len(traces), steps[-1])
     wrong = ~np.isfinite(traces) & (steps <= last[:, None])[..., None]
@@ -48,9 +49,8 @@ def _ended(path: Path, traces: Array, task: Task) -> Array:
         rule = "a finite number is expected" + (", or NaN in all signals from a row to the end" if early else "")
         raise UsageError(f"{path}: {where} is {traces[tuple(place)]}; {rule}")
     if task.file.terminated == "hold":
-        held: Array = traces[np.arange(len(traces))[:, None], np.minimum(steps, last[:, None])]
-        return held
-    return traces
+        traces = traces[np.arange(len(traces))[:, None], np.minimum(steps, last[:, None])]
+    return Episodes(traces, last)
 
 
 def _table(path: Path, task: Task) -> Array:

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from stlbench.errors import UsageError, did_you_mean
+from stlbench.errors import UsageError, did_you_mean, in_words
 
 __all__ = [
     "NAME",
@@ -87,7 +87,9 @@ def parse_choice(text: str) -> Choice:
 def _parsed(text: str, allowed: re.Pattern[str], signs: str) -> Choice:
     name, bracket, rest = text.strip().partition("[")
     if not NAME.fullmatch(name.strip()):
-        raise UsageError(f"'{text.strip()}': a name consists of a-z, 0-9 and -, as in funnel or tau-mdp")
+        plain = re.sub(r"[_\s]", "-", name.strip().lower())
+        hint = f"; did you mean '{plain}'?" if NAME.fullmatch(plain) else ", as in funnel or tau-mdp"
+        raise UsageError(f"'{text.strip()}': a name consists of a-z, 0-9 and -{hint}")
     if not bracket:
         return Choice(name.strip())
     inside, closing, after = rest.partition("]")
@@ -209,14 +211,9 @@ def _converted(hint: Any, value: Any) -> Any:
     return TypeAdapter(hint, config=ConfigDict(allow_inf_nan=False)).validate_python(value)
 
 
-_EXPECTED = {"float": "a number", "int": "a whole number", "bool": "true or false", "finite": "a finite number"}
-
-
 def _sentence(name: str, error: ErrorDetails) -> str:
     place = name + "".join(f"[{part}]" for part in error["loc"] if isinstance(part, int))
-    expected = _EXPECTED.get(error["type"].partition("_")[0])
-    rule = f"should be {expected}" if expected else error["msg"].removeprefix("Value error, ").removeprefix("Input ")
-    return f"{place} {rule}, got {error['input']!r}"
+    return f"{place} {in_words(error['msg'])}, got {error['input']!r}"
 
 
 def _bare(hint: Any) -> Any:

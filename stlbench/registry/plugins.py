@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import sys
 import warnings
 from collections.abc import Iterator, Mapping
@@ -31,6 +32,7 @@ __all__ = [
     "find",
     "loadable",
     "name_of",
+    "not_initialised",
     "parameters",
     "written_alone",
 ]
@@ -174,8 +176,20 @@ def find(kind: str, name: str) -> Plugin:
     """The plugin of that name. Raises `UsageError` that says what there is."""
     known = available(kind)
     if name not in known:
-        raise UsageError(f"no {kind.removesuffix('s')} '{name}'{did_you_mean(name, known)}")
+        meant = [] if kind != "executors" else _about(kind, name)
+        hint = f"; did you mean '{meant[0]}'?" if meant else did_you_mean(name, known)
+        raise UsageError(f"no {kind.removesuffix('s')} '{name}'{hint}")
     return known[name]
+
+
+def _about(kind: str, word: str) -> list[str]:
+    """The plugins whose summary has a word, as that of an executor has the name of the cluster that it runs cells on.
+
+    Asked of executors alone, which are few: it imports them.
+    """
+    loaded, _ = loadable(kind)
+    firsts = {name: (inspect.getdoc(each) or "").partition("\n")[0] for name, each in loaded.items()}
+    return [name for name, first in firsts.items() if re.search(rf"\b{re.escape(word)}\b", first, re.IGNORECASE)]
 
 
 def name_of(kind: str, loaded: type) -> str | None:
@@ -232,7 +246,24 @@ def build(kind: str, choice: Choice, *args: Any, defaults: Mapping[str, Any] | N
         defaults: a recipe, overridden by the choice's parameters.
 
     Raises:
-        UsageError: no such plugin, it cannot be loaded (`PluginError`), or a parameter is wrong.
+        UsageError: no such plugin, it cannot be loaded (`PluginError`), its constructor does not call that of its base
+            class, or a parameter is wrong.
     """
-    keywords = check(kind, choice, defaults)
-    return find(kind, choice.name).load()(*args, **keywords)
+    keywords, plugin = check(kind, choice, defaults), find(kind, choice.name)
+    made = plugin.load()(*args, **keywords)
+    if problem := not_initialised(made):
+        raise plugin._error(problem)
+    return made
+
+
+_KEPT: Mapping[type, str] = {contract.RewardMethod: "specification", contract.System: "dt", contract.Executor: "jobs"}
+"""Base class -> what its constructor keeps of what it is given."""
+
+
+def not_initialised(made: object) -> str | None:
+    """In a line, that a plugin's constructor has not called that of its base class; None where it has."""
+    for base, name in _KEPT.items():
+        if isinstance(made, base) and not hasattr(made, name):
+            given = f"{name}={name}" if base is contract.Executor else name
+            return f"the constructor of {type(made).__name__} does not call super().__init__({given})"
+    return None

@@ -15,13 +15,14 @@ from stlbench.result import Score
 from stlbench.rollout import referee
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.faults import PluginFault, out_of_range
+from stlbench.rollout.referee import Episodes
 from stlbench.task import Task
 
 __all__ = ["Unpaid", "nearest", "record", "score", "score_at_random"]
 
 
-def record(task: Task, begun: Array) -> Array | None:
-    """The traces (N, T + 1, k) when the controller acts from the starts (N, s); None where the task has none.
+def record(task: Task, begun: Array) -> Episodes | None:
+    """The episodes when the controller acts from the starts (N, s); None where the task has none.
 
     It does only what an agent could do: those of a system are clipped, as `System.controller` says, and on a grid the
     nearest of each axis is taken.
@@ -48,8 +49,8 @@ def score(task: Task) -> Score | None:
 
     Raises whatever the controller and the system raise.
     """
-    traces = record(task, task.starts.report_and_selection()[0])
-    return None if traces is None else referee.score(task, traces)
+    found = record(task, task.starts.report_and_selection()[0])
+    return None if found is None else referee.score(task, found.traces, lasted=found.lasted)
 
 
 def score_at_random(task: Task) -> Score:
@@ -65,8 +66,8 @@ def score_at_random(task: Task) -> Score:
             return generator.integers(actions.size, size=count)
         return generator.uniform(actions.low, actions.high, (count, len(actions.low)))
 
-    traces = referee.follow(task, Unpaid(task.specification), act, task.starts.report_and_selection()[0])
-    return referee.score(task, traces)
+    found = referee.follow(task, Unpaid(task.specification), act, task.starts.report_and_selection()[0])
+    return referee.score(task, found.traces, lasted=found.lasted)
 
 
 class Unpaid(RewardMethod):

@@ -5,13 +5,11 @@ Both limits are choices, for measured reasons that `docs/performance.md` has.
 
 from __future__ import annotations
 
-import numpy as np
-
 from stlbench.contract import Agent, Intractable, RewardMethod
-from stlbench.rollout.worlds import make_world
+from stlbench.rollout.shown import size_without
 from stlbench.task.task import Task
 
-__all__ = ["REPLAY_LIMIT", "UPDATE_LIMIT", "observation_size", "refuse_dear"]
+__all__ = ["REPLAY_LIMIT", "UPDATE_LIMIT", "refuse_dear"]
 
 REPLAY_LIMIT = 4.0
 """GiB that an agent's replay may take: two cells at a time then fit into a laptop of 16 GiB."""
@@ -34,7 +32,7 @@ def refuse_dear(task: Task, method: RewardMethod, agent: Agent, steps: int) -> N
     """
     if not method.input_size:
         return
-    size, decisions = _inputs_without(task), max(1, steps // task.file.hold)
+    size, decisions = size_without(task), max(1, steps // task.file.hold)
     cost = agent.cost(size + method.input_size, task.actions, decisions)
     without = agent.cost(size, task.actions, decisions)
     if cost is None or without is None:
@@ -45,16 +43,3 @@ def refuse_dear(task: Task, method: RewardMethod, agent: Agent, steps: int) -> N
             f"needs {method.input_size} inputs: a replay of {replay:.2f} GiB (limit {REPLAY_LIMIT:g}), "
             f"updates {longer:.0f} times as long (limit {UPDATE_LIMIT:g})"
         )
-
-
-def observation_size(task: Task, method: RewardMethod) -> int:
-    """D: features, the time, and the method's inputs."""
-    return _inputs_without(task) + method.input_size
-
-
-def _inputs_without(task: Task) -> int:
-    """Features and the time. No environment is made, as some methods import a compiler for their first memory."""
-    world = make_world(task, 1)
-    world.restart(np.zeros(1, dtype=np.int64), task.starts.report_and_selection()[0][:1])
-    features: int = world.features(np.zeros(1, dtype=np.int64)).shape[1]
-    return features + 1

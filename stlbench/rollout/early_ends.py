@@ -86,6 +86,15 @@ def greatest_and_least(specification: Specification, node: stl.Formula) -> tuple
         case stl.Until(_, _, left, right):
             both = greatest_and_least(specification, stl.And((left, right)))
             return greatest_and_least(specification, right)[0], both[1]
+        case stl.Release(a, b, left, right):
+            dual = greatest_and_least(specification, stl.Until(a, b, stl.Not(left), stl.Not(right)))
+            return -dual[1], -dual[0]
+        case stl.Historically(a, _, arg) | stl.Once(a, _, arg):
+            high, low = greatest_and_least(specification, arg)
+            return (high, low) if a == 0 else (np.inf, low) if isinstance(node, stl.Historically) else (high, -np.inf)
+        case stl.Since(a, b, left, right):
+            high, low = greatest_and_least(specification, stl.Until(a, b, left, right))
+            return high, low if a == 0 else -np.inf
         case stl.And(args) | stl.Or(args):
             pick = min if isinstance(node, stl.And) else max
             highs, lows = zip(*(greatest_and_least(specification, arg) for arg in args), strict=True)

@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Array, Integers, RewardMethod, Truth
+from stlbench.contract_parts.arrays import are_numbers, kind_of
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.task.task import Task
@@ -43,6 +44,8 @@ class PluginFault(UsageError):
 
 def check_rewards(method: RewardMethod, rewards: Array, hold: int, t: Integers) -> None:
     """Rewards (hold, N) while an action was held from steps t (N,) on."""
+    if not are_numbers(rewards):
+        _fault(method, f"its rewards are {kind_of(rewards)}, the contract says an array of real numbers, float64")
     _shaped(method, "rewards", rewards, (hold, len(t)))
     if not _finite(rewards):
         _tell(method, "reward", rewards.T, t + 1)

@@ -21,23 +21,32 @@ from stlbench.rollout.environment import Simulator
 from stlbench.rollout.selection import Race, race
 from stlbench.task.task import Task
 
-__all__ = ["Assessment", "Evaluation", "Referee", "conjuncts", "follow", "lost_at", "record", "score"]
+__all__ = ["Assessment", "Episodes", "Evaluation", "Referee", "conjuncts", "follow", "lost_at", "record", "score"]
+
+
+class Episodes(NamedTuple):
+    """What was recorded from N starts."""
+
+    traces: Array
+    """(N, T + 1, k): the signals. After an early end the last sample stays, or there is NaN, as the task says."""
+    lasted: Integers
+    """(N,): the last step at which the environment went on: T, but where it ended the episode before."""
 
 
 def record(
     task: Task, method: RewardMethod, policy: Policy | StatePolicy, begun: Array, visited: list[Array] | None = None
-) -> Array:
-    """The traces (N, T + 1, k) of the signals when `policy` acts from the starts (N, s) to the end of the episode.
+) -> Episodes:
+    """The episodes when `policy` acts from the starts (N, s) to the last step.
 
     The states at each decision and at the end, (N, n) each, are appended to `visited`, where it is given.
     """
     few = len(begun) <= _at_once(task) or not isinstance(task.dynamics, GymTask)
     parts = [begun] if few else np.array_split(begun, -(-len(begun) // _at_once(task)))
     each: list[list[Array]] = [[] for _ in parts]
-    traces = [follow(task, method, _acting(policy), part, seen) for part, seen in zip(parts, each, strict=True)]
+    found = [follow(task, method, _acting(policy), part, seen) for part, seen in zip(parts, each, strict=True)]
     if visited is not None:
         visited += [np.concatenate(seen) for seen in zip(*each, strict=True)]
-    return np.concatenate(traces) if len(traces) > 1 else traces[0]
+    return Episodes(*map(np.concatenate, zip(*found, strict=True))) if len(found) > 1 else found[0]
 
 
 def _acting(policy: Policy | StatePolicy) -> Callable[[Simulator], Integers | Array]:
@@ -63,11 +72,8 @@ def follow(
     act: Callable[[Simulator], Integers | Array],
     begun: Array,
     visited: list[Array] | None = None,
-) -> Array:
-    """As `record`, where `act` says at each decision what to do: indices (N,) of the grid, or vectors (N, axes).
-
-    After an early end the last sample stays, or there is NaN, as the task's `terminated` says.
-    """
+) -> Episodes:
+    """As `record`, where `act` says at each decision what to do: indices (N,) of the grid, or vectors (N, axes)."""
     simulator = Simulator(task, method, rewarded=False)
     simulator.reset(begun)
     trace = np.empty((len(begun), task.file.steps + 1, len(task.signals)))
@@ -78,17 +84,19 @@ def follow(
         trace[:, t + 1 : t + 1 + simulator.hold] = simulator.advance(act(simulator)).samples
         if visited is not None:
             visited.append(simulator.state)
-    world = simulator.world
-    if world.can_end and task.file.terminated != "hold":
-        return without_end(trace, np.where(world.ended, world.lived, task.file.steps))
-    return trace
+    world, lasted = simulator.world, np.full(len(begun), task.file.steps)
+    if world.can_end:
+        lasted = np.where(world.ended, world.lived, lasted)
+        if task.file.terminated != "hold":
+            trace = without_end(trace, lasted)
+    return Episodes(trace, lasted)
 
 
-def score(task: Task, traces: Array, formula: stl.Formula | None = None) -> Score:
+def score(task: Task, traces: Array, formula: stl.Formula | None = None, *, lasted: Integers | None = None) -> Score:
     """Robustness and Boolean satisfaction of the task's or another formula on traces (N, T + 1, k) at t = 0.
 
     Where the verdict on a trace that ended early is an interval, its lower end counts, and satisfied is what every
-    continuation satisfies.
+    continuation satisfies. `lasted` (N,) is that of `Episodes`; without it, nobody knows how many ended early.
     """
     formula = task.formula if formula is None else formula
     found = judge(formula, traces, task.specification, task.file.terminated)
@@ -99,6 +107,7 @@ def score(task: Task, traces: Array, formula: stl.Formula | None = None) -> Scor
         robustness=tuple(found.robustness[:, 0].tolist()),
         satisfied=tuple(satisfied.tolist()),
         first_failed={part: count for part, count in failed.items() if count},
+        ended_early=None if lasted is None else float(np.mean(lasted < stl.horizon(formula))),
     )
 
 
@@ -240,7 +249,7 @@ class Referee:
         together = max(1, _at_once(self.task) // len(states))
         satisfied, robustness = [], []
         for crowd, count in _crowds(policies, together):
-            traces = record(self.task, self.method, crowd, np.tile(states, (count, 1)))
+            traces = record(self.task, self.method, crowd, np.tile(states, (count, 1))).traces
             found = judge(self.task.formula, traces, self.task.specification, self.task.file.terminated)
             satisfied.append(found.satisfied[:, 0])
             robustness.append(found.robustness[:, 0])
@@ -252,10 +261,11 @@ class Referee:
         visited, evaluations = list[Array](), self._protocols.values()
         counts = np.cumsum([len(evaluation.starts) for evaluation in evaluations])
         begun = np.concatenate([evaluation.starts for evaluation in evaluations])
-        traces = np.split(record(self.task, self.method, policy, begun, visited), counts[:-1])
+        found = record(self.task, self.method, policy, begun, visited)
+        traces, lasted = np.split(found.traces, counts[:-1]), np.split(found.lasted, counts[:-1])
         scores = {
-            name: score(self.task, part, evaluation.formula)
-            for (name, evaluation), part in zip(self._protocols.items(), traces, strict=True)
+            name: score(self.task, part, evaluation.formula, lasted=steps)
+            for (name, evaluation), part, steps in zip(self._protocols.items(), traces, lasted, strict=True)
         }
         if RANDOM in scores:
             scores[RANDOM] = scores[RANDOM].summarised()

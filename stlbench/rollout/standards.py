@@ -50,6 +50,8 @@ class Standard:
     """What actions at random get from the same starts; None where nobody knows."""
     alike: Mapping[_Pair, Likeness] = field(default_factory=dict)
     """Of the methods that were asked for, those that pay the same (`equal_payments`)."""
+    trivial: bool = False
+    """Whether a constant action solves the task; aggregates over tasks are also without such tasks."""
 
     def likeness(self, one: Setting, other: Setting) -> Likeness | None:
         """How the methods of two settings, which differ in nothing else, pay the same; None where they do not."""

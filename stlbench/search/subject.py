@@ -110,7 +110,11 @@ def of_policy(
     name: str, label: tuple[str, ...], task: Task, method: RewardMethod, policy: Policy | StatePolicy
 ) -> Subject:
     """A policy with the method that gives it its inputs."""
-    return Subject(name, label, task, partial(referee.record, task, method, policy))
+    return Subject(name, label, task, partial(_traces, task, method, policy))
+
+
+def _traces(task: Task, method: RewardMethod, policy: Policy | StatePolicy, starts: Array) -> Array:
+    return referee.record(task, method, policy, starts).traces
 
 
 def of_controller(task: Task) -> Subject:
@@ -118,9 +122,9 @@ def of_controller(task: Task) -> Subject:
     name = f"{task.name}, by hand"
 
     def record(states: Array) -> Array:
-        traces = controller.record(task, states)
-        assert traces is not None
-        return traces
+        found = controller.record(task, states)
+        assert found is not None
+        return found.traces
 
     with foreign(name):
         tried = controller.record(task, task.starts.report_and_selection()[0][:1])

@@ -33,7 +33,8 @@ class StlSyntaxError(ValueError):
         source = lines[self.line - 1] if self.line <= len(lines) else ""
         shown, caret = _excerpt(source, self.column)
         place = f"line {self.line}, column {self.column}"
-        super().__init__(f"{place}: expected {expected} but found {shorten(found)}\n    {shown}\n    {caret}^")
+        message = f"{place}: expected {expected} but found {shorten(found)}\n    {shown}\n    {caret}^"
+        super().__init__(encodable(message))
 
 
 class FormulaLimitError(ValueError):
@@ -120,7 +121,12 @@ def shorten(text: str, width: int = 100) -> str:
     if len(text) > width:
         half = (width - 5) // 2
         text = f"{text[:half]} ... {text[-half:]}"
-    return " ".join(text.splitlines())
+    return encodable(" ".join(text.splitlines()))
+
+
+def encodable(text: str) -> str:
+    """`text` with `?` for each lone surrogate, which no file or terminal takes."""
+    return text.encode("utf-8", "replace").decode("utf-8")
 
 
 def _excerpt(source: str, column: int, width: int = 100) -> tuple[str, str]:

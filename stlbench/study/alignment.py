@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
+from stlbench.contract import System
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choice
@@ -91,11 +92,15 @@ def plan_alignment(
         resolution: how fine the grids are; as the agents' parameter `resolution`.
 
     Raises:
-        UsageError: no such task, method or part, or no agent is installed that plans for a reward.
+        UsageError: no such task, method or part, a task that is no system, or no agent is installed that plans for a
+            reward.
     """
     if task.parameters:
         raise UsageError(f"{task}: name the task alone, and what it is to do without as a setting")
     loaded = load_task(task)
+    if not isinstance(loaded.dynamics, System):
+        rule = "a plan sets the state of the simulator, which only the task of a System allows"
+        raise UsageError(f"task {task}: nothing can be planned on it: {rule}")
     fitting = fitting_methods(loaded)
     chosen = tuple(map(Choice, fitting)) if methods is None else tuple(methods)
     # one that is not asked for its reward: that of the fewest inputs, which few other methods come before

@@ -11,8 +11,8 @@ from stlbench.errors import UsageError
 from stlbench.identity import CellId
 from stlbench.registry import plugins
 from stlbench.result import Result, StoredPolicies
-from stlbench.rollout.cost import observation_size
 from stlbench.rollout.saved_policies import Which, read
+from stlbench.rollout.shown import observation_of
 from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_method, load_task
 
@@ -55,7 +55,7 @@ def load_policy(folder: Path, result: Result, which: Which = "selected", on: Tas
         policy = _restored(cell.agent.name, arrays, task)
     except (Intractable, Unsuitable) as error:
         raise UsageError(f"{name}: its policy cannot be used: {error}") from error
-    _check_size(name, task, method, stored)
+    _check(name, task, method, stored, cell)
     return Kept(task, method, policy)
 
 
@@ -76,9 +76,14 @@ def _restored(agent: str, arrays: Arrays, task: Task) -> Policy:
         raise Unsuitable(f"{plugin} cannot restore it: {cause(error)}") from error
 
 
-def _check_size(name: str, task: Task, method: RewardMethod, stored: StoredPolicies) -> None:
+def _check(name: str, task: Task, method: RewardMethod, stored: StoredPolicies, cell: CellId) -> None:
     """Networks do not check what they are given; some would read what lies beside it in memory."""
-    size = observation_size(task, method)
-    if size != stored.observation_size:
-        rule = f"acts on {stored.observation_size} numbers, and task {task.name} shows {size}"
+    shown = observation_of(task, method, str(cell.method))
+    if shown.total != stored.observation_size:
+        rule = f"acts on {stored.observation_size} numbers, and task {task.name} shows {shown.total}"
         raise UsageError(f"{name}: its policy {rule}; it is another task, or one was changed since it was trained")
+    if stored.observation is not None:
+        stored.observation.check(name, shown)
+    elif task.choice != cell.task:
+        own = own_task(cell, stored)
+        observation_of(own, build_method(own, cell.method), str(cell.method)).check(name, shown)

@@ -68,7 +68,7 @@ def replay(folder: Path, result: Result, which: Which = "selected", start: Start
     """
     task, method, policy = load_policy(folder, result, which)
     visited = list[Array]()
-    traces = referee.record(task, method, policy, _begun(task, start), visited)
+    traces = referee.record(task, method, policy, _begun(task, start), visited).traces
     robustness = referee.score(task, traces).robustness
     extremes = np.array([np.argmax(robustness), np.argmin(robustness)])[: len(traces)]
     states = np.stack(visited, axis=1)

@@ -27,7 +27,7 @@ _NUMBERS = tuple(
 )
 _PLANNED = ("maximised", "grid_value")
 _COUNTS = ("selected_steps", "env_steps", "inputs_added")
-_SCORE = ("robustness_mean", "robustness_min", "satisfaction")
+_SCORE = ("robustness_mean", "robustness_min", "satisfaction", "ended_early")
 _CURVE = ("steps", "cpu_seconds", "satisfaction", "robustness_mean", "starts")
 
 
@@ -111,6 +111,8 @@ class Results:
         The protocol is `formula`, the task's own, or one of the task's further protocols. The policy is `selected`,
         the checkpoint that did best on other starts, or `final`, the one at the end of training. `robustness_mean` is
         over the starts, `robustness_min` from the worst of them, `satisfaction` the share that satisfies.
+        `ended_early` is the share whose episode the environment ended before the formula's horizon; it is NaN in
+        records of before that was counted.
         """
         rows = (
             (result.id, {"protocol": protocol, "policy": policy} | _scored(score))
@@ -190,4 +192,5 @@ def _numbers(measurement: Measurement | None) -> dict[str, Any]:
 
 
 def _scored(score: Score) -> dict[str, float]:
-    return dict(zip(_SCORE, (score.mean, score.minimum, score.satisfaction), strict=True))
+    ended = float("nan") if score.ended_early is None else score.ended_early
+    return dict(zip(_SCORE, (score.mean, score.minimum, score.satisfaction, ended), strict=True))

@@ -17,6 +17,7 @@ from stlbench.registry.choices import Choice, executor_of
 from stlbench.result import Result
 from stlbench.status import Status
 from stlbench.study import running, scheduler, trial
+from stlbench.study.apart import Examiner
 from stlbench.study.cell import Cell
 from stlbench.study.executed import failing
 from stlbench.study.ledger import FILE, Ledger
@@ -229,7 +230,11 @@ def run_cells(
         place = folder.absolute()  # a worker elsewhere has another working directory
         in_folder = partial(run_unchanged, run_cell=run_cell or trial.run_cell, folder=place)
         work_on = Work(in_folder, partial(warm, examples(missing)), partial(log_of, place), here)
-        with _refusals(), closing(scheduler.run(missing, ledger, executor, work_on, provenance)) as results:
+        with (
+            _refusals(),
+            Examiner(missing, place) as examined,
+            closing(scheduler.run(missing, ledger, executor, work_on, provenance, examined)) as results,
+        ):
             try:
                 for result in results:
                     running.ended(folder, result.id)

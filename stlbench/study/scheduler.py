@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import time
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -26,6 +27,7 @@ def run(
     executor: Executor,
     run_cell: Callable[[Cell], Result],
     provenance: Mapping[str, str],
+    accepted: Callable[[Cell, Result, float], Result] = lambda cell, result, seconds: result,
 ) -> Generator[Result]:
     """Yield the result of each cell, as they end. A result is in the ledger when it is yielded.
 
@@ -39,11 +41,14 @@ def run(
         run_cell: an importable function. What it raises becomes a result with status `raised`.
         provenance: added to that of every result that is recorded (see `provenance.collect`); of one of another machine
             what is of the run.
+        accepted: looks at what a cell returned, and at how many seconds ago the first cell began; gives the result that
+            is recorded.
     """
+    begun = time.monotonic()
     with closing(outcomes(executor, run_cell, cells, [cell.deadline for cell in cells])) as ended:
         for outcome in ended:
             cell = cells[outcome.index]
-            result = _result(cell, outcome)
+            result = accepted(cell, _result(cell, outcome), time.monotonic() - begun)
             where = provenance if outcome.facts is None else elsewhere(provenance, outcome.facts)
             result = replace(result, provenance={**result.provenance, **where, **of_cell(cell)})
             ledger.record(result)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError, did_you_mean
+from stlbench.errors import UsageError, did_you_mean, in_words
 from stlbench.registry import folders
 from stlbench.registry.choices import Choice, choice_of, executor_of, parse_choices, split
 from stlbench.status import Status, accidents_of
@@ -56,7 +56,7 @@ def _choices(
         return None
     if isinstance(value, str):
         return parse(value)
-    if isinstance(value, Iterable):
+    if isinstance(value, Iterable) and not isinstance(value, Mapping):
         items = tuple(value)
         if all(isinstance(item, str | Choice) for item in items):
             return tuple(dict.fromkeys(map(choice, items)))
@@ -66,6 +66,13 @@ def _choices(
 def _tasks(value: Any) -> Any:
     """As `_choices`; a task may be a folder's path."""
     return _choices(value, folders.parse_tasks, folders.task_of)
+
+
+def _executor(value: Any) -> Any:
+    """One name, whose parameters may be addresses and paths."""
+    if not isinstance(value, str | Choice):
+        raise ValueError(f"a name is expected, got {value!r:.80}")
+    return executor_of(value)
 
 
 def _logs(value: Any) -> Any:
@@ -79,7 +86,7 @@ def _seeds(value: Any) -> Any:
         return None
     if isinstance(value, str) or type(value) is int:
         return parse_seeds(str(value))
-    if isinstance(value, Iterable):
+    if isinstance(value, Iterable) and not isinstance(value, Mapping):
         seeds = tuple(value)
         if seeds and all(type(seed) is int and 0 <= seed < MOST_SEEDS for seed in seeds):
             return tuple(sorted(set(seeds)))
@@ -115,7 +122,7 @@ class Study(BaseModel):
     """The most that a cell's processes may take together, as in 4G; None leaves it to the executor."""
     results: Path = Path("results")
     """Folder of ledger, traces and tables."""
-    executor: Annotated[Choice, BeforeValidator(executor_of)] = Choice("local")
+    executor: Annotated[Choice, BeforeValidator(_executor)] = Choice("local")
     """Where cells run."""
     log: Annotated[tuple[Choice, ...], BeforeValidator(_logs)] = ()
     """Logs that are told of the run: `tensorboard`, `wandb[project=funnels]`."""
@@ -176,4 +183,4 @@ def _problem(error: Mapping[str, Any]) -> str:
         return f"no key '{place}'{did_you_mean(place, Study.model_fields)}"
     if error["type"] == "missing":
         return f"{place} must be given"
-    return f"{place}: {error['msg'].removeprefix('Value error, ')}"
+    return f"{place}: {in_words(error['msg'])}"

@@ -11,7 +11,7 @@ import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, in_words
 from stlbench.identity import Track
 from stlbench.registry.choices import Choice
 from stlbench.task.entry import Count
@@ -68,7 +68,7 @@ def read_recipes(path: Path) -> Recipes:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, ("recipes", *first["loc"])))
-        raise UsageError(f"{path}: {place}: {first['msg']}") from error
+        raise UsageError(f"{path}: {place}: {in_words(first['msg'])}") from error
     return Recipes(found, str(path))
 
 

@@ -20,6 +20,7 @@ from stlbench.rollout.cost import refuse_dear
 from stlbench.rollout.model import model_of
 from stlbench.rollout.referee import Assessment, Referee
 from stlbench.rollout.rehearsal import rehearse
+from stlbench.rollout.shown import observation_of
 from stlbench.rollout.worlds import make_world
 from stlbench.study.cell import Cell, derive_seed
 from stlbench.study.meter import Meter, MeteredEnvironment
@@ -58,7 +59,8 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         return cell.ended("intractable", one_line(reason))
     except Unsuitable as reason:
         return cell.ended("unsuitable", one_line(reason))
-    return cell.ended("done", measurement=measured.numbers if folder is None else _stored(measured, task, cell, folder))
+    numbers = measured.numbers if folder is None else _stored(measured, task, method, cell, folder)
+    return cell.ended("done", measurement=numbers)
 
 
 class Measured(NamedTuple):
@@ -73,7 +75,7 @@ class Measured(NamedTuple):
     """D; 0 where no environment was made."""
 
 
-def _stored(measured: Measured, task: Task, cell: Cell, folder: Path) -> Measurement:
+def _stored(measured: Measured, task: Task, method: RewardMethod, cell: Cell, folder: Path) -> Measurement:
     """Save traces and policies in a folder of results; the numbers, which say by what hashes policies are known."""
     traces = saved_traces.trace_file(folder / saved_traces.FOLDER, cell.id, cell.key)
     saved_traces.save(traces, measured.assessment, task.signals)
@@ -82,7 +84,8 @@ def _stored(measured: Measured, task: Task, cell: Cell, folder: Path) -> Measure
     if digests is None:
         return measured.numbers
     recipe = cell.recipe or Recipe()
-    stored = StoredPolicies(*digests, measured.observation_size, dict(recipe.agent), recipe.hold)
+    shown = observation_of(task, method, str(cell.id.method))
+    stored = StoredPolicies(*digests, measured.observation_size, dict(recipe.agent), recipe.hold, shown)
     return replace(measured.numbers, policies=stored)
 
 

@@ -242,5 +242,5 @@ def _optuna() -> Any:
     try:
         import optuna
     except ImportError as error:
-        raise UsageError("tuning needs Optuna: pip install stlbench-rl[tune]") from error
+        raise UsageError('tuning needs Optuna: pip install "stlbench-rl[tune]"') from error
     return optuna

@@ -64,9 +64,17 @@ def _time(parts: Parts) -> Iterator[str]:
     steps, hold = parts["steps"], parts["hold"]
     if steps % hold:
         yield f"hold: an episode of {steps} steps is no multiple of hold = {hold}"
+    for name, budget in ({} if steps % hold else parts.get("budgets", {})).items():
+        if budget and "steps" in budget and budget["steps"] % hold:
+            said = f"{budget['steps']} steps are no multiple of hold = {hold}"
+            yield f"budgets.{name}: {said}, the steps of a decision; the nearest is {_nearest(budget['steps'], hold)}"
     for cut in (parts.get("training") or {}).get("cuts", ()):
         if cut % hold or cut >= steps:
             yield f"training.cuts: {cut} is no multiple of hold = {hold} below steps = {steps}"
+
+
+def _nearest(steps: int, hold: int) -> int:
+    return max(1, round(steps / hold)) * hold
 
 
 def _ends(parts: Parts, timing: Timing) -> Iterator[str]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from stlbench.errors import UsageError, did_you_mean
+from stlbench.errors import UsageError, did_you_mean, in_words
 from stlbench.task.checks import check_entries
 from stlbench.task.entry import Timing
 from stlbench.task.file import TaskFile
@@ -75,13 +75,6 @@ def _timing(content: Any) -> Timing:
     return Timing(1e-6, known=False)  # so small that every end of an interval that anyone writes is whole
 
 
-_EXPECTED = {
-    "dict_type": "expected a mapping, {key: value}",
-    "model_type": "expected a mapping, {key: value}",
-    "tuple_type": "expected a list",
-}
-"""Kind of Pydantic's errors -> what it is in a file."""
-
 _TYPE = re.compile(r"(dict|tuple)\[")
 """Of a place that may have values of several types, Pydantic names the type too."""
 
@@ -89,7 +82,7 @@ _TYPE = re.compile(r"(dict|tuple)\[")
 def _lines(error: ValidationError) -> Iterator[str]:
     for item in error.errors():
         parts = [str(part) for part in item["loc"]]
-        message = _EXPECTED.get(item["type"], item["msg"].removeprefix("Value error, "))
+        message = in_words(item["msg"])
         if item["type"] == "extra_forbidden":
             message = f"there is no such key{did_you_mean(parts[-1], fields_at(TaskFile, parts[:-1]))}"
         place = ".".join(part for part in parts if not _TYPE.match(part))

@@ -207,9 +207,12 @@ def _dynamics(plugin: plugins.Plugin, parts: Parts) -> Dynamics | None:
         keywords = plugins.check("tasks", Choice(plugin.name), parts["parameters"], origin="")
         if not issubclass(kind, System):
             return cast(Dynamics, kind(**keywords))
-        return None if "sampling_time" not in parts else cast(Dynamics, kind(parts["sampling_time"], **keywords))
+        made = None if "sampling_time" not in parts else cast(Dynamics, kind(parts["sampling_time"], **keywords))
     except (TypeError, ValueError) as error:
         raise ValueError(f"parameters: {str(error).removeprefix(f'{plugin.name}: ')}") from error
+    if problem := plugins.not_initialised(made):
+        raise ValueError(problem)
+    return made
 
 
 def _misfits(dynamics: Dynamics | type[Dynamics], parts: Parts) -> Iterator[str]:

@@ -138,7 +138,7 @@ def _check_training(agent: Agent, task: Task, rules: Rules) -> None:
     def behave(policy: Policy | StatePolicy) -> bytes:
         if isinstance(policy, Policy):
             _check_actions(policy, task, rules)
-        return record(task, method, policy, states).tobytes()
+        return record(task, method, policy, states).traces.tobytes()
 
     _check_cost(agent, task.actions, rules)
     once, again = _train(agent, task, behave), _train(agent, task, behave)

@@ -8,6 +8,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array, Intractable, RewardMethod, Specification, Unsuitable
+from stlbench.contract_parts.arrays import are_numbers, kind_of
 from stlbench.presentation import Described
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
@@ -65,6 +66,7 @@ def _made(method: type[RewardMethod] | str, specification: Specification) -> Rew
 
 
 def _check_episode(method: RewardMethod, rules: Rules) -> None:
+    rules.keep(*_initialised(method))
     m, steps = method.memory_size, method.specification.steps
     rules.keep(isinstance(m, int) and m >= 0, "memory_size is a whole number, at least 0", m)
     rules.keep(bool(0 < method.scale < np.inf), "scale is positive and finite", method.scale)
@@ -75,7 +77,8 @@ def _check_episode(method: RewardMethod, rules: Rules) -> None:
     for t in range(steps):
         arguments = (traces[:, t], action, traces[:, t + 1], np.full(_ROWS, t), memories[-1])
         reward, memory = method.step(*arguments)
-        rules.keep(np.shape(reward) == (_ROWS,), "the reward has shape (N,)", np.shape(reward))
+        rules.keep(*_step_shapes(reward, memory, m))
+        rules.keep(are_numbers(reward), "rewards are an array of real numbers", kind_of(reward))
         if t % max(1, steps // 12) == 0 or t == steps - 1:
             rules.function("step", lambda *values: np.column_stack(method.step(*values)), arguments, (_ROWS, 1 + m))
             inputs = rules.function("inputs", method.inputs, (memory,), (_ROWS, method.input_size))
@@ -100,6 +103,21 @@ def _check_episode(method: RewardMethod, rules: Rules) -> None:
     along, memory = method.along(traces[row, held], action, held[0], np.stack(memories)[held[0], row])
     same = np.allclose(along, np.stack(rewards)[held[:3], row])
     rules.keep(same and np.allclose(memory, np.stack(memories)[held[3], row]), "along is step after step", along)
+
+
+def _initialised(method: RewardMethod) -> tuple[bool, str, object]:
+    problem = plugins.not_initialised(method)
+    return problem is None, "the constructor calls super().__init__(specification)", problem
+
+
+def _step_shapes(reward: Array, memory: Array, m: int) -> tuple[bool, str, object]:
+    shapes, expected = (np.shape(reward), np.shape(memory)), ((_ROWS,), (_ROWS, m))
+    rule = f"step gives {_shapes(expected)}, for {_ROWS} copies"
+    return shapes == expected, rule, _shapes(shapes)
+
+
+def _shapes(shapes: tuple[tuple[int, ...], tuple[int, ...]]) -> str:
+    return f"reward {shapes[0]} and memory {shapes[1]}"
 
 
 def _described(method: RewardMethod) -> tuple[bool, str, object]:

@@ -55,9 +55,9 @@ def check_controller(task: Task, rules: Rules) -> None:
 
     for t in range(0, task.file.steps, hold * max(1, task.file.steps // hold // 8)):
         rules.function("controller", actions, (state, np.full(len(state), t)), (len(state), len(task.actions.names)))
-    traces = controller.record(task, state)
-    assert traces is not None
-    score = referee.score(task, traces)
+    found = controller.record(task, state)
+    assert found is not None
+    score = referee.score(task, found.traces)
     rule = "the controller satisfies the formula from some starts"
     rules.keep(any(score.satisfied), rule, f"robustness {score.robustness}")
 

@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Array, System
+from stlbench.contract import Array, System, Training, Unsuitable
+from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.task import Task, load_task
+from stlbench.rollout.controller import Unpaid
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.rehearsal import rehearse
+from stlbench.task import Task, build_agent, load_task
 from stlbench.testing import systems, worlds
 from stlbench.testing.rules import Rules
 
@@ -27,7 +31,8 @@ def check_task(name: str, rules: Rules | None = None) -> None:
     Of both: samples and features are finite; the first samples lie in the signals' ranges, and features of what is in
     there within [-5, 5]; the nested form has the formula's robustness, and the rewarded one is satisfied when the
     formula is; the controller, where there is one, satisfies the formula from some of the report's starts; recipes are
-    for agents that are installed, and fit them.
+    for agents that are installed, and fit them; the task's own agent, the first that it has a recipe for, can train on
+    it for a moment. Where that agent lacks a library on this machine, a warning says that it was not tried.
 
     Args:
         name: of an installed task, or the path of a folder.
@@ -46,6 +51,7 @@ def check_task(name: str, rules: Rules | None = None) -> None:
     else:
         _check_forms(task, worlds.random_traces(task, rules), rules)
         worlds.check_controller(task, rules)
+    _check_agent(task, rules)
 
 
 def _check_recipes(task: Task) -> None:
@@ -57,6 +63,30 @@ def _check_recipes(task: Task) -> None:
             problems.append(f"agents.{agent}: {str(error).removeprefix(f'{agent}: ')}")
     if problems:
         raise UsageError("\n".join([f"task {task.name}: recipes have errors:", *(f"  {line}" for line in problems)]))
+
+
+def _check_agent(task: Task, rules: Rules) -> None:
+    """Let the task's own agent train for a moment, without a reward."""
+    rule = f"the task's own agent, {task.own_agent}, can act and train on it"
+    try:
+        agent = build_agent(task, task.own_agent)
+    except Unsuitable as refusal:
+        rules.warnings.append(f"the task's own agent, {task.own_agent}, was not tried: {one_line(refusal)}")
+        return
+    if agent.plans is not None:
+        return
+    if (compile_it := agent.uncompiled()) is not None:
+        compile_it()
+    budget = next(iter(task.file.budgets.values()))
+    unpaid = Unpaid(task.specification)
+    training = Training(
+        lambda count: BatchEnvironment(task, unpaid, count, 0), budget.steps, 0, lambda policy, steps: None, 1
+    )
+    try:
+        rehearse(agent, training, task.file.hold)
+    except Unsuitable as refusal:
+        rules.keep(False, rule, one_line(refusal))
+    rules.keep(True, rule, None)
 
 
 def _check_forms(task: Task, traces: Array, rules: Rules) -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from stlbench import stl
 from stlbench.contract import ActionGrid, Array, GymTask, Integers, World
 from stlbench.rollout import controller, referee
+from stlbench.rollout.early_ends import without_end
 from stlbench.rollout.worlds import make_world
 from stlbench.task import Task
 from stlbench.testing.rules import Rules
@@ -23,6 +25,8 @@ def random_traces(task: Task, rules: Rules) -> Array:
     begun, world = task.starts.report_and_selection()[0], make_world(task, _COPIES)
     begun = np.resize(begun, (_COPIES, begun.shape[1]))
     trace = _episode(task, rules, world, begun, actions)
+    if world.can_end:
+        _warn_of_ends(task, rules, trace, np.where(world.ended, world.lived, task.file.steps))
     few = max(1, _STEPS // task.file.hold)
     again = _episode(task, rules, world, begun, actions[:few])
     same = np.array_equal(again, trace[:, : again.shape[1]])
@@ -32,6 +36,19 @@ def random_traces(task: Task, rules: Rules) -> Array:
     rules.keep(same, "an episode is the same in another copy", "another episode in a copy of its own")
     _check_restart(task, rules, world, begun)
     return trace
+
+
+def _warn_of_ends(task: Task, rules: Rules, traces: Array, lasted: Integers) -> None:
+    """Warn where random actions end an episode before the formula is decided: a policy may learn to do just that."""
+    recorded = traces if task.file.terminated == "hold" else without_end(traces.copy(), lasted)
+    satisfied, horizon = np.array(referee.score(task, recorded).satisfied), stl.horizon(task.formula)
+    early = lasted < horizon
+    if early.any():
+        said = (
+            f"{early.sum()} of {len(early)} episodes of random actions end before step {horizon}, the formula's horizon"
+        )
+        rule = f"by `terminated: {task.file.terminated}` {(early & satisfied).sum()} of these satisfy the formula"
+        rules.warnings.append(f"{said}; {rule}")
 
 
 def _actions(task: Task, generator: np.random.Generator) -> Array:
@@ -104,9 +121,10 @@ def _check_restart(task: Task, rules: Rules, world: World, begun: Array) -> None
 
 def check_controller(task: Task, rules: Rules) -> None:
     """The rules of a controller by hand, for a task that has one."""
-    traces = controller.record(task, task.starts.report_and_selection()[0][:8])
-    if traces is None:
+    found = controller.record(task, task.starts.report_and_selection()[0][:8])
+    if found is None:
         return
+    traces = found.traces
     rules.keep(bool(np.isfinite(traces[:, 0]).all()), "the controller's samples are finite", traces[:, 0])
     score = referee.score(task, traces)
     rule = "the controller satisfies the formula from some starts"

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from stlbench.contract import Array, Integers
+from stlbench.contract import Array, Integers, RewardMethod, Truth
 from stlbench.rollout.clock import scaled_times
 from stlbench.rollout.early_ends import remainder
 from stlbench.rollout.faults import check_inputs, check_memory, check_rewards
@@ -23,7 +23,7 @@ class Episodes:
     """
 
     def __init__(self, scoring: Scoring, count: int) -> None:
-        self._scoring, self._method = scoring, scoring.method
+        self._scoring = scoring
         self.steps, signals = scoring.specification.steps, len(scoring.specification.signals)
         self.t: Integers = np.zeros(count, dtype=np.int64)
         self._memory = np.zeros((count, scoring.method.memory_size))
@@ -31,9 +31,8 @@ class Episodes:
         self._times = np.minimum(scaled_times(self.steps), 1.0)
 
     @property
-    def size(self) -> int:
-        """How many numbers `observe` adds to an observation."""
-        return 1 + (self._method.input_size if self._method.memory_size else 0)
+    def _method(self) -> RewardMethod:
+        return self._scoring.method
 
     def start(self, rows: Integers, signals: Array) -> None:
         """Begin new episodes at the samples (r, k)."""
@@ -65,15 +64,25 @@ class Episodes:
         check_rewards(self._method, np.array([[paid]]), 1, self.t[[row]])
         return paid / scoring.scale
 
-    def verdicts(self, rows: Integers) -> dict[str, Any]:
-        """`robustness` and `satisfied` of episodes that are over, see `ends.verdicts`."""
-        traces, t = self._samples[rows], self.t[rows]
-        for trace, last in zip(traces, t, strict=True):
-            trace[last + 1 :] = trace[last]
-        return verdicts(self._scoring, traces, t)
+    def verdicts(self, over: Truth) -> dict[str, Any]:
+        """`robustness` and `satisfied` of all copies; 0 and False where no episode is over.
+
+        Returns:
+            Arrays (N,), under `interval` (N, 2), see `ends.verdicts`.
+        """
+        rows = np.flatnonzero(over)
+        shape = (len(over), 2) if self._scoring.terminated == "interval" else (len(over),)
+        found: dict[str, Any] = {"robustness": np.zeros(shape), "satisfied": np.zeros(shape, dtype=np.bool_)}
+        if len(rows):
+            traces, t = self._samples[rows], self.t[rows]
+            for trace, last in zip(traces, t, strict=True):
+                trace[last + 1 :] = trace[last]
+            for name, values in verdicts(self._scoring, traces, t).items():
+                found[name][rows] = values
+        return found
 
     def observe(self) -> Array:
-        """What the policy is shown beside the observation: the time in [-1, 1], the method's inputs, (N, size)."""
+        """What is shown beside the observation: the time in [-1, 1], the method's inputs, (N, 1 + inputs)."""
         times = self._times[self.t]
         if not self._method.memory_size:
             return times

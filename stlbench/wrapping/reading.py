@@ -78,9 +78,13 @@ class Expressions(Reader):
 
     def __init__(self, texts: Mapping[str, str], entries: Entries) -> None:
         super().__init__(tuple(texts))
-        self._entries = entries
+        self._texts, self._entries = dict(texts), entries
         nodes = [parsed(f"signals: {name}", text) for name, text in texts.items()]
         self._from_info, self._values = compiled(nodes, entries)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What is compiled cannot be pickled, and is compiled again."""
+        return Expressions, (self._texts, self._entries)
 
     def one(self, observation: Any, info: dict[str, Any], t: int, copy: int | None = None) -> Array:
         """See `Reader`."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import TypeAlias, cast
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any, TypeAlias, cast
 
 from stlbench import stl
 from stlbench.contract import Intractable, RewardMethod, Specification, Unsuitable
@@ -16,7 +17,7 @@ from stlbench.registry.choices import choice_of
 from stlbench.task.file import EarlyEnd
 from stlbench.wrapping.reading import Reader
 
-__all__ = ["MethodOf", "Ranges", "Scoring", "make_method", "specify"]
+__all__ = ["MethodOf", "Ranges", "Scoring", "specify"]
 
 MethodOf: TypeAlias = str | Callable[[Specification], RewardMethod]
 """A method by name, or a class, or anything else that makes one for a specification."""
@@ -29,17 +30,27 @@ class Scoring:
     """How the episodes of an environment are paid and judged."""
 
     reader: Reader
-    method: RewardMethod
-    """Its `specification` has the formula, in steps."""
+    made_by: MethodOf
+    specification: Specification
+    """What the method knows; it has the formula, in steps."""
     scaled: bool
     terminated: EarlyEnd
     discount: float
     """With which the rewards that an early end leaves out are added up, in 0..1."""
 
+    @cached_property
+    def method(self) -> RewardMethod:
+        """The reward method. Raises `UsageError`, see `_make_method`."""
+        return _make_method(self.made_by, self.specification)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Without the method: what it has compiled cannot be pickled. It is pure, and is made again."""
+        return Scoring, tuple(getattr(self, each.name) for each in fields(self))
+
     @property
-    def specification(self) -> Specification:
-        """What the method knows."""
-        return self.method.specification
+    def inputs(self) -> int:
+        """Numbers of the method's that the policy is shown."""
+        return self.method.input_size if self.method.memory_size else 0
 
     @property
     def scale(self) -> float:
@@ -65,7 +76,7 @@ def specify(
     return Specification(resolved, names, low, high, steps, 1.0 if dt is None else float(dt))
 
 
-def make_method(method: MethodOf, specification: Specification) -> RewardMethod:
+def _make_method(method: MethodOf, specification: Specification) -> RewardMethod:
     """The method. Raises `UsageError`: no such method, a wrong parameter, or one that does not fit."""
     try:
         if isinstance(method, str):

@@ -28,13 +28,12 @@ class StlWrapper(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     Action, rendering and all other attributes are those of the environment.
     """
 
-    def __init__(self, env: gymnasium.Env[Any, Any], scoring: Scoring) -> None:
-        RecordConstructorArgs.__init__(self, scoring=scoring)
+    def __init__(self, env: gymnasium.Env[Any, Any], scoring: Scoring, observing: Observing) -> None:
+        RecordConstructorArgs.__init__(self, scoring=scoring, observing=observing)
         gymnasium.Wrapper.__init__(self, env)
         check_actions(env.action_space)
         self._scoring, self._episodes, self._running = scoring, Episodes(scoring, 1), False
-        self._observing = Observing(env.observation_space, self._episodes.size)
-        self.observation_space = self._observing.space
+        self._observing, self.observation_space = observing, observing.space
 
     @property
     def specification(self) -> Specification:
@@ -50,21 +49,22 @@ class StlWrapper(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         """Start an episode.
 
         Returns:
-            The observation with time and memory; the info with `signals` (1, k), the first sample, and `t`, 0.
+            The observation with time and memory; the info with the entries of `step`, `signals` the first sample.
         """
         observation, info = self.env.reset(seed=seed, options=options)
         signals = self._scoring.reader.one(observation, info, 0)
         self._episodes.start(_ALL, signals)
         self._running = True
-        return self._joined(observation), {**info, "signals": signals, "t": 0}
+        return self._joined(observation), info | self._said(signals, 0.0, over=False)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, Info]:
         """One step of the environment, paid by the method.
 
         Returns:
             The observation with time and memory, the reward, whether the episode ended early, whether it is complete;
-            and the info with `signals` (1, k), `t` and `env_reward`, the environment's own reward. At the end of an
-            episode it has `robustness` and `satisfied` too.
+            and the info with `signals` (1, k), `t`, `env_reward`, the environment's own reward, `robustness` and
+            `satisfied`, which are 0 and False before the end of the episode. All are of NumPy, each of one shape and
+            dtype.
         """
         if not self._running:
             raise ResetNeeded("call reset() first: no episode is running")
@@ -72,22 +72,26 @@ class StlWrapper(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         t, taken = int(self._episodes.t[0]) + 1, action_rows(action, 1)
         signals = self._scoring.reader.one(observation, info, t)
         reward = float(self._episodes.arrive(_ALL, signals, taken)[0])
-        info = {**info, "signals": signals, "t": t, "env_reward": _number(own, t)}
         complete = t == self._episodes.steps
-        if terminated or truncated or complete:
+        over = bool(terminated or truncated or complete)
+        if over:
             reward += self._episodes.left_out(0, taken)
-            info |= self._verdict()
             self._running = False
         early = bool(terminated or truncated) and not complete
+        info = info | self._said(signals, _number(own, t), over)
         return self._joined(observation), reward, early or bool(terminated), complete, info
 
     def _joined(self, observation: Any) -> Any:
         return self._observing.join(observation, self._episodes.observe()[0], self._episodes.t)
 
-    def _verdict(self) -> dict[str, float | bool | Array]:
-        """As numbers; under `interval` as arrays (2,)."""
-        found = {name: value[0] for name, value in self._episodes.verdicts(_ALL).items()}
-        return {name: value if np.ndim(value) else value.item() for name, value in found.items()}
+    def _said(self, signals: Array, own: float, over: bool) -> Info:
+        """The entries of the info.
+
+        A truth is an array (), not a scalar: of scalars Gymnasium's vector environments make arrays of objects.
+        """
+        verdict = {name: values[0] for name, values in self._episodes.verdicts(np.array([over])).items()}
+        said = {"signals": signals, "t": self._episodes.t[0], "env_reward": np.float64(own), **verdict}
+        return said | {"satisfied": np.asarray(verdict["satisfied"])}
 
 
 def _five(returned: Any) -> tuple[Any, Any, Any, Any, Info]:

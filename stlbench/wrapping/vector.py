@@ -36,13 +36,12 @@ class StlVectorWrapper(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
     It does what N copies of `StlWrapper` in a `gymnasium.vector.SyncVectorEnv` with the same autoreset mode do.
     """
 
-    def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any], scoring: Scoring) -> None:
+    def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any], scoring: Scoring, observing: Observing) -> None:
         super().__init__(env)
         check_actions(env.single_action_space)
         self._scoring, self._episodes, self._mode = scoring, Episodes(scoring, env.num_envs), autoreset_of(env)
-        self._observing = Observing(env.single_observation_space, self._episodes.size)
-        self.single_observation_space = self._observing.space
-        self.observation_space = batch_space(self._observing.space, env.num_envs)
+        self._observing, self.single_observation_space = observing, observing.space
+        self.observation_space = batch_space(observing.space, env.num_envs)
         self._shape = env.num_envs, len(scoring.specification.signals)
         self._over, self._running = np.ones(env.num_envs, dtype=np.bool_), False
 
@@ -65,7 +64,8 @@ class StlVectorWrapper(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
             signals[copy] = self._scoring.reader.one(each[copy], row_of(infos, copy), 0, copy)
         self._start(mask, signals)
         self._over, self._running = self._over & ~mask, True
-        return self._joined(observations), infos | self._samples(signals, mask)
+        none = np.zeros(self.num_envs, dtype=np.bool_)
+        return self._joined(observations), infos | self._said(signals, np.zeros(self.num_envs), none, mask)
 
     def step(self, actions: Any) -> tuple[Any, Array, Truth, Truth, Info]:
         """One step of each copy, see `StlWrapper.step`; copies restart when the vector environment has them do so.
@@ -84,12 +84,16 @@ class StlVectorWrapper(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
         last = self._last(signals, ended, infos) if same_step else signals
         rewards, complete = self._paid(~begun, last, taken)
         over = self._ended(ended, complete)
-        said = masked("env_reward", np.asarray(own, dtype=np.float64), ~begun) | self._judged(over, taken, rewards)
+        own = np.where(begun, 0.0, np.asarray(own, dtype=np.float64))
+        for row in np.flatnonzero(over).tolist():
+            rewards[row] += self._episodes.left_out(row, taken[[row]])
         if same_step and over.any():
-            infos, said = self._finals(infos, last, said, over), masked("env_reward", said["env_reward"], ~over)
+            infos = self._finals(infos, self._said(last, own, over, over), over)
+            own = np.where(over, 0.0, own)
+        judged = over & ~restarted
         self._start(restarted, signals)
         self._over = over
-        infos = infos | said | self._samples(signals, np.ones_like(over))
+        infos = infos | self._said(signals, own, judged, np.ones_like(over))
         return self._joined(observations), rewards, over & (terminations | ~complete), complete, infos
 
     def _last(self, signals: Array, ended: Truth, infos: Info) -> Array:
@@ -115,38 +119,23 @@ class StlVectorWrapper(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
             raise UsageError(f"the vector environment restarts by itself, but copy {late.argmax()} {rule}")
         return ended | complete
 
-    def _judged(self, over: Truth, taken: Array, rewards: Array) -> Info:
-        """The verdicts on episodes that are over; what an early end is paid is added to the rewards, in place."""
-        rows, said = np.flatnonzero(over), Info()
-        if not len(rows):
-            return said
-        for row in rows.tolist():
-            rewards[row] += self._episodes.left_out(row, taken[[row]])
-        for name, values in self._episodes.verdicts(rows).items():
-            spread = np.zeros((self.num_envs, *values.shape[1:]), dtype=values.dtype)
-            spread[rows] = values
-            said |= masked(name, spread, over)
-        return said
-
-    def _finals(self, infos: Info, last: Array, said: Info, over: Truth) -> Info:
+    def _finals(self, infos: Info, said: Info, over: Truth) -> Info:
         """The infos with what belongs to the end of episodes that are over, before their copies restart."""
         shown, final_obs = self._episodes.observe(), np.full(self.num_envs, None, dtype=object)
         for row in np.flatnonzero(over).tolist():
             final_obs[row] = self._observing.join(infos["final_obs"][row], shown[row], self._episodes.t[[row]], row)
-        own = {name: masked(name, said[name], over) for name in said if not name.startswith("_")}
-        final_info = infos.get("final_info", {}) | self._samples(last, over)
-        for entry in own.values():
-            final_info |= entry
-        marks = {"_final_obs": over.copy(), "_final_info": over.copy()}
-        return infos | {"final_obs": final_obs, "final_info": final_info} | marks
+        finals = {"final_obs": final_obs, "final_info": infos.get("final_info", {}) | said}
+        return infos | finals | {"_final_obs": over.copy(), "_final_info": over.copy()}
 
     def _start(self, which: Truth, signals: Array) -> None:
         rows = np.flatnonzero(which)
         if len(rows):
             self._episodes.start(rows, signals[rows])
 
-    def _samples(self, signals: Array, which: Truth) -> Info:
-        return masked("signals", signals[:, None], which) | masked("t", self._episodes.t, which)
+    def _said(self, signals: Array, own: Array, over: Truth, which: Truth) -> Info:
+        """The entries of `StlWrapper`, of some of the copies (N,); those whose episodes are over are judged."""
+        said = {"signals": signals[:, None], "t": self._episodes.t, "env_reward": own} | self._episodes.verdicts(over)
+        return {key: value for name, values in said.items() for key, value in masked(name, values, which).items()}
 
     def _joined(self, observations: Any) -> Any:
         return self._observing.join(observations, self._episodes.observe(), self._episodes.t)

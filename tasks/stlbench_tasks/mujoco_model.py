@@ -22,7 +22,7 @@ __all__ = ["MujocoSystem", "columns"]
 _WIDTH, _HEIGHT = 480, 360
 """Of a picture; the models draw into at most 640 by 480."""
 
-_MISSING = "it needs the extra mujoco: pip install 'stlbench-rl[mujoco]'"
+_MISSING = 'it needs the extra mujoco: pip install "stlbench-rl[mujoco]"'
 if sys.version_info >= (3, 13):
     _MISSING += " and, without its dependencies, pip install --no-deps dm_control"
 

@@ -117,7 +117,7 @@ def test_a_missing_library_is_one_line_before_anything_is_trained(
     name: str, module: str, title: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)  # Python's own way to block an import
-    message = f"it needs {title}: pip install 'stlbench-rl[sb3]'"
+    message = f'it needs {title}: pip install "stlbench-rl[sb3]"'
     with pytest.raises(Unsuitable, match=re.escape(message)):
         plugins.build("agents", Choice(name))
     cells = [hold_disc_by(name)]

@@ -71,6 +71,6 @@ def test_starts_without_the_heavy_packages(tmp_path, words):
 def test_a_name_that_no_file_can_have_is_refused_in_one_line(say, words):
     done = say(*words, "x" * 300)
     assert (done.exit_code, done.stdout) == (2, "")
-    assert done.stderr.startswith("error: [Errno ")
-    assert "File name too long: 'xxx" in done.stderr
+    assert "Errno" not in done.stderr
+    assert "File name too long" in done.stderr
     assert len(done.stderr.splitlines()) == 1

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import sqlite3
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -93,7 +96,19 @@ class Leaks(Raw):
 
 ENTRIES = "[stlbench.methods]\nbad-leaks = bad_plugins.leaks:Leaks\n" + "".join(
     f"bad-{name} = bad_plugins.methods:{name.capitalize()}\n"
-    for name in ("mutes", "bytes", "escapes", "refuses", "unfit", "extended", "typed", "eats")
+    for name in (
+        "mutes",
+        "bytes",
+        "escapes",
+        "refuses",
+        "unfit",
+        "extended",
+        "typed",
+        "eats",
+        "bribes",
+        "confuses",
+        "hurries",
+    )
 )
 
 SAID = {
@@ -132,6 +147,63 @@ def test_texts_that_nothing_can_show_are_rows_and_the_next_run_goes_on(bad, say)
         assert "\x1b" not in text
         assert "\x07" not in text
     assert "ValueError: \\x1b[2J" in shown.stdout
+
+
+BRIBES = '''
+from stlbench.result import Score
+from stlbench.rollout import referee
+from toy_plugins.methods import Raw
+
+def score(task, traces, formula=None, lasted=None):
+    return Score((99.0,) * len(traces), ({satisfied},) * len(traces), {{}})
+
+referee.score = score
+
+class Bribes(Raw):
+    """Lets the referee say what it likes, wherever it is imported."""
+'''
+HURRIES = '''
+import time
+from toy_plugins.methods import Raw
+
+class Hurries(Raw):
+    """Lets the clock run backwards."""
+    def __init__(self, specification):
+        super().__init__(specification)
+        now = iter(range(10**9, 0, -1))
+        time.perf_counter = lambda: float(next(now))
+'''
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            BRIBES.format(satisfied=True),
+            "it says robustness 99, satisfied 100 %; by the recorded traces and the formula of toy-line it is ",
+        ),
+        (
+            BRIBES.format(satisfied=False),
+            "the selected policy's score by the protocol formula cannot be: robustness 99 from start 0, which is not",
+        ),
+        (HURRIES, "its clocks cannot be right: training and all took "),
+    ],
+)
+def test_a_method_that_changes_the_referee_or_the_clock_has_no_score(site, toy, tmp_path, text, said):
+    """The harness itself imports the method, to check its parameters. So another process looks at the result."""
+    name = "Hurries" if text == HURRIES else "Bribes"
+    site("bad-judge", f"[stlbench.methods]\nbad-judge = bad_judge:{name}\n", {"bad_judge.py": text})
+    words = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--seeds", "1", "--methods", "bad-judge,toy-raw")
+    environment = os.environ | {"PYTHONPATH": str(toy)}
+    command = [sys.executable, "-c", "from stlbench.cli import main; main()", *words]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 1, done.stderr
+    with sqlite3.connect("results/ledger.sqlite") as ledger:
+        rows = {name: row for name, *row in ledger.execute("SELECT method, status, reason FROM cells")}
+    assert rows["bad-judge"][0] == "raised"
+    assert rows["bad-judge"][1].startswith(f"its result is not credible: {said}")
+    assert rows["toy-raw"] == ["done", ""]
+    assert [path.name[:16] for path in Path("results/traces").iterdir()] == ["toy-line_toy-raw"]
 
 
 def measured(folder):

@@ -10,27 +10,19 @@ from pathlib import Path
 
 import pytest
 
-from stlbench.gate import calibration
-from stlbench.gate.calibration import CALIBRATIONS
-
 TOY = ("--tasks", "toy-line", "--agents", "toy-agent", "--budget", "quick")
 HERE = ("--executor", "toy-here")
 GATE = ("gate", "reference", "--budget", "quick", *HERE)
 
 
 @pytest.fixture
-def reference(say, toy, monkeypatch):
-    """Make a reference of the methods named, without calibration: toy cells take a millisecond, which says nothing."""
-    monkeypatch.setattr(calibration, "TRAINING_PASSES", 1)
-    monkeypatch.setattr(calibration, "REWARD_PASSES", 1)
+def reference(say, toy):
+    """Make a reference of the methods named."""
 
-    def make(methods="toy-raw", seeds="3", timed=False):
+    def make(methods="toy-raw", seeds="3"):
         done = say("gate", "reference", "--update", *TOY, *HERE, "--methods", methods, "--seeds", seeds)
         assert done.exit_code == 0, done.output
-        kept = rows()
-        if not timed:
-            edit_reference(r",[0-9.]*,[0-9.]*$", ",,")
-        return done, kept
+        return done
 
     return make
 
@@ -60,16 +52,13 @@ def summary(folder="results/gate"):
 
 
 def test_update_writes_a_reference(reference):
-    done, kept = reference("toy-raw,toy-large")
+    done = reference("toy-raw,toy-large")
     assert done.stdout == "Written to reference/: cells.csv, provenance.json; 6 cells\n"
     assert [(row["method"], row["seed"], row["status"]) for row in rows()] == [
         *(("toy-large", seed, "intractable") for seed in "012"),
         *(("toy-raw", seed, "done") for seed in "012"),
     ]
-    assert all(float(row[name]) > 0 for row in kept for name in CALIBRATIONS)
-    assert {"machine", "numpy", "python", "jobs", "harness"} <= json.loads(
-        Path("reference/provenance.json").read_text()
-    ).keys()
+    assert {"machine", "numpy", "python", "jobs"} <= json.loads(Path("reference/provenance.json").read_text()).keys()
     assert sorted(path.name for path in Path("reference").iterdir()) == ["cells.csv", "provenance.json"]
 
 
@@ -103,7 +92,8 @@ def test_equal_code_is_no_worse(reference, say):
     assert Path("results/gate/gate.md").read_text() == done.stdout
     found = summary()
     assert (found["verdict"], found["exit_code"], found["findings"]) == ("no worse", 0, [])
-    assert [(entry["metric"], entry["seeds"], entry["change"]) for entry in found["comparisons"]] == [
+    qualities = found["comparisons"][:2]
+    assert [(entry["metric"], entry["pairs"], entry["change"]) for entry in qualities] == [
         ("robustness", 3, 0.0),
         ("satisfaction", 3, 0.0),
     ]
@@ -116,11 +106,15 @@ def test_it_goes_on_where_it_was(reference, say, monkeypatch):
     assert say(*GATE).exit_code == 0
 
 
-def test_another_version_of_anything_measures_anew(reference, say, monkeypatch):
+def test_a_cost_beside_a_reference_is_information(reference, say):
     reference()
-    monkeypatch.setattr("stlbench.gate.measure.fingerprint", lambda module: "edited " * 5)
+    edit_reference(r",[0-9.]*,[0-9.]*$", ",1e-9,1e-9")  # seconds and nanoseconds that none can keep to
     done = say(*GATE)
-    assert (done.exit_code, done.stderr.splitlines()[0]) == (0, "3 cells")
+    assert done.exit_code == 0
+    costs = [entry for entry in summary()["comparisons"] if entry["metric"] in ("CPU", "reward")]
+    assert [(entry["verdict"], entry["low"], entry["p_value"]) for entry in costs] == [("not judged", None, None)] * 2
+    assert all(entry["change"] > 100 for entry in costs)
+    assert re.search(r"\(x\d+.*\) \| \(x\d+.*\) \|", done.stdout)
 
 
 def test_worse_is_exit_code_1_and_named(reference, say, monkeypatch):
@@ -156,27 +150,6 @@ def test_a_cell_that_crashes_now_is_worse_with_its_reason(reference, say, method
     found = json.loads(Path("other/gate.json").read_text())
     assert [entry["verdict"] for entry in found["findings"]] == ["worse"] * 3
     monkeypatch.undo()
-
-
-def test_cells_that_seem_slower_are_measured_twice_more(reference, say):
-    reference("toy-raw,toy-large", timed=True)
-    edit_reference(r",[^,]*,([^,]*,[0-9.]+,[0-9.]+)$", r",1e-9,\1")  # CPU seconds that none can keep to
-    done = say(*GATE)
-    asked = [line for line in done.stderr.splitlines() if "seem slower" in line]
-    assert asked == [f"3 cells seem slower: take {number} of them" for number in (2, 3)]
-    assert done.exit_code == 1
-    assert worse("CPU")
-    assert not worse("robustness")
-    assert sorted(path.name for path in Path("results/gate").glob("take-*")) == ["take-2", "take-3"]
-    again = say(*GATE)
-    assert (again.exit_code, again.stdout) == (1, done.stdout)  # from what is recorded
-
-
-def test_cells_that_do_not_are_not(reference, say):
-    reference(timed=True)
-    edit_reference(r",[^,]*,[^,]*,([0-9.]+,[0-9.]+)$", r",1e9,1e9,\1")
-    assert say(*GATE).exit_code == 0
-    assert not list(Path("results/gate").glob("take-*"))
 
 
 def test_a_crashed_cell_is_tried_again(reference, say, methods, monkeypatch):
@@ -228,9 +201,6 @@ def test_compare_takes_folders_ledgers_and_references(reference, say):
     for base, new in (("reference", "results"), ("results/ledger.sqlite", "results/gate"), ("results", "reference")):
         done = say("compare", base, new)
         assert (done.exit_code, done.stdout.splitlines()[0]) == (0, "# stlbench compare: no worse")
-    assert (
-        "CPU times were not compared: no calibration in base and new." in say("compare", "reference", "results").stdout
-    )
 
 
 def test_compare_misses_cells(reference, say):
@@ -252,7 +222,7 @@ def test_compare_as_json(reference, say):
     first = json.loads(done.stdout)["comparisons"][0]
     assert first == {
         "task": "toy-line", "method": "toy-raw", "agent": "toy-agent", "budget": "quick", "track": "shared",
-        "metric": "robustness", "seeds": 3, "base": first["base"], "new": first["base"],
+        "metric": "robustness", "pairs": 3, "base": first["base"], "new": first["base"],
         "change": 0.0, "low": 0.0, "high": 0.0, "tolerated": -0.05, "p_value": 1.0, "verdict": "no worse",
     }  # fmt: skip
 
@@ -322,19 +292,11 @@ def test_real_cells(edit, say):
     edit("self.rho(next_signals)")
     assert say(*LOCAL, "--update", *SMOKE).exit_code == 0
     again = say(*LOCAL, "--results", "again")
-    assert again.stdout.count("(same)") == 2  # no exit code: it hangs on times too, and a neighbour's load is in those
-    assert not worse("robustness", "again")
-    assert not worse("satisfaction", "again")
+    assert again.exit_code == 0
+    assert again.stdout.count("(same)") == 2
 
     edit("-self.rho(next_signals)")
     flipped = say(*LOCAL)
     assert flipped.exit_code == 1, flipped.stdout
     assert worse("robustness")
     assert worse("satisfaction")
-
-    edit("[self.rho(next_signals) for _ in range(30)][0]")
-    slow = say(*LOCAL)
-    assert slow.exit_code == 1, slow.stdout
-    (entry,) = worse("reward")
-    assert 3 < entry["change"] < 100
-    assert not worse("robustness")

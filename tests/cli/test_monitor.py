@@ -262,3 +262,14 @@ def test_a_formula_beyond_the_limits_is_one_line_and_its_place(say, trace):
     assert done.stderr.startswith("error: formula: line 1, column 121: expected at most 120 levels of nesting")
     done = say("monitor", " & ".join(["G[0,2] x >= 0 & y > -2"] * 1000), trace)
     assert (done.exit_code, done.stdout.split()[:3]) == (0, ["satisfied", "robustness", "0"])
+
+
+def test_a_table_is_one_trace_and_a_file_of_a_run_has_starts(say, trace):
+    Path("low.csv").write_text("x\n1\n-4\n")
+    done = say("monitor", "G[0,1] sqrt(x) >= 0", "low.csv")
+    assert done.exit_code == 2
+    assert "at sample 1" in done.stderr
+    assert "trace" not in done.stderr
+    saved(traces=np.array([[[1.0], [2.0]], [[1.0], [-4.0]]]))
+    assert "at sample 1 of start 1" in say("monitor", "G[0,1] sqrt(x) >= 0", "cell.npz").stderr
+    assert "at sample 1 of start 1" in say("monitor", "G[0,1] sqrt(x) >= 0", "cell.npz", "--start", "1").stderr

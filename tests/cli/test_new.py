@@ -144,7 +144,7 @@ def test_a_task_on_an_environment_keeps_the_contract_as_it_is(
 def test_what_has_no_ends_is_scaled_by_what_was_seen(tmp_path: Path) -> None:
     new("task", "zz-made", "--into", tmp_path, "--environment", "Hopper-v5")
     text = (tmp_path / "zz-made" / "task.yaml").read_text()
-    assert text.startswith("# The environment gives some entries no ends. In two episodes of random actions")
+    assert text.startswith("# The environment gives some entries no ends. Twenty episodes of random actions found")
     content = yaml.safe_load(text)
     scale, signals = content["environment"]["scale"], content["signals"]
     assert list(scale) == list(signals)
@@ -152,6 +152,40 @@ def test_what_has_no_ends_is_scaled_by_what_was_seen(tmp_path: Path) -> None:
     assert all((ends["low"], ends["high"]) == (-2 * scale[name], 2 * scale[name]) for name, ends in signals.items())
     new("task", "zz-again", "--into", tmp_path, "--environment", "Hopper-v5")
     assert (tmp_path / "zz-again" / "task.yaml").read_text() == text
+
+
+LEVER = """
+import gymnasium, numpy as np
+class Lever(gymnasium.Env):
+    observation_space = gymnasium.spaces.Box(np.array([-np.inf] * 4 + [0]), np.inf, (5,), np.float64)
+    action_space = gymnasium.spaces.MultiDiscrete([3, 3])
+    def seen(self): return np.array([self.x, 0.5, 1e-6 * self.x, 0, 7])
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.x = float(self.np_random.uniform(-0.5, 0.5)) if seed != 15 else 4.0
+        return self.seen(), {}
+    def step(self, action):
+        self.x *= 0.9
+        return self.seen(), 0.0, False, False, {}
+gymnasium.register("Lever-v0", Lever, max_episode_steps=20)
+"""
+
+
+def test_what_hardly_moves_at_random_is_scaled_by_what_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Magnitudes 4, .5, 4e-6, 0 and 7: the median of those that move at all is 2.25, and a tenth of it the least.
+
+    4 is seen in one episode of twenty; the last entry has a lower end. The actions are a grid, as `dqn` needs them.
+    """
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "zz_lever.py").write_text(LEVER)
+    monkeypatch.setitem(plugins._ADDED, "tasks", {})
+    new("task", "zz-lever-task", "--into", tmp_path, "--environment", "zz_lever:Lever-v0")
+    content = yaml.safe_load((tmp_path / "zz-lever-task/task.yaml").read_text())
+    assert list(content["environment"]["scale"].values()) == [5, 0.5, 0.5, 0.5, 10]
+    assert content["signals"]["o2"] == {"low": -1, "high": 1}
+    assert content["signals"]["o4"] == {"low": 0, "high": 20}
+    assert content["agents"] == {"dqn": {}}
+    check_task(str(tmp_path / "zz-lever-task"))
 
 
 @pytest.mark.parametrize(

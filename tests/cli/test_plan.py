@@ -142,7 +142,7 @@ def test_what_cannot_be_planned_is_a_row_with_its_reason(plan):
         (("--settings", "recipes"), "settings: 'recipes' is none; one is recipe, without=PART+PART or"),
         (("--settings", "without=cuts"), "toy-line[without=cuts]: the task is without cuts as it is"),
         (("--settings", "gama=1"), "toy-plan[gama=1]: no parameter 'gama'; did you mean 'gamma'?"),
-        (("--resolution", "fine"), "Invalid value for '--resolution': Input should be a valid number"),
+        (("--resolution", "fine"), "Invalid value for '--resolution': should be a number"),
         (("--resolution", "nan"), "toy-best[resolution=nan]: resolution should be a finite number, got 'nan'"),
     ],
 )

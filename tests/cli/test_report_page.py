@@ -54,4 +54,4 @@ def test_bad_input_is_one_line(say, toy, monkeypatch):
     monkeypatch.setattr(bundle, "find_spec", lambda name: None)
     lacking = say("report", "results", "--html")
     assert (lacking.exit_code, lacking.stderr.count("\n")) == (2, 1)
-    assert "pip install stlbench-rl[page]" in lacking.stderr
+    assert 'pip install "stlbench-rl[page]"' in lacking.stderr

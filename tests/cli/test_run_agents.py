@@ -76,6 +76,14 @@ def test_an_agent_that_cannot_train_here_is_one_line_and_nothing_runs(run, agent
 
 
 def test_an_agent_that_finds_out_in_training_has_a_row_with_the_reason(run):
-    done = run("toy-late")
+    done = run("toy-late,toy-agent")
     assert done.exit_code == 0
     assert "toy-line/toy-raw/toy-late/0 unsuitable: the actions are a grid" in done.stderr
+
+
+def test_a_run_in_which_no_cell_fits_is_one_line_and_2(run):
+    done = run("toy-late")
+    said = "error: no cell fits, so nothing was trained: toy-line/toy-raw/toy-late/0: the actions are a grid"
+    assert (done.exit_code, done.stderr.splitlines()[-1]) == (2, said)
+    again = run("toy-late", "--methods", "toy-raw,toy-large")  # one cell of these is intractable, which is a finding
+    assert again.exit_code == 0

@@ -135,7 +135,7 @@ def test_the_same_twice_and_nothing_is_left_to_run(run):
 def test_what_does_not_fit_is_a_row_with_the_reason(run, words, reason):
     task, method, agent = words
     done = run("--tasks", task, "--methods", method, "--agents", agent)
-    assert done.exit_code == 0, done.stderr
+    assert done.exit_code == 2, done.stderr
     (row,) = cells()
     assert row["status"] == "unsuitable"
     assert reason in row["reason"]
@@ -151,7 +151,7 @@ def test_what_does_not_fit_is_a_row_with_the_reason(run, words, reason):
 )
 def test_what_does_not_fit_on_a_task_of_the_package(run, method, agent, reason):
     done = run("--tasks", "hold-disc", "--methods", method, "--agents", agent, "--budget", "smoke")
-    assert done.exit_code == 0
+    assert done.exit_code == 2
     (row,) = cells()
     assert (row["status"], row["reason"][: len(reason)]) == ("unsuitable", reason)
 

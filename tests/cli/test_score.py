@@ -85,6 +85,23 @@ class TestOutside:
         assert "zz-functions-down on toy-line: zz_functions:down (sha256 " in done.stdout
         assert "not trained by stlbench: its budget is unknown" in done.stdout
 
+    def test_what_it_is_shown_and_what_was_moved_is_said(self, say, mine):
+        Path("zz_functions.py").write_text(MINE + "def off(state, t): return np.full((len(state), 1), 0.75)\n")
+        done = say("score", "toy-line", "zz_functions:down", "--name", "down")
+        assert "It is shown 1 feature of x; the time from -1 to 1 in 4 steps (--on observation)" in done.stdout
+        assert done.stderr == ""
+        done = say("score", "toy-line", "zz_functions:off", "--on", "state")
+        assert "It is shown x and the step (--on state)" in done.stdout
+        moved = "64 of 64 actions (100 %) are not on the task's grid, and were moved to the nearest: v by up to 0.25"
+        assert done.stderr.strip().startswith(f"warning: {moved}")
+        assert done.stderr.strip().endswith("--actions FILE gives it actions of its own")
+        Path("own.csv").write_text("v\n-1\n0.75\n")
+        Path("zz_functions.py").write_text(MINE + "def off(state, t): return np.ones(len(state), int)\n")
+        sys.modules.pop("zz_functions")
+        done = say("score", "toy-line", "zz_functions:off", "--on", "state", "--actions", "own.csv")
+        assert done.stderr.splitlines()[-1].startswith("in place of another policy") or not done.stderr
+        assert robustness("toy-line/unknown/zz-functions-off/0/outside") == pytest.approx(-0.5 - begun())
+
     def test_a_function_of_states(self, say, mine):
         done = say("score", "toy-line", "zz_functions:up", "--on", "state", "--name", "mine", "--seed", 2, "--json")
         content = json.loads(done.stdout)
@@ -191,7 +208,7 @@ class TestOutside:
         [
             (
                 ["zz_functions:bad"],
-                r"its actions are float64 (16, 2); expected are whole numbers (16,), or (16, 1) for v",
+                r"its actions are float64 (16, 2); expected are whole numbers (16,), values (16, 3), or (16, 1) for v",
             ),
             (
                 ["zz_functions:up"],
@@ -211,6 +228,8 @@ class TestOutside:
             (["zz_functions:down", "--name", "Mine"], "--name Mine: a name consists of a-z"),
             (["zz_functions:down", "--budget", "nope"], "task toy-line has no budget 'nope'"),
             (["zz_functions:down", "--method", "nope"], "no method 'nope'"),
+            (["zz_functions:down", "--architecture", "mlp[2,3;relu]"], "--architecture is for a state_dict of PyTorch"),
+            (["zz_functions:down", "--actions", "other.csv"], "other.csv: there is no column 'v'; the task's actions"),
             (["zz_functions:down", "--method", "toy-large"], "method toy-large on task toy-line: needs 6003 inputs"),
         ],
     )
@@ -248,8 +267,8 @@ class TestStored:
         )
         say(*RUN)
         line = refused(say("score", "toy-line[without=features]", CELL))
-        said = "its policy acts on a close-up, which task toy-line[without=features] does not show; score it on a task"
-        assert line.startswith(f"error: {CELL}: {said}")
+        said = "it was trained on toy-line to observe a close-up, which task toy-line[without=features] does not show"
+        assert line == f"error: {CELL}: {said}"
         assert say("score", "toy-line[hold=2]", CELL).exit_code == 0
 
     def test_options_that_are_for_policies_from_outside(self, say, toy):

@@ -69,7 +69,7 @@ def test_the_track_tuned_trains_by_them(say, tunable):
     [
         (("--seeds", "3"), "seeds below 100 are reported and not tuned with; say --seeds 100-101"),
         (("--agents", "planner"), "agent planner has nothing to tune: it declares no search_space"),
-        (("--trials", "0"), "Invalid value for '--trials': Input should be greater than or equal to 1"),
+        (("--trials", "0"), "Invalid value for '--trials': should be at least 1"),
         (("--budget", "large"), "task toy-line has no budget 'large'"),
     ],
 )
@@ -84,7 +84,7 @@ def test_bad_input_is_one_line(say, tunable, words, message):
     [
         (("--track", "tuned"), "track tuned, and no other, needs a file of recipes"),
         (("--recipes", "none.yaml"), "cannot read the recipes none.yaml"),
-        (("--track", "fine"), "track: Input should be 'shared', 'plain' or 'tuned'"),
+        (("--track", "fine"), "track: should be 'shared', 'plain' or 'tuned'"),
     ],
 )
 def test_a_track_that_cannot_be_run_is_one_line(say, toy, words, message):
@@ -99,4 +99,4 @@ def test_without_optuna_it_says_what_to_install(say, tunable, monkeypatch):
     monkeypatch.setitem(sys.modules, "optuna", None)
     done = say(*TUNE)
     assert done.exit_code == 2
-    assert "tuning needs Optuna: pip install stlbench-rl[tune]" in done.stderr
+    assert 'tuning needs Optuna: pip install "stlbench-rl[tune]"' in done.stderr

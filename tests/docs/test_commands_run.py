@@ -22,8 +22,6 @@ NOT_RUN = {
     "tensorboard": "is another program, which serves until it is stopped",
     "git": "changes a repository; the commands of stlbench beside it run",
     "make -C ../base": "sets up another checkout, with packages of an index",
-    "python -m venv ../base-venv": "sets up another environment, with packages of an index",
-    "../base-venv/bin/pip": "installs packages of an index",
     ".venv/bin/python tests/benchmarks/versus.py": "compares two checkouts; tests/test_versus.py runs it",
     "python studies/paper_figures.py": "draws policies that are not in the repository",
     "python -m pytest plugins/example": "tests/test_example_plugin.py runs these tests",
@@ -33,7 +31,6 @@ NOT_RUN = {
 """How lines begin that no test types, and why."""
 
 INSTEAD = {
-    "../base-venv/bin/stlbench": ("stlbench", "another environment; see there"),
     "dask[address=tcp://login1:8786]": ("local", "a cluster's address; tests/executors run dask"),
     "submitit[cells_per_job=10,partition=short]": ("local", "a cluster's queue; tests/executors run submitit"),
     ",wandb[project=funnels,mode=offline]": ("", "another library, which is not among those of the tests"),
@@ -77,8 +74,7 @@ FROM_NOTHING = {"docs/tutorial.md", "docs/howto/method.md"}
 
 OTHER_CODES = {
     '"hold-disc/*" --status raised': ({2}, "no cell raised here, which is said"),
-    "stlbench gate": ({0, 1, 3}, "two seeds beside other tests tell little of times"),
-    "results/gate-reference results/gate/ledger.sqlite": ({0, 1, 3}, "as before"),
+    "--against origin/main": ({2}, "the pages' folder is no repository; tests/cli/test_gate_against.py has one"),
 }
 """Lines that may end with other exit codes than 0, and why."""
 

@@ -36,9 +36,9 @@ def test_there_is_no_time_limit() -> None:
 @pytest.mark.parametrize(
     ("make", "identifier", "said"),
     [
-        (made, "shimmy:dm_control/cartpole-balance-v0", "shimmy: pip install 'stlbench-rl[dm]'"),
-        (made, "gymnasium_robotics:FetchReach-v4", "gymnasium_robotics: pip install 'stlbench-rl[mujoco]'"),
-        (parallel, "mpe2.simple_spread_v3", "mpe2: pip install 'stlbench-rl[petting]'"),
+        (made, "shimmy:dm_control/cartpole-balance-v0", 'shimmy: pip install "stlbench-rl[dm]"'),
+        (made, "gymnasium_robotics:FetchReach-v4", 'gymnasium_robotics: pip install "stlbench-rl[mujoco]"'),
+        (parallel, "mpe2.simple_spread_v3", 'mpe2: pip install "stlbench-rl[petting]"'),
     ],
 )
 def test_a_library_that_an_extra_brings_is_named_with_it(

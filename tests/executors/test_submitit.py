@@ -20,19 +20,9 @@ from stlbench.testing import Rules, check_executor
 
 pytest.importorskip("submitit", reason="the extra submitit is not installed")
 
-from submitit import SlurmJob
-from submitit.slurm.slurm import SlurmInfoWatcher
-
 from stlbench_executors.submitit import SubmititExecutor
+from stlbench_executors.submitit_job import SILENCE_SECONDS, Desk
 from stlbench_executors.submitit_run import minutes_for
-
-
-class Asking(SlurmInfoWatcher):
-    """Asks Slurm each time, of jobs of this test alone."""
-
-    def update_if_long_enough(self, mode: str) -> None:
-        if mode != "cache":
-            self.update()
 
 
 @pytest.fixture(autouse=True)
@@ -40,7 +30,6 @@ def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """States are asked for at once, and a disk shows what was written."""
     monkeypatch.setattr("stlbench_executors.submitit_run.STATE_SECONDS", 0.2)
     monkeypatch.setattr("stlbench_executors.submitit_run.LAG_SECONDS", 0.2)
-    monkeypatch.setattr(SlurmJob, "watcher", Asking())
 
 
 @pytest.fixture
@@ -133,6 +122,70 @@ def test_what_slurm_says_of_a_job_that_it_ended(slurm: Path, tmp_path: Path, sta
     assert not alive(process)
 
 
+@pytest.mark.parametrize(
+    ("accounts", "begun", "found"),
+    [
+        (False, True, ("done", "later", "")),
+        (False, False, ("killed", None, r"its job \d+ ended before it: CANCELLED")),
+        (True, True, ("killed", None, r"its job \d+ ended before it: FAILED")),
+    ],
+)
+def test_a_job_that_squeue_has_forgotten(
+    slurm: Path, tmp_path: Path, accounts: bool, begun: bool, found: tuple
+) -> None:
+    """Accounts know it. Without any, a job whose items have begun was lost; else a person cancelled it in the queue."""
+    if accounts:
+        (slurm / "accounts").touch()
+    items = [tmp_path / "there", tmp_path / "stays"]
+    items[0].touch()
+    with closing(executor(tmp_path, cells_per_job=2).run(victims.stay_once, items, [600.0] * 2)) as running:
+        assert next(running).value == "later"
+        wait_for(lambda: items[1].exists() and items[1].read_text())
+        (file,) = slurm.glob("*.pid")
+        if not begun:
+            (mark,) = tmp_path.glob("jobs/*/ended/1.begun")
+            mark.unlink()
+        file.with_suffix(".forgotten").touch()
+        write_state(slurm, int(items[1].read_text()), "FAILED")
+        (outcome,) = running
+    assert (outcome.status, outcome.value) == found[:2]
+    assert re.fullmatch(found[2], outcome.reason)
+
+
+def test_silence_is_measured_by_the_clock_of_the_disk(tmp_path: Path) -> None:
+    desk = Desk(tmp_path)
+    desk.beat()
+    assert 0 <= desk.silence() < SILENCE_SECONDS
+    then = (tmp_path / "beat").stat().st_mtime - 1000
+    os.utime(tmp_path / "beat", (then, then))
+    assert desk.silence() >= 1000
+    assert Desk(tmp_path / "gone").silence() == float("inf")
+
+
+def test_a_job_ends_when_its_run_is_gone(tmp_path: Path) -> None:
+    """The process of an item is ended too: its keeper sees that the job's process has ended."""
+    program = (
+        "import sys\nfrom pathlib import Path\nfrom helpers import victims\n"
+        "from stlbench_executors import submitit_job\nfrom stlbench_executors.order import Order\n"
+        "from stlbench_executors.versions import installed\n"
+        "submitit_job.LISTEN_SECONDS = 0.1\n"
+        "order = Order(victims.leave_pid, [Path(sys.argv[1], 'a')], [600.0])\n"
+        "desk = submitit_job.Desk(Path(sys.argv[1], 'desk'))\n"
+        "submitit_job.run_chunk(submitit_job.Chunk(desk, ((0, order.task(0)),), 2**30, order.prepare, installed()))\n"
+    )
+    desk, file = Desk(tmp_path / "desk"), tmp_path / "a"
+    desk.folder.mkdir()
+    desk.beat()
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    job = subprocess.Popen([sys.executable, "-c", program, tmp_path], env=environment)
+    wait_for(lambda: file.exists() and file.read_text())
+    assert job.poll() is None
+    then = (desk.folder / "beat").stat().st_mtime - SILENCE_SECONDS - 1
+    os.utime(desk.folder / "beat", (then, then))
+    job.wait(timeout=120)
+    wait_for(lambda: not alive(int(file.read_text())))
+
+
 def test_closing_cancels_jobs(slurm: Path, tmp_path: Path) -> None:
     items = [None, tmp_path / "a"]
     with closing(executor(tmp_path).run(victims.leave_pid, items, [600.0] * 2)) as running:
@@ -171,7 +224,8 @@ def test_without_slurm_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
         SubmititExecutor()
 
 
-def test_no_job_outlives_an_interrupted_parent(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_no_job_outlives_an_interrupted_parent(tmp_path: Path, number: signal.Signals) -> None:
     program = (
         "import signal, sys\nfrom pathlib import Path\nfrom helpers import victims\n"
         "from stlbench_executors.submitit import SubmititExecutor\n"
@@ -183,7 +237,7 @@ def test_no_job_outlives_an_interrupted_parent(tmp_path: Path) -> None:
     parent = subprocess.Popen([sys.executable, "-c", program, tmp_path], env=environment, stderr=subprocess.PIPE)
     file = tmp_path / "a"
     wait_for(lambda: file.exists() and file.read_text())
-    parent.send_signal(signal.SIGINT)
+    parent.send_signal(number)
     parent.communicate(timeout=120)
     wait_for(lambda: not alive(int(file.read_text())))
     wait_for(lambda: not (tmp_path / "jobs").exists())

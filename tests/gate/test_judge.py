@@ -29,8 +29,6 @@ def cell(seed: int = 0, status: Status = "done", **numbers: Any) -> Sample:
         "satisfaction": 0.8,
         "training_cpu_seconds": 2.0,
         "reward_nanoseconds": 20.0,
-        "training_calibration_seconds": 0.01,
-        "reward_calibration_seconds": 0.002,
     }
     return Sample(
         CellId.parse(f"disc/funnel/dqn/{seed}", "smoke"), status, **((measured if status == "done" else {}) | numbers)
@@ -74,7 +72,7 @@ def test_gains() -> None:
 
 def test_the_t_test() -> None:
     comparison = satisfactions([0.5, 0.5, 0.5], [0.3, 0.2, 0.4])
-    assert (comparison.base, comparison.new, comparison.seeds) == pytest.approx((0.5, 0.3, 3))
+    assert (comparison.base, comparison.new, comparison.pairs) == pytest.approx((0.5, 0.3, 3))
     # The mean of -0.2, -0.3, -0.1 is -0.2 with standard error 0.1 / sqrt(3), so t = -2 sqrt(3). With two degrees of
     # freedom P(T < t) = 1/2 + t / (2 sqrt(2 + t^2)), and P(T < 2.91999) = 0.95.
     assert comparison.gain == pytest.approx(-0.2)
@@ -84,36 +82,12 @@ def test_the_t_test() -> None:
     assert comparison.verdict == "cannot tell"
 
 
-def test_the_scatter_of_times_is_that_of_all_settings() -> None:
-    def group(method: str, seconds: Sequence[float]) -> list[Sample]:
-        return [of_method(cell(seed, training_cpu_seconds=s), method) for seed, s in enumerate(seconds)]
-
-    e = math.e
-    base = group("a", [1, 1]) + group("b", [1, 1]) + group("c", [1])
-    new = group("a", [e, 1]) + group("b", [1, 1 / e]) + group("c", [1])
-    judged = {entry.setting.method.name: entry for entry in compared(base, new).comparisons if entry.metric is CPU}
-    # Gains are (-1, 0) and (0, 1): each has squares 1/2, together 1 with 2 degrees of freedom, error sqrt(1/2 / 2).
-    assert judged["a"].gain - judged["a"].low == pytest.approx(2.91999 * 0.5, abs=1e-5)
-    assert judged["b"].high - judged["b"].gain == pytest.approx(2.91999 * 0.5, abs=1e-5)
-    assert judged["c"].low == judged["c"].high == 0
-
-
-def test_one_slow_cell_does_not_speak_for_its_setting() -> None:
-    gains = [0.0, 0.02, -0.02, 0.01, math.log(4)]
-    new = [cell(seed, training_cpu_seconds=2 * math.exp(gain)) for seed, gain in enumerate(gains)]
-    comparison = found(compared([cell(seed) for seed in range(5)], new), "CPU")
-    # The median is 0.01; the distances from it are 0, 0.01, 0.01, 0.03 and 1.38, whose median is 0.01.
-    assert comparison.gain == pytest.approx(-(0.01 + 3 * 1.4826 * 0.01 + 0.01) / 5)
-    assert comparison.verdict == "no worse"
-
-
-def test_times_are_relative_to_the_calibration() -> None:
+def test_costs_are_told_and_never_judged() -> None:
     base = [cell(seed) for seed in range(5)]
-    half_as_fast = {"training_cpu_seconds": 4.0, "reward_nanoseconds": 40.0, "training_calibration_seconds": 0.02}
-    half_as_fast |= {"reward_calibration_seconds": 0.004}
-    judgement = compared(base, [cell(seed, **half_as_fast) for seed in range(5)])
-    assert judgement.verdict == "no worse"
-    assert [entry.gain for entry in judgement.comparisons] == [0, 0, 0, 0]
+    judgement = compared(base, [cell(seed, training_cpu_seconds=8.0, reward_nanoseconds=60.0) for seed in range(5)])
+    assert (judgement.verdict, EXIT[judgement.verdict]) == ("no worse", 0)
+    told = [(entry.metric, entry.metric.change(entry.gain), entry.verdict) for entry in judgement.comparisons[2:]]
+    assert told == [(CPU, pytest.approx(4), "not judged"), (REWARD, pytest.approx(3), "not judged")]
 
 
 # ---------------------------------------------------------------------------------------------------- the verdicts
@@ -143,7 +117,7 @@ def test_a_number_that_is_none_any_more_is_worse() -> None:
         judgement = compared(base, [*base[:2], cell(2, robustness_mean=bad)])
         assert found(judgement, "robustness").verdict == "worse"
     # and where the base has none, the other seeds decide
-    assert found(compared([*base, cell(3, robustness_mean=math.inf)], [*base, cell(3)]), "robustness").seeds == 3
+    assert found(compared([*base, cell(3, robustness_mean=math.inf)], [*base, cell(3)]), "robustness").pairs == 3
 
 
 @pytest.mark.parametrize(
@@ -183,7 +157,7 @@ def test_the_worst_counts_and_nothing_is_not_fine() -> None:
     assert compared(fine + other, [*unclear, replace(other[0], status="raised")]).verdict == "worse"
     assert compared([], fine).verdict == "missing"
     assert compared([cell(0, "intractable")], [cell(0, "intractable")]).verdict == "missing"
-    assert EXIT == {"no worse": 0, "worse": 1, "cannot tell": 3, "missing": 4}
+    assert EXIT == {"no worse": 0, "not judged": 0, "worse": 1, "cannot tell": 3, "missing": 4}
 
 
 def test_what_is_new_alone_is_left_out() -> None:
@@ -209,24 +183,8 @@ def reference(seeds: int = 5) -> list[Sample]:
                     "training_cpu_seconds": float(cpu),
                     "reward_nanoseconds": float(reward),
                 }
-                samples.append(
-                    timed(replace(cell(seed, **values), id=CellId.parse(f"{task}/{method}/dqn/{seed}", "smoke")), rng)
-                )
+                samples.append(replace(cell(seed, **values), id=CellId.parse(f"{task}/{method}/dqn/{seed}", "smoke")))
     return samples
-
-
-def timed(sample: Sample, rng: np.random.Generator) -> Sample:
-    """The same cell, timed again: 7 % for CPU, 10 % for the reward's short loop, 4 % for the calibration."""
-    cpu, reward, calibration = np.exp(rng.normal(0, [0.07, 0.1, 0.04]))
-    assert sample.training_cpu_seconds
-    assert sample.reward_nanoseconds
-    return replace(
-        sample,
-        training_cpu_seconds=sample.training_cpu_seconds * cpu,
-        reward_nanoseconds=sample.reward_nanoseconds * reward,
-        training_calibration_seconds=0.01 * calibration,
-        reward_calibration_seconds=0.002 * calibration,
-    )
 
 
 def elsewhere(sample: Sample, rng: np.random.Generator) -> Sample:
@@ -242,12 +200,7 @@ def elsewhere(sample: Sample, rng: np.random.Generator) -> Sample:
 
 def rerun(change: Callable[[Sample, np.random.Generator], Sample], number: int, seeds: int = 5) -> Judgement:
     rng, base = np.random.default_rng([2, number]), reference(seeds)
-    return compared(base, [change(timed(sample, rng), rng) for sample in base])
-
-
-def test_equal_code_raises_at_most_one_alarm_in_50_runs() -> None:
-    verdicts = [rerun(lambda sample, _: sample, number).verdict for number in range(50)]
-    assert sum(verdict != "no worse" for verdict in verdicts) <= 1
+    return compared(base, [change(sample, rng) for sample in base])
 
 
 def test_equal_code_on_another_machine_is_called_worse_at_most_once_in_50_runs() -> None:
@@ -270,24 +223,12 @@ def ten_percent_worse(sample: Sample) -> Sample:
     return replace(sample, robustness_mean=sample.robustness_mean - 0.1 * abs(sample.robustness_mean))
 
 
-def slow_reward(sample: Sample) -> Sample:
-    assert sample.reward_nanoseconds
-    return replace(sample, reward_nanoseconds=2 * sample.reward_nanoseconds)
-
-
-def slow_training(sample: Sample) -> Sample:
-    assert sample.training_cpu_seconds
-    return replace(sample, training_cpu_seconds=1.5 * sample.training_cpu_seconds)
-
-
 @pytest.mark.parametrize(
     ("change", "metric"),
     [
         (flipped, "robustness"),
         (flipped, "satisfaction"),
         (ten_percent_worse, "robustness"),
-        (slow_reward, "reward"),
-        (slow_training, "CPU"),
     ],
 )
 def test_a_broken_method_is_caught_and_named_in_each_of_20_runs(change: Callable[..., Sample], metric: str) -> None:
@@ -309,12 +250,3 @@ def test_ten_percent_worse_within_the_scatter_of_another_machine_is_not_passed()
         return ten_percent_worse(elsewhere(sample, rng))
 
     assert {rerun(both, number).verdict for number in range(5)} <= {"cannot tell", "worse"}
-
-
-@pytest.mark.parametrize("factor", [1.1, 0.5])
-def test_a_little_slower_is_tolerated_and_faster_is_welcome(factor: float) -> None:
-    def change(sample: Sample) -> Sample:
-        assert sample.training_cpu_seconds
-        return replace(sample, training_cpu_seconds=factor * sample.training_cpu_seconds)
-
-    assert [rerun(broken("flag", change), number).verdict for number in range(5)] == ["no worse"] * 5

@@ -50,7 +50,7 @@ class TestJunit:
         ]
         said = root.find(".//failure").get("message")
         assert said.startswith("worse: robustness: 0.4 to 0.3 (-25")
-        assert "10 seeds, p = 0.004" in said
+        assert "10 pairs, p = 0.004" in said
 
     def test_any_text_of_a_plugin_makes_xml(self) -> None:
         hostile = Finding(CELL, "missing", "\x00\x1b[31m</failure>\ud800 \ufffe&")

@@ -10,7 +10,6 @@ from helpers import synthetic_results
 
 from stlbench import report
 from stlbench.errors import UsageError
-from stlbench.gate.calibration import CALIBRATIONS
 from stlbench.gate.files import load, save
 from stlbench.gate.snapshot import Sample, Snapshot, gather, pair, sample
 from stlbench.identity import CellId
@@ -18,34 +17,24 @@ from stlbench.result import Result
 from stlbench.study.ledger import Ledger
 
 HEADER = "task,method,agent,seed,budget,track,status,reason,robustness_mean,satisfaction,training_cpu_seconds"
-HEADER += ",reward_nanoseconds,training_calibration_seconds,reward_calibration_seconds\n"
-LINE = "disc,funnel,dqn,0,smoke,shared,done,,0.25,0.5,1.5,20,0.01,0.002\n"
-SPEED = dict(zip(CALIBRATIONS, ("0.0125", "0.0015"), strict=True))
+HEADER += ",reward_nanoseconds\n"
+LINE = "disc,funnel,dqn,0,smoke,shared,done,,0.25,0.5,1.5,20\n"
 
 
-def calibrated(result: Result, **provenance: str) -> Result:
+def measured(result: Result, **provenance: str) -> Result:
     return replace(result, provenance={**result.provenance, **provenance})
 
 
 def results() -> list[Result]:
     return [
-        calibrated(synthetic_results.result(seed=0, robustness=(0.1, 0.2)), machine="m", **SPEED),
+        measured(synthetic_results.result(seed=0, robustness=(0.1, 0.2)), machine="m"),
         synthetic_results.result("tau-mdp", seed=1, status="intractable", reason="needs 4002 inputs,\n limit 512"),
     ]
 
 
 def test_a_sample_has_the_numbers_of_the_selected_policy() -> None:
-    found = sample(calibrated(synthetic_results.result(robustness=(-0.5, 1.0), final=(9, 9)), **SPEED))
-    assert found == Sample(
-        CellId.parse("hold-disc/funnel/dqn/0", "quick"), "done", "", 0.25, 0.5, 10.0, 21.0, 0.0125, 0.0015
-    )
-
-
-def test_loads_are_a_range() -> None:
-    loaded = [
-        calibrated(synthetic_results.result(seed=seed), load=load) for seed, load in enumerate(("9.5", "10.1", "2"))
-    ]
-    assert gather(loaded).provenance == {"jobs": "2", "load": "2 to 10.1"}
+    found = sample(synthetic_results.result(robustness=(-0.5, 1.0), final=(9, 9)))
+    assert found == Sample(CellId.parse("hold-disc/funnel/dqn/0", "quick"), "done", "", 0.25, 0.5, 10.0, 21.0)
 
 
 def test_a_reference_comes_back_as_it_was(tmp_path: Path) -> None:
@@ -59,8 +48,8 @@ def test_a_reference_is_a_line_a_cell_in_order(tmp_path: Path) -> None:
     save(tmp_path, gather(reversed(results())))
     assert (tmp_path / "cells.csv").read_text() == (
         HEADER
-        + f"hold-disc,funnel,dqn,0,quick,shared,done,,{(0.1 + 0.2) / 2!r},1.0,10,21,0.0125,0.0015\n"
-        + 'hold-disc,tau-mdp,dqn,1,quick,shared,intractable,"needs 4002 inputs, limit 512",,,,,,\n'
+        + f"hold-disc,funnel,dqn,0,quick,shared,done,,{(0.1 + 0.2) / 2!r},1.0,10,21\n"
+        + 'hold-disc,tau-mdp,dqn,1,quick,shared,intractable,"needs 4002 inputs, limit 512",,,,\n'
     )
 
 
@@ -73,7 +62,7 @@ def test_a_ledger_a_folder_and_the_table_of_a_report(tmp_path: Path) -> None:
     report.write(report.condense(results()[:1]), {}, tmp_path)
     assert load(tmp_path) == found  # the ledger goes before the table
     (entry,) = load(tmp_path / "cells.csv").samples.values()
-    assert entry == replace(sample(results()[0]), training_calibration_seconds=None, reward_calibration_seconds=None)
+    assert entry == sample(results()[0])
 
 
 def test_planned_cells_without_a_result_are_no_samples(tmp_path: Path) -> None:
@@ -126,6 +115,12 @@ def test_a_wrong_place(tmp_path: Path) -> None:
     (tmp_path / "provenance.json").write_text("[]")
     with pytest.raises(UsageError, match="an object of texts is expected"):
         load(tmp_path)
+
+
+def test_an_older_reference_has_columns_that_are_passed_over(tmp_path: Path) -> None:
+    (tmp_path / "cells.csv").write_text(f"{HEADER.strip()},training_calibration_seconds\n{LINE.strip()},0.01\n")
+    (entry,) = load(tmp_path).samples.values()
+    assert (entry.robustness_mean, entry.reward_nanoseconds) == (0.25, 20)
 
 
 def test_an_empty_table_is_an_empty_snapshot(tmp_path: Path) -> None:

@@ -26,9 +26,9 @@ def trace(task: Task, states: Array) -> Array:
         return action
 
     with patch.object(task.system, "controller", checked):
-        traces = record(task, states)
-    assert traces is not None
-    return traces
+        found = record(task, states)
+    assert found is not None
+    return found.traces
 
 
 def all_starts(task: Task) -> Array:

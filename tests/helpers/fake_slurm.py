@@ -1,7 +1,8 @@
 """A Slurm of this machine: sbatch, srun, sacct, squeue and scancel for one test, each as a script on the PATH.
 
 Of an array all jobs run at once. A job's state is what the file of its name says, else what its process does, so that a
-test writes `NODE_FAIL` there and kills the process.
+test writes `NODE_FAIL` there and kills the process. It keeps accounts where the folder has the file `accounts`; a job
+with a file `.forgotten` is unknown to `squeue`.
 """
 
 from __future__ import annotations
@@ -61,13 +62,17 @@ def _path(pattern: str) -> str:
     return re.sub("%[jAat]", lambda found: os.environ[known[found[0]]] if found[0] in known else "0", pattern)
 
 
-def sacct(folder: Path, *_: str) -> None:
-    print("JobID|State|NodeList")
+def squeue(folder: Path, *_: str) -> None:
     for file in sorted(folder.glob("*.pid")):
-        print(f"{file.stem}|{state(file)}|node1")
+        if not file.with_suffix(".forgotten").exists():
+            print(f"{file.stem}|{state(file).split()[0]}")
 
 
-squeue = sacct
+def sacct(folder: Path, *_: str) -> None:
+    if not (folder / "accounts").exists():
+        sys.exit("Slurm accounting storage is disabled")
+    for file in sorted(folder.glob("*.pid")):
+        print(f"{file.stem}|{state(file)}")
 
 
 def scancel(folder: Path, number: str, *_: str) -> None:

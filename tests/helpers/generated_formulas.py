@@ -18,13 +18,17 @@ from stlbench.stl import (
     Eventually,
     Expression,
     Formula,
+    Historically,
     Implies,
     Negative,
     Not,
     Number,
+    Once,
     Or,
     Predicate,
+    Release,
     Signal,
+    Since,
     TrueFormula,
     Until,
     holds,
@@ -66,14 +70,15 @@ def _boolean(inner: st.SearchStrategy[Formula]) -> st.SearchStrategy[Formula]:
     )
 
 
-def _temporal(inner: st.SearchStrategy[Formula], longest: int, endless: bool) -> st.SearchStrategy[Formula]:
+def _temporal(inner: st.SearchStrategy[Formula], longest: int, endless: bool, past: bool) -> st.SearchStrategy[Formula]:
     ends = intervals(longest)
     if endless:
         ends = st.one_of(ends, st.just((0, END)))
+    windows = st.sampled_from([Always, Eventually, *([Historically, Once] if past else [])])
+    between = st.sampled_from([Until, Release, *([Since] if past else [])])
     return st.one_of(
-        st.builds(lambda ab, arg: Always(ab[0], ab[1], arg), ends, inner),
-        st.builds(lambda ab, arg: Eventually(ab[0], ab[1], arg), ends, inner),
-        st.builds(lambda ab, left, right: Until(ab[0], ab[1], left, right), ends, inner, inner),
+        st.builds(lambda kind, ab, arg: kind(*ab, arg), windows, ends, inner),
+        st.builds(lambda kind, ab, left, right: kind(*ab, left, right), between, ends, inner, inner),
     )
 
 
@@ -83,12 +88,14 @@ def formulas(
     leaves: int = 6,
     endless: bool = False,
     constants: bool = True,
+    past: bool = True,
 ) -> st.SearchStrategy[Formula]:
-    """Formulas of any nesting with intervals up to `longest`; `endless`: or without; `constants`: `True` occurs."""
+    """Formulas of any nesting with intervals up to `longest`; `endless`: or without; `constants`: `True` occurs;
+    `past`: operators that look back occur."""
     base = st.one_of(predicates, predicates, predicates, st.just(TrueFormula())) if constants else predicates
 
     def grow(inner: st.SearchStrategy[Formula]) -> st.SearchStrategy[Formula]:
-        return st.one_of(_boolean(inner), _temporal(inner, longest, endless))
+        return st.one_of(_boolean(inner), _temporal(inner, longest, endless, past))
 
     return st.recursive(base, grow, max_leaves=leaves)
 
@@ -119,7 +126,11 @@ def told(formula: Formula, last: int) -> int:
             return min(told(left, last), told(right, last))
         case Always(_, b, arg) | Eventually(_, b, arg):
             return told(arg, last) - (0 if b == END else b)
-        case Until(_, b, left, right):
+        case Historically(a, _, arg) | Once(a, _, arg):
+            return min(last, told(arg, last) + a)
+        case Since(a, b, left, right):
+            return min(last, told(right, last) + a, told(left, last) if b else last)
+        case Until(_, b, left, right) | Release(_, b, left, right):
             if b in (0, END):
                 return told(right, last) if b == 0 else min(told(left, last), told(right, last))
             return min(told(right, last) - b, told(left, last) - b + 1)
@@ -153,6 +164,20 @@ def naive(formula: Formula, trace: NDArray[np.float64], t: int) -> float:
                 ),
                 default=-math.inf,
             )
+        case Release(a, b, left, right):
+            return -naive(Until(a, b, Not(left), Not(right)), trace, t)
+        case Historically(a, b, arg):
+            return min((naive(arg, trace, s) for s in range(max(t - b, 0), t - a + 1)), default=math.inf)
+        case Once(a, b, arg):
+            return max((naive(arg, trace, s) for s in range(max(t - b, 0), t - a + 1)), default=-math.inf)
+        case Since(a, b, left, right):
+            return max(
+                (
+                    min([naive(right, trace, s), *(naive(left, trace, r) for r in range(s + 1, t + 1))])
+                    for s in range(max(t - b, 0), t - a + 1)
+                ),
+                default=-math.inf,
+            )
 
 
 def naive_satisfied(formula: Formula, trace: NDArray[np.float64], t: int) -> bool:
@@ -179,4 +204,18 @@ def naive_satisfied(formula: Formula, trace: NDArray[np.float64], t: int) -> boo
             return any(
                 naive_satisfied(right, trace, s) and all(naive_satisfied(left, trace, r) for r in range(t, s))
                 for s in range(t + a, min(t + b, last) + 1)
+            )
+        case Release(a, b, left, right):
+            return all(
+                naive_satisfied(right, trace, s) or any(naive_satisfied(left, trace, r) for r in range(t, s))
+                for s in range(t + a, min(t + b, last) + 1)
+            )
+        case Historically(a, b, arg):
+            return all(naive_satisfied(arg, trace, s) for s in range(max(t - b, 0), t - a + 1))
+        case Once(a, b, arg):
+            return any(naive_satisfied(arg, trace, s) for s in range(max(t - b, 0), t - a + 1))
+        case Since(a, b, left, right):
+            return any(
+                naive_satisfied(right, trace, s) and all(naive_satisfied(left, trace, r) for r in range(s + 1, t + 1))
+                for s in range(max(t - b, 0), t - a + 1)
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -47,15 +48,19 @@ def own_task(folder: Path) -> None:
 
 
 def policies(folder: Path) -> None:
-    """Policies and traces from outside, for hold-disc and lunar-lander, and a controller for the pendulum."""
+    """Policies and traces from outside, for the discs and lunar-lander, and a controller for the pendulum."""
     import gymnasium
     import stable_baselines3
+    import torch
 
     import_module("stlbench.gym")  # registers its environments
 
     (folder / "my_controllers.py").write_text(CONTROLLERS)
     titled("howto/policies.md", folder)
     traces(folder / "recorded.csv", "hold-disc")
+    sizes = pairwise((3, 256, 256, 256, 21 * 9))
+    layers = [part for pair in sizes for part in (torch.nn.Linear(*pair), torch.nn.ReLU())]
+    torch.save(torch.nn.Sequential(*layers[:-1]).state_dict(), folder / "authors.pth")
     own = gymnasium.make("stlbench/hold-disc-v0", method="raw")
     for name, environment in {"model": own, "lander": gymnasium.make("LunarLander-v3", continuous=True)}.items():
         stable_baselines3.PPO("MlpPolicy", environment, device="cpu", seed=0).save(folder / name)

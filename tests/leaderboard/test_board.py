@@ -52,7 +52,7 @@ def test_what_is_written_is_read_again(mine, tmp_path) -> None:
     scores = build([mine], tmp_path / "board", draw=3)
     assert entry.read(tmp_path / "board") == scores
     assert (tmp_path / "board" / PAGE).read_text() == page(scores)
-    assert (tmp_path / "board" / TABLE).read_text().startswith("task,method,IQM robustness,")
+    assert (tmp_path / "board" / TABLE).read_text().startswith("task,method,median robustness,")
     with pytest.raises(UsageError, match="is not as `stlbench leaderboard` writes it"):
         entry.read(tmp_path)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ from onnx import TensorProto, helper
 
 from stlbench.contract import ActionBox, Policy
 from stlbench.errors import UsageError
+from stlbench.observation import KEY, Observation
 from stlbench.outside.onnx_file import load_onnx
 from stlbench_agents.actor_policy import ActorPolicy
 from stlbench_agents.independent import TeamPolicy
@@ -51,7 +54,7 @@ def test_an_exported_policy_acts_the_same(policy: Policy, tmp_path: Path) -> Non
     assert content is not None
     (tmp_path / "p.onnx").write_bytes(content)
     observation = GENERATOR.normal(size=(500, SIZE))
-    own, found = policy.act(observation), load_onnx(tmp_path / "p.onnx", SIZE)(observation)
+    own, found = policy.act(observation), load_onnx(tmp_path / "p.onnx", Observation(SIZE))(observation)
     assert found.shape == own.shape
     assert found.dtype == own.dtype
     assert len(np.unique(own, axis=0)) > 3
@@ -73,15 +76,15 @@ def model(path: Path, shape: list[Any], kind: int = TensorProto.FLOAT, outputs: 
     ("shape", "kind"), [(["N", 2], TensorProto.FLOAT), ([1, 2], TensorProto.FLOAT), ([None, None], TensorProto.DOUBLE)]
 )
 def test_one_by_one_or_together_in_single_or_double_precision(tmp_path: Path, shape: list[Any], kind: int) -> None:
-    found = load_onnx(model(tmp_path / "m.onnx", shape, kind), 2)(np.array([[0.5, 1], [2, 3]]))
+    found = load_onnx(model(tmp_path / "m.onnx", shape, kind), Observation(2))(np.array([[0.5, 1], [2, 3]]))
     assert found.tolist() == [[1.5, 2], [3, 4]]
 
 
 def test_of_several_outputs_the_action_counts(tmp_path: Path) -> None:
     path = model(tmp_path / "m.onnx", ["N", 1], outputs=("value", "index", "action"))
-    assert load_onnx(path, 1)(np.zeros((1, 1))).tolist() == [[3]]
+    assert load_onnx(path, Observation(1))(np.zeros((1, 1))).tolist() == [[3]]
     path = model(tmp_path / "n.onnx", ["N", 1], outputs=("first", "second"))
-    assert load_onnx(path, 1)(np.zeros((1, 1))).tolist() == [[1]]
+    assert load_onnx(path, Observation(1))(np.zeros((1, 1))).tolist() == [[1]]
 
 
 @pytest.mark.parametrize(
@@ -107,10 +110,20 @@ def test_inputs_that_do_not_fit(tmp_path: Path, shape: list[Any], kind: int, mes
     else:
         model(tmp_path / "m.onnx", shape, kind)
     with pytest.raises(UsageError, match=message):
-        load_onnx(tmp_path / "m.onnx", 2)
+        load_onnx(tmp_path / "m.onnx", Observation(2))
+
+
+def test_the_record_in_the_metadata_is_what_it_is_shown(tmp_path: Path) -> None:
+    shown = Observation(1, ("v",), (0.0,), (2.0,), steps=10, task="walk")
+    made = onnx.load_model(model(tmp_path / "m.onnx", ["N", 2]))
+    helper.set_model_props(made, {KEY: json.dumps(shown.facts)})
+    onnx.save(made, tmp_path / "m.onnx")
+    assert load_onnx(tmp_path / "m.onnx", shown)(np.zeros((1, 2))).tolist() == [[1, 1]]
+    with pytest.raises(UsageError, match=r"m.onnx: it was trained on walk to observe v / 2; here is v$"):
+        load_onnx(tmp_path / "m.onnx", replace(shown, reach=(1.0,)))
 
 
 def test_a_file_that_is_none(tmp_path: Path) -> None:
     (tmp_path / "m.onnx").write_text("garbage")
     with pytest.raises(UsageError, match=r"m.onnx is no ONNX model: "):
-        load_onnx(tmp_path / "m.onnx", 2)
+        load_onnx(tmp_path / "m.onnx", Observation(2))

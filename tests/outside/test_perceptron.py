@@ -18,6 +18,7 @@ from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Sp
 
 from stlbench.contract import ActionBox, ActionGrid, Actions
 from stlbench.errors import UsageError
+from stlbench.observation import Observation
 from stlbench.outside.perceptron import load_sb3
 
 GRID = ActionGrid(("v",), ((-1.0, 0.0, 1.0),))
@@ -73,7 +74,7 @@ def test_it_acts_as_sb3_does(tmp_path: Path, algorithm: str, actions: Actions, w
     model = saved(tmp_path / "m.zip", algorithm, World(space_of(actions)), **words)
     observation = np.random.default_rng(0).normal(size=(200, 4))
     expected, _ = model.predict(observation.astype(np.float32), deterministic=True)
-    found = load_sb3(tmp_path / "m.zip", actions, 4)(observation)
+    found = load_sb3(tmp_path / "m.zip", actions, Observation(4))(observation)
     assert len(np.unique(expected, axis=0)) > 2
     assert found == pytest.approx(expected, abs=1e-5)
 
@@ -92,7 +93,7 @@ def test_actions_of_several_axes(tmp_path: Path, space: Any, shape: tuple[int, .
     observation = np.random.default_rng(0).normal(size=(200, 4))
     expected, _ = model.predict(observation.astype(np.float32), deterministic=True)
     grid = ActionGrid(tuple("abc")[: len(shape)], tuple(tuple(map(float, range(size))) for size in shape))
-    found = load_sb3(tmp_path / "m.zip", grid, 4)(observation)
+    found = load_sb3(tmp_path / "m.zip", grid, Observation(4))(observation)
     assert np.array_equal(grid.vectors[found], expected)
     assert len(np.unique(found)) > grid.size / 2
 
@@ -102,7 +103,9 @@ def test_a_dict_of_numbers_is_flattened_as_gymnasium_does(tmp_path: Path) -> Non
     model = saved(tmp_path / "m.zip", "PPO", World(space_of(BOX), space), "MultiInputPolicy")
     seen: list[Any] = [space.sample() for _ in range(50)]
     expected = [model.predict(each, deterministic=True)[0] for each in seen]
-    found = load_sb3(tmp_path / "m.zip", BOX, 5)(np.stack([gymnasium.spaces.flatten(space, each) for each in seen]))
+    found = load_sb3(tmp_path / "m.zip", BOX, Observation(5))(
+        np.stack([gymnasium.spaces.flatten(space, each) for each in seen])
+    )
     assert found == pytest.approx(np.stack(expected), abs=1e-5)
 
 
@@ -115,7 +118,7 @@ def test_weights_that_are_no_finite_numbers(tmp_path: Path, algorithm: str, acti
             weight[-1] = value
     model.save(tmp_path / "m.zip")
     with pytest.raises(UsageError, match=r"m.zip: the policy has weights that are NaN or infinite"):
-        load_sb3(tmp_path / "m.zip", actions, 4)
+        load_sb3(tmp_path / "m.zip", actions, Observation(4))
 
 
 def test_nothing_in_a_file_is_run(tmp_path: Path) -> None:
@@ -130,11 +133,11 @@ def test_nothing_in_a_file_is_run(tmp_path: Path) -> None:
     data["policy_class"][":serialized:"] = base64.b64encode(pickle.dumps(Trap())).decode()
     members["data"] = json.dumps(data).encode()
     write(tmp_path / "n.zip", members)
-    load_sb3(tmp_path / "n.zip", GRID, 4)
+    load_sb3(tmp_path / "n.zip", GRID, Observation(4))
     members["policy.pth"] = pickle.dumps(Trap())
     write(tmp_path / "o.zip", members)
     with pytest.raises(UsageError, match="is no model that Stable-Baselines3 saved"):
-        load_sb3(tmp_path / "o.zip", GRID, 4)
+        load_sb3(tmp_path / "o.zip", GRID, Observation(4))
     assert not (tmp_path / "run").exists()
 
 
@@ -182,7 +185,7 @@ def test_what_does_not_fit(
 ) -> None:
     saved(tmp_path / "m.zip", algorithm, World(trained), **words)
     with pytest.raises(UsageError, match=message):
-        load_sb3(tmp_path / "m.zip", actions, size)
+        load_sb3(tmp_path / "m.zip", actions, Observation(size))
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:
@@ -190,4 +193,4 @@ def test_files_that_are_none(tmp_path: Path) -> None:
     write(tmp_path / "b.zip", {"data": b"{}"})
     for name in ("a.zip", "b.zip"):
         with pytest.raises(UsageError, match=f"{name} is no model that Stable-Baselines3 saved"):
-            load_sb3(tmp_path / name, GRID, 4)
+            load_sb3(tmp_path / name, GRID, Observation(4))

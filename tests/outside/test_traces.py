@@ -54,7 +54,7 @@ def test_what_the_referee_recorded_gets_the_score_that_it_gave(tmp_path: Path, t
 def test_a_table_that_is_short_or_ends_with_nan(tmp_path: Path, terminated: str, text: str) -> None:
     (tmp_path / "t.csv").write_text(text)
     task = ending(terminated)
-    assert np.array_equal(load_traces(tmp_path / "t.csv", task), assessed(task).traces[:1], equal_nan=True)
+    assert np.array_equal(load_traces(tmp_path / "t.csv", task).traces, assessed(task).traces[:1], equal_nan=True)
 
 
 def traces_of(path: Path, samples: Array) -> Path:
@@ -65,7 +65,7 @@ def traces_of(path: Path, samples: Array) -> Path:
 def test_traces_of_different_lengths(tmp_path: Path) -> None:
     samples = np.zeros((2, 5, 1))
     samples[1, 3:] = np.nan
-    found = load_traces(traces_of(tmp_path, samples), ending("violated"))
+    found = load_traces(traces_of(tmp_path, samples), ending("violated")).traces
     assert np.isfinite(found).sum(axis=(1, 2)).tolist() == [5, 3]
     assert found.shape == (2, 9, 1)
 

@@ -134,7 +134,7 @@ def test_the_choice_overrides_the_defaults():
         ("x[clip=maybe]", "x[clip=maybe]: clip should be true or false, got 'maybe'"),
         ("x[variant=cod]", "x[variant=cod]: variant should be 'paper' or 'code', got 'cod'"),
         ("x[order=3]", "x[order=3]: order should be 1 or 2, got '3'"),
-        ("x[share=2]", "x[share=2]: share should be less than or equal to 1, got '2'"),
+        ("x[share=2]", "x[share=2]: share should be at most 1, got '2'"),
         ("x[hidden=32+y]", "x[hidden=32+y]: hidden[1] should be a whole number, got 'y'"),
         ("x[hidden=+]", "x[hidden=+]: hidden[0] should be a whole number, got ''"),
         ("x[varient=code]", "x[varient=code]: no parameter 'varient'; did you mean 'variant'?"),
@@ -238,7 +238,7 @@ class TestDataclasses:
             }
             assert (known["gamma"].default, known["gamma"].limits, known["rate"].limits) == (0.9, ">= 0, <= 1", "")
             assert checked("x[gamma=0.25,must=2]", kind=kind) == {"gamma": 0.25, "must": 2}
-            with pytest.raises(UsageError, match="gamma should be less than or equal to 1, got '2'"):
+            with pytest.raises(UsageError, match="gamma should be at most 1, got '2'"):
                 checked("x[gamma=2,must=2]", kind=kind)
             with pytest.raises(UsageError, match="parameter 'must' must be given"):
                 checked("x", kind=kind)

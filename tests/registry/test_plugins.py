@@ -53,6 +53,20 @@ def test_a_plugin_is_loaded_described_and_built(site):
         plugins.build("methods", parse_choice("zz-one[ginf=x]"), "spec")
 
 
+@pytest.mark.parametrize(("word", "meant"), [("slurm", "submitit"), ("Dask", "dask"), ("locl", "local")])
+def test_an_executor_is_found_by_what_it_runs_on(word, meant):
+    with pytest.raises(UsageError, match=f"^no executor '{word}'; did you mean '{meant}'\\?$"):
+        plugins.find("executors", word)
+
+
+def test_a_constructor_that_does_not_call_that_of_its_base_is_named(site):
+    text = GOOD.format(name="One").replace("self.specification, self.ginf, ", "_, self.ginf, ")
+    site("acme", methods(zz_one="zz_acme_bare:One"), {"zz_acme_bare.py": text})
+    said = r"^method 'zz-one' of acme .*: the constructor of One does not call super\(\).__init__\(specification\)$"
+    with pytest.raises(UsageError, match=said):
+        plugins.build("methods", parse_choice("zz-one"), "spec")
+
+
 BROKEN = {
     "raises": ("raise RuntimeError('no\\nway')", "RuntimeError: no way"),
     "exits": ("raise SystemExit(3)", "SystemExit: 3"),

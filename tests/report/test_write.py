@@ -74,7 +74,7 @@ def test_cells_csv_has_one_row_per_cell(tmp_path):
         *("robustness_min", "final_satisfaction", "final_robustness_mean", "selected_steps", "training_cpu_seconds"),
         *("training_wall_seconds", "cpu_seconds", "wall_seconds", "env_steps", "reward_nanoseconds", "inputs_added"),
         *("starts", "satisfaction 95 % interval low", "satisfaction 95 % interval high"),
-        *("final_satisfaction 95 % interval low", "final_satisfaction 95 % interval high", "extension"),
+        *("final_satisfaction 95 % interval low", "final_satisfaction 95 % interval high", "extension", "ended_early"),
     ]
 
 

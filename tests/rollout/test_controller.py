@@ -22,7 +22,7 @@ from stlbench.task.task import Task
 def trace(task: Task, *states: float) -> list[list[float]]:
     found = controller.record(task, np.array(states)[:, None])
     assert found is not None
-    rows: list[list[float]] = found[..., 0].tolist()
+    rows: list[list[float]] = found.traces[..., 0].tolist()
     return rows
 
 
@@ -130,7 +130,9 @@ def test_the_score_is_the_one_of_a_policy_that_does_the_same() -> None:
         policy = Rule(lambda seen: np.where(seen[:, 1] < 3, 2, 0))
         report = Referee(task, Probe(task.specification)).assess(policy)
         assert controller.score(task) == report.scores[MAIN]
-        assert np.array_equal(controller.record(task, task.starts.report_and_selection()[0]), report.traces)
+        found = controller.record(task, task.starts.report_and_selection()[0])
+        assert found is not None
+        assert np.array_equal(found.traces, report.traces)
 
 
 def test_a_task_without_a_controller() -> None:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from stlbench import stl
 from stlbench.contract import Specification
-from stlbench.result import MAIN
+from stlbench.result import MAIN, RANDOM
 from stlbench.rollout.early_ends import greatest_and_least, judge, remainder, without_end
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
@@ -163,6 +163,18 @@ def test_how_an_early_end_is_judged(
     assert score.first_failed == failed
     assert np.isnan(report.traces[:, 3:]).all() == (terminated != "hold")
     assert np.isfinite(report.traces[:, :3]).all()
+
+
+@pytest.mark.parametrize("terminated", ["hold", "violated", "interval"])
+def test_how_many_ended_before_the_horizon_is_counted(terminated: str) -> None:
+    """The wall is reached at step 2: before the horizon of G[0,4], not before that of G[0,2]."""
+    protocols = {"short": {"title": "a short one", "formula": "G[0,2] x <= 2"}}
+    task = walk(WALL, terminated=terminated, formula="G[0,4] x <= 2", protocols=protocols)
+    referee = Referee(task, Probe(task.specification), random_starts=5)
+    walled = referee.assess(Rule(lambda seen: RIGHT_INDEX)).scores
+    assert {name: score.ended_early for name, score in walled.items()} == {MAIN: 1.0, RANDOM: 1.0, "short": 0.0}
+    assert walled[MAIN].satisfied == (terminated == "hold",) * 4
+    assert referee.assess(Rule(lambda seen: 1)).scores[MAIN].ended_early == 0.0
 
 
 @pytest.mark.parametrize("terminated", ["violated", "interval"])

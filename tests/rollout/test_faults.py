@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -191,9 +192,39 @@ def test_indices_are_not_for_continuous_actions() -> None:
 
 @pytest.mark.parametrize("scale", [NAN, -1.0, 0.0])
 def test_a_scale_that_nothing_can_be_divided_by(scale: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Raw, "__init__", lambda self, specification: setattr(self, "scale", scale))
+    monkeypatch.setattr(Raw, "__init__", lambda self, specification: self.__dict__.update(scale=scale, specification=1))
     with pytest.raises(ValueError, match=r"^method raw: its scale should be finite and more than 0, it is"):
         build_method(line(), "raw")
+
+
+@pytest.mark.parametrize(
+    ("odd", "kind"),
+    [
+        (np.array(["1", "2", "3"]), "<U1"),
+        (np.zeros(3, complex), "complex128"),
+        (np.zeros(3, "timedelta64[s]"), r"timedelta64\[s\]"),
+        (np.ma.masked_array([1.0, 2.0, 3.0], [False, True, False]), "a masked array"),
+        (np.array([Fraction(1, 2)] * 3), "object"),
+    ],
+)
+@pytest.mark.parametrize(("hold", "size"), [(1, 0), (2, 0), (1, 1), (2, 1)])
+def test_rewards_that_are_no_real_numbers_are_refused(odd: Any, kind: str, hold: int, size: int) -> None:
+    """NumPy would make floats of all these, and leave out what makes them something else."""
+
+    class Odd(RewardMethod):
+        """Pays in another type, for all transitions that it is asked about."""
+
+        memory_size = size
+
+        def step(self, signals: Array, action: Array, after: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+            return np.ma.resize(odd, len(t)) if np.ma.isMaskedArray(odd) else np.resize(odd, len(t)), memory
+
+    task = line(hold=hold)
+    environment = BatchEnvironment(task, Odd(task.specification), 3, seed=0)
+    environment.reset()
+    said = f"^method Odd: its rewards are {kind}, the contract says an array of real numbers, float64$"
+    with pytest.raises(PluginFault, match=said):
+        environment.step(STAY)
 
 
 @pytest.mark.parametrize(("hold", "size"), [(1, 0), (2, 0), (1, 1), (2, 1)])

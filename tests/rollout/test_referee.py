@@ -102,7 +102,7 @@ class TestReferee:
         task = line(hold=4)
         # up while t < 4, then down: the policy sees x, t and the time
         policy = Rule(lambda seen: np.where(seen[:, 1] < 4, 2, 0))
-        traces = record(task, Probe(task.specification), policy, np.array([[0.0], [1.0]]))
+        traces = record(task, Probe(task.specification), policy, np.array([[0.0], [1.0]])).traces
         assert traces.shape == (2, 9, 1)
         assert traces[0, :, 0].tolist() == [0, 0.5, 1, 1.5, 2, 1.5, 1, 0.5, 0]
         assert traces[1, :, 0].tolist() == [1, 1.5, 2, 2.5, 3, 2.5, 2, 1.5, 1]
@@ -111,7 +111,7 @@ class TestReferee:
         task = line()
         # The memory counts transitions: it is 0, 1, .. 7 when the policy acts.
         policy = Rule(lambda seen: np.where(seen[:, 3] < 3, 2, 1))
-        traces = record(task, Probe(task.specification, memory_size=1), policy, np.array([[0.0]]))
+        traces = record(task, Probe(task.specification, memory_size=1), policy, np.array([[0.0]])).traces
         assert traces[0, :, 0].tolist() == [0, 0.5, 1, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5]
 
     def test_protocols(self) -> None:

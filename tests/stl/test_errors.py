@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from stlbench import stl
 from stlbench.stl import FragmentError, Position, ShortTraceError, StlSyntaxError, UndefinedError, UnknownSignalError
 
 
@@ -35,3 +37,34 @@ def test_unknown_signal(names: list[str], message: str) -> None:
 def test_positions_name_the_line_only_where_there_are_several() -> None:
     assert str(Position(1, 12)) == "column 12"
     assert str(Position(3, 1)) == "line 3, column 1"
+
+
+@pytest.mark.parametrize("text", ["x >= \ud800", "\udc80", "x >= 1 & y \ud800 1"])
+def test_a_message_about_a_lone_surrogate_can_be_written(text: str) -> None:
+    with pytest.raises(StlSyntaxError) as error:
+        stl.parse(text)
+    assert "?" in str(error.value).encode().decode()
+
+
+@pytest.mark.parametrize("text", ["\n" * 200_001, "x" * 199_999 + "\n\n", "a" * 200_001])
+def test_columns_count_from_1_in_texts_that_are_too_long(text: str) -> None:
+    with pytest.raises(StlSyntaxError) as error:
+        stl.parse(text)
+    assert min(error.value.line, error.value.column) >= 1
+
+
+@pytest.mark.parametrize("psi", ["x ** 0 >= 0", "(x - x) ** 0 * 0 >= 0", "y >= 0 & (2 * x) ^ 0 <= 2"])
+def test_a_power_of_nan_is_nan_whatever_the_exponent(psi: str) -> None:
+    formula, names, bad = stl.parse(psi), ["x", "y"], [np.nan, 0.0]
+    assert np.isnan(stl.margin(formula, names)(np.array(bad)))
+    for evaluate in (lambda: stl.robustness(formula, [bad], names), lambda: stl.Monitor(formula, names).update(bad)):
+        with pytest.raises(UndefinedError, match="'x' is NaN at sample 0"):
+            evaluate()
+    assert stl.margin(stl.parse("x ** 0 >= 0"), ["x"])(np.array([[0.0], [np.inf], [-3.0]])).tolist() == [1, 1, 1]
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_has_no_value_or_overflows_gives_no_warning() -> None:
+    for psi, sample in [("sqrt(x) >= 0", -1.0), ("exp(x) >= 0", 1e3), ("1 / x >= 0", 0.0), ("x >= x", np.inf)]:
+        stl.margin(stl.parse(psi), ["x"])(np.array([sample]))
+        stl.holds(stl.parse(psi), ["x"])(np.array([[sample]]))

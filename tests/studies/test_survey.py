@@ -31,8 +31,8 @@ def row(status: str, robustness: str = "", satisfaction: str = "") -> dict[str, 
 
 def test_an_entry_says_how_cells_ended_that_have_no_result() -> None:
     done = [row("done", "0.5", "1"), row("done", "0.5", "0.5")]
-    assert survey.entry(done).startswith("0.500 [")
-    assert survey.entry(done).endswith("] 1, 1 of 2")
+    assert survey.entry(done) == "0.500 1, 1 of 2"
+    assert survey.entry([*done, *done, done[0]]) == "0.500 [0.500, 0.500] 3, 3"
     assert survey.entry([row("unsuitable")] * 5) == "unsuitable"
     assert survey.entry([*done, row("timeout")]).endswith("of 2, 1 timeout")
     assert survey.entry(None) == ""
@@ -49,6 +49,26 @@ def test_what_is_far_below_is_an_arrow_with_its_number_inside_the_panel() -> Non
     (axes,) = [axes for axes in survey.draw().axes if axes.get_title(loc="left") == "hold-disc-coarse"]
     numbers = {text.get_text().strip() for text in axes.texts}
     worst = survey.Seeds.of(survey.results()["hold-disc-coarse", "sparse"])
-    assert f"{survey.iqm(worst.robustness):.3g}" in numbers
+    assert f"{survey.median(worst.robustness):.3g}" in numbers
     low, high = axes.get_xlim()
     assert all(low <= x <= high for line in axes.lines for x in line.get_xdata())
+
+
+def test_the_rank_stands_beside_how_many_tasks_a_method_fits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the block without trivial tasks, which is the first; methods that fit more tasks stand first."""
+    names = ("rank", "rank 95 % interval low", "rank 95 % interval high")
+    names += ("mean", "mean 95 % interval low", "mean 95 % interval high")
+
+    def line(tasks: str, method: str, fits: str, rank: float) -> dict[str, str]:
+        return {"budget": "quick", "track": "shared", "tasks": tasks, "method": method, "fits": fits} | dict.fromkeys(
+            names, str(rank)
+        )
+
+    hard = [line("7 of 8, not trivial", "few", "2 of 7", 1.5), line("7 of 8, not trivial", "all", "7 of 7", 3)]
+    monkeypatch.setattr(survey, "table", lambda *_: [*hard, line("all 8", "few", "3 of 8", 1)])
+    header, lines = survey.across()
+    assert header[1:3] == ["fits", "rank where it fits"]
+    assert [each[:3] for each in lines] == [
+        ["`all`", "7 of 7", "3.0 [3.0, 3.0]"],
+        ["`few`", "2 of 7", "1.5 [1.5, 1.5]"],
+    ]

@@ -111,3 +111,8 @@ def test_without_an_agent_that_plans_there_is_nothing_to_plan(monkeypatch: pytes
     monkeypatch.setattr(plugins, "loadable", lambda kind: ({}, []))
     with pytest.raises(UsageError, match="no agent is installed that plans for a reward"):
         names("recipe")
+
+
+def test_on_an_environment_nothing_is_planned() -> None:
+    with pytest.raises(UsageError, match=r"^task lunar-lander: nothing can be planned on it: a plan sets the state"):
+        plan_alignment(Choice("lunar-lander"))

@@ -96,6 +96,21 @@ def test_another_observation_is_refused(folder: Path, result: Result) -> None:
         load_policy(folder, changed)
 
 
+def test_what_it_observes_is_recorded_and_checked(folder: Path, result: Result) -> None:
+    """As many numbers can be others: here the time once ran in twice as many steps."""
+    assert result.measurement is not None
+    assert result.measurement.policies is not None
+    stored = from_json(to_json(result)).measurement.policies  # type: ignore[union-attr]
+    observation = stored.observation
+    assert (observation.task, observation.total) == ("integrator-or", stored.observation_size)
+    other = replace(stored, observation=replace(observation, steps=2 * observation.steps))
+    changed = replace(result, measurement=replace(result.measurement, policies=other))
+    with pytest.raises(
+        UsageError, match=r"it was trained on integrator-or to observe the time from -1 to 1 in \d+ steps"
+    ):
+        load_policy(folder, changed)
+
+
 def test_an_agent_that_restores(site: Callable[..., Path], tmp_path: Path) -> None:
     found = kept_policies.trained(site, tmp_path)
     for which, action in (("selected", 0), ("final", 2)):

@@ -65,7 +65,7 @@ def test_one_row_per_cell_protocol_and_policy_with_every_digit(results):
     table = results.robustness()
     assert list(table.columns) == [
         *("task", "method", "agent", "seed", "budget", "track"),
-        *("protocol", "policy", "robustness_mean", "robustness_min", "satisfaction"),
+        *("protocol", "policy", "robustness_mean", "robustness_min", "satisfaction", "ended_early"),
     ]
     rows = table[["protocol", "policy", "robustness_mean", "robustness_min", "satisfaction"]].values.tolist()
     assert rows == [

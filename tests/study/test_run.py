@@ -164,7 +164,7 @@ def test_memory_is_a_parameter_of_the_executor_and_what_is_in_brackets_goes_firs
     assert build_executor(jobs=4).memory == build_executor(jobs=1).memory // 4
     with pytest.raises(UsageError, match=r"^local: memory should be"):
         build_executor(memory="lots")
-    with pytest.raises(UsageError, match=r"memory .*greater than or equal to 1048576"):
+    with pytest.raises(UsageError, match=r"memory .*at least 1048576"):
         build_executor(memory="4K")
 
 

@@ -56,7 +56,7 @@ def test_all_errors_at_once(tmp_path):
         "methods must be given",
         "no key 'methds'; did you mean 'methods'?",
         "seeds: a count, as in 3, or seeds below 10000",
-        "jobs: Input should be greater than or equal to 1",
+        "jobs: should be at least 1",
         "retry: no failure 'maybe'; there are: failed, killed, raised, timeout",
     ):
         assert part in message
@@ -71,7 +71,14 @@ def test_all_errors_at_once(tmp_path):
         ("tasks: !!python/object/apply:os.system [ls]\n", "is no YAML: could not determine a constructor"),
         ("tasks: a\nseeds: 2\ntasks: b\n", "study.yaml has the key 'tasks' in line 1 and again in line 3"),
         ("- " * 5000, "nests too deep"),
-        ("tasks: []\nmethods: 3\n", "tasks: Tuple should have at least 1 item"),
+        ("tasks: []\nmethods: 3\n", "tasks: should not be empty"),
+        ("methods: {raw: 1}\n", "methods: a name or a list of names is expected, got {'raw': 1}"),
+        ("tasks: {a: 1}\n", "tasks: a name or a list of names is expected, got {'a': 1}"),
+        ("seeds: {1: 2}\n", "seeds: a count, as in 3, or seeds below 10000, as in [3, 7], are expected, got {1: 2}"),
+        ("executor: {name: local}\n", "executor: a name is expected, got {'name': 'local'}"),
+        ("retry: {raised: 1}\n", "retry: no failure '{'raised': 1}'"),
+        ("results: [1]\nkeep_old: 7\n", "results: should be a path; keep_old: should be true or false"),
+        ("tasks: hold_disc\n", "tasks: 'hold_disc': a name consists of a-z, 0-9 and -; did you mean 'hold-disc'?"),
     ],
 )
 def test_a_file_that_is_no_study(tmp_path, text, message):
@@ -83,8 +90,9 @@ def test_a_file_that_is_no_study(tmp_path, text, message):
 
 
 def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(UsageError, match="cannot read the study"):
-        Study.of({}, tmp_path / "study.yaml")
+    path = tmp_path / "study.yaml"
+    with pytest.raises(UsageError, match=f"^cannot read the study {path}: No such file or directory$"):
+        Study.of({}, path)
 
 
 def test_bytes_that_are_no_utf_8_are_no_name():

@@ -104,7 +104,7 @@ def test_tuned_needs_recipes() -> None:
         ("- 1", "has the key recipes"),
         ("{}", "has the key recipes"),
         ("recipes: {t: {dqn: {raw: {holds: 2}}}}", "recipes.t.dqn.raw.holds: Unexpected keyword argument"),
-        ("recipes: {t: {dqn: {raw: {hold: 0}}}}", "recipes.t.dqn.raw.hold: Input should be greater than or equal to 1"),
+        ("recipes: {t: {dqn: {raw: {hold: 0}}}}", "recipes.t.dqn.raw.hold: should be at least 1"),
     ],
 )
 def test_wrong_files_are_refused_with_the_place(recipes, text, message) -> None:

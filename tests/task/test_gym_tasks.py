@@ -107,7 +107,7 @@ def test_the_sets_of_seeds_are_apart() -> None:
         ({"initial": {"box": {"x": 0}}}, "initial: the state of this task cannot be set, its starts are seeds"),
         ({"training": {"exploring": {"share": 0.5}}}, "training.exploring: the state of this task cannot be set"),
         ({"environment": None}, "there is no environment: give its id in task.yaml, or a class of GymTask"),
-        ({"terminated": "crashed"}, "terminated: Input should be 'hold', 'violated' or 'interval'"),
+        ({"terminated": "crashed"}, "terminated: should be 'hold', 'violated' or 'interval'"),
     ],
 )
 def test_what_does_not_fit_is_said(folder: Callable[..., str], changes: dict[str, Any], said: str) -> None:

@@ -133,7 +133,7 @@ class TestTask:
             load_task("zz-line")
         assert str(caught.value).splitlines() == [
             "task zz-line: task.yaml has errors:",
-            "  sampling_time: Input should be greater than 0",
+            "  sampling_time: should be more than 0",
             "  hold: an episode of 8 steps is no multiple of hold = 3",
             "  parameters: no parameter 'weight'; there are: mass; mass should be a number, got 'heavy'",
             "  initial: the box must name x, y, in this order",

@@ -103,8 +103,22 @@ def in_place(self: Any, reward: Any, memory: Any, *given: Any) -> Any:
         (broken(initial_memory=lambda self, s, t: np.full((len(s), 2), np.nan)), "initial_memory is finite"),
         (broken(inputs=lambda self, m: m[:, :1]), r"inputs has shape \(6, 2\); got \(6, 1\)"),
         (broken(inputs=lambda self, m: m), r"inputs are about in \[-1, 1\]"),
-        (changed(lambda self, r, m, *given: (r[:, None], m)), r"the reward has shape \(N,\); got \(6, 1\)"),
-        (changed(lambda self, r, m, *given: (r, m[:, :1])), r"step has shape \(6, 3\); got \(6, 2\)"),
+        (
+            changed(lambda self, r, m, *given: (r[:, None], m)),
+            r"step gives reward \(6,\) and memory \(6, 2\), for 6 copies; got reward \(6, 1\) and memory \(6, 2\)",
+        ),
+        (
+            changed(lambda self, r, m, *given: (r, np.hstack([m, m[:, :1]]))),
+            r"step gives reward \(6,\) and memory \(6, 2\), for 6 copies; got reward \(6,\) and memory \(6, 3\)",
+        ),
+        (
+            changed(lambda self, r, m, *given: (r + 0j, m)),
+            "rewards are an array of real numbers; got complex128",
+        ),
+        (
+            broken(__init__=lambda self, specification: None),
+            r"the constructor calls super\(\).__init__\(specification\); got the constructor of Broken does not call",
+        ),
         (changed(lambda self, r, m, *given: (r / 0, m)), "step is finite"),
         (changed(impure_step), "step is pure"),
         (changed(in_place), "step leaves its arguments alone"),

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from helpers.line_task import text
+from helpers.walk_task import walk_text
 
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
-from stlbench.testing import check_task
+from stlbench.testing import Rules, check_task
 
 TASKS = plugins.available("tasks")
 
@@ -97,3 +99,75 @@ def test_all_recipes_that_their_agents_do_not_understand_are_named(site: Callabl
     assert first.startswith("  agents.dqn: no parameter 'gama'; did you mean 'gamma'?; head should be ")
     assert second == "  agents.dnq: no agent 'dnq'; did you mean 'dqn'?"
     assert third == "  agents.td3: gamma should be a number, got 'x' in the recipe"
+
+
+QUITTER = """
+import gymnasium, numpy as np
+class Quitter(gymnasium.Env):
+    observation_space = gymnasium.spaces.Box(-1, 1, (1,))
+    action_space = gymnasium.spaces.Discrete(2)
+    def reset(self, *, seed=None, options=None): return np.zeros(1, np.float32), {{}}
+    def step(self, action): return np.zeros(1, np.float32), 0.0, {ends}, False, {{}}
+gymnasium.register("Quitter{ends}-v0", Quitter)
+"""
+
+
+@pytest.mark.parametrize(
+    ("ends", "rule", "said"),
+    [
+        (
+            "True",
+            "hold",
+            [
+                "4 of 4 episodes of random actions end before step 4, the formula's horizon; by `terminated: "
+                "hold` 4 of these satisfy the formula"
+            ],
+        ),
+        (
+            "True",
+            "violated",
+            [
+                "4 of 4 episodes of random actions end before step 4, the formula's horizon; by "
+                "`terminated: violated` 0 of these satisfy the formula"
+            ],
+        ),
+        ("False", "hold", []),
+    ],
+)
+def test_who_checks_is_warned_of_early_ends(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, ends: str, rule: str, said: list[str]
+) -> None:
+    """An environment that ends at its first step satisfies `G x <= .5` by standing still."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, f"zz_quitter_{ends}", raising=False)
+    (tmp_path / f"zz_quitter_{ends}.py").write_text(QUITTER.format(ends=ends))
+    folder = tmp_path / f"quit-{ends.lower()}-{rule}"
+    folder.mkdir()
+    environment = {"id": f"zz_quitter_{ends}:Quitter{ends}-v0", "names": ["x"]}
+    changes = {"environment": environment, "terminated": rule, "formula": "G[0,4] x <= 0.5"}
+    (folder / "task.yaml").write_text(walk_text(**changes))
+    rules = Rules()
+    check_task(str(folder), rules)
+    assert rules.warnings == said
+
+
+def test_the_own_agent_of_a_task_has_to_be_able_to_act(site: Callable[..., Path]) -> None:
+    """`dqn` chooses from a grid; here the actions are continuous."""
+    continuous = {"v": {"low": -1, "high": 1}}
+    for agents, said in (
+        ({"dqn": {}, "td3": {}}, "are continuous, and this agent chooses from a grid"),
+        ({"td3": {}}, ""),
+    ):
+        files = {
+            "zz_conform/__init__.py": "",
+            "zz_conform/system.py": SYSTEM.format(**SOUND),
+            "zz_conform/task.yaml": text(agents=agents, actions=continuous),
+        }
+        site("zz-conform", "[stlbench.tasks]\nzz-conform = zz_conform.system:Line\n", files)
+        rules = Rules()
+        if said:
+            with pytest.raises(AssertionError, match=f"^rule broken: the task's own agent, dqn, can act .*{said}"):
+                check_task("zz-conform", rules)
+        else:
+            check_task("zz-conform", rules)
+            assert "the task's own agent, td3, can act and train on it" in rules.kept

@@ -1,12 +1,13 @@
-# Measures, writes the job's summary and the output `verdict`. "Cannot tell" is a warning: it asks for more seeds.
+# Measures, writes the job's summary and the output `verdict`. "Cannot tell" is a warning.
 set -uo pipefail
 read -ra options <<< "$OPTIONS"
+if [ -n "$AGAINST" ]; then options+=(--against "$AGAINST"); fi
 code=0
 "$STLBENCH" gate "$REFERENCE" --budget "$BUDGET" --results "$RESULTS" ${options[@]+"${options[@]}"} || code=$?
 case "$code" in
   0) verdict="no worse" ;;
   1) verdict="worse" ;;
-  3) verdict="cannot tell"; echo "::warning::stlbench gate against $REFERENCE: cannot tell, more seeds would" ;;
+  3) verdict="cannot tell"; echo "::warning::stlbench gate against $REFERENCE: cannot tell" ;;
   4) verdict="missing" ;;
   *) verdict="none" ;;
 esac

@@ -27,7 +27,7 @@ _BEST = 0.999
 """Scores from here on are drawn here."""
 SCALE = "0 acts at random, 1 is the best possible"
 """What scores are."""
-_MARKERS, _FIELDS = ("D", "s"), (MIDDLE, COLOURS[0])
+_MARKERS, _FIELDS = ("D", "s", "^"), (MIDDLE, COLOURS[0], COLOURS[2])
 
 
 def place(score: float) -> float:
@@ -37,22 +37,22 @@ def place(score: float) -> float:
 
 @styled
 def across_tasks(fields: Sequence[Field]) -> Figure:
-    """Draw the fields of one budget and track: all tasks, and where there are others those that all methods finished.
+    """Draw the fields of one budget and track, the first of which is without trivial tasks.
 
-    Left the interquartile mean of each method with its interval, for each field; right the performance profile over all
-    tasks, with its band, in as many panels as colours tell methods apart.
+    Left the interquartile mean of each method with its interval, for each field; right the performance profile of the
+    first field, with its band, in as many panels as colours tell methods apart.
     """
-    every = fields[0]
-    parts = list(_parts(len(every.entries)))
-    height = max(1.1 + 0.25 * len(every.entries), 0.3 + 2.3 * len(parts))
+    first = fields[0]
+    parts = list(_parts(len(first.entries)))
+    height = max(1.1 + 0.25 * len(first.entries), 0.3 + 2.3 * len(parts))
     figure = Figure(figsize=(DOUBLE, height + 0.3), layout="constrained")
     left, right = figure.subfigures(1, 2, squeeze=False)[0]
     _aggregates(left.subplots(), fields)
     panels = right.subplots(len(parts), 1, sharex=True, squeeze=False)[:, 0]
     for axes, part in zip(panels, parts, strict=True):
-        _profiles(axes, every, part)
-    _scores(panels[-1], "score", _lowest(every))
-    layout.title(figure, f"Robustness across {len(every.tasks)} tasks (budget {every.budget}, track {every.track})")
+        _profiles(axes, first, part)
+    _scores(panels[-1], "score", _lowest(first))
+    layout.title(figure, f"Robustness across tasks ({first.name}; budget {first.budget}, track {first.track})")
     figure.legend(handles=_keys(fields), loc="outside lower center", ncols=2)
     return figure
 
@@ -131,5 +131,5 @@ def _keys(fields: Iterable[Field]) -> list[Line2D]:
 
 
 def _label(entry: Entry) -> str:
-    """The method, with how the cells ended that count as 0."""
-    return f"{entry.method}\n({entry.unfinished})" if entry.unfinished else entry.method
+    """The method, with how many of the tasks it fits where that is not all."""
+    return entry.method if all(entry.scores) else f"{entry.method}\n(fits {entry.coverage})"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from stlbench import stl
-from stlbench.stl import Always, And, Eventually, Formula, Or, Until
+from stlbench.stl import Always, And, Eventually, Formula, Or, Release, Until
 from stlbench.task.task import Task
 
 __all__ = ["Part", "parts"]
@@ -49,9 +49,12 @@ def _parts(within: Part) -> Iterator[Part]:
         case Until(a, b, left, right):
             yield from _parts(_inside(within, f"until U[{a},{b}]", left, 0, b))
             yield from _parts(_inside(within, f"U[{a},{b}]", right, a, b))
+        case Release(a, b, left, right):
+            yield from _parts(_inside(within, f"releases R[{a},{b}]", left, 0, b))
+            yield from _parts(_inside(within, f"R[{a},{b}]", right, a, b))
         case _ if (pushed := stl.negations_inside(formula)) != formula:
             yield from _parts(within._replace(psi=pushed))
-        case _:  # the negation of an until has no other form
+        case _:  # of the past, which has no steps of its own
             return
 
 

@@ -14,7 +14,7 @@ from stlbench.report.figures import layout
 from stlbench.report.figures.beyond import Window, beside, beyond_key, number, window
 from stlbench.report.figures.palette import COLOURS, styles
 from stlbench.report.figures.style import DOUBLE, styled
-from stlbench.report.statistics.intervals import interval, iqm
+from stlbench.report.statistics.intervals import median, median_interval
 from stlbench.report.tables.rows import Group
 
 __all__ = ["MIDDLE", "SEED", "draw_robustness", "robustness_by_method"]
@@ -25,7 +25,7 @@ SEED, MIDDLE = COLOURS[0], COLOURS[1]
 
 @styled
 def robustness_by_method(groups: Sequence[Group], unit: str) -> Figure:
-    """A point per seed, the interquartile mean with its interval under it; groups of one task."""
+    """A point per seed, the median with its interval under it; groups of one task."""
     figure = Figure(figsize=(DOUBLE, 1.1 + 0.34 * len(groups)), layout="constrained")
     keys = draw_robustness(figure.subplots(), groups, unit)
     layout.title(figure, f"{groups[0].setting.task}: robustness by method")
@@ -48,31 +48,13 @@ def draw_robustness(axes: Axes, groups: Sequence[Group], unit: str) -> list[Arti
     axes.set_ylim(len(groups) - 0.5, -0.5)
     axes.grid(axis="x", alpha=0.3)
     axes.set_xlabel(f"mean robustness over the report starts [{unit}]")
-    every = [value for seeds in values for value in seeds]
+    every = [0.0, *(value for seeds in values for value in seeds)]
     if shown is not None:
         axes.set_xlim(shown.limits)
-    elif every and np.isfinite(every).all():
-        _limit(axes, values, [0.0, *every])
+    elif np.isfinite(every).all():
+        margin = 0.05 * float(np.ptp(every)) or 1.0
+        axes.set_xlim(min(every) - margin, max(every) + margin)
     return _keys(shown)
-
-
-def _limit(axes: Axes, values: Sequence[Sequence[float]], shown: Sequence[float]) -> None:
-    """Room for what is shown and for intervals, but for none of two seeds that would squeeze everything else."""
-    low, high = min(shown), max(shown)
-    ends = [end for seeds in values for end in interval(seeds) or ()]
-    left, right = max(min([low, *ends]), 2 * low - high), min(max([high, *ends]), 2 * high - low)
-    margin = 0.05 * (right - left) or 1.0
-    axes.set_xlim(left - margin, right + margin)
-    for place, seeds in enumerate(values):
-        _arrows(axes, place + 0.16, interval(seeds) or ())
-
-
-def _arrows(axes: Axes, row: float, ends: Sequence[float]) -> None:
-    """At the edges that cut an interval."""
-    left, right = axes.get_xlim()
-    cut = [(left, "<") for end in ends if end < left] + [(right, ">") for end in ends if end > right]
-    for edge, marker in cut:
-        axes.plot([edge], [row], marker, color=MIDDLE, markersize=4.5, clip_on=False, zorder=6)
 
 
 def _points(axes: Axes, place: int, values: Sequence[float], shown: Window | None) -> None:
@@ -84,7 +66,7 @@ def _points(axes: Axes, place: int, values: Sequence[float], shown: Window | Non
     near = [value for value in values if value not in far]
     if near:
         axes.plot(near, np.full(len(near), place - 0.14), "o", color=SEED, alpha=0.6, markersize=4.5, mew=0)
-    centre, ends = iqm(values), interval(values)
+    centre, ends = median(values), median_interval(values)
     below = shown is not None and centre < shown.low
     if ends is not None:
         axes.plot(ends, (place + 0.16, place + 0.16), "-", color=MIDDLE, linewidth=2, solid_capstyle="butt")
@@ -106,7 +88,7 @@ def _far(values: Sequence[float]) -> str:
 def _keys(shown: Window | None) -> list[Artist]:
     keys: list[Artist] = [
         Line2D([], [], color=SEED, marker="o", linestyle="", alpha=0.6, markersize=4.5, label="one seed"),
-        Line2D([], [], color=MIDDLE, marker="D", linewidth=2, markersize=5, label="IQM over seeds, 95 % interval"),
+        Line2D([], [], color=MIDDLE, marker="D", linewidth=2, markersize=5, label="median seed, 95 % interval"),
         layout.level_key("0: satisfied above"),
     ]
     return keys if shown is None else [*keys, beyond_key("<", "beyond the axis")]

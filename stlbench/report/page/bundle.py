@@ -18,7 +18,7 @@ from stlbench.errors import UsageError
 
 __all__ = ["packed", "plotly", "require"]
 
-_NEEDED = "the page needs the packages jinja2 and plotly: pip install stlbench-rl[page]"
+_NEEDED = 'the page needs the packages jinja2 and plotly: pip install "stlbench-rl[page]"'
 
 
 def packed(value: Any) -> str:

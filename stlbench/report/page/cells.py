@@ -10,7 +10,7 @@ from typing import Any
 from stlbench.identity import CellId
 from stlbench.report.page.chart import numbers
 from stlbench.report.page.listed import Listed, listed
-from stlbench.report.tables.cell import cost_table, scores_table
+from stlbench.report.tables.cell import ENDED_EARLY, cost_table, scores_table
 from stlbench.report.tables.rows import Row
 from stlbench.report.tables.table import Column, Table
 from stlbench.result import Result
@@ -43,6 +43,7 @@ def tags_of(rows: Sequence[Row]) -> Tags:
 
 def cells_listed(rows: Sequence[Row], left_out: str = "") -> Listed:
     """One row per cell; the first column is what opens it. `left_out` is said of cells that are not among them."""
+    early = any(row.numbers and row.numbers.ended_early for row in rows)
     columns = (
         Column("cell", right=False),
         Column("budget", right=False),
@@ -50,17 +51,23 @@ def cells_listed(rows: Sequence[Row], left_out: str = "") -> Listed:
         Column("mean robustness", digits=3),
         Column("worst start", digits=3),
         Column("satisfied", unit="%", digits=1),
+        *([Column("ended early", unit="%", digits=1)] if early else []),
         Column("cell CPU", unit="s", digits=1),
         Column("reason", right=False),
     )
-    body = tuple((row.id.name, row.id.budget, row.status, *_values(row), row.reason or None) for row in rows)
+    body = tuple((row.id.name, row.id.budget, row.status, *_values(row, early), row.reason or None) for row in rows)
     note = "Of the selected policy, from the report's starts. Open a cell for its scores, cost, provenance and log."
-    return listed(Table("Cells", columns, body, (*([left_out] if left_out else []), note)))
+    notes = (*([left_out] if left_out else []), note, *([ENDED_EARLY] if early else []))
+    return listed(Table("Cells", columns, body, notes))
 
 
-def _values(row: Row) -> tuple[float | None, ...]:
+def _values(row: Row, early: bool) -> tuple[float | None, ...]:
     of = row.numbers
-    return (None,) * 4 if of is None else (of.robustness_mean, of.robustness_min, 100 * of.satisfaction, of.cpu_seconds)
+    if of is None:
+        return (None,) * (4 + early)
+    ended = None if of.ended_early is None else 100 * of.ended_early
+    shares = (100 * of.satisfaction, ended) if early else (100 * of.satisfaction,)
+    return of.robustness_mean, of.robustness_min, *shares, of.cpu_seconds
 
 
 def details(row: Row, results: Mapping[CellId, Result], folder: Path) -> dict[str, Any]:

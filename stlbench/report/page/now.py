@@ -63,7 +63,7 @@ def points(curve: Sequence[tuple[float, float]]) -> str:
 def require() -> None:
     """Raises `UsageError` where jinja2 is not installed."""
     if find_spec("jinja2") is None:
-        raise UsageError("the page needs the package jinja2: pip install stlbench-rl[page]")
+        raise UsageError('the page needs the package jinja2: pip install "stlbench-rl[page]"')
 
 
 def policy() -> str:

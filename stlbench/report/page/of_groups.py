@@ -24,7 +24,7 @@ from stlbench.report.page.chart import (
     shown,
 )
 from stlbench.report.statistics.curves import MeanCurve, mean_curve
-from stlbench.report.statistics.intervals import Interval, interval, iqm
+from stlbench.report.statistics.intervals import Interval, median, median_interval
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Table
 
@@ -39,10 +39,10 @@ def _names(looks: Sequence[GroupStyle]) -> list[str]:
 
 
 def robustness(groups: Sequence[Group], unit: str) -> Chart:
-    """A point per seed, under it the interquartile mean with its interval; one row per group."""
+    """A point per seed, under it the median with its interval; one row per group."""
     looks = styles(groups)
     values = [group.values(lambda numbers: numbers.robustness_mean) for group in groups]
-    axis = axis_of(values, _shown(values))
+    axis = axis_of(values, [0.0, *(value for seeds in values for value in seeds if math.isfinite(value))])
     data = [
         trace
         for place, (group, seeds, style) in enumerate(zip(groups, values, looks, strict=True))
@@ -56,38 +56,19 @@ def robustness(groups: Sequence[Group], unit: str) -> Chart:
     return Chart("robustness", "Robustness by seed", label, data, layout, 110 + 38 * len(groups))
 
 
-def _shown(values: Sequence[Sequence[float]]) -> list[float]:
-    """What the chart has room for: all values, and intervals as far as they do not squeeze these, as in the figures."""
-    every = [0.0, *(value for seeds in values for value in seeds if math.isfinite(value))]
-    low, high = min(every), max(every)
-    ends = [end for seeds in values for end in interval(seeds) or ()]
-    return [*every, *(min(max(end, 2 * low - high), 2 * high - low) for end in ends)]
-
-
 def _of_group(place: int, group: Group, seeds: Sequence[float], style: GroupStyle, axis: Axis) -> list[Trace]:
     kept = [row.id.seed for row in group.rows if row.numbers is not None]
-    name, ends, centre = plain(style.label), interval(seeds), iqm(seeds)
+    name, ends, centre = plain(style.label), median_interval(seeds), median(seeds)
     texts = [f"seed {seed}: {value:.4g}" for seed, value in zip(kept, seeds, strict=True)]
     points = _points(numbers(map(axis.at, seeds)), place - 0.15, texts, colour(style.colour), name)
     middle = _points([axis.at(centre)], place + 0.18, [_said(centre, ends)], colour(style.colour), name)
     middle["marker"] |= {"symbol": "diamond", "size": 11, "opacity": 1}
     if ends is None:
         return [points, middle]
-    left, right = axis.range
-    low, high = max(axis.at(ends.low), left), min(axis.at(ends.high), right)
-    at = axis.at(centre)
+    at, low, high = axis.at(centre), axis.at(ends.low), axis.at(ends.high)
     middle["error_x"] = {"type": "data", "symmetric": False, "array": [high - at], "arrayminus": [at - low]}
     middle["error_x"] |= {"color": colour(style.colour), "thickness": 2, "width": 0}
-    cut = [(left, "triangle-left", ends.low)] * (axis.at(ends.low) < left)
-    cut += [(right, "triangle-right", ends.high)] * (axis.at(ends.high) > right)
-    return [points, middle, *(_arrow(place + 0.18, *each, colour(style.colour), name) for each in cut)]
-
-
-def _arrow(row: float, edge: float, symbol: str, end: float, of: str, name: str) -> Trace:
-    """Where an interval is cut by the edge of the chart."""
-    arrow = _points([edge], row, [f"the 95 % interval ends beyond the chart, at {end:.4g}"], of, name)
-    arrow["marker"] |= {"symbol": symbol, "size": 10, "opacity": 1}
-    return arrow | {"cliponaxis": False}
+    return [points, middle]
 
 
 def _points(x: Sequence[float | None], y: float, texts: Sequence[str], of: str, name: str) -> Trace:
@@ -100,7 +81,7 @@ def _points(x: Sequence[float | None], y: float, texts: Sequence[str], of: str, 
 
 
 def _said(centre: float, ends: Interval | None) -> str:
-    return f"IQM {centre:.4g}" + (f", 95 % interval [{ends.low:.4g}, {ends.high:.4g}]" if ends else "")
+    return f"median {centre:.4g}" + (f", 95 % interval [{ends.low:.4g}, {ends.high:.4g}]" if ends else "")
 
 
 def learning(groups: Sequence[Group], unit: str) -> list[Chart]:

@@ -84,24 +84,38 @@ def _counts(places: Array, size: int) -> Array:
     return counts.reshape(*places.shape[:-1], size)
 
 
-def ranks(methods: Sequence[Runs]) -> list[Estimate]:
-    """The mean rank of each method over the tasks, by the interquartile mean of its seeds; 1 is the best.
+def ranks(tasks: Sequence[Sequence[tuple[int, Array] | None]]) -> list[Estimate]:
+    """The mean rank of each method over the tasks that it fits, among the methods that fit them; 1 is the best.
 
-    Methods that are exactly as good share the mean of their places.
+    Args:
+        tasks: of each task, of each method its class and its runs; None where it does not fit. Each method fits a task.
+            Methods of one class are paid the same on that task, so all their runs are of one kind.
+
+    On a task, methods are ordered by the median of their runs, those of one class by the median of all its runs. So
+    these share the mean of their places, as do methods that are exactly as good.
     """
     from scipy import stats
 
-    tasks = len(methods[0])
+    strata, at = list[Array](), list[list[int | None]]()
+    for methods in tasks:
+        classes = dict[int, list[Array]]()
+        for found in methods:
+            if found is not None:
+                classes.setdefault(found[0], []).append(found[1])
+        first = {kind: len(strata) + i for i, kind in enumerate(classes)}
+        strata += [np.concatenate(runs) for runs in classes.values()]
+        at.append([None if found is None else first[found[0]] for found in methods])
 
     def places(*drawn: Array, axis: int) -> Array:
-        """Strata of the first method, then those of the second, ... -> (methods, ...)."""
-        centres = np.stack([stats.trim_mean(seeds, 0.25, axis) for seeds in drawn])
-        centres = centres.reshape(len(methods), tasks, *centres.shape[1:])
-        found: Array = stats.rankdata(-centres, axis=0).mean(axis=1)
-        return found
+        """-> (methods, ...)."""
+        centres = np.stack([np.median(runs, axis) for runs in drawn])
+        found = np.full((len(at), len(at[0]), *centres.shape[1:]), np.nan)
+        for task, methods in enumerate(at):
+            fitting = {method: where for method, where in enumerate(methods) if where is not None}
+            found[task, list(fitting)] = stats.rankdata(-centres[list(fitting.values())], axis=0)
+        return np.asarray(np.nanmean(found, axis=0))
 
-    values, low, high = _bootstrapped(places, [seeds for runs in methods for seeds in runs])
-    return _estimates(values, low, high)
+    return _estimates(*_bootstrapped(places, strata))
 
 
 def profile(runs: Runs, thresholds: Array) -> list[Estimate]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.report.statistics.intervals import interval
+from stlbench.report.statistics.intervals import mean_interval
 
 __all__ = ["MeanCurve", "Point", "aligned", "mean_curve"]
 
@@ -33,7 +33,7 @@ class MeanCurve(NamedTuple):
 def mean_curve(curves: Sequence[Sequence[Point]], value: Callable[[Point], float]) -> MeanCurve:
     """The mean of the seeds' curves, with its 95 % t interval where there are two seeds or more."""
     steps, values = aligned(curves, value)
-    ends = [interval(column.tolist(), cut=0) or (np.nan, np.nan) for column in values.T]
+    ends = [mean_interval(column.tolist()) or (np.nan, np.nan) for column in values.T]
     low, high = np.array(ends, dtype=float).reshape(-1, 2).T
     return MeanCurve(steps, values.mean(axis=0), low, high, float(values.min()), float(values.max()))
 

@@ -11,14 +11,13 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["LEVEL", "Interval", "interval", "iqm", "share_interval"]
+__all__ = ["FEWEST", "LEVEL", "Interval", "mean_interval", "median", "median_interval", "share_interval"]
 
 LEVEL = 0.95
-"""Confidence of every interval in tables and figures."""
-QUARTER = 0.25
-"""What an interquartile mean leaves out at either end; a quarter of n is rounded down."""
+"""Confidence of every interval in tables and figures, but for that of the median of five seeds: 93.75 %."""
+FEWEST = 5
+"""Seeds of which an interval of the median is said: of four, no two seeds cover it in more than 87.5 % of cases."""
 
 
 class Interval(NamedTuple):
@@ -28,44 +27,49 @@ class Interval(NamedTuple):
     high: float
 
 
-def iqm(values: Sequence[float], cut: float = QUARTER) -> float:
-    """Interquartile mean: the mean of what is left without the lowest and the highest quarter.
-
-    Up to 3 values nothing is left out: there it is the mean. Another `cut` leaves out that share; 0 is the mean.
-    """
-    return float(_sorted(values)[_kept(len(values), cut)].mean())
+def median(values: Sequence[float]) -> float:
+    """What half of the seeds reach; of an even number of them the middle between the two in the middle."""
+    return float(np.median(values))
 
 
-def interval(values: Sequence[float], cut: float = QUARTER) -> Interval | None:
-    """95 % t interval of the interquartile mean (Tukey and McLaughlin 1963, with the error of Yuen 1974).
+def median_interval(values: Sequence[float]) -> Interval | None:
+    """Interval of the median: from one seed to another (Thompson 1936, Annals of Mathematical Statistics 7).
 
-    The error is that of `scipy.stats.ttest_ind(trim=0.25)`. Where nothing is cut, which is so up to 3 values and where
-    `cut` is 0, it is Student's interval of the mean.
+    The median is outside if too few seeds lie on one side of it, and how many do is a binomial number with probability
+    1/2. So the interval covers it whatever the distribution is, also where any share of the seeds fails, and it never
+    leaves what seeds have reached. It has as many seeds outside at either end as leave a coverage of 95 %, or none.
 
     Args:
         values: one number per seed.
-        cut: share that is left out at either end, in [0, 0.5).
 
     Returns:
-        Lower and upper end; None for fewer than two values, or where one is not finite.
+        Lower and upper end; None for fewer than `FEWEST` values, or where one is not finite. Coverage is 93.75 % for
+        five values, 97.9 % for ten, and at least 95 % for any other number.
     """
+    if len(values) < FEWEST or not np.isfinite(values).all():
+        return None
+    data, outside = sorted(values), _outside(len(values))
+    return Interval(float(data[outside]), float(data[-1 - outside]))
+
+
+@lru_cache
+def _outside(count: int) -> int:
+    """How many of so many seeds may lie outside at either end."""
+    chance, total = 1 - LEVEL, 2**count
+    outside, below = 0, 1 + count
+    while 2 * below / total <= chance:
+        outside += 1
+        below += math.comb(count, outside + 1)
+    return outside
+
+
+def mean_interval(values: Sequence[float]) -> Interval | None:
+    """Student's 95 % t interval of the mean; None for fewer than two values, or where one is not finite."""
     if len(values) < 2 or not np.isfinite(values).all():
         return None
-    centre, error = iqm(values, cut), math.sqrt(_squared_error(values, cut))
-    half = error * _quantile(_kept_count(len(values), cut) - 1)
-    return Interval(centre - half, centre + half)
-
-
-def _squared_error(values: Sequence[float], cut: float = QUARTER) -> float:
-    """Squared error of a trimmed mean: (n - 1) s^2 / (h (h - 1)), for at least two values.
-
-    s is the standard deviation of the values with the lowest and the highest replaced by the outermost of those that
-    are left; h are left.
-    """
-    data, kept = _sorted(values), _kept_count(len(values), cut)
-    inner = data[_kept(len(data), cut)]
-    squares = float(np.clip(data, inner[0], inner[-1]).var(ddof=1))
-    return (len(data) - 1) * squares / (kept * (kept - 1))
+    data = np.sort(np.asarray(values, dtype=np.float64))  # the same sums in whatever order the seeds come
+    half = float(data.std(ddof=1)) / math.sqrt(len(data)) * _quantile(len(data) - 1)
+    return Interval(float(data.mean()) - half, float(data.mean()) + half)
 
 
 def share_interval(successes: int, trials: int, level: float = LEVEL) -> Interval | None:
@@ -87,17 +91,3 @@ def _quantile(freedom: int) -> float:
     from scipy import stats
 
     return float(stats.t.ppf((1 + LEVEL) / 2, freedom))
-
-
-def _sorted(values: Sequence[float]) -> NDArray[np.float64]:
-    """The same sums in whatever order the seeds come."""
-    return np.sort(np.asarray(values, dtype=np.float64))
-
-
-def _kept(count: int, cut: float) -> slice:
-    left_out = int(cut * count)
-    return slice(left_out, count - left_out)
-
-
-def _kept_count(count: int, cut: float) -> int:
-    return count - 2 * int(cut * count)

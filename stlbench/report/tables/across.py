@@ -11,6 +11,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stlbench.registry.choices import Choice
 from stlbench.report.statistics import across
@@ -44,14 +45,22 @@ class Entry:
 
     method: str
     scores: tuple[tuple[float, ...], ...]
-    """Of each task, of each seed: 0 is a policy that acts at random, 1 the best possible; 0 without a result."""
+    """Of each task, of each seed: 0 is a policy that acts at random, 1 the best possible. A seed without a result has
+    0. Empty for a task of which no seed has one: the method does not fit."""
     unfinished: str
     """How the cells without a result ended: "40 intractable"; empty where there are none."""
+    classes: tuple[int, ...] = ()
+    """Of each task: methods of the same class are paid the same there, up to a constant. Empty: none are."""
 
     @property
     def runs(self) -> Runs:
-        """The scores as arrays."""
-        return [np.array(seeds) for seeds in self.scores]
+        """The scores of the tasks that it fits, as arrays."""
+        return [np.array(seeds) for seeds in self.scores if seeds]
+
+    @property
+    def coverage(self) -> str:
+        """On how many of the tasks it fits: "11 of 12"."""
+        return f"{len(self.runs)} of {len(self.scores)}"
 
 
 @dataclass(frozen=True)
@@ -61,15 +70,9 @@ class Field:
     budget: str
     track: str
     tasks: tuple[str, ...]
-    of: int
-    """How many tasks there are; fewer are compared where only those count that all methods finished."""
+    name: str
+    """Which tasks these are: "all 12"; "9 of 12, not trivial"; "4 of 12, not trivial, all methods fit"."""
     entries: tuple[Entry, ...]
-
-    @property
-    def name(self) -> str:
-        """ "all 12"; "the 4 of 12 that all finished"."""
-        count = len(self.tasks)
-        return f"all {self.of}" if count == self.of else f"the {count} of {self.of} that all finished"
 
 
 @dataclass(frozen=True)
@@ -86,11 +89,12 @@ class Aggregate:
 def fields(
     groups: Iterable[Group], standards: Mapping[str, Standard], best: Mapping[Choice, float]
 ) -> tuple[Field, ...]:
-    """The fields of each budget and track: over all tasks, and over those of which each method finished a cell, where
-    these are others.
+    """The fields of each budget and track: over the tasks that are not trivial, over all tasks where some are, and over
+    those that are not trivial and that every method fits, where these are others.
 
     A task counts if it is no ablation, if it is known what actions at random and the best policy get, and if it was
-    trained by its own agent. A method counts if it was tried on all these tasks. Fields have three tasks or more.
+    trained by its own agent. A method counts if it was tried on all these tasks and fits one that is not trivial.
+    Fields have three tasks or more.
     """
     found = dict[tuple[str, str], list[Contest]]()
     for (task, agent, budget, track), contest in contests(groups).items():
@@ -114,15 +118,18 @@ def _fields(
     standards: Mapping[str, Standard],
     best: Mapping[Choice, float],
 ) -> Iterable[Field]:
-    methods = sorted(set.intersection(*({group.setting.method for group in contest} for contest in members)))
-    finished = [
-        contest for contest in members if all(group.done for group in contest if group.setting.method in methods)
-    ]
-    for chosen in [members, *([finished] if len(finished) < len(members) else [])]:
-        if len(chosen) >= FEWEST_TASKS and len(methods) > 1:
-            tasks = tuple(str(contest[0].setting.task) for contest in chosen)
-            entries = tuple(_entry(method, chosen, standards, best) for method in methods)
-            yield Field(budget, track, tasks, len(members), entries)
+    hard = [contest for contest in members if not standards[contest[0].setting.task.name].trivial] or members
+    tried = set.intersection(*({group.setting.method for group in contest} for contest in members))
+    methods = sorted({group.setting.method for contest in hard for group in contest if group.done} & tried)
+    common = [contest for contest in hard if all(group.done for group in contest if group.setting.method in methods)]
+    chosen = {len(hard): hard} | {len(members): members} | {len(common): common}
+    for count, contests_of in chosen.items():
+        if count >= FEWEST_TASKS and len(methods) > 1:
+            tasks = tuple(str(contest[0].setting.task) for contest in contests_of)
+            parts = ["not trivial"] * (count <= len(hard) < len(members)) + ["all methods fit"] * (count < len(hard))
+            name = ", ".join([f"{count} of {len(members)}", *parts]) if parts else f"all {count}"
+            entries = tuple(_entry(method, contests_of, standards, best) for method in methods)
+            yield Field(budget, track, tasks, name, entries)
 
 
 def _entry(
@@ -132,9 +139,18 @@ def _entry(
     scores = []
     for group in groups:
         low, high = _scale(group.setting.task, standards, best) or (0.0, 1.0)
-        scores.append(tuple(_score(row, low, high) for row in group.rows))
+        scores.append(tuple(_score(row, low, high) for row in group.rows) if group.done else ())
     ended = Counter(row.status for group in groups for row in group.rows if row.status != "done")
-    return Entry(str(method), tuple(scores), ", ".join(f"{count} {status}" for status, count in ended.items()))
+    unfinished = ", ".join(f"{count} {status}" for status, count in ended.items())
+    classes = tuple(_class(group, contest, standards) for group, contest in zip(groups, members, strict=True))
+    return Entry(str(method), tuple(scores), unfinished, classes)
+
+
+def _class(group: Group, contest: Contest, standards: Mapping[str, Standard]) -> int:
+    """The place of the first method in the contest that is paid the same."""
+    standard = standards[group.setting.task.name]
+    same = (other is group or standard.likeness(group.setting, other.setting) == "=" for other in contest)
+    return list(same).index(True)
 
 
 def _score(row: Row, low: float, high: float) -> float:
@@ -146,19 +162,35 @@ def _score(row: Row, low: float, high: float) -> float:
 @lru_cache(maxsize=64)
 def aggregates(field: Field) -> tuple[Aggregate, ...]:
     """Of each method of a field. Cached: it takes a second, and screen, files and figures ask for it."""
-    runs = [entry.runs for entry in field.entries]
     return tuple(
-        Aggregate(entry, across.mean(scores), across.middle(scores), rank)
-        for entry, scores, rank in zip(field.entries, runs, across.ranks(runs), strict=True)
+        Aggregate(entry, across.mean(entry.runs), across.middle(entry.runs), rank)
+        for entry, rank in zip(field.entries, across.ranks(_by_task(field)), strict=True)
     )
+
+
+def _by_task(field: Field) -> list[list[tuple[int, NDArray[np.float64]] | None]]:
+    """Of each task, of each method its class and its runs; None where it does not fit."""
+    classes = [entry.classes or (place,) * len(field.tasks) for place, entry in enumerate(field.entries)]
+    return [
+        [
+            (kinds[task], np.array(entry.scores[task])) if entry.scores[task] else None
+            for kinds, entry in zip(classes, field.entries, strict=True)
+        ]
+        for task in range(len(field.tasks))
+    ]
 
 
 @lru_cache(maxsize=64)
-def _improvements(field: Field) -> tuple[tuple[str, str, Estimate], ...]:
-    return tuple(
-        (one.method, other.method, across.improvement(one.runs, other.runs))
-        for one, other in combinations(field.entries, 2)
-    )
+def _improvements(field: Field) -> tuple[tuple[str, str, int, Estimate], ...]:
+    """Of each two methods that fit a common task: how many such tasks there are, and how often the first is better."""
+    found, tasks = [], _by_task(field)
+    for (i, one), (j, other) in combinations(enumerate(field.entries), 2):
+        both = [(first, second) for methods in tasks if (first := methods[i]) and (second := methods[j])]
+        if both:
+            # of methods that are paid the same, each run is as good as any of the other
+            ones, others = zip(*((a, b) if k != m else (0 * a, 0 * b) for (k, a), (m, b) in both), strict=True)
+            found.append((one.method, other.method, len(both), across.improvement(ones, others)))
+    return tuple(found)
 
 
 _FIELD = (
@@ -173,6 +205,7 @@ def aggregates_table(found: Iterable[Field]) -> Table:
     columns = (
         *_FIELD,
         Column("method", right=False),
+        Column("fits", right=False),
         Column("runs", drop=3),
         Column("mean", digits=3, drop=1),
         Column("mean 95 % interval", digits=3, kind=Interval, drop=2),
@@ -187,16 +220,26 @@ def aggregates_table(found: Iterable[Field]) -> Table:
 
 
 def _row(field: Field, found: Aggregate) -> tuple[Value, ...]:
-    runs = sum(map(len, found.entry.scores))
-    estimates = [part for estimate in (found.mean, found.middle, found.rank) for part in estimate]
-    return (*_field(field), found.entry.method, runs, *estimates, found.entry.unfinished or None)
+    entry, estimates = found.entry, [part for each in (found.mean, found.middle, found.rank) for part in each]
+    return (
+        *_field(field),
+        entry.method,
+        entry.coverage,
+        sum(map(len, entry.scores)),
+        *estimates,
+        entry.unfinished or None,
+    )
 
 
 _NOTES = (
     "Robustness of the selected policies, normalised: 0 is what actions at random get on a task, 1 the best possible, "
-    "or what the controller by hand gets where that is not known. Cells without a result count as 0.",
-    "Over all runs of all tasks: mean and interquartile mean. Rank: place among the methods by the IQM of a task's "
-    "seeds, 1 is the best, mean over tasks. Intervals: bootstrap over the seeds of each task.",
+    "or what the controller by hand gets where that is not known. Not trivial: no constant action solves the task.",
+    "Fits: on how many of the tasks the method has a result. All other numbers are of these tasks alone, so they are "
+    "nothing without it: a method may fit the easy tasks, or meet few rivals. On a task that it fits, a seed without a "
+    "result counts as 0.",
+    "Over all runs of all tasks: mean and interquartile mean. Rank: place among the methods that fit a task by the "
+    "median of the seeds, 1 is the best, mean over tasks; methods that pay the same there share a place. Intervals: "
+    "bootstrap over the seeds of each task.",
 )
 
 
@@ -206,15 +249,18 @@ def improvement_table(found: Iterable[Field]) -> Table:
         *_FIELD,
         Column("method", right=False),
         Column("other", right=False),
+        Column("both fit", right=False),
         Column("probability", digits=2),
         Column("95 % interval", digits=2, kind=Interval),
     )
     rows = tuple(
-        (*_field(field), one, other, *estimate) for field in found for one, other, estimate in _improvements(field)
+        (*_field(field), one, other, f"{both} of {len(field.tasks)}", *estimate)
+        for field in found
+        for one, other, both, estimate in _improvements(field)
     )
     note = (
-        "That a run of the method does better than a run of the other on the same task, mean over the tasks; 0.5 says "
-        "neither does."
+        "That a run of the method does better than a run of the other on the same task, mean over the tasks that both "
+        "fit; 0.5 says neither does, as on a task where both pay the same."
     )
     return Table("Probability of improvement", columns, rows, (note,))
 

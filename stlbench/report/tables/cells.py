@@ -13,7 +13,7 @@ from stlbench.status import ACCIDENTS
 
 __all__ = ["cells_table", "unfinished_table"]
 
-_PARTS = ("planned", "further", "first_failed", "curve", "starts", "extension")
+_PARTS = ("planned", "further", "first_failed", "curve", "starts", "extension", "ended_early")
 _NUMBERS = tuple(field.name for field in fields(Numbers) if field.name not in _PARTS)
 
 _OF_STARTS = (
@@ -21,6 +21,7 @@ _OF_STARTS = (
     Column("satisfaction 95 % interval", kind=Interval),
     Column("final_satisfaction 95 % interval", kind=Interval),
     Column("extension"),
+    Column("ended_early"),
 )
 _PLANS = (Column("maximised"), Column("grid_value"))
 
@@ -51,7 +52,7 @@ def _of_starts(numbers: Numbers) -> tuple[Value, ...]:
         share_interval(round(share * starts), starts) if starts else None
         for share in (numbers.satisfaction, numbers.final_satisfaction)
     ]
-    return (starts, *ends, numbers.extension or None)
+    return (starts, *ends, numbers.extension or None, numbers.ended_early)
 
 
 def _plan(row: Row) -> tuple[Value, ...]:

@@ -64,7 +64,8 @@ def _pair(one: Group, other: Group, standards: Mapping[str, Standard], best: Map
     alike = standard is not None and standard.likeness(one.setting, other.setting) == "="
     margin = None if reached is None else MATTERS * abs(reached)
     first, second = (group.values(lambda numbers: numbers.robustness_mean) for group in (one, other))
-    return Pair(first, second, margin, alike)
+    learned = [numbers.learned for numbers in one.done], [numbers.learned for numbers in other.done]
+    return Pair(first, second, margin, alike, learned)
 
 
 def comparisons_table(comparisons: Iterable[Comparison]) -> Table:
@@ -79,9 +80,11 @@ def comparisons_table(comparisons: Iterable[Comparison]) -> Table:
         Column("other", right=False),
         Column("difference", digits=3),
         Column("difference 95 % interval", "95 % interval", digits=3, kind=Interval, drop=1),
+        Column("p alone", digits=4, drop=4),
         Column("p", digits=4, drop=2),
         Column("margin", digits=3, drop=3),
         Column("verdict", right=False),
+        Column("decided by", right=False, drop=1),
     )
     return Table("Comparisons", columns, tuple(map(_row, listed)), _notes(listed))
 
@@ -91,19 +94,23 @@ def _row(comparison: Comparison) -> tuple[Value, ...]:
     return (
         *(str(setting.task), str(setting.agent), setting.budget, setting.track),
         *(str(setting.method), str(comparison.other.setting.method)),
-        *(found.value, found.interval, found.chance, comparison.margin, str(found)),
+        *(found.value, found.interval, found.alone, found.chance, comparison.margin, str(found)),
+        ", ".join(found.decided) or None,
     )
 
 
 def _notes(comparisons: Sequence[Comparison]) -> tuple[str, ...]:
     tested = sum(comparison.difference.chance is not None for comparison in comparisons)
+    mixed = any(comparison.difference.word == "mixed" for comparison in comparisons)
     return (
-        "Difference of the selected policies' robustness, mean over seeds: one that failed counts in full. Verdict: of "
-        f"the method against the other, by Welch's test; p after Holm's correction for all pairs that are tested "
-        f"here, {tested} of them; better or worse below 0.05. The interval is of the pair alone.",
+        "Difference of the selected policies' robustness, mean over seeds; its interval is Welch's, of the pair alone. "
+        "Verdict: of the method against the other, by one exact test of means, ranks and seeds that learned. "
+        f"p: after Holm's correction for all pairs that are tested here, {tested} of them; better or worse below 0.05. "
+        "Decided by: the respects in which the two are that far apart.",
         f"No difference found: the interval lies within the margin, {100 * MATTERS:.0f} % of the best possible "
         "robustness, or of that by hand. Cannot tell: with that many seeds of each method a verdict would come out in "
         "80 % of cases, if all is as it looks. =: both pay the same up to a constant.",
+        *(["Mixed: the two differ, and the respects that decide disagree on which is better."] if mixed else []),
     )
 
 

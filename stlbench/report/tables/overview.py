@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stlbench.registry.choices import Choice
-from stlbench.report.statistics.intervals import interval, iqm
+from stlbench.report.statistics.intervals import median, median_interval
 from stlbench.report.tables.contests import Contest, contests, mark, mark_notes
 from stlbench.report.tables.rows import LEARNED, Group
 from stlbench.report.tables.table import Column, Learned, Table, Value
@@ -25,7 +25,7 @@ def overview(
     best: Mapping[Choice, float] | None = None,
     advice: Iterable[str] = (),
 ) -> Table:
-    """The IQM of robustness of every method on every task with its interval, and on how many seeds it was learned.
+    """The median robustness of every method on every task with its interval, and on how many seeds it was learned.
 
     Args:
         groups: of one or more tasks, agents, budgets and tracks, which are the rows.
@@ -61,9 +61,9 @@ def overview(
 
 
 _NOTE = (
-    "IQM over seeds of the selected policies' robustness, with its 95 % interval. In parentheses the seeds that "
-    "learned the task, with the selected policy and with the final one: the policy satisfies the formula from at least "
-    f"{100 * LEARNED:.0f} % of the starts."
+    "Robustness of the selected policies: the median seed, with its 95 % interval, of five seeds or more. In "
+    "parentheses the seeds that learned the task, with the selected policy and with the final one: the policy "
+    f"satisfies the formula from at least {100 * LEARNED:.0f} % of the starts."
 )
 
 
@@ -83,9 +83,9 @@ def _learned(group: Group, marks: str) -> Value:
     if not group.done:
         return ", ".join(sorted({row.status for row in group.rows}))
     values = group.values(lambda numbers: numbers.robustness_mean)
-    low, high = interval(values) or (None, None)
+    low, high = median_interval(values) or (None, None)
     learned, final = sum(each.learned for each in group.done), sum(each.final_learned for each in group.done)
-    return Learned(iqm(values), low, high, learned, final, group.tried, marks)
+    return Learned(median(values), low, high, learned, final, group.tried, marks)
 
 
 def _cpu_seconds(groups: Iterable[Group]) -> float | None:

@@ -10,7 +10,8 @@ import numpy as np
 
 from stlbench.identity import Setting
 from stlbench.registry.choices import Choice
-from stlbench.report.statistics.intervals import Interval, interval, iqm, share_interval
+from stlbench.report.statistics.intervals import FEWEST, Interval, median, median_interval, share_interval
+from stlbench.report.tables.cell import ENDED_EARLY
 from stlbench.report.tables.contests import contests, mark, mark_notes
 from stlbench.report.tables.outside import MARK, outside_notes
 from stlbench.report.tables.rows import LEARNED, Group
@@ -41,21 +42,23 @@ def robustness_table(
     further = sorted({name for group in groups for numbers in group.done for name in numbers.further})
     by_group = _marks(own, standards or {})
     marks = [by_group.get(group.setting, MARK) for group in groups]
+    early = any(numbers.ended_early for group in groups for numbers in group.done)
     columns = (
         *SETTING,
         *([Column("mark", right=False)] if any(marks) else []),
         Column("starts", drop=8),
         Column("mean robustness", "mean", digits=3, drop=3),
-        Column("IQM robustness", "IQM", digits=3),
-        Column("IQM 95 % interval", digits=3, kind=Interval, drop=1),
+        Column("median robustness", "median", digits=3),
+        Column("median 95 % interval", digits=3, kind=Interval, drop=1),
         Column("worst start", digits=3, drop=5),
         Column("satisfied", unit="%", digits=1),
+        *([Column("ended early", unit="%", digits=1)] if early else []),
         Column("learned", drop=2),
         Column("learned 95 % interval", unit="%", digits=0, kind=Interval, drop=4),
         *([Column(_SHARE, "of best", digits=2, drop=2)] if best else []),
         *(Column(name, digits=3, drop=4) for name in further),
-        Column("final IQM robustness", "final IQM", digits=3, drop=6),
-        Column("final IQM 95 % interval", digits=3, kind=Interval, drop=7),
+        Column("final median robustness", "final median", digits=3, drop=6),
+        Column("final median 95 % interval", digits=3, kind=Interval, drop=7),
         Column("final satisfied", "final sat.", unit="%", digits=1, drop=6),
         Column("final learned", drop=6),
         Column("final learned 95 % interval", unit="%", digits=0, kind=Interval, drop=7),
@@ -63,11 +66,11 @@ def robustness_table(
         Column("remarks", right=False, below=True),
     )
     rows = tuple(
-        (*setting_values(group), *([each or None] if any(marks) else []), *_values(group, further, best or {}))
+        (*setting_values(group), *([each or None] if any(marks) else []), *_values(group, further, best or {}, early))
         for group, each in zip(groups, marks, strict=True)
     )
     shown = tuple(map(partial(_only_selected, columns), rows, (group.outside for group in groups)))
-    return Table("Robustness", columns, shown, (*_notes(further), *mark_notes(marks), *outside_notes(outside)))
+    return Table("Robustness", columns, shown, (*_notes(further, early), *mark_notes(marks), *outside_notes(outside)))
 
 
 def _only_selected(columns: Sequence[Column], row: tuple[Value, ...], outside: bool) -> tuple[Value, ...]:
@@ -79,7 +82,7 @@ def _only_selected(columns: Sequence[Column], row: tuple[Value, ...], outside: b
     )
 
 
-_SHARE = "share of best possible (IQM, both above 0)"
+_SHARE = "share of best possible (median, both above 0)"
 
 
 def _marks(groups: Sequence[Group], standards: Mapping[str, Standard]) -> dict[Setting, str]:
@@ -87,22 +90,23 @@ def _marks(groups: Sequence[Group], standards: Mapping[str, Standard]) -> dict[S
     return {group.setting: mark(group, contest, standards) for contest in found for group in contest}
 
 
-def _values(group: Group, further: Sequence[str], best: Mapping[Choice, float]) -> tuple[Value, ...]:
+def _values(group: Group, further: Sequence[str], best: Mapping[Choice, float], early: bool) -> tuple[Value, ...]:
     values = group.values(lambda numbers: numbers.robustness_mean)
     final = group.values(lambda numbers: numbers.final_robustness_mean)
-    centre = iqm(values) if values else None
+    centre = median(values) if values else None
     return (
         _starts(group),
         float(np.mean(values)) if values else None,
         centre,
-        interval(values),
+        median_interval(values),
         min(group.values(lambda numbers: numbers.robustness_min), default=None),
         _percent(group.values(lambda numbers: numbers.satisfaction)),
+        *([_percent([each.ended_early for each in group.done if each.ended_early is not None])] if early else []),
         *_learned(group, [numbers.learned for numbers in group.done]),
         *([_share(centre, best.get(group.setting.task))] if best else []),
         *(_mean([numbers.further[name] for numbers in group.done if name in numbers.further]) for name in further),
-        iqm(final) if final else None,
-        interval(final),
+        median(final) if final else None,
+        median_interval(final),
         _percent(group.values(lambda numbers: numbers.final_satisfaction)),
         *_learned(group, [numbers.final_learned for numbers in group.done]),
         group.first_failed,
@@ -138,15 +142,19 @@ def _percent(shares: Sequence[float]) -> float | None:
     return 100 * float(np.mean(shares)) if shares else None
 
 
-def _notes(further: Sequence[str]) -> tuple[str, ...]:
+def _notes(further: Sequence[str], early: bool) -> tuple[str, ...]:
     notes = [
         "Robustness is in the unit of the task's predicates: averaged over the starts of a seed, then over seeds.",
         "The policy is the checkpoint that did best on other starts; 'final' is the one at the end of training.",
-        "IQM: interquartile mean; up to 3 seeds it equals the mean. Its interval: Student's t over seeds.",
+        "Median: half of the seeds reach it. Its interval goes from one seed to another. It covers the median of all "
+        "seeds also where many fail: in 94 % of cases with 5 seeds, in 95 % or more with others. "
+        f"Fewer than {FEWEST} seeds have none.",
         f"Learned: seeds whose policy satisfies from at least {100 * LEARNED:.0f} % of the starts, of all that ran, "
         "with the exact interval of their share.",
         "Worst start: minimum over starts and seeds. Failed first: what violating starts most often failed first.",
     ]
+    if early:
+        notes.append(ENDED_EARLY)
     if further:
         names = ", ".join(further)
         notes.append(f"Mean robustness under the task's further protocols (`stlbench show task NAME`): {names}.")

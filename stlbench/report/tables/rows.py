@@ -41,6 +41,8 @@ class Numbers:
     inputs_added: int
     starts: int | None = None
     """From how many starts robustness and satisfaction are; None where that was not kept."""
+    ended_early: float | None = None
+    """Share of these starts, in [0, 1], whose episode ended before the formula's horizon; None where nobody counted."""
     extension: str = ""
     """Why the task is outside the form that the method's source was published for; empty inside it."""
     planned: Planned | None = None
@@ -181,6 +183,7 @@ def _numbers(measurement: Measurement) -> Numbers:
         reward_nanoseconds=measurement.reward_nanoseconds,
         inputs_added=measurement.inputs_added,
         starts=selected.starts,
+        ended_early=selected.ended_early,
         extension=measurement.extension,
         planned=measurement.planned,
         further={name: score.mean for name, score in measurement.selected.items() if name not in (MAIN, RANDOM)},

@@ -53,8 +53,8 @@ class FirstFailed(NamedTuple):
 
 
 class Learned(NamedTuple):
-    """IQM of the selected policies' robustness with its interval, None where there is none; and on how many seeds they,
-    and the final ones, learned the task."""
+    """Median of the selected policies' robustness with its interval, None where there is none; and on how many seeds
+    they, and the final ones, learned the task."""
 
     robustness: float
     low: float | None

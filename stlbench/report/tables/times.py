@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stlbench.report.statistics.intervals import Interval, interval
+from stlbench.report.statistics.intervals import Interval, mean_interval
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.setting import SETTING, setting_values
 from stlbench.report.tables.table import Column, Table, Value
@@ -56,7 +56,7 @@ def _time_row(group: Group) -> tuple[Value, ...]:
 
 def _seconds(values: Sequence[float]) -> Interval | None:
     """Of the mean; it ends at 0, as nothing takes less: the intervals of two seeds are wide."""
-    found = interval(values, cut=0)
+    found = mean_interval(values)
     return None if found is None else Interval(max(found.low, 0.0), found.high)
 
 

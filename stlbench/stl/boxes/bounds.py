@@ -11,9 +11,12 @@ from numpy.typing import ArrayLike
 from stlbench.stl.boxes.branch_and_bound import Maximum
 from stlbench.stl.boxes.domains import with_proven_domains
 from stlbench.stl.boxes.extremes import Search
+from stlbench.stl.errors import UndefinedError
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.language.traversal import require_pointwise, signals
-from stlbench.stl.predicates.inputs import check_names
+from stlbench.stl.predicates.inputs import as_array, check_names
+from stlbench.stl.predicates.pointwise import margin
+from stlbench.stl.recorded.evaluator import cause
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,9 @@ def bounds(
 
     Raises:
         UnknownSignalError: psi uses a signal that the box does not have.
-        UndefinedError: a square root, a logarithm, a tangent or a division is not defined all over the box.
+        UndefinedError: a square root, a logarithm, a tangent or a division is not defined all over the box; or the
+            margin has no bounds and, in floats, no value at the middle or a corner, as where inf - inf occurs.
+        TypeError: a masked array.
         ValueError: psi has temporal operators, or an end of the box is not finite or low > high.
     """
     require_pointwise(psi)
@@ -68,7 +73,16 @@ def bounds(
     with np.errstate(all="ignore"):
         search = with_proven_domains(psi, Search(ends, tolerance, nodes))
         lowest, highest = search.extremes(psi)
+        if not (np.isfinite(lowest.bound) and np.isfinite(highest.bound)):
+            _refuse_undefined(psi, ends)
     return Bounds(-lowest.bound, highest.bound, _error(lowest), _error(highest), tolerance)
+
+
+def _refuse_undefined(psi: Formula, ends: Mapping[str, tuple[float, float]]) -> None:
+    names, box = tuple(ends), np.array(list(ends.values())).reshape(-1, 2)
+    for point in (box.mean(axis=1), box[:, 0], box[:, 1]):
+        if np.isnan(margin(psi, names)(point)):
+            raise UndefinedError(cause(psi, names, point))
 
 
 def _error(maximum: Maximum) -> float:
@@ -82,12 +96,15 @@ def _ends(
     if not isinstance(box, Mapping):
         if names is None:
             raise ValueError("an array of bounds needs the signals' names")
-        rows = np.asarray(box, dtype=float)
+        rows = np.asarray(as_array(box), dtype=float)
         if rows.shape != (len(names), 2):
             raise ValueError(f"bounds of {len(names)} signals have shape ({len(names)}, 2), got {rows.shape}")
         box = {name: (low, high) for name, (low, high) in zip(names, rows.tolist(), strict=True)}
     check_names(psi, tuple(box), "box")
-    ends = {name: (float(box[name][0]), float(box[name][1])) for name in signals(psi)}
+    ends = {}
+    for name in signals(psi):
+        low, high = as_array(box[name])
+        ends[name] = float(low), float(high)
     for name, (low, high) in ends.items():
         if not (np.isfinite(low) and np.isfinite(high) and low <= high):
             raise ValueError(f"bounds of {name!r} must be finite with low <= high, got [{low}, {high}]")

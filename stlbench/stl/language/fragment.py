@@ -7,8 +7,8 @@ from typing import Literal, TypeAlias
 
 from stlbench.stl.errors import FragmentError, shorten
 from stlbench.stl.language.horizon import unbounded
-from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Implies, Not, Or, Until
-from stlbench.stl.language.traversal import is_temporal
+from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Implies, Not, Or, Release, Until
+from stlbench.stl.language.traversal import first_past, is_temporal
 
 Kind: TypeAlias = Literal["F", "G", "FG"]
 _ALLOWED = "allowed is a conjunction of F[a,b] psi, G[a,b] psi and F[a,c1] G[c2,b] psi, psi without temporal operators"
@@ -61,6 +61,8 @@ def fragment(formula: Formula) -> tuple[Term, ...]:
     if (operator := unbounded(formula)) is not None:
         reason = "its terms have a deadline; give it an interval [a,b], or the trace's last step to resolve_end"
         raise FragmentError(f"{operator.letter} without an interval", operator.position, reason)
+    if (past := first_past(formula)) is not None:
+        raise FragmentError(f"the past operator {past.letter}", past.position, f"it looks ahead alone; {_ALLOWED}")
     conjuncts = formula.args if isinstance(formula, And) else (formula,)
     return tuple(_term(conjunct) for conjunct in conjuncts)
 
@@ -102,6 +104,8 @@ def _reason(parent: Formula | None, blamed: Formula) -> tuple[str, str]:
     match blamed:
         case Until():
             return "until", _ALLOWED
+        case Release():
+            return "release", _ALLOWED
         case Or():
             return "disjunction of temporal formulas", f"{_ALLOWED}; | may stand inside psi"
         case Implies():

@@ -13,8 +13,9 @@ COMPARISONS = ("<=", ">=", "<", ">")
 OPERATOR_WORDS = {"not": "!", "and": "&", "or": "|", "xor": "xor", "implies": "->", "iff": "<->"}
 #: temporal operators before their operand, and between two
 PREFIX_WORDS = {"G": "G", "always": "G", "F": "F", "eventually": "F"}
-INFIX_WORDS = {"U": "U", "until": "U", "R": "R", "release": "R", "W": "W", "weak_until": "W"}
-#: words that cannot name a signal; the letters G, F, U, R, W and the words that stand only between formulas can
+PREFIX_WORDS |= {"H": "H", "historically": "H", "O": "O", "once": "O"}
+INFIX_WORDS = {"U": "U", "until": "U", "R": "R", "release": "R", "W": "W", "weak_until": "W", "S": "S", "since": "S"}
+#: words that cannot name a signal; all other words of operators, and their letters, can
 RESERVED = frozenset(
     {*FUNCTIONS, *OPERATOR_WORDS, "always", "eventually", "until", "True", "true", "False", "false", "pi"}
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeAlias
 
 from stlbench.stl.errors import UnboundedError
 from stlbench.stl.language.syntax import (
@@ -11,21 +12,26 @@ from stlbench.stl.language.syntax import (
     And,
     Eventually,
     Formula,
+    Historically,
     Implies,
     Not,
+    Once,
     Or,
+    Past,
     Predicate,
+    Release,
+    Since,
     TrueFormula,
     Until,
 )
-from stlbench.stl.language.traversal import require_formula, walk
+from stlbench.stl.language.traversal import operands_of, require_formula, walk
 
 
 def horizon(formula: Formula) -> int:
     """Steps that `formula` looks ahead, at least 0; a trace that decides it has `horizon + 1` samples.
 
     Tight for until: its left operand is not read at the last step, so `p U[0,b] q` with p deeper than q counts b - 1
-    steps before p.
+    steps before p. Past operators look back, which needs no samples that follow.
 
     Raises:
         UnboundedError: an operator has no interval, so that no number of samples decides the formula.
@@ -36,11 +42,15 @@ def horizon(formula: Formula) -> int:
     return lookahead(formula)
 
 
-def unbounded(formula: Formula) -> Always | Eventually | Until | None:
-    """The first operator of `formula` without an interval, if any."""
+#: operators that look ahead
+Ahead: TypeAlias = Always | Eventually | Until | Release
+
+
+def unbounded(formula: Formula) -> Ahead | None:
+    """The first operator of `formula` that looks ahead without an interval, if any."""
     require_formula(formula)
     for node in walk(formula):
-        if isinstance(node, Always | Eventually | Until) and node.b == END:
+        if isinstance(node, Ahead) and node.b == END:
             return node
     return None
 
@@ -62,11 +72,26 @@ def lookahead(formula: Formula) -> int:
             return max(lookahead(left), lookahead(right))
         case Always(_, b, arg) | Eventually(_, b, arg):
             return lookahead(arg) + (0 if b == END else b)
-        case Until(_, b, left, right):
+        case Until(_, b, left, right) | Release(_, b, left, right):
             if b == END:
                 return max(lookahead(left), lookahead(right))
             before = b - 1 + lookahead(left) if b > 0 else 0
             return max(before, b + lookahead(right))
+        case Historically(a, _, arg) | Once(a, _, arg):
+            return max(0, lookahead(arg) - a)
+        case Since(a, b, left, right):
+            return max(0, lookahead(right) - a, lookahead(left) if b > 0 else 0)
+
+
+def lookbehind(formula: Formula) -> int:
+    """Steps that a predicate may be read before step t, for `formula` at t.
+
+    A past operator without an interval counts one: what it was at the step before says all about earlier ones.
+    """
+    behind = max((lookbehind(operand) for operand in operands_of(formula)), default=0)
+    if isinstance(formula, Past):
+        return behind + (1 if formula.b == END else formula.b)
+    return behind
 
 
 def resolve_end(formula: Formula, last: int) -> Formula:
@@ -87,10 +112,12 @@ def resolve_end(formula: Formula, last: int) -> Formula:
             return replace(formula, args=tuple(resolve_end(arg, last) for arg in args))
         case Implies(left, right):
             return replace(formula, left=resolve_end(left, last), right=resolve_end(right, last))
-        case Always() | Eventually() | Until():
-            for operand in (formula.left, formula.right) if isinstance(formula, Until) else (formula.arg,):
+        case Always() | Eventually() | Until() | Release() | Historically() | Once() | Since():
+            for operand in operands_of(formula):
                 _refuse_unbounded(operand)
-            return formula if formula.b < END else replace(formula, b=_end(formula, last))
+            if isinstance(formula, Past) or formula.b < END:
+                return formula
+            return replace(formula, b=_end(formula, last))
         case _:
             return formula
 
@@ -101,7 +128,7 @@ def _refuse_unbounded(operand: Formula) -> None:
         raise UnboundedError(operator.letter, operator.position, reason)
 
 
-def _end(operator: Always | Eventually | Until, last: int) -> int:
+def _end(operator: Ahead, last: int) -> int:
     end = last - lookahead(operator)
     if end < 0:
         needed = f"{operator.letter} without an interval needs {lookahead(operator) + 1} samples"

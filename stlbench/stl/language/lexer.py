@@ -57,8 +57,8 @@ def _check_text(text: str) -> None:
     if not isinstance(text, str):
         raise TypeError(f"parse takes a formula's text, got {type(text).__name__} {shorten(repr(text)[:1000])}")
     if len(text) > MAX_LENGTH:
-        before = text[: MAX_LENGTH + 1].splitlines()
-        place = Position(len(before), len(before[-1]))
+        before = text[:MAX_LENGTH].splitlines()
+        place = Position(len(before), len(before[-1]) + 1)
         limit = f"the end of the formula (at most {MAX_LENGTH:,} characters)"
         raise StlSyntaxError("\n".join(before), place, limit, f"{len(text):,} characters")
 

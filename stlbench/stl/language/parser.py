@@ -1,8 +1,8 @@
 """Text to formulas: an operator-precedence parser of its own, so that the package depends on NumPy alone.
 
 One loop parses formulas and arithmetic alike (a parenthesis may open either); each operator then checks the kind of its
-operands. From tight to loose: `**`, unary `-`, `* /`, `+ -`, comparisons, `! G F`, `U R W`, `&`, `|`, `xor`, `->`,
-`<->`. `U R W`, `->` and `<->` group to the right, the others to the left.
+operands. From tight to loose: `**`, unary `-`, `* /`, `+ -`, comparisons, `! G F H O`, `U R W S`, `&`, `|`, `xor`,
+`->`, `<->`. `U R W S`, `->` and `<->` group to the right, the others to the left.
 """
 
 from __future__ import annotations
@@ -38,12 +38,15 @@ from stlbench.stl.language.syntax import (
     Eventually,
     Expression,
     Formula,
+    Historically,
     Implies,
     Negative,
     Not,
     Number,
+    Once,
     Or,
     Signal,
+    Since,
     TrueFormula,
     Until,
 )
@@ -130,7 +133,7 @@ class _Parser(ExpressionParser):
         return _LEVELS.get(token.symbol, 0)
 
     def at_prefix_word(self, minimum: int) -> bool:
-        """Whether a formula is due and the next token is G or F, not a signal of that name."""
+        """Whether a formula is due and the next token is an operator such as G, not a signal of that name."""
         token, second = self.token, self.second
         if token.kind != "name" or token.text not in PREFIX_WORDS or minimum > LEVEL_PREFIX:
             return False
@@ -157,13 +160,17 @@ class _Parser(ExpressionParser):
     def group(self) -> AnyNode:
         self.take()
         node = self.parse(LEVEL_IFF)
+        if self.at(","):
+            self.fail("')' (an interval has square brackets, as in G[0,1])")
         self.expect(")")
         return node
 
     def temporal(self) -> Formula:
         token = self.take()
         a, b = self.interval_or_end()
-        kind = Always if PREFIX_WORDS[token.text] == "G" else Eventually
+        kinds: dict[str, type[Always | Eventually | Historically | Once]]
+        kinds = {kind.letter: kind for kind in (Always, Eventually, Historically, Once)}
+        kind = kinds[PREFIX_WORDS[token.text]]
         return kind(a, b, self.operand(LEVEL_PREFIX), position=token.position)
 
     def interval_or_end(self) -> tuple[int, int]:
@@ -210,9 +217,11 @@ class _Parser(ExpressionParser):
         token = self.take()
         a, b = self.interval_or_end()
         right = self.operand(LEVEL_UNTIL)
-        if INFIX_WORDS[token.text] == "U":
-            return Until(a, b, left, right, position=token.position)
-        build = release if INFIX_WORDS[token.text] == "R" else weak_until
+        letter = INFIX_WORDS[token.text]
+        if letter in "US":
+            kind = Until if letter == "U" else Since
+            return kind(a, b, left, right, position=token.position)
+        build = release if letter == "R" else weak_until
         return build(a, b, left, right, token.position)
 
     def joined(self, first: Formula, level: int) -> Formula:

@@ -6,7 +6,7 @@ They print as what they stand for.
 from __future__ import annotations
 
 from stlbench.stl.errors import Position
-from stlbench.stl.language.syntax import Always, And, Formula, Implies, Not, Or, Until
+from stlbench.stl.language.syntax import Always, And, Formula, Implies, Not, Or, Release, Until
 
 
 def iff(left: Formula, right: Formula, position: Position | None = None) -> Formula:
@@ -22,12 +22,11 @@ def xor(left: Formula, right: Formula, position: Position | None = None) -> Form
 
 
 def release(a: int, b: int, left: Formula, right: Formula, position: Position | None = None) -> Formula:
-    """`left R[a,b] right`: !(!left U[a,b] !right), intervals in steps.
+    """`left R[a,b] right`, intervals in steps: as !(!left U[a,b] !right).
 
-    At every step t' of [t+a, t+b] there is right, or left at some step of [t, t') before.
+    At every step t' of [t+a, t+b] right holds, or left holds at some step of [t, t').
     """
-    until = Until(a, b, Not(left, position=position), Not(right, position=position), position=position)
-    return Not(until, position=position)
+    return Release(a, b, left, right, position=position)
 
 
 def weak_until(a: int, b: int, left: Formula, right: Formula, position: Position | None = None) -> Formula:

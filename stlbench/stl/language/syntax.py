@@ -1,7 +1,7 @@
 """Formulas as frozen values that print back to the text they parse from; with expressions, the whole syntax tree.
 
-The grammar is the paper's (sec. II-B) plus `until`; `sugar` has what is written with these. Intervals are inclusive and
-in steps. Limits on nesting and size are `Node`'s.
+The grammar is the paper's (sec. II-B) with until, release and the past operators; `sugar` builds the others of these.
+Intervals are inclusive and in steps. Limits on nesting and size are `Node`'s.
 """
 
 from __future__ import annotations
@@ -34,18 +34,24 @@ __all__ = [
     "Eventually",
     "Expression",
     "Formula",
+    "Historically",
     "Implies",
     "Negative",
     "Not",
     "Number",
+    "Once",
     "Or",
+    "Past",
     "Predicate",
+    "Release",
     "Signal",
+    "Since",
+    "Temporal",
     "TrueFormula",
     "Until",
 ]
 
-#: the last step of an operator without an interval: the end of the trace, whatever that is
+#: the last step of an operator without an interval: the end of the trace, whatever that is, or for the past its begin
 END: Final = 2**62
 #: greatest step in an interval: beyond it floats are no longer exact
 MAX_STEP: Final = 2**53
@@ -137,7 +143,7 @@ class Implies(Node):
 
 @dataclass(frozen=True)
 class _Temporal(Node):
-    """An operator on the steps [t+a, t+b]; `b` is `END`, with a = 0, for one without an interval."""
+    """An operator on the steps [t+a, t+b], of the past [t-b, t-a]; `b` is `END`, with a = 0, without an interval."""
 
     letter: ClassVar[str]
     a: int
@@ -184,11 +190,22 @@ class Eventually(_Window):
 
 
 @dataclass(frozen=True)
-class Until(_Temporal):
-    """`left U[a,b] right`: right at some t' of [t+a, t+b], left at every step of [t, t') - t' itself excluded."""
+class Historically(_Window):
+    """`H[a,b] arg`: arg at every step of [t-b, t-a] that the trace has, which begins at step 0."""
 
+    letter: ClassVar[str] = "H"
+
+
+@dataclass(frozen=True)
+class Once(_Window):
+    """`O[a,b] arg`: arg at some step of [t-b, t-a] that the trace has, which begins at step 0."""
+
+    letter: ClassVar[str] = "O"
+
+
+@dataclass(frozen=True)
+class _Between(_Temporal):
     level: ClassVar[int] = LEVEL_UNTIL
-    letter: ClassVar[str] = "U"
     left: Formula
     right: Formula
 
@@ -196,5 +213,28 @@ class Until(_Temporal):
         return f"{wrap(self.left, LEVEL_UNTIL + 1)} {self.operator} {wrap(self.right, LEVEL_UNTIL)}"
 
 
-Formula: TypeAlias = TrueFormula | Predicate | Not | And | Or | Implies | Always | Eventually | Until
+@dataclass(frozen=True)
+class Until(_Between):
+    """`left U[a,b] right`: right at some t' of [t+a, t+b], left at every step of [t, t') - t' itself excluded."""
+
+    letter: ClassVar[str] = "U"
+
+
+@dataclass(frozen=True)
+class Release(_Between):
+    """`left R[a,b] right`: at every t' of [t+a, t+b] right, or left at some step of [t, t'); the dual of until."""
+
+    letter: ClassVar[str] = "R"
+
+
+@dataclass(frozen=True)
+class Since(_Between):
+    """`left S[a,b] right`: right at some t' of [t-b, t-a] that the trace has, left at every step of (t', t]."""
+
+    letter: ClassVar[str] = "S"
+
+
+Past: TypeAlias = Historically | Once | Since
+Temporal: TypeAlias = Always | Eventually | Until | Release | Past
+Formula: TypeAlias = TrueFormula | Predicate | Not | And | Or | Implies | Temporal
 AnyNode: TypeAlias = Expression | Formula

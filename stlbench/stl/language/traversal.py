@@ -7,7 +7,7 @@ from typing import cast
 
 from stlbench.stl.errors import shorten
 from stlbench.stl.language.node import Node
-from stlbench.stl.language.syntax import Always, AnyNode, Eventually, Expression, Formula, Signal, Until
+from stlbench.stl.language.syntax import AnyNode, Expression, Formula, Past, Signal, Temporal
 
 
 def require_formula(value: object) -> None:
@@ -33,9 +33,19 @@ def signals(formula: Formula | Expression) -> tuple[str, ...]:
 
 
 def is_temporal(formula: Formula) -> bool:
-    """Whether `formula` contains G, F or U (also one of zero length such as `G[0,0]`)."""
+    """Whether `formula` contains a temporal operator (also one of zero length such as `G[0,0]`)."""
     require_formula(formula)
-    return any(isinstance(node, Always | Eventually | Until) for node in walk(formula))
+    return any(isinstance(node, Temporal) for node in walk(formula))
+
+
+def operands_of(formula: Formula) -> tuple[Formula, ...]:
+    """The formulas right below this one; none of a predicate."""
+    return tuple(operand for operand in formula.operands if isinstance(operand, Formula))
+
+
+def first_past(formula: Formula) -> Past | None:
+    """The first past operator of `formula`, if any."""
+    return next((node for node in walk(formula) if isinstance(node, Past)), None)
 
 
 def walk(node: AnyNode) -> Iterator[AnyNode]:

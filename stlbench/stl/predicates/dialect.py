@@ -52,6 +52,7 @@ FLOATS = Dialect(
     templates=_BOTH
     | {
         "square": "({0} * {0})",
+        "one": "(1.0 if {0} == {0} else nan)",
         "/": "({0} / {1})",
         "lower": "({0} if {0} <= {1} else {1} if {1} < {0} else nan)",
         "higher": "({0} if {0} >= {1} else {1} if {1} > {0} else nan)",
@@ -62,13 +63,14 @@ FLOATS = Dialect(
     namespace={name: row.floats for name, row in FUNCTIONS.items()}
     | {"nan": math.nan, "inf": math.inf, "zero_or_nan": _zero_or_nan}
     | {"ArithmeticError": ArithmeticError, "ValueError": ValueError},
-    twice=frozenset({"square", "lower", "higher", "least", "greatest"}),
+    twice=frozenset({"square", "one", "lower", "higher", "least", "greatest"}),
 )
 ARRAYS = Dialect(
     signal="sample[..., {0}]",
     templates=_BOTH
     | {
         "square": "square({0})",
+        "one": "where(isnan({0}), nan, 1.0)",
         "/": "quotient({0}, {1})",
         "lower": "minimum({0}, {1})",
         "higher": "maximum({0}, {1})",
@@ -81,6 +83,7 @@ ARRAYS = Dialect(
     | {"nan": math.nan, "inf": math.inf, "minimum": np.minimum, "maximum": np.maximum, "logical_not": np.logical_not}
     | {
         "where": np.where,
+        "isnan": np.isnan,
         "square": np.square,
         "quotient": _quotient,
         "type": type,

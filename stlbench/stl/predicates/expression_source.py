@@ -34,6 +34,7 @@ _OPERATORS: dict[str, Callable[..., Any]] = {
     "/constant": operator.truediv,
     "**": operator.pow,
     "square": lambda value: value * value,
+    "one": lambda value: value**0,
     "lower": np.minimum,
     "higher": np.maximum,
 }
@@ -69,6 +70,8 @@ class ExpressionWriter:
                 return self.operation("-u", [arg], node, base)
             case Binary("**", left, Number(2.0)):
                 return self.operation("square", [left], node, base)
+            case Binary("**", left, Number(0.0)):
+                return self.operation("one", [left], node, base)
             case Binary(op, left, right):
                 return self.operation(op, [left, right], node, base)
             case Call(name, args) if len(args) <= WRITTEN_OUT and name in _WRITTEN_OUT:

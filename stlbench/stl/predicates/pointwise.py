@@ -62,11 +62,7 @@ def values(expressions: Sequence[Expression], names: Sequence[str]) -> Callable[
     """
     columns = [_filled(compile_expression(node, as_names(names)), float) for node in expressions]
 
-    def run(samples: Samples) -> Samples:
-        with np.errstate(all="ignore"):
-            return np.stack([column(samples) for column in columns], axis=-1)
-
-    return run
+    return lambda samples: np.stack([column(samples) for column in columns], axis=-1)
 
 
 @lru_cache(maxsize=256)
@@ -80,7 +76,7 @@ def _holds(psi: Formula, names: tuple[str, ...]) -> OfSamples:
 
 
 def _filled(compiled: Compiled, dtype: type) -> OfSamples:
-    """A constant formula still answers with the batch's shape."""
+    """A constant formula still answers with the batch's shape. Nothing warns of NaN or infinity."""
     if callable(compiled):
-        return compiled
+        return np.errstate(all="ignore")(compiled)
     return lambda samples: np.full(as_array(samples).shape[:-1], compiled, dtype=dtype)

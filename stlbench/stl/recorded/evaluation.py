@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stlbench.stl.errors import ShortTraceError, UndefinedError
-from stlbench.stl.language.horizon import lookahead, unbounded
+from stlbench.stl.language.horizon import lookahead, lookbehind, unbounded
 from stlbench.stl.language.syntax import Formula
 from stlbench.stl.language.traversal import require_formula
 from stlbench.stl.predicates.inputs import as_array, as_names, check_names
@@ -31,6 +31,7 @@ class Question:
     names: tuple[str, ...]
     compile: Compile
     ahead: int
+    behind: int
     to_the_end: bool
     evaluator: Evaluator
 
@@ -58,7 +59,9 @@ def ask(formula: Formula, names: tuple[str, ...], compile_: Compile) -> Question
     """
     check_names(formula, names)
     ahead, to_the_end = lookahead(formula), unbounded(formula) is not None
-    return Question(formula, names, compile_, ahead, to_the_end, evaluator(formula, names, compile_))
+    return Question(
+        formula, names, compile_, ahead, lookbehind(formula), to_the_end, evaluator(formula, names, compile_)
+    )
 
 
 def evaluate(
@@ -85,7 +88,7 @@ def _in_chunks(question: Question, flat: NDArray[Any], end: End, count: int, wor
     """Values at steps 0..count-1 of all traces (n, T+1, k), chunk by chunk: (n, count)."""
     out = np.empty((flat.shape[0], count))
     steps = flat.shape[1]
-    last = steps if end == "interval" else steps - 1
+    last = steps + question.behind if end == "interval" else steps - 1
     chunk = max(1, SAMPLES // max(1, steps))
     for start in range(0, flat.shape[0], chunk):
         samples = np.asarray(flat[start : start + chunk], dtype=np.float64)

@@ -8,7 +8,7 @@ sign is the verdict: only the way that predicates are compiled differs.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache, reduce
 from typing import Any, Literal, NamedTuple, TypeAlias
 
@@ -16,8 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.stl.errors import UndefinedError, shorten
-from stlbench.stl.language.horizon import lookahead
-from stlbench.stl.language.syntax import END, Always, And, Eventually, Formula, Implies, Not, Or, TrueFormula, Until
+from stlbench.stl.language.horizon import lookahead, lookbehind
+from stlbench.stl.language.syntax import (
+    END,
+    Always,
+    And,
+    Eventually,
+    Formula,
+    Historically,
+    Implies,
+    Not,
+    Once,
+    Or,
+    Release,
+    Since,
+    TrueFormula,
+    Until,
+)
 from stlbench.stl.language.traversal import is_temporal, signals
 from stlbench.stl.predicates.compiler import Compiled
 from stlbench.stl.recorded.windows import Values, slide, until
@@ -31,14 +46,18 @@ Compile: TypeAlias = Callable[[Formula, tuple[str, ...]], Compiled]
 class Traces(NamedTuple):
     """Samples (n, T+1, k) of n traces, and how the steps after T are read.
 
-    `last` is the last step with a value of its own: T, or T + 1 under `interval`, where that one sample stands for the
-    whole unknown future.
+    `last` is the last step with a value of its own: T. Under `interval` it is the first step from which on nothing
+    can reach back to a known sample: that one step stands for the whole unknown future.
+
+    `before` is for samples that are not the first of their trace. It has the value of each past operator without an
+    interval at the step before the first at which its operands can be told from these samples.
     """
 
     samples: NDArray[np.float64]
     end: End
     last: int
     first: int = 0  # the number of the first trace, in messages
+    before: Mapping[Formula, Values] = {}
 
 
 #: (traces, lo, hi, worst) -> values (n, hi - lo + 1) at steps lo..hi <= last; `worst` says which end of the values
@@ -73,6 +92,14 @@ def evaluator(formula: Formula, names: tuple[str, ...], compile_: Compile, check
             return _window(of(arg), a, b, lookahead(arg), np.maximum, -math.inf)
         case Until(a, b, left, right):
             return _until(of(left), of(right), a, b, lookahead(formula))
+        case Release(a, b, left, right):
+            return _negated(_until(_negated(of(left)), _negated(of(right)), a, b, lookahead(formula)))
+        case Historically(a, b, arg):
+            return _past_window(formula, of(arg), a, b, np.minimum, math.inf)
+        case Once(a, b, arg):
+            return _past_window(formula, of(arg), a, b, np.maximum, -math.inf)
+        case Since(a, b, left, right):
+            return _since(formula, of(left), of(right), a, b)
         case _:  # pragma: no cover - predicates and True are pointwise
             raise AssertionError(formula)
 
@@ -90,7 +117,7 @@ def _pointwise(psi: Formula, names: tuple[str, ...], compile_: Compile, checked:
             raise UndefinedError(cause(psi, names, known[trace, step]), int(lo + step), int(traces.first + trace))
         if hi < traces.samples.shape[1]:
             return values
-        return _pad(values, 1, unknown(psi, names, compile_, worst))
+        return _pad(values, hi - lo + 1 - known.shape[1], unknown(psi, names, compile_, worst))
 
     return run
 
@@ -105,6 +132,7 @@ def cause(psi: Formula, names: tuple[str, ...], sample: NDArray[np.float64]) -> 
     return f"{shorten(str(psi))} has no value (square root below 0, division by 0 or inf - inf) where {shown}"
 
 
+@lru_cache(maxsize=512)
 def unknown(psi: Formula, names: tuple[str, ...], compile_: Compile, worst: bool) -> float:
     """The least (`worst`) or greatest value of `psi` at a sample that is not known yet: infinite unless constant."""
     match psi:
@@ -166,6 +194,58 @@ def _until(left: Evaluator, right: Evaluator, a: int, b: int, beyond: int) -> Ev
         return until(guard, goal, start, hi - lo + 1)
 
     return run
+
+
+def _past_window(
+    formula: Historically | Once, arg: Evaluator, a: int, b: int, pick: np.ufunc, empty: float
+) -> Evaluator:
+    """H or O, its window cut at step 0."""
+    first = lookbehind(formula.arg)
+
+    def run(traces: Traces, lo: int, hi: int, worst: bool) -> Values:
+        if b == END:
+            start = first if formula in traces.before else 0
+            values = arg(traces, start, hi, worst)
+            if formula in traces.before:
+                values = np.column_stack([pick(values[:, 0], traces.before[formula]), values[:, 1:]])
+            so_far: Values = pick.accumulate(values, axis=1)[:, lo - start :]
+            return so_far
+        stop, start = min(a, hi + 1), min(b, hi + 1)  # huge intervals cost no memory
+        return slide(_behind(arg, traces, lo - start, hi - stop, worst, empty), start - stop + 1, pick)
+
+    return run
+
+
+def _since(formula: Since, left: Evaluator, right: Evaluator, a: int, b: int) -> Evaluator:
+    """An until of the steps in reverse."""
+    first = max(lookbehind(formula.left), lookbehind(formula.right))
+
+    def run(traces: Traces, lo: int, hi: int, worst: bool) -> Values:
+        known = traces.before.get(formula)
+        if known is not None:  # as if the goal had that value at the step before `first`
+            goal = np.column_stack([known, right(traces, first, hi, worst)])
+            guard = left(traces, first, hi, worst)
+            earlier = np.full((len(goal), hi - lo), -math.inf)
+            goal, guard = np.hstack([earlier, goal]), np.hstack([earlier, guard])
+            return until(guard[:, ::-1], goal[:, ::-1], 0, hi - lo + 1)[:, ::-1]
+        stop, start = min(a, hi + 1), min(b, hi + 1)  # huge intervals cost no memory
+        goal = _behind(right, traces, lo - start, hi - stop, worst, -math.inf)
+        if start == 0:
+            return goal
+        guard = _behind(left, traces, lo - start + 1, hi, worst, math.inf)
+        return until(guard[:, ::-1], goal[:, ::-1], stop, hi - lo + 1)[:, ::-1]
+
+    return run
+
+
+def _behind(arg: Evaluator, traces: Traces, lo: int, hi: int, worst: bool, empty: float) -> Values:
+    """Values at lo..hi where lo may lie before step 0: `empty` there."""
+    if lo >= 0:
+        return arg(traces, lo, hi, worst)
+    out = np.full((traces.samples.shape[0], hi - lo + 1), empty)
+    if hi >= 0:
+        out[:, -lo:] = arg(traces, 0, hi, worst)
+    return out
 
 
 def _to_the_end(values: Values, count: int, pick: np.ufunc) -> Values:

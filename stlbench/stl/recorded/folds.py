@@ -1,7 +1,7 @@
 """Functions of many values that are like a minimum or a maximum: of all at once, or one value after the other.
 
-Each is a sum, or a minimum, of something that is worked out for each value. So a few numbers say all of the values so
-far that matters, however many they are: the summary, which grows by `merge`.
+A few numbers hold everything that matters of the values so far, however many they are: the summary. It grows by
+`merge`. Most summaries are sums, or minima, of something that is computed for each value.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from typing import ClassVar, Self, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stlbench.stl.predicates.signed_margin import SIDE
+
 Floats: TypeAlias = NDArray[np.float64]
 
 
@@ -23,8 +25,8 @@ class Fold(ABC):
 
     size: ClassVar[int] = 1
     """Numbers in a summary."""
-    merge: ClassVar[np.ufunc] = np.add
-    """What makes one summary of two."""
+    joins: ClassVar[np.ufunc] = np.add
+    """Makes one summary of two, number by number."""
     empty: ClassVar[float] = 0.0
     """Each number of the summary of no value."""
 
@@ -49,7 +51,19 @@ class Fold(ABC):
 
     def __call__(self, values: Floats) -> Floats:
         """The function along the last axis: (..., n) -> (...)."""
-        return self.read(self.merge.reduce(self.lift(values), axis=-2))
+        return self.read(self.merged(self.lift(values)))
+
+    def merge(self, left: Floats, right: Floats) -> Floats:
+        """One summary of two: (..., size), (..., size) -> (..., size)."""
+        return np.asarray(self.joins(left, right))
+
+    def merged(self, summaries: Floats) -> Floats:
+        """One summary of n: (..., n, size) -> (..., size)."""
+        return np.asarray(self.joins.reduce(summaries, axis=-2))
+
+    def accumulated(self, summaries: Floats) -> Floats:
+        """The summaries of the first 1, 2, ..., n: (..., n, size) -> (..., n, size)."""
+        return np.asarray(self.joins.accumulate(summaries, axis=-2))
 
     @abstractmethod
     def _lift(self, values: Floats) -> Floats:
@@ -64,7 +78,7 @@ class Fold(ABC):
 class Least(Fold):
     """The minimum."""
 
-    merge: ClassVar[np.ufunc] = np.minimum
+    joins: ClassVar[np.ufunc] = np.minimum
     empty: ClassVar[float] = math.inf
 
     def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
@@ -81,16 +95,77 @@ class Least(Fold):
 
 @dataclass(frozen=True, kw_only=True)
 class SoftLeast(Fold):
-    """-log(sum exp(-b x)) / b: at most the minimum, and for n values less by log(n) / b at most."""
+    """-log(sum exp(-b x)) / b: from min(x) - log(n) / b to min(x), for n values and to rounding.
+
+    It is above 0 only where all values are, also in floats. The summary is the logarithm of the sum: no exponential
+    overflows.
+    """
+
+    joins: ClassVar[np.ufunc] = np.logaddexp
+    empty: ClassVar[float] = -math.inf
 
     sharpness: float
 
+    def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
+        """The sum `count` times."""
+        with np.errstate(divide="ignore"):
+            return summary + np.log(np.asarray(count, dtype=np.float64))[..., None]
+
     def _lift(self, values: Floats) -> Floats:
-        return np.asarray(np.exp(-self.sharpness * values)[..., None])
+        return np.asarray(-self.sharpness * values)[..., None]
 
     def _read(self, summary: Floats) -> Floats:
-        with np.errstate(divide="ignore"):
-            return np.asarray(-np.log(summary[..., 0]) / self.sharpness)
+        return np.asarray(-summary[..., 0] / self.sharpness)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WeightedLeast(Fold):
+    """sum x exp(-b x) / sum exp(-b x): from min(x) to min(x) + log(n) / b, for n values and to rounding.
+
+    The summary has the minimum m, the sum of w (x - m) and the sum of w, with w = exp(-b (x - m)), which does not
+    overflow. So the value is at least m in floats too.
+    """
+
+    size: ClassVar[int] = 3
+    empty: ClassVar[float] = math.inf
+
+    sharpness: float
+
+    def merge(self, left: Floats, right: Floats) -> Floats:
+        """By the lesser minimum."""
+        return self.merged(np.stack(np.broadcast_arrays(left, right), axis=-2))
+
+    def merged(self, summaries: Floats) -> Floats:
+        """By the least minimum."""
+        lows, rises, weights = np.moveaxis(summaries, -1, 0)
+        least = lows.min(axis=-1, keepdims=True)
+        with np.errstate(invalid="ignore"):
+            shifts = np.where(lows == least, 0.0, lows - least)  # 0 also where both are the same infinity
+            share = np.exp(-self.sharpness * shifts)
+            terms = [np.where(share > 0, share * each, 0.0) for each in (rises + weights * shifts, weights)]
+        return np.stack([least[..., 0], *(term.sum(axis=-1) for term in terms)], axis=-1)
+
+    def accumulated(self, summaries: Floats) -> Floats:
+        """One after the other."""
+        found = [summaries[..., 0, :]]
+        for i in range(1, summaries.shape[-2]):
+            found.append(self.merge(found[-1], summaries[..., i, :]))
+        return np.stack(found, axis=-2)
+
+    def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
+        """The sums `count` times."""
+        times = np.asarray(count, dtype=np.float64)[..., None] * np.array([0.0, 1.0, 1.0])
+        times[..., 0] = times[..., 1] > 0  # the minimum stays
+        return np.asarray(np.where(times > 0, summary * times, math.inf))
+
+    def _lift(self, values: Floats) -> Floats:
+        return np.stack([values, np.zeros_like(values), np.ones_like(values)], axis=-1)
+
+    def _read(self, summary: Floats) -> Floats:
+        low, rise, weight = np.moveaxis(summary, -1, 0)
+        finite = np.isfinite(low)
+        mean: Floats = np.where(finite, low + np.where(finite, rise, 0.0) / np.where(finite, weight, 1.0), low)
+        return mean
 
 
 class _Counted(Fold):
@@ -116,12 +191,18 @@ class GeometricLeast(_Counted):
         return np.stack([np.minimum(values, 0.0), above, values <= 0, np.ones_like(values)], axis=-1)
 
     def _of(self, summary: Floats, count: Floats) -> Floats:
-        return np.where(summary[..., 2] > 0, summary[..., 0] / count, np.expm1(summary[..., 1] / count))
+        below = np.minimum(summary[..., 0] / count, np.where(summary[..., 0] < 0, -SIDE, 0.0))
+        above = np.maximum(np.expm1(summary[..., 1] / count), SIDE)
+        return np.where(summary[..., 2] > 0, below, above)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RootLeast(_Counted):
-    """sqrt(M0) - sqrt(Mp), M0 = (eps^n + prod max(x, 0)^2)^(1/n), Mp = (eps^p + mean max(-x, 0)^(2p))^(1/p)."""
+    """sqrt(M0) - sqrt(Mp), M0 = (eps^n + prod max(x, 0)^2)^(1/n), Mp = (eps^p + mean max(-x, 0)^(2p))^(1/p).
+
+    One of the two roots is always sqrt(eps). The difference of the other from it is computed without a subtraction,
+    whose rounding could turn the sign. Floors keep the difference from 0, where a product or a square would be.
+    """
 
     size: ClassVar[int] = 4
     eps: float = 1e-8
@@ -129,14 +210,14 @@ class RootLeast(_Counted):
 
     def _lift(self, values: Floats) -> Floats:
         squares = 2 * np.log(np.where(values > 0, values, 1.0))
-        below = np.maximum(-values, 0.0) ** (2 * self.p)
+        below = np.where(values < 0, np.maximum(np.abs(values) ** (2 * self.p), 1e-290), 0.0)
         return np.stack([below, squares, values <= 0, np.ones_like(values)], axis=-1)
 
     def _of(self, summary: Floats, count: Floats) -> Floats:
-        product = np.where(summary[..., 2] > 0, -math.inf, summary[..., 1])
-        above = np.logaddexp(count * math.log(self.eps), product) / count
-        below = (self.eps**self.p + summary[..., 0] / count) ** (1 / self.p)
-        return np.asarray(np.exp(above / 2) - np.sqrt(below))
+        product = np.maximum(summary[..., 1] - count * math.log(self.eps), -600.0)  # in units of eps^n, its logarithm
+        above = np.expm1(np.logaddexp(0.0, product) / (2 * count))
+        below = -np.expm1(np.log1p(summary[..., 0] / count / self.eps**self.p) / (2 * self.p))
+        return np.asarray(math.sqrt(self.eps) * np.where(summary[..., 2] > 0, below, above))
 
 
 @dataclass(frozen=True, kw_only=True)

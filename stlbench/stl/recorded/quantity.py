@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from stlbench.stl.language.horizon import horizon
 from stlbench.stl.language.normal_form import negations_inside
-from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Not, Or, Until
-from stlbench.stl.language.traversal import is_temporal
+from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Not, Or, Release, Until
+from stlbench.stl.language.traversal import first_past, is_temporal
 from stlbench.stl.predicates.inputs import as_names
 from stlbench.stl.predicates.pointwise import margin
 from stlbench.stl.recorded.semantics import Semantics
@@ -47,8 +47,11 @@ class Quantity:
 
         Raises:
             UnboundedError: an operator has no interval.
+            ValueError: a past operator, which has the classic robustness alone.
             UnknownSignalError: the formula uses a signal that is not in `names`.
         """
+        if (past := first_past(formula)) is not None:
+            raise ValueError(f"semantics are of operators that look ahead, not of the past operator {past.operator}")
         self.horizon, self.semantics = horizon(formula), semantics
         self.formula = negations_inside(formula, to_predicates=semantics.divided)
         self.leaves = tuple(dict.fromkeys(_leaves(self.formula, semantics.divided)))
@@ -79,8 +82,8 @@ class Quantity:
                 return fold(np.stack([self._at(arg, leaves, steps, ends) for arg in args], axis=-1))
             case Always() | Eventually():
                 return self._window(node, leaves, steps, ends)
-            case Until():
-                each = [self._until(node, leaves, t, ends) for t in range(steps[0], steps[1] + 1)]
+            case Until() | Release():
+                each = [self._between(node, leaves, t, ends) for t in range(steps[0], steps[1] + 1)]
                 return np.stack(each, axis=-1)
             case _:  # pragma: no cover - a leaf
                 raise AssertionError(node)
@@ -94,23 +97,29 @@ class Quantity:
         if first <= read:
             lifted[:, : read - first + 1] = fold.lift(self._at(node.arg, leaves, (first, read), ends))
         windows = sliding_window_view(lifted, node.b - node.a + 1, axis=1)  # (n, hi - lo + 1, size, width)
-        values = fold.read(fold.merge.reduce(windows, axis=-1))
+        values = fold.read(fold.merged(windows.swapaxes(-1, -2)))
         values[:, max(last - node.a - lo + 1, 0) :] = ends[always]  # of windows that begin after the last sample
         return values
 
-    def _until(self, node: Until, leaves: Floats, t: int, ends: Ends) -> Floats:
-        """At one step: the least of each goal in the interval and of the guard before it, and the greatest of these."""
-        least, first, last = self.semantics.least, t + node.a, min(t + node.b, leaves.shape[1] - 1)
+    def _between(self, node: Until | Release, leaves: Floats, t: int, ends: Ends) -> Floats:
+        """At one step: the least of each goal in the interval and of the guard before it, and the greatest of these.
+
+        Of a release the greatest of each, and the least of these.
+        """
+        least, pick, empty = self.semantics.least, self.semantics.eventually, ends[0]
+        if isinstance(node, Release):
+            least, pick, empty = self.semantics.greatest, self.semantics.least, ends[1]
+        first, last = t + node.a, min(t + node.b, leaves.shape[1] - 1)
         if first > last:
-            return np.full(len(leaves), ends[0])
+            return np.full(len(leaves), empty)
         goal = self._at(node.right, leaves, (first, last), ends)
         if last > t:
             guards = least.lift(self._at(node.left, leaves, (t, last - 1), ends))
-            before = least.read(least.merge.accumulate(guards, axis=1))[:, max(first - t - 1, 0) :]
+            before = least.read(least.accumulated(guards))[:, max(first - t - 1, 0) :]
             alone = goal.shape[1] - before.shape[1]  # 1 where the first goal is at t itself, without a guard
             guarded = least(np.stack([goal[:, alone:], before], axis=-1))
             goal = np.concatenate([goal[:, :alone], guarded], axis=1)
-        return self.semantics.eventually(goal)
+        return pick(goal)
 
 
 def _leaves(node: Formula, predicates: bool) -> Iterator[Formula]:
@@ -123,7 +132,7 @@ def _leaves(node: Formula, predicates: bool) -> Iterator[Formula]:
             parts = args
         case Always(_, _, arg) | Eventually(_, _, arg):
             parts = (arg,)
-        case Until(_, _, left, right):
+        case Until(_, _, left, right) | Release(_, _, left, right):
             parts = (left, right)
         case _:  # pragma: no cover - a leaf
             raise AssertionError(node)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,10 +16,16 @@ from stlbench.stl.language.syntax import (
     And,
     Eventually,
     Formula,
+    Historically,
     Implies,
     Not,
+    Once,
     Or,
+    Past,
     Predicate,
+    Release,
+    Since,
+    Temporal,
     TrueFormula,
     Until,
 )
@@ -89,7 +95,8 @@ def witness(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> Witness
         names: the k signals, in the order of the last axis.
 
     Raises:
-        ValueError: the trace is a batch, or as `robustness` under `strict`, with its other errors.
+        ValueError: the trace is a batch; a past operator decides whose interval lies before step 0; or as `robustness`
+            under `strict`, with its other errors.
     """
     samples, named = as_array(trace), as_names(names)
     if samples.ndim != 2:
@@ -132,28 +139,48 @@ class _Search(NamedTuple):
             case Implies(left, right):
                 vacuous = -self.values(left, t, t)[0] >= self.values(right, t, t)[0]
                 return (Link(left, t), -1) if vacuous else (Link(right, t), 1)
-            case Always(a, _, arg):
-                return Link(arg, t + a + int(np.argmin(self.values(arg, t + a, self._last(formula, t))))), 1
-            case Eventually(a, _, arg):
-                return Link(arg, t + a + int(np.argmax(self.values(arg, t + a, self._last(formula, t))))), 1
-            case Until():
-                return self._until(formula, t), 1
+            case Always() | Historically():
+                return self._window(formula, t, np.argmin), 1
+            case Eventually() | Once():
+                return self._window(formula, t, np.argmax), 1
+            case Until() | Release() | Since():
+                return self._between(formula, t), 1
             case _:  # pragma: no cover - nothing is below predicates and True
                 raise AssertionError(formula)
 
-    def _until(self, formula: Until, t: int) -> Link:
-        """At the best step for `right`: that, or the worst of `left` before it, whichever is less."""
-        last = self._last(formula, t)
-        goal = self.values(formula.right, t + formula.a, last)
-        guard = self.values(formula.left, t, last - 1) if last > t else np.empty(0)
-        before = np.minimum.accumulate(np.concatenate([[np.inf], guard]))[formula.a :]
+    def _window(self, formula: Always | Eventually | Historically | Once, t: int, pick: Callable[..., Any]) -> Link:
+        near, far = formula.a, self._far(formula, t)
+        first, last = (t - far, t - near) if isinstance(formula, Past) else (t + near, t + far)
+        return Link(formula.arg, first + int(pick(self.values(formula.arg, first, last))))
+
+    def _between(self, formula: Until | Release | Since, t: int) -> Link:
+        """At the best step for `right`: that, or the worst of `left` on the way there, whichever is less.
+
+        A release is an until of the opposites. A since is an until whose steps are counted backwards.
+        """
+        near, far, way = formula.a, self._far(formula, t), -1 if isinstance(formula, Since) else 1
+        sign = -1 if isinstance(formula, Release) else 1
+
+        def at(operand: Formula, nearest: int, farthest: int) -> NDArray[np.float64]:
+            first, last = sorted((t + way * nearest, t + way * farthest))
+            return sign * self.values(operand, first, last)[::way]
+
+        goal = at(formula.right, near, far)
+        guard = at(formula.left, 0, far - 1) if far else np.empty(0)
+        before = np.minimum.accumulate(np.concatenate([[np.inf], guard]))[near:]
         best = int(np.argmax(np.minimum(goal, before)))
         if goal[best] <= before[best]:
-            return Link(formula.right, t + formula.a + best)
-        return Link(formula.left, t + int(np.argmin(guard[: formula.a + best])))
+            return Link(formula.right, t + way * (near + best))
+        return Link(formula.left, t + way * int(np.argmin(guard[: near + best])))
 
-    def _last(self, formula: Always | Eventually | Until, t: int) -> int:
-        """The last step that the operator's interval has from step t."""
-        if formula.b < END:
-            return t + formula.b
-        return self.traces.last - lookahead(formula)
+    def _far(self, formula: Temporal, t: int) -> int:
+        """How many steps from t the operator's interval reaches, cut at step 0.
+
+        Raises:
+            ValueError: the whole interval lies before step 0.
+        """
+        if isinstance(formula, Past):
+            if t < formula.a:
+                raise ValueError(f"no sample decides: at step {t}, {formula.operator} looks before sample 0 alone")
+            return min(t, formula.b)
+        return formula.b if formula.b < END else self.traces.last - lookahead(formula) - t

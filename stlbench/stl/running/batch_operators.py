@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from stlbench.stl.errors import UndefinedError
 from stlbench.stl.language.syntax import Formula, Not
 from stlbench.stl.predicates.compiler import compile_signed
-from stlbench.stl.recorded.evaluation import evaluate
 from stlbench.stl.recorded.evaluator import cause
 from stlbench.stl.running.operator_tree import Ends, Interval, Kit, Leaf, Pointwise
+from stlbench.stl.running.unfolding import Found, Kept, Recent, Unfolding
 
 Floats: TypeAlias = NDArray[np.float64]
 Steps: TypeAlias = NDArray[np.int64]
@@ -180,36 +180,44 @@ class Until(Operator):
 
 
 class Replayed(Operator):
-    """Any other formula: keeps the samples and evaluates them again at each step, traces of one age together."""
+    """Any other formula: evaluates what is not decided at each step, traces of one age together."""
 
-    def __init__(self, count: int, formula: Formula, names: tuple[str, ...], last: int) -> None:
-        super().__init__(count, 0, last, (-np.inf, np.inf), False)
-        self.formula, self.names = formula, names
-        self.samples = np.empty((count, 1, len(names)))
+    def __init__(self, count: int, formula: Formula, names: tuple[str, ...], negated: bool) -> None:
+        self.until = Unfolding(formula, names)
+        super().__init__(count, 0, self.until.last, (-np.inf, np.inf), self.until.flipped is not negated)
+        self.samples, kept = Recent(count, len(names)), self.until.begin(count)
+        self.kept = kept._replace(before={node: np.empty(count) for node in self.until.carried})
 
-    def read(self, now: Steps, samples: Floats) -> tuple[Floats, Floats, Floats]:
-        """The samples, and bounds with them."""
-        lower, upper = (end.copy() for end in self.ends)
-        rows = np.flatnonzero(self.within(now))
-        for age in np.unique(now[rows]):
+    def read(self, now: Steps, samples: Floats) -> list[tuple[Steps, Found]]:
+        """What is known of the traces of each age."""
+        rows, found = np.flatnonzero(self.within(now)), list[tuple[Steps, Found]]()
+        for age in np.unique(now[rows]).tolist():
             same = rows[now[rows] == age]
-            known = np.concatenate([self.samples[same, :age], samples[same, np.newaxis]], axis=1)
+            known = self.samples.with_newest(samples, min(age + 1, self.until.window))[same]
             try:
-                ends = evaluate(compile_signed, self.formula, known, self.names, "interval", full=False)
+                found.append((same, self.until.read(known, age, _of(self.kept, same))))
             except UndefinedError as error:
                 raise UndefinedError(error.what, trace=int(same[error.trace or 0])) from None
-            lower[same], upper[same] = ends
-        return samples, lower, upper
+        return found
 
-    def take(self, now: Steps, value: tuple[Floats, Floats, Floats]) -> None:
+    def take(self, now: Steps, value: list[tuple[Steps, Found]]) -> None:
         """Keep the samples."""
-        samples, *ends = value
-        rows = np.flatnonzero(self.within(now))
-        if now[rows].max(initial=0) >= self.samples.shape[1]:
-            self.samples = np.concatenate([self.samples, np.empty_like(self.samples)], axis=1)
-        self.samples[rows, now[rows]] = samples[rows]
-        for end, new in zip(self.ends, ends, strict=True):
-            end[rows] = new[rows]
+        self.samples.take(min(int(now.max()) + 1, self.until.window))
+        for same, found in value:
+            for end, new in zip(self.ends, (found.lower, found.upper), strict=True):
+                end[same] = new
+            self.kept.best[same], self.kept.guard[same] = found.kept.best, found.kept.guard
+            for node, values in found.kept.before.items():
+                self.kept.before[node][same] = values
+
+    def restart(self, which: Which) -> None:
+        """Forget the samples of some traces."""
+        super().restart(which)
+        self.kept.best[which], self.kept.guard[which] = -np.inf, np.inf
+
+
+def _of(kept: Kept, rows: Steps) -> Kept:
+    return Kept(kept.best[rows], kept.guard[rows], {node: values[rows] for node, values in kept.before.items()})
 
 
 def many(count: int) -> Kit[Operator]:

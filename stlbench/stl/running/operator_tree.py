@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from stlbench.stl.language.horizon import horizon, unbounded
-from stlbench.stl.language.syntax import END, Always, And, Eventually, Formula, Implies, Not, Or, Until
+from stlbench.stl.language.node import MAX_DEPTH
+from stlbench.stl.language.syntax import END, Always, And, Eventually, Formula, Implies, Not, Or, Release, Until
 from stlbench.stl.language.traversal import is_temporal
 from stlbench.stl.predicates.compiler import compile_signed
 from stlbench.stl.recorded.evaluator import unknown
@@ -82,7 +83,7 @@ class Kit(Generic[L]):
         lowest: (psi, (a, b), unknown, flipped) -> G[a,b] psi; `unknown` bounds psi at a sample not yet come.
         nested: (psi, (a, c), (d, e), unknown, flipped) -> F[a,c] G[d,e] psi.
         until: ((psi1, psi2), (a, b), (unknown1, unknown2), flipped) -> psi1 U[a,b] psi2.
-        replayed: (formula, names, last step it reads) -> any formula.
+        replayed: (formula, names, negated) -> any temporal formula.
     """
 
     least: Callable[[Sequence[Any]], Any]
@@ -91,7 +92,7 @@ class Kit(Generic[L]):
     lowest: Callable[[Pointwise, Interval, Ends, bool], L]
     nested: Callable[[Pointwise, Interval, Interval, Ends, bool], L]
     until: Callable[[tuple[Pointwise, Pointwise], Interval, tuple[Ends, Ends], bool], L]
-    replayed: Callable[[Formula, tuple[str, ...], int], L]
+    replayed: Callable[[Formula, tuple[str, ...], bool], L]
 
 
 class Tree(Generic[L]):
@@ -109,10 +110,9 @@ class Tree(Generic[L]):
         match formula:
             case Not(arg):
                 return self._build(arg, not negated)
-            case And(args):
-                return Joined([self._build(arg, negated) for arg in args], kit.greatest if negated else kit.least)
-            case Or(args):
-                return Joined([self._build(arg, negated) for arg in args], kit.least if negated else kit.greatest)
+            case And() | Or():
+                parts = [self._build(arg, negated) for arg in _together(formula)]
+                return Joined(parts, kit.least if isinstance(formula, And) is not negated else kit.greatest)
             case Implies(left, right):
                 parts = [self._build(left, not negated), self._build(right, negated)]
                 return Joined(parts, kit.least if negated else kit.greatest)
@@ -133,12 +133,12 @@ class Tree(Generic[L]):
                 return self._nested(psi, (a, c), (d, e), False, negated)
             case Always(a, c, Eventually(d, e, psi)) if not is_temporal(psi):
                 return self._nested(psi, (a, c), (d, e), True, not negated)
-            case Until(a, b, left, right) if not is_temporal(left) and not is_temporal(right):
-                (first, before), (second, after) = self._psi(left), self._psi(right)
-                return self._leaf(self.kit.until((first, second), (a, b), (before, after), negated))
+            case Until(a, b, left, right) | Release(a, b, left, right) if not (is_temporal(left) or is_temporal(right)):
+                opposite = isinstance(formula, Release)  # a release is the opposite of an until of the opposites
+                (first, before), (second, after) = self._psi(left, opposite), self._psi(right, opposite)
+                return self._leaf(self.kit.until((first, second), (a, b), (before, after), negated is not opposite))
             case _:
-                whole = Not(formula) if negated else formula
-                return self._leaf(self.kit.replayed(whole, self.names, last_step(formula)))
+                return self._leaf(self.kit.replayed(formula, self.names, negated))
 
     def _lowest(self, psi: Formula, interval: Interval, negated: bool, flipped: bool) -> Part:
         run, ends = self._psi(psi, negated)
@@ -160,6 +160,30 @@ class Tree(Generic[L]):
     def _leaf(self, leaf: L) -> L:
         self.leaves.append(leaf)
         return leaf
+
+
+def _together(formula: And | Or) -> Sequence[Formula]:
+    """The operands; those of an `&` that are G[a,b] psi with the same interval as one, and of an `|` those with F.
+
+    So thousands of conjuncts are a few operators.
+    """
+    kind, window = (And, Always) if isinstance(formula, And) else (Or, Eventually)
+    now, windows, others = list[Formula](), dict[Interval, list[Formula]](), list[Formula]()
+    for arg in formula.args:
+        if not is_temporal(arg):
+            now.append(arg)
+        elif isinstance(arg, window) and not is_temporal(arg.arg):
+            windows.setdefault((arg.a, arg.b), []).append(arg.arg)
+        else:
+            others.append(arg)
+    if formula.depth >= MAX_DEPTH - 1:
+        return formula.args
+    joined = [window(a, b, _one(kind, psis)) for (a, b), psis in windows.items()]
+    return [*([_one(kind, now)] if now else []), *joined, *others]
+
+
+def _one(kind: type[And | Or], psis: Sequence[Formula]) -> Formula:
+    return kind(tuple(psis)) if len(psis) > 1 else psis[0]
 
 
 def last_step(formula: Formula) -> int:

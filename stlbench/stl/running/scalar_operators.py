@@ -6,13 +6,15 @@ from collections.abc import Callable, Iterator
 from itertools import count
 from typing import TypeAlias
 
+import numpy as np
+
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates.compiler import Sample, compile_signed
+from stlbench.stl.predicates.compiler import Sample
 from stlbench.stl.predicates.inputs import check_names
 from stlbench.stl.predicates.source import block
-from stlbench.stl.recorded.evaluation import evaluate
 from stlbench.stl.running.operator_source import Operator, Piece, constant, greatest_of, least_of, value_of
 from stlbench.stl.running.operator_tree import Kit, Pointwise
+from stlbench.stl.running.unfolding import Found, Kept, Recent, Unfolding
 
 Bounds: TypeAlias = tuple[float, float]
 
@@ -156,16 +158,17 @@ class Until(Operator):
 
 
 class Replayed(Operator):
-    """Any other formula: keeps the samples that it may still read and evaluates them again at each step."""
+    """Any other formula: keeps the samples that what is not decided may still read, and evaluates it at each step."""
 
-    def __init__(self, number: int, formula: Formula, names: tuple[str, ...], last: int) -> None:
-        super().__init__(number, 0, last, False)
-        self.formula, self.names = formula, names
-        self.namespace |= {f"replay{number}": self._replay, "tuple": tuple}
+    def __init__(self, number: int, formula: Formula, names: tuple[str, ...], negated: bool) -> None:
+        self.until = Unfolding(formula, names)
+        super().__init__(number, 0, self.until.last, self.until.flipped is not negated)
+        self.read = set(check_names(formula, names).values())
+        self.namespace |= {f"begin{number}": self._begin, f"read{number}": self._read, f"take{number}": self._take}
 
     def begin(self) -> list[str]:
         """There are no samples."""
-        return [f"m.samples{self.number} = []", *self.publish("-inf", "inf")]
+        return [f"m.samples{self.number}, m.kept{self.number} = begin{self.number}()", *self.publish("-inf", "inf")]
 
     def cuts(self) -> set[int]:
         """The same at all steps."""
@@ -174,14 +177,27 @@ class Replayed(Operator):
     def piece(self, first: int, last: int) -> Piece:
         """Evaluate with one more sample, and keep it."""
         n, v = self.number, self.v
-        kept = [f"m.samples{n}.append(tuple(sample))", *self.publish(f"{v}[0]", f"{v}[1]")]
-        columns = set(check_names(self.formula, self.names).values())
-        return Piece(first, last, columns, [f"{v} = replay{n}(m.samples{n}, sample)"], "", [], kept)
+        read = f"{v} = read{n}(m.samples{n}, m.kept{n}, sample, now)"
+        kept = [f"m.kept{n} = {v}.kept", f"take{n}(m.samples{n}, now)"]
+        return Piece(
+            first,
+            last,
+            self.read,
+            [read],
+            "",
+            [],
+            [*kept, *self.publish(f"{v}.lower.item()", f"{v}.upper.item()")],
+        )
 
-    def _replay(self, samples: list[Sample], sample: Sample) -> Bounds:
-        ends = evaluate(compile_signed, self.formula, [*samples, sample], self.names, "interval", full=False)
-        lower, upper = (end.item() for end in ends)
-        return lower, upper
+    def _begin(self) -> tuple[Recent, Kept]:
+        return Recent(1, len(self.until.names)), self.until.begin(1)
+
+    def _read(self, samples: Recent, kept: Kept, sample: Sample, now: int) -> Found:
+        newest = np.array([[value if i in self.read else 0.0 for i, value in enumerate(sample)]])
+        return self.until.read(samples.with_newest(newest, min(now + 1, self.until.window)), now, kept)
+
+    def _take(self, samples: Recent, now: int) -> None:
+        samples.take(min(now + 1, self.until.window))
 
 
 def one() -> Kit[Operator]:

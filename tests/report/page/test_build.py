@@ -79,7 +79,7 @@ def test_every_chart_has_its_values(parsed: Page) -> None:
 
 def test_numbers_are_those_of_the_tables(tmp_path: Path, parsed: Page) -> None:
     table = robustness_table(condense(all_results(tmp_path)))
-    place = [column.title for column in table.columns].index("IQM robustness")
+    place = [column.title for column in table.columns].index("median robustness")
     for row in table.rows:
         assert show(row[place], 3) in parsed.text
 

@@ -60,21 +60,26 @@ def test_a_profile_is_that_of_rliable():
     assert high == pytest.approx([1.0, 0.88888889, 0.83333333, 0.61111111, 0.5])
 
 
+def apart(*methods):
+    """Runs of each method -> what `ranks` takes, where all fit every task and no two are paid the same."""
+    return [list(enumerate(on_task)) for on_task in zip(*methods, strict=True)]
+
+
 def test_ranks_by_hand():
     third = [[0.99] * 6, [0.1] * 6, [0.25] * 6]
-    first, second, last = across.ranks([runs(ONE), runs(OTHER), runs(third)])
+    first, second, last = across.ranks(apart(runs(ONE), runs(OTHER), runs(third)))
     assert (first.value, second.value, last.value) == pytest.approx(((2 + 1 + 1) / 3, (3 + 2 + 3) / 3, (1 + 3 + 2) / 3))
     assert 1 <= first.interval.low <= first.value <= first.interval.high <= 3
 
 
 def test_methods_that_are_exactly_as_good_share_a_rank():
-    assert [rank.value for rank in across.ranks([runs(ONE), runs(ONE)])] == [1.5, 1.5]
+    assert [rank.value for rank in across.ranks(apart(runs(ONE), runs(ONE)))] == [1.5, 1.5]
 
 
 def test_one_run_of_a_task_has_a_value_and_no_interval():
     few = runs([[0.5], [0.2, 0.4]])
     assert across.mean(few) == (pytest.approx(1.1 / 3), None)
-    assert across.ranks([few, few])[0] == (1.5, None)
+    assert across.ranks(apart(few, few))[0] == (1.5, None)
     assert across.profile(few, np.array([0.3]))[0] == (pytest.approx(0.75), None)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from helpers.synthetic_results import result, score
+from helpers.synthetic_results import alike, result, score
 
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
@@ -29,13 +29,13 @@ RESULTS = [
 ]
 
 
-def test_robustness_is_normalised_from_random_to_best_and_cells_without_a_result_count_as_random():
+def test_robustness_is_normalised_from_random_to_best_and_what_does_not_fit_has_no_score():
     every, common = fields(condense(RESULTS), STANDARDS, {Choice("one"): 3.0})
-    assert (every.name, common.name) == ("all 4", "the 3 of 4 that all finished")
+    assert (every.name, common.name) == ("all 4", "3 of 4, all methods fit")
     bad, good = every.entries
     assert every.tasks == ("four", "one", "three", "two")
     assert good.scores == tuple(pytest.approx(x) for x in ((0.95, 0.9), (0.475, 0.45), (0.95, 0.9), (0.95, 0.9)))
-    assert bad.scores[0] == (0, 0)
+    assert (bad.scores[0], bad.coverage, good.coverage) == ((), "3 of 4", "4 of 4")
     assert bad.scores[1] == pytest.approx((0.2, 0.25))
     assert (bad.unfinished, good.unfinished) == ("2 intractable", "")
     assert common.tasks == ("one", "three", "two")
@@ -47,7 +47,9 @@ def test_every_way_to_end_without_a_result_stays_visible():
     missing = [result("bad", 9, task="four").id]
     every, *_ = fields(condense([*RESULTS[:-2], *ends], missing), STANDARDS, {})
     assert every.entries[0].unfinished == "1 timeout, 1 raised, 1 killed, 1 not run"
-    assert every.entries[0].scores[0] == (0, 0, 0, 0)
+    assert every.entries[0].scores[0] == ()
+    some = fields(condense([*RESULTS[:-2], *ends, *seeds("bad", 0.0, task="four")[:1]], missing), STANDARDS, {})
+    assert sorted(some[0].entries[0].scores[0]) == [0, 0, 0, 0, 0.5]  # one seed fits, so the others count
 
 
 def test_a_robustness_without_bound_counts_as_random():
@@ -96,19 +98,69 @@ def test_aggregates_have_intervals_and_ranks():
     assert (bad.rank, good.rank) == ((2.0, (2.0, 2.0)), (1.0, (1.0, 1.0)))
 
 
+def test_a_method_that_does_not_fit_has_no_rank_there_and_its_rival_is_ranked_among_fewer():
+    """By hand: on `four` only good and third are ranked, so bad has 3, 3, 3 and good 1, 1, 1 and 2 on `four`."""
+    third = [
+        each for task in TASKS for each in seeds("third", *((0.95,) * 2 if task == "four" else (0.5,) * 2), task=task)
+    ]
+    every, common = fields(condense([*RESULTS, *third]), STANDARDS, {})
+    ranks = {each.entry.method: (each.rank.value, each.entry.coverage) for each in aggregates(every)}
+    assert ranks == {"bad": (3.0, "3 of 4"), "good": (1.25, "4 of 4"), "third": (1.75, "4 of 4")}
+    assert [each.rank.value for each in aggregates(common)] == [3.0, 1.0, 2.0]
+    both = {row[3:5]: row[5:7] for row in improvement_table((every,)).rows}
+    assert both == {
+        ("bad", "good"): ("3 of 4", 0.0),
+        ("bad", "third"): ("3 of 4", 0.0),
+        ("good", "third"): ("4 of 4", 0.75),
+    }
+
+
+def test_methods_that_pay_the_same_share_a_rank_whatever_stands_between_them():
+    """On `one` good and twin are paid the same: the median of their four seeds, .75, is behind third's .8."""
+    twin = [each for task in TASKS for each in seeds("twin", 0.7, 0.6, task=task)]
+    third = [each for task in TASKS for each in seeds("third", 0.8, 0.8, task=task)]
+    same = STANDARDS | {"one": replace(STANDARDS["one"], alike=alike("one", good_twin="="))}
+    found = condense([*RESULTS[:8], *twin, *third])
+    (field,), (tied,) = fields(found, STANDARDS, {}), fields(found, same, {})
+    assert [each.rank.value for each in aggregates(field)] == [1.0, 2.0, 3.0]  # good, third, twin
+    good, third_rank, twin_rank = aggregates(tied)
+    assert [each.rank.value for each in (good, third_rank, twin_rank)] == [1.375, 1.75, 2.875]
+    assert good.rank.interval.low < good.rank.interval.high  # which of the four seeds are drawn decides on third
+    rows = {row[3:5]: row[6] for row in improvement_table((tied,)).rows}
+    assert rows["good", "twin"] == pytest.approx((1 + 1 + 1 + 0.5) / 4)
+
+
+def test_aggregates_come_without_trivial_tasks_first_and_with_them_second():
+    trivial = STANDARDS | {"three": replace(STANDARDS["three"], trivial=True)}
+    without, every = fields(condense(RESULTS[:8] + seeds_of("bad", TASKS)), trivial, {})
+    assert (without.name, without.tasks) == ("3 of 4, not trivial", ("four", "one", "two"))
+    assert (every.name, every.tasks) == ("all 4", ("four", "one", "three", "two"))
+    five = trivial | {"five": STANDARDS["one"]}
+    more = [*RESULTS, *seeds("good", 0.9, 0.8, task="five"), *seeds("bad", 0.1, 0.2, task="five")]
+    assert [field.name for field in fields(condense(more), five, {})] == [
+        "4 of 5, not trivial",
+        "all 5",
+        "3 of 5, not trivial, all methods fit",
+    ]
+
+
+def seeds_of(method, tasks):
+    return [each for task in tasks for each in seeds(method, 0.1, 0.2, task=task)]
+
+
 def test_both_tables_say_of_which_tasks_they_are():
     found = fields(condense(RESULTS), STANDARDS, {})
     table = aggregates_table(found)
     columns = [column.title for column in table.columns]
-    assert [(row[2], row[3], row[columns.index("without a result")]) for row in table.rows] == [
-        ("all 4", "bad", "2 intractable"),
-        ("all 4", "good", None),
-        ("the 3 of 4 that all finished", "bad", None),
-        ("the 3 of 4 that all finished", "good", None),
+    assert [(*row[2:5], row[columns.index("without a result")]) for row in table.rows] == [
+        ("all 4", "bad", "3 of 4", "2 intractable"),
+        ("all 4", "good", "4 of 4", None),
+        ("3 of 4, all methods fit", "bad", "3 of 3", None),
+        ("3 of 4, all methods fit", "good", "3 of 3", None),
     ]
-    assert [row[2:6] for row in improvement_table(found).rows] == [
-        ("all 4", "bad", "good", 0.0),
-        ("the 3 of 4 that all finished", "bad", "good", 0.0),
+    assert [row[2:7] for row in improvement_table(found).rows] == [
+        ("all 4", "bad", "good", "3 of 4", 0.0),
+        ("3 of 4, all methods fit", "bad", "good", "3 of 3", 0.0),
     ]
 
 

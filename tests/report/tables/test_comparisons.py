@@ -80,16 +80,26 @@ def test_tasks_agents_budgets_and_tracks_are_not_mixed_and_one_correction_is_for
     assert any(each.difference.chance < by_pair[each.one.setting, each.other.setting].chance for each in few)
 
 
-def test_the_table_has_the_numbers_of_scipys_test():
+def test_the_table_has_the_interval_of_scipys_test_and_both_p_values():
     groups = condense(seeds("funnel", (0.1, 0.2, 0.4)) + seeds("raw", (0.1, 0.15, 0.3, 0.2)))
     text = to_csv(comparisons_table(compare(groups, {}, BEST)))
     (row,) = csv.DictReader(io.StringIO(text))
     expected = stats.ttest_ind((0.1, 0.2, 0.4), (0.1, 0.15, 0.3, 0.2), equal_var=False)
-    assert float(row["p"]) == pytest.approx(expected.pvalue)
+    assert float(row["p alone"]) == float(row["p"]) > 0.05
+    assert row["decided by"] == ""
     ends = tuple(float(row[f"difference 95 % interval {end}"]) for end in ("low", "high"))
     assert ends == pytest.approx(tuple(expected.confidence_interval()))
     assert row["verdict"].startswith("cannot tell, ")
     assert float(row["margin"]) == pytest.approx(0.02)
+
+
+def test_the_table_says_in_which_respects_a_pair_is_apart():
+    """All seeds satisfy with one method and none with the other, so that all three respects decide."""
+    one, other = [0.1 * seed + 0.1 for seed in range(6)], [-0.1 * seed - 0.1 for seed in range(6)]
+    groups = condense(seeds("funnel", one) + seeds("raw", other))
+    (row,) = csv.DictReader(io.StringIO(to_csv(comparisons_table(compare(groups, {}, BEST)))))
+    assert (row["verdict"], row["decided by"]) == ("better", "mean, rank, learned")
+    assert float(row["p"]) == pytest.approx(2 / 924)  # one of the 12! / (6! 6!) deals, and its mirror
 
 
 def test_the_fewest_seeds_are_advised_first_and_the_rest_is_counted():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 from helpers.synthetic_results import alike, by_hand, result
-from scipy import stats
 
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
@@ -26,8 +25,7 @@ def test_one_row_per_task_and_one_column_per_method():
     assert [column.heading for column in table.columns[4:]] == ["by hand", "funnel", "raw", "tau-mdp", "cell CPU [s]"]
     assert [row[0] for row in table.rows] == ["hold-disc", "other"]
     assert table.rows[0][4] == 0.4
-    low, high = stats.ttest_1samp([0.1, 0.2, -0.6], 0).confidence_interval()
-    assert table.rows[0][5] == (pytest.approx(-0.1), pytest.approx(low), pytest.approx(high), 2, 3, 3, "")
+    assert table.rows[0][5] == (0.1, None, None, 2, 3, 3, "")
     assert table.rows[0][6:] == ((0.5, None, None, 1, 1, 1, ""), "intractable", pytest.approx((3 * 14 + 7) / 4))
     assert table.rows[1][4:] == (None, None, (-0.0001, None, None, 0, 0, 1, ""), None, 14.0)
 

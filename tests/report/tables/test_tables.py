@@ -21,8 +21,10 @@ from stlbench.report import (
     to_csv,
     unfinished_table,
 )
+from stlbench.report.page.cells import cells_listed
+from stlbench.report.tables.cell import scores_table
 from stlbench.report.tables.table import FirstFailed, Seeds
-from stlbench.result import RANDOM, Score, Summary
+from stlbench.result import MAIN, RANDOM, Score, Summary
 from stlbench.rollout.standards import Standard
 from stlbench.task.file import BestPossible
 
@@ -43,27 +45,53 @@ def test_robustness_is_averaged_over_starts_and_then_over_seeds():
     ]
     table = robustness_table(condense(results))
     assert cell(table, "mean robustness") == pytest.approx((0.2 + 0.7 - 0.4) / 3)
-    assert cell(table, "IQM robustness") == pytest.approx(0.5 / 3)
-    assert cell(table, "IQM 95 % interval") == pytest.approx(t_interval(0.2, 0.7, -0.4))
+    assert cell(table, "median robustness") == pytest.approx(0.2)
+    assert cell(table, "median 95 % interval") is None
     assert cell(table, "worst start") == -0.4
     assert cell(table, "satisfied [%]") == pytest.approx(200 / 3)
     assert cell(table, "seeds") == Seeds(3, 3)
 
 
-def test_iqm_leaves_out_the_lowest_and_the_highest_quarter():
-    results = [result(seed=seed, robustness=(value,)) for seed, value in enumerate((-9.0, 1.0, 2.0, 50.0))]
-    assert cell(robustness_table(condense(results)), "IQM robustness") == 1.5
+def test_the_median_has_an_interval_of_five_seeds_on_that_no_seed_is_beyond():
+    values = (-9.0, 1.0, 2.0, 3.0, 50.0)
+    results = [result(seed=seed, robustness=(value,)) for seed, value in enumerate(values)]
+    table = robustness_table(condense(results))
+    assert (cell(table, "median robustness"), cell(table, "median 95 % interval")) == (2.0, (-9.0, 50.0))
+    assert any("Fewer than 5 seeds have none" in note for note in table.notes)
+
+
+def test_early_ends_have_a_column_where_there_are_any():
+    """Half of the starts of one seed, none of another; of a third, of an older record, nobody knows."""
+    ended = [result(seed=seed, robustness=(0.3, 0.4)) for seed in range(3)]
+    shares = dict(enumerate((0.5, 0.0)))
+    early = [with_ends(each, shares.get(seed)) for seed, each in enumerate(ended)]
+    table = robustness_table(condense(early))
+    assert cell(table, "ended early [%]") == 25
+    assert any("under `hold` the last sample stays" in note for note in table.notes)
+    assert "ended early [%]" not in [column.heading for column in robustness_table(condense(ended)).columns]
+    rows = condense(early)[0].rows
+    assert [cell(cells_table(rows), "ended_early", row) for row in range(3)] == [0.5, 0.0, None]
+    page = cells_listed(rows)
+    place = [head.text for head in page.heads].index("ended early [%]")
+    assert [row[place].key for row in page.rows] == [50, 0, None]
+    measured = early[0].measurement
+    assert cell(scores_table({"": measured.selected}), "ended early [%]") == 50
+
+
+def with_ends(of, share):
+    scores = {MAIN: replace(of.measurement.selected[MAIN], ended_early=share)}
+    return replace(of, measurement=replace(of.measurement, selected=scores))
 
 
 def test_one_seed_has_no_interval():
     table = robustness_table(condense([result()]))
     assert cell(table, "mean robustness") == pytest.approx(0.35)
-    assert cell(table, "IQM 95 % interval") is None
+    assert cell(table, "median 95 % interval") is None
 
 
 def test_the_final_policy_has_columns_of_its_own():
     table = robustness_table(condense([result(robustness=(0.3, 0.4), final=(-0.1, 0.2))]))
-    assert cell(table, "final IQM robustness") == pytest.approx(0.05)
+    assert cell(table, "final median robustness") == pytest.approx(0.05)
     assert cell(table, "final satisfied [%]") == 50
 
 
@@ -77,8 +105,8 @@ def test_selected_and_final_policies_have_intervals_and_learned_seeds_side_by_si
     assert cell(table, "learned 95 % interval [%]") == pytest.approx((100 * exact.low, 100 * exact.high))
     exact = stats.binomtest(7, 10).proportion_ci()
     assert cell(table, "final learned 95 % interval [%]") == pytest.approx((100 * exact.low, 100 * exact.high))
-    assert cell(table, "final IQM 95 % interval")[1] > cell(table, "IQM 95 % interval")[1]
-    assert cell(table, "final IQM 95 % interval", 1) is None
+    assert (cell(table, "median 95 % interval"), cell(table, "final median 95 % interval")) == ((0.5, 0.5), (-0.5, 0.5))
+    assert cell(table, "final median 95 % interval", 1) is None
 
 
 def test_numbers_come_from_the_random_starts_where_there_are_some():
@@ -245,7 +273,7 @@ def test_actions_at_random_stand_beside_the_controller():
     assert [row[4:6] for row in table.rows] == [(-0.125, 50.0), (-1.0, 0.0)]
 
 
-SHARE = "share of best possible (IQM, both above 0)"
+SHARE = "share of best possible (median, both above 0)"
 
 
 def test_robustness_is_a_share_of_the_best_possible_where_both_are_above_zero():
@@ -291,7 +319,7 @@ def test_infinite_robustness_has_a_row():
     results = [result(seed=seed, robustness=(float("inf"),)) for seed in range(2)]
     table = robustness_table(condense(results))
     assert cell(table, "mean robustness") == float("inf")
-    assert cell(table, "IQM 95 % interval") is None
+    assert cell(table, "median 95 % interval") is None
 
 
 def test_cells_have_all_numbers_in_full():

@@ -166,3 +166,16 @@ def test_input_is_checked() -> None:
         bounds(parse("x >= 0"), [(0, 1)])
     with pytest.raises(ValueError, match="tolerance"):
         bounds(parse("x >= 0"), BOX, tolerance=0)
+
+
+@pytest.mark.parametrize("psi", ["exp(x) - exp(x) >= 0", "0 * exp(x) >= 1", "(exp(x) - exp(2 * x)) ** 2 >= 0"])
+def test_where_floats_have_no_margin_is_an_error_and_no_answer(psi: str) -> None:
+    with pytest.raises(UndefinedError, match=r"has no value \(.* inf - inf\) where x = 1500"):
+        bounds(parse(psi), {"x": (1000, 2000)})
+
+
+def test_a_masked_box_is_refused() -> None:
+    ends = np.ma.array([[0.0, 1.0]], mask=[[True, False]])
+    for box, names in ((ends, ["x"]), ({"x": ends[0]}, None)):
+        with pytest.raises(TypeError, match="masked array"):
+            bounds(parse("x >= 0"), box, names)

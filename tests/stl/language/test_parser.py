@@ -116,6 +116,8 @@ def test_intervals_of_many_steps() -> None:
 @pytest.mark.parametrize(
     ("text", "line", "column", "expected", "found"),
     [
+        ("G(0,1) x > 0", 1, 4, "')' (an interval has square brackets, as in G[0,1])", "','"),
+        ("x > 0 U(0,1) y > 0", 1, 10, "square brackets", "','"),
         ("x", 1, 2, "a comparison", "the end"),
         ("", 1, 1, "a formula", "the end"),
         ("x & y >= 1", 1, 3, "a comparison", "'&'"),

@@ -74,7 +74,7 @@ def test_what_is_written(text: str, formula: Formula) -> None:
 def test_what_they_stand_for() -> None:
     assert str(parse("p >= 0 <-> q >= 0")) == "(p >= 0 -> q >= 0) & (q >= 0 -> p >= 0)"
     assert str(parse("p >= 0 xor q >= 0")) == "(p >= 0 | q >= 0) & !(p >= 0 & q >= 0)"
-    assert str(parse("p >= 0 R[1,2] q >= 0")) == "!(!p >= 0 U[1,2] !q >= 0)"
+    assert str(parse("p >= 0 R[1,2] q >= 0")) == "p >= 0 R[1,2] q >= 0"
     assert str(parse("p >= 0 W[1,2] q >= 0")) == "p >= 0 U[1,2] q >= 0 | G[0,2] p >= 0"
     assert str(parse("p >= 0 W q >= 0")) == "p >= 0 U q >= 0 | G p >= 0"
 

@@ -13,7 +13,10 @@ from hypothesis.extra.numpy import arrays
 from stlbench import stl
 from stlbench.stl import Fold, Mean, Total
 
-FOLDS = {name: stl.semantics(name).least for name in ("classic", "lse", "agm", "gmsr")}  # type: ignore[arg-type]
+FOLDS: dict[str, Fold] = {
+    **{name: stl.semantics(name).least for name in ("classic", "lse", "agm", "gmsr")},  # type: ignore[arg-type]
+    "weighted": stl.semantics("gilpin").greatest.mirrored(),
+}
 SMOOTH = ("lse", "agm", "gmsr")
 SOUND = ("classic", "agm", "gmsr")
 #: values are 0 or at least 1/16 in size, where the eps of gmsr is nothing
@@ -27,6 +30,13 @@ each = pytest.mark.parametrize("name", FOLDS)
         ("classic", [0.5, -0.25, 1.0], -0.25),
         ("lse", [0.0, 0.0], -math.log(2) / 10),
         ("lse", [0.5, 1.0], 0.5 - math.log(1 + math.exp(-5)) / 10),
+        ("lse", [-100.0, 100.0], -100.0),  # e^1000 is more than a float can be
+        ("lse", [200.0, 200.0], 200 - math.log(2) / 10),  # and e^-2000 is less
+        ("weighted", [0.5, 1.0], (0.5 + math.exp(-5)) / (1 + math.exp(-5))),
+        ("weighted", [0.25, 0.25, 0.25], 0.25),
+        ("weighted", [-100.0, 100.0], -100.0),
+        ("weighted", [math.inf, 1.0], 1.0),
+        ("weighted", [-math.inf, 1.0], -math.inf),
         ("agm", [1.0, 0.125], 0.5),  # sqrt(2 * 1.125) - 1
         ("agm", [-1.0, 0.5], -0.5),
         ("agm", [0.0, 0.5, 1.0], 0.0),
@@ -72,9 +82,32 @@ def test_the_sign_is_that_of_the_least(name: str, values: np.ndarray) -> None:
     assert np.sign(FOLDS[name](values).round(9)) == np.sign(values.min())
 
 
-def test_the_sign_of_log_sum_exp_can_be_wrong() -> None:
-    """Ten values of .1 at b = 10 make .1 - log(10) / 10 = -.13."""
+@pytest.mark.parametrize("name", ["classic", "agm", "gmsr"])
+@pytest.mark.parametrize("rest", [0.5, 1.0, 1e-9, 1e-200])
+@pytest.mark.parametrize("one", [1e-9, 1e-300, 0.0, -0.0, -1e-9, -1e-300])
+def test_the_sign_is_exact_over_many_values(name: str, rest: float, one: float) -> None:
+    values = np.full(500, rest)
+    values[123] = one
+    assert np.sign(FOLDS[name](values)) == np.sign(one)
+    assert np.sign(FOLDS[name].mirrored()(-values)) == -np.sign(one)
+
+
+def test_the_sign_of_log_sum_exp_can_be_wrong_either_way() -> None:
+    """Ten values of .1 at b = 10 make .1 - log(10) / 10 = -.13; and as a maximum of -.1, .13."""
     assert FOLDS["lse"](np.full(10, 0.1)) == pytest.approx(0.1 - math.log(10) / 10)
+    assert FOLDS["lse"].mirrored()(np.full(10, -0.1)) == pytest.approx(math.log(10) / 10 - 0.1)
+
+
+floats = arrays(np.float64, st.integers(1, 12), elements=st.floats(-1e3, 1e3))
+
+
+@given(values=floats, sharpness=st.sampled_from([0.5, 10.0, 100.0]))
+def test_gilpins_two_are_never_above_the_true_ones(values: np.ndarray, sharpness: float) -> None:
+    both = stl.semantics("gilpin", sharpness)
+    most = math.log(len(values)) / sharpness
+    for value, exact in ((both.least(values), values.min()), (both.greatest(values), values.max())):
+        assert exact - most - 1e-9 <= value <= exact + 1e-9
+        assert value <= 0 or exact > 0
 
 
 @given(values=values, sharpness=st.sampled_from([1.0, 10.0, 300.0]))
@@ -83,13 +116,13 @@ def test_log_sum_exp_is_within_its_bound(values: np.ndarray, sharpness: float) -
     assert values.min() - math.log(len(values)) / sharpness - 1e-9 <= value <= values.min() + 1e-9
 
 
-@pytest.mark.parametrize("name", ["classic", "agm"])
+@pytest.mark.parametrize("name", ["classic", "agm", "weighted"])
 @given(value=st.integers(-16, 16).map(lambda n: n / 16), count=st.integers(1, 40))
 def test_equal_values_give_themselves(name: str, value: float, count: int) -> None:
     assert FOLDS[name](np.full(count, value)) == pytest.approx(value, abs=1e-12)
 
 
-@each
+@pytest.mark.parametrize("name", sorted(FOLDS.keys() - {"weighted"}))  # a weighted mean can fall as a value rises
 @given(values=values, data=st.data())
 def test_more_of_a_value_is_never_worse(name: str, values: np.ndarray, data: st.DataObject) -> None:
     more = values.copy()

@@ -12,7 +12,7 @@ from hypothesis import given
 from stlbench import stl
 
 NAMED = pytest.mark.parametrize("name", ["lse", "agm", "gmsr"])
-plain = formulas(LIPSCHITZ, constants=False)
+plain = formulas(LIPSCHITZ, constants=False, past=False)
 #: margins of these formulas on these traces are at most 6 in size
 UNIT = 6.0
 
@@ -22,7 +22,7 @@ def values(formula: stl.Formula, samples: np.ndarray, name: str, sharpness: floa
     return quantity.values(quantity.read(samples) / UNIT)
 
 
-@given(formulas(LIPSCHITZ), SEEDS)
+@given(formulas(LIPSCHITZ, past=False), SEEDS)
 def test_classic_is_the_robustness(formula: stl.Formula, seed: int) -> None:
     samples = traces(stl.horizon(formula) + 3, seed, (3,))
     quantity = stl.Quantity(formula, NAMES, stl.semantics("classic"))
@@ -44,12 +44,39 @@ def test_signs_are_sound(name: str, formula: stl.Formula, seed: int) -> None:
 
 
 @given(formula=plain, seed=SEEDS)
-def test_log_sum_exp_is_the_robustness_in_the_limit(formula: stl.Formula, seed: int) -> None:
+def test_gilpins_value_is_never_above_the_robustness(formula: stl.Formula, seed: int) -> None:
+    samples = traces(stl.horizon(formula) + 1, seed, (4,))
+    rho = stl.robustness(formula, samples, NAMES)
+    for sharpness in (1.0, 10.0):
+        found = values(formula, samples, "gilpin", sharpness)[:, 0]
+        assert (found <= rho / UNIT + 1e-12).all()
+        assert stl.satisfied(formula, samples, NAMES)[found > 0].all()
+
+
+def test_log_sum_exp_can_be_wrong_either_way() -> None:
+    """Ten samples just below 0 make an F positive, and ten just above 0 a G negative; gilpin errs on one side."""
+    below = np.full((1, 10, 1), -0.1)
+    found = {}
+    for name in ("lse", "gilpin"):
+        quantity = stl.Quantity(stl.parse("F[0,9] x >= 0"), ["x"], stl.semantics(name))  # type: ignore[arg-type]
+        found[name] = quantity.values(quantity.read(below)).item()
+    assert found == {"lse": pytest.approx(math.log(10) / 10 - 0.1), "gilpin": pytest.approx(-0.1)}
+
+
+def test_large_values_do_not_overflow() -> None:
+    for name in ("lse", "gilpin"):
+        quantity = stl.Quantity(stl.parse("F[0,1] G[0,1] x >= 0"), ["x"], stl.semantics(name))  # type: ignore[arg-type]
+        assert quantity.values(np.array([[[100.0], [1e6], [-1e300]]])).item() == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize("name", ["lse", "gilpin"])
+@given(formula=plain, seed=SEEDS)
+def test_the_robustness_is_the_limit(name: str, formula: stl.Formula, seed: int) -> None:
     """Each operator is within log(n) / b; there are at most 6 leaves, so few operators of at most 6 values each."""
     samples = traces(stl.horizon(formula) + 1, seed, (2,))
     rho = stl.robustness(formula, samples, NAMES) / UNIT
     for sharpness, near in ((20.0, 1.5), (500.0, 0.06)):
-        assert values(formula, samples, "lse", sharpness)[:, 0] == pytest.approx(rho, abs=near)
+        assert values(formula, samples, name, sharpness)[:, 0] == pytest.approx(rho, abs=near)
 
 
 @NAMED
@@ -99,7 +126,7 @@ def test_a_formula_without_end_is_refused(name: str) -> None:
 
 
 def test_wrong_choices_are_told() -> None:
-    with pytest.raises(ValueError, match="there are the semantics classic, lse, agm, gmsr, not 'smooth'"):
+    with pytest.raises(ValueError, match="there are the semantics classic, lse, gilpin, agm, gmsr, not 'smooth'"):
         stl.semantics("smooth")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="more than 0, got 0"):
         stl.semantics("lse", 0.0)

@@ -5,8 +5,8 @@ rtamt (semantics/stl/discrete_time/offline/ast_visitor.py) reads windows as the 
 every sample. Its until takes the left operand over [t, t') without t', as here. Where the horizon fits, clip and strict
 agree, so the head of its answer is also compared with the strict trace. Differences that the comparison avoids:
 
-- rtamt has `==` and `!=` (robustness -|x - y| and |x - y|) and past operators; there is no counterpart here. Its iff
-  and xor are -|p - q| and |p - q| of the robustness, whose signs are not the verdicts.
+- rtamt has `==` and `!=` (robustness -|x - y| and |x - y|); there is no counterpart here. Its iff and xor are -|p - q|
+  and |p - q| of the robustness, whose signs are not the verdicts.
 - rtamt treats `<` as `<=` and has no Boolean verdict, so satisfaction is compared only where the robustness is not 0.
 - rtamt has no `True`, sin, cos, min, max or norms, and reads `!` only as `not`.
 """
@@ -32,12 +32,15 @@ from stlbench.stl import (
     Eventually,
     Expression,
     Formula,
+    Historically,
     Implies,
     Not,
     Number,
+    Once,
     Or,
     Predicate,
     Signal,
+    Since,
     Until,
     horizon,
     robustness,
@@ -85,6 +88,9 @@ def random_formula(rng: np.random.Generator, depth: int) -> Formula:
         lambda: Eventually(a, b, inner()),
         lambda: Until(a, b, inner(), inner()),
         lambda: Until(a, b, inner(), inner()),
+        lambda: Historically(a, b, inner()),
+        lambda: Once(a, b, inner()),
+        lambda: Since(a, b, inner(), inner()),
     ]
     return choices[rng.integers(len(choices))]()
 
@@ -111,6 +117,12 @@ def rtamt_text(node: Formula | Expression) -> str:
             return f"(always{interval(a, b)} {rtamt_text(arg)})"
         case Eventually(a, b, arg):
             return f"(eventually{interval(a, b)} {rtamt_text(arg)})"
+        case Historically(a, b, arg):
+            return f"(historically{interval(a, b)} {rtamt_text(arg)})"
+        case Once(a, b, arg):
+            return f"(once{interval(a, b)} {rtamt_text(arg)})"
+        case Since(a, b, left, right):
+            return f"({rtamt_text(left)} since{interval(a, b)} {rtamt_text(right)})"
         case Until(a, b, left, right):
             return f"({rtamt_text(left)} until{interval(a, b)} {rtamt_text(right)})"
         case _:
@@ -135,7 +147,7 @@ def rtamt_robustness(formula: Formula, trace: NDArray[np.float64]) -> NDArray[np
 def test_equals_rtamt(record_property: Any) -> None:
     logging.getLogger().setLevel(logging.ERROR)
     rng = np.random.default_rng(20240607)
-    operators = {kind: 0 for kind in (Always, Eventually, Until)}
+    operators = {kind: 0 for kind in (Always, Eventually, Until, Historically, Once, Since)}
     compared = shorter = endless = 0
     while compared < COMPARED:
         formula = random_formula(rng, depth=int(rng.integers(1, 4)))

@@ -17,11 +17,15 @@ from stlbench.stl import (
     And,
     Eventually,
     Formula,
+    Historically,
     Implies,
     Not,
+    Once,
     Or,
     Predicate,
+    Release,
     ShortTraceError,
+    Since,
     TrueFormula,
     Until,
     holds_trace,
@@ -63,6 +67,18 @@ def defined(formula: Formula, trace: NDArray[np.float64], t: int) -> float:
                 min([defined(right, trace, s), *(defined(left, trace, r) for r in range(t, s))])
                 for s in range(t + a, end + 1)
             )
+        case Release(a, b, left, right):
+            return -defined(Until(a, b, Not(left), Not(right)), trace, t)
+        case Historically(a, b, arg):
+            return min((defined(arg, trace, s) for s in range(max(t - b, 0), t - a + 1)), default=np.inf)
+        case Once(a, b, arg):
+            return max((defined(arg, trace, s) for s in range(max(t - b, 0), t - a + 1)), default=-np.inf)
+        case Since(a, b, left, right):
+            values = [
+                min([defined(right, trace, s), *(defined(left, trace, r) for r in range(s + 1, t + 1))])
+                for s in range(max(t - b, 0), t - a + 1)
+            ]
+            return max(values, default=-np.inf)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from stlbench.stl import (
     Always,
+    BatchMonitor,
     Eventually,
     Formula,
     Interval,
@@ -153,7 +154,59 @@ def test_general_formulas_keep_at_most_the_horizon() -> None:
     monitor = Monitor(parse("F[0,2] (x >= 0 U[0,3] x >= 1)"), ["x"])
     for _ in range(50):
         monitor.update([0.5])
-    assert len(vars(monitor._state)["samples0"]) == 6
+    assert vars(monitor._state)["samples0"].rows.shape[1] <= 2 * 6 + 2
+
+
+NESTED = [
+    "G[0,30] (x >= 0 -> F[0,4] y >= 0)",
+    "G (x >= 0 -> F[1,4] y >= 0)",
+    "F[2,30] (x >= 1 & (y >= 0 U[0,3] x >= 2))",
+    "(F[0,2] x >= 0) U[0,25] (G[0,3] y >= 0)",
+    "(x >= 0 R[0,2] y >= 0) R (F[0,3] x >= 1)",
+    "F[0,20] G[0,4] F[0,5] x >= 1",
+    "G (x >= 0 -> G y >= -2)",
+    "F (x >= 1 & F (y >= 1 & F x <= 0))",
+    "G (x >= 1 -> y >= 0 U x >= 2)",
+    "F (x >= 1 & (y >= 0 R x >= -1))",
+    "G (x >= 1 -> F y >= 1)",
+    "G[0,20] (x >= 0 -> O[0,5] y >= 0)",
+    "G (x >= 0 -> O y >= 0)",
+    "G (x >= 0 -> (y >= 0 S x <= 0))",
+    "F[3,20] (H[1,4] x >= 0 | (O[0,2] F[0,3] y >= 2))",
+    "G[0,15] (H (x >= -2 | O[2,3] y >= 0) | F[0,2] (x >= 0 S[1,3] y >= 1))",
+    "H[0,3] x >= 0 & O F[0,3] y >= 0",
+]
+
+
+@pytest.mark.parametrize("text", NESTED)
+@pytest.mark.parametrize("seed", range(3))
+def test_nested_operators_equal_the_interval_policy(text: str, seed: int) -> None:
+    """What is kept beside the samples stands for all of them: traces are longer than any operand looks."""
+    formula, trace = parse(text), traces(40, seed)
+    monitor, batch = Monitor(formula, NAMES), BatchMonitor(formula, NAMES, 2)
+    for n in range(1, len(trace) + 1):
+        now = monitor.update(trace[n - 1])
+        if n == 15:
+            batch.restart([1])
+        known = batch.update([trace[n - 1], trace[n - 1]])
+        bounds = robustness_bounds(formula, trace[:n], NAMES)
+        assert now[:2] == tuple(end.item() for end in bounds)
+        later = robustness_bounds(formula, trace[14 if n >= 15 else 0 : n], NAMES)
+        assert (known.lower.tolist(), known.upper.tolist()) == tuple([a, b] for a, b in zip(bounds, later, strict=True))
+        certainly, possibly = satisfaction_bounds(formula, trace[:n], NAMES)
+        assert now.verdict == (True if certainly else None if possibly else False)
+
+
+def kept(text: str, steps: int) -> int:
+    monitor = Monitor(parse(text), NAMES)
+    for sample in traces(steps, 0):
+        monitor.update(sample)
+    return int(vars(monitor._state)["samples0"].rows.shape[1])
+
+
+@pytest.mark.parametrize("text", NESTED)
+def test_what_is_kept_does_not_grow_with_the_trace(text: str) -> None:
+    assert kept(text, 300) == kept(text, 60) <= 40
 
 
 def test_what_overflows_is_infinite_as_in_arrays() -> None:

@@ -103,6 +103,18 @@ def test_the_source_grows_with_the_operators_and_not_with_their_square() -> None
     assert len(written(many(400))) < 3 * len(written(many(200)))
 
 
+def test_conjuncts_of_one_interval_are_one_operator() -> None:
+    def same(count: int) -> Formula:
+        return parse(
+            " & ".join(f"G[{i % 3},9] x >= {i} & (F[1,4] x >= {i} | F[1,4] y >= {i} | z >= 1)" for i in range(count))
+        )
+
+    trace = [tuple(row) for row in (4 * np.random.default_rng(0).standard_normal((12, 3))).tolist()]
+    check(same(30), trace)
+    globally = parse(" & ".join(f"G[{i % 3},9] x >= {i}" for i in range(2000)))
+    assert len(written(globally)) <= len(written(parse("G[0,9] x >= 0 & G[1,9] x >= 1 & G[2,9] x >= 2")))
+
+
 def test_many_operators() -> None:
     formula = many(60)
     trace = 4 * np.random.default_rng(0).standard_normal((horizon(formula) + 2, 3))
@@ -114,8 +126,8 @@ def test_many_operators() -> None:
 def test_every_word_of_the_source_is_one_of_ours(formula: Formula) -> None:
     words = "def begin step m now sample if elif else not and or is while try except return True False None"
     state = "steps answer changed lower upper verdict queue first clear pop popleft append"
-    numbered = "x|t|v|w|whole_v|whole_w|l|u|lower|upper|least|best|open|queue|due|guard|samples|replay"
-    ours = {*FLOATS.namespace, *monitor_source._NAMES, *words.split(), *state.split(), "checked", "tuple"}
+    numbered = "x|t|v|w|whole_v|whole_w|l|u|lower|upper|least|best|open|queue|due|guard|samples|kept|begin|read|take"
+    ours = {*FLOATS.namespace, *monitor_source._NAMES, *words.split(), *state.split(), "checked", "kept", "item"}
     text = re.sub(r"\b\d+\.\d+(e[+-]?\d+)?\b|\b\d+e[+-]?\d+\b", "", written(formula))  # reprs of floats
     for word in re.findall(r"[^\W\d]\w*", text):
         assert word in ours or re.fullmatch(rf"({numbered})\d+", word), word

@@ -1,0 +1,129 @@
+"""Another revision of a repository, taken out beside the working tree, and how a process runs the code of either."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tarfile
+import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from stlbench.errors import UsageError
+from stlbench.registry import plugins
+
+__all__ = ["Tree", "both_trees"]
+
+INSTALLED = {"site-packages", "dist-packages"}
+"""Folders of what is installed: a virtual environment within a repository is none of its code."""
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The files of one revision, or the working tree."""
+
+    name: str
+    """For people: the revision and its hash."""
+    root: Path
+    environment: Mapping[str, str]
+    """Of a process that runs the code of this tree. What the tree depends on is the same for all."""
+
+    def holds(self, file: str) -> bool:
+        """Whether a module's file is of this tree."""
+        return Path(file).is_relative_to(self.root) and not INSTALLED & {*Path(file).parts}
+
+
+@contextmanager
+def both_trees(revision: str) -> Iterator[tuple[Tree, Tree]]:
+    """The tree of a revision, in a temporary folder, and the working tree of the repository that this folder is in.
+
+    Raises:
+        UsageError: there is no repository, no such revision, or nothing that is installed is run from the repository.
+    """
+    root = Path(_git(Path.cwd(), "rev-parse", "--show-toplevel").strip()).resolve()
+    try:
+        commit = _git(root, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{revision}^{{commit}}").strip()
+    except UsageError as error:
+        hint = "in a shallow clone, fetch its history first (fetch-depth: 0)"
+        raise UsageError(f"--against {revision}: there is no such revision in {root}; {hint}") from error
+    roots = _import_roots(root)
+    with TemporaryDirectory(prefix="stlbench-gate-") as folder:
+        base = Path(folder).resolve() / "base"
+        _take_out(root, commit, base)
+        places = base, root
+        environments = [_environment(root, place, roots, Path(folder) / f"{place.name}-metadata") for place in places]
+        names = f"{revision} ({commit[:12]})", "the working tree"
+        yield tuple(map(Tree, names, places, environments))  # type: ignore[misc]
+
+
+def _git(folder: Path, *words: str) -> str:
+    command = ["git", "-C", str(folder), *words]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - words of our own
+    if ended.returncode:
+        raise UsageError(f"git {words[0]} in {folder}: {(ended.stderr.strip() or 'it failed').splitlines()[-1]}")
+    return ended.stdout
+
+
+def _take_out(root: Path, commit: str, folder: Path) -> None:
+    """The files of a commit. Unlike a git worktree, they leave no trace in the repository if this process is killed."""
+    archive = folder.with_suffix(".tar")
+    _git(root, "archive", "--format=tar", f"--output={archive}", commit)
+    with tarfile.open(archive) as file:
+        file.extractall(folder, filter="data")
+    archive.unlink()
+
+
+def _import_roots(root: Path) -> list[Path]:
+    """The folders, relative to the repository, from which stlbench and the installed plugins are imported."""
+    modules = [plugin.entry_point.module for kind in plugins.KINDS for plugin in plugins.available(kind).values()]
+    folders = dict.fromkeys(map(_folder_of, dict.fromkeys(["stlbench", *(name.partition(".")[0] for name in modules)])))
+    own = [folder for folder in folders if folder and folder.is_relative_to(root) and not INSTALLED & {*folder.parts}]
+    if not own:
+        said = f"neither stlbench nor a plugin is run from the files in {root}"
+        raise UsageError(f"{said}, so both sides would run the same code; install it by `pip install -e`")
+    return [folder.relative_to(root) for folder in own]
+
+
+def _folder_of(package: str) -> Path | None:
+    """Where a top-level package or module lies; None where there is none, or it is no file."""
+    spec = find_spec(package)
+    places = [*(spec.submodule_search_locations or ()), spec.origin or ""] if spec else [""]
+    return Path(places[0]).resolve().parent if places[0] else None
+
+
+def _environment(root: Path, place: Path, roots: list[Path], folder: Path) -> dict[str, str]:
+    """The code of a tree goes before what is installed, and so do its entry points, which name the plugins."""
+    inherited = [path for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
+    others = [path for path in inherited if not Path(path).resolve().is_relative_to(root)]
+    _write_entry_points(place / "pyproject.toml", folder)
+    paths = [str(folder), *(str(place / each) for each in roots), *others]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1"}
+
+
+def _write_entry_points(project_file: Path, folder: Path) -> None:
+    """Write what the tree's own pyproject.toml says as the metadata of a distribution, which shadows the installed."""
+    try:
+        project = tomllib.loads(project_file.read_text(encoding="utf-8")).get("project", {})
+    except FileNotFoundError:
+        return
+    except (OSError, ValueError) as error:
+        raise UsageError(f"cannot read {project_file}: {error}") from error
+    name, groups = str(project.get("name", "")), project.get("entry-points", {})
+    if not name or not groups:
+        return
+    try:
+        version = metadata.version(name)
+    except metadata.PackageNotFoundError:
+        version = "0"
+    info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n", encoding="utf-8")
+    sections = []
+    for group, own in groups.items():
+        sections += [f"[{group}]", *(f"{key} = {value}" for key, value in own.items())]
+    (info / "entry_points.txt").write_text("\n".join(sections), encoding="utf-8")

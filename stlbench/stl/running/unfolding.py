@@ -1,0 +1,278 @@
+"""Any formula while its trace grows: two numbers hold what is decided, and only what is open is evaluated.
+
+Every temporal formula is an until, or the opposite of one: F q is True U q, G q is !(True U !q), p R q is !(!p U !q).
+Let h be how many steps the operands look ahead. At sample n, the operands are decided at the steps up to n - h. Two
+numbers hold what these steps mean for the until. The operands are evaluated at the last h steps and at one step that
+stands for all later ones. So the cost of a step depends on the operands alone: not on the length of the trace, and not
+on the interval of the until.
+
+Operands that look ahead without an interval are never decided. `unnested` rewrites many such formulas, and
+`_stays_open` finds those whose bounds stay infinite. For the others all samples are kept and evaluated at each step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stlbench.stl.errors import FormulaLimitError, UndefinedError
+from stlbench.stl.language.horizon import lookahead, lookbehind, unbounded
+from stlbench.stl.language.normal_form import negations_inside
+from stlbench.stl.language.syntax import (
+    END,
+    Always,
+    And,
+    Eventually,
+    Formula,
+    Implies,
+    Not,
+    Once,
+    Or,
+    Past,
+    Predicate,
+    Release,
+    Since,
+    TrueFormula,
+    Until,
+)
+from stlbench.stl.language.traversal import first_past, is_temporal, operands_of, signals, walk
+from stlbench.stl.predicates.compiler import compile_signed
+from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator
+
+Floats: TypeAlias = NDArray[np.float64]
+
+
+class Kept(NamedTuple):
+    """What is kept of n traces beside their samples."""
+
+    best: Floats
+    """(n,): the value of the until by its decided steps."""
+    guard: Floats
+    """(n,): the least value of its left operand at the decided steps."""
+    before: Mapping[Formula, Floats]
+    """The value of each past operator without an interval before the samples, see `Traces`."""
+
+
+class Found(NamedTuple):
+    """The bounds of the until, and what is to be kept with the sample."""
+
+    lower: Floats
+    upper: Floats
+    kept: Kept
+
+
+class Unfolding:
+    """A temporal formula as an until of operands that may look ahead and back.
+
+    Attributes:
+        flipped: whether the formula is the opposite of the until.
+        window: how many samples an evaluation reads, the newest included; `END` for all.
+        last: the last step that counts, or `END`.
+    """
+
+    def __init__(self, formula: Formula, names: tuple[str, ...]) -> None:
+        self.names = names
+        self.flipped, (self.a, self.b), left, right = _as_until(unnested(formula))
+        operands = (left, right)
+        self.always = left == TrueFormula()
+        self.left, self.right = left, right
+        self.ahead = END if any(map(unbounded, operands)) else max(map(lookahead, operands))
+        self.behind = max(map(lookbehind, operands))
+        self.last = END if END in (self.ahead, self.b) else self.b + self.ahead
+        self.reaches = self.always and first_past(right) is None and _to_come(right, names, False) == np.inf
+        self.open = self.reaches and self.b == END == self.ahead and _stays_open(right, names, True)
+        self.parts = [self._evaluator(part, checked=True) for part in _pointwise_parts(right)] if self.open else []
+        self.window = 1 if self.open else min(END, self.ahead + self.behind + 1)
+        endless = (node for operand in operands for node in walk(operand) if isinstance(node, Past) and node.b == END)
+        self.carried = {node: max(map(lookbehind, operands_of(node))) for node in endless}
+
+    def begin(self, count: int) -> Kept:
+        """Before the first sample of `count` traces."""
+        return Kept(np.full(count, -np.inf), np.full(count, np.inf), {})
+
+    def read(self, samples: Floats, now: int, kept: Kept) -> Found:
+        """The bounds after the sample at step `now` <= `last`.
+
+        Args:
+            samples: (n, min(now + 1, window), k), the newest last.
+            now: the step of the newest.
+            kept: of the samples before it.
+
+        Raises:
+            UndefinedError: a predicate that is read has no value, with the step and the row.
+        """
+        count, size = samples.shape[:2]
+        first = now + 1 - size
+        traces = Traces(samples, "interval", size + self.behind, 0, kept.before if first else {})
+        with np.errstate(all="ignore"):
+            try:
+                if self.open:
+                    for part in self.parts:
+                        part(traces, 0, 0, True)
+                    return Found(np.full(count, -np.inf), np.full(count, np.inf), kept)
+                found = self._bounds(traces, first, now, kept)
+                if np.isnan(found.lower).any() or np.isnan(found.upper).any():
+                    self._bounds(traces, first, now, kept, checked=True)
+            except UndefinedError as error:
+                raise UndefinedError(error.what, first + (error.sample or 0), error.trace) from None
+            if self.carried and size == self.window:
+                ends = ((node, self._evaluator(node)(traces, at, at, True)[:, 0]) for node, at in self.carried.items())
+                found = found._replace(kept=found.kept._replace(before=dict(ends)))
+        return found
+
+    def _bounds(self, traces: Traces, first: int, now: int, kept: Kept, checked: bool = False) -> Found:
+        """The until from the first step that was not decided before on, joined with what is kept."""
+        at = max(0, now - self.ahead)
+        start, stop = max(self.a - at, 0), min(self.b - at, traces.last - at + first)
+        step, ends = at - first, list[Floats]()
+        goal = guard = np.empty((len(kept.best), 0))
+        left, right = self._evaluator(self.left, checked), self._evaluator(self.right, checked)
+        for worst in (True, False):
+            if not worst and self.reaches and now < self.b:  # a step to come may be as good as can be
+                ends.append(np.full(len(goal), np.inf))
+                continue
+            goal = right(traces, step + min(start, stop), step + stop, worst)
+            guard = np.full((len(goal), 0), np.inf)
+            if not self.always and (reach := stop - (start <= stop)) >= 0:
+                guard = left(traces, step, step + reach, worst)
+            ends.append(np.maximum(kept.best, np.minimum(kept.guard, _first(goal, guard, start))))
+        if now >= self.ahead:
+            best = np.maximum(kept.best, np.minimum(kept.guard, goal[:, 0])) if start == 0 else kept.best
+            least = np.minimum(kept.guard, guard[:, 0]) if guard.shape[1] else kept.guard
+            kept = kept._replace(best=best, guard=least)
+        return Found(ends[0], ends[1], kept)
+
+    def _evaluator(self, formula: Formula, checked: bool = False) -> Evaluator:
+        return evaluator(formula, self.names, compile_signed, checked)
+
+
+def _first(goal: Floats, guard: Floats, start: int) -> Floats:
+    """The until at one step: goals (n, m) from step `start` on, guards (n, ...) from 0 on, none where they hold."""
+    if not guard.shape[1]:
+        return np.asarray(goal.max(axis=1))
+    before = np.minimum.accumulate(guard, axis=1)
+    if start >= before.shape[1]:  # beyond the step that stands for all to come
+        return np.asarray(np.minimum(goal[:, -1], before[:, -1]))
+    if start == 0:
+        return np.asarray(np.maximum(goal[:, 0], np.minimum(goal[:, 1:], before).max(axis=1)))
+    return np.asarray(np.minimum(goal, before[:, start - 1 :]).max(axis=1))
+
+
+def _as_until(formula: Formula) -> tuple[bool, tuple[int, int], Formula, Formula]:
+    match formula:
+        case Until(a, b, left, right):
+            return False, (a, b), left, right
+        case Release(a, b, left, right):
+            return True, (a, b), Not(left), Not(right)
+        case Eventually(a, b, arg):
+            return False, (a, b), TrueFormula(), arg
+        case Always(a, b, arg):
+            return True, (a, b), TrueFormula(), Not(arg)
+        case _:
+            return False, (0, 0), TrueFormula(), formula
+
+
+# ------------------------------------------------------------------------------------ operands without an interval
+
+
+def unnested(formula: Formula) -> Formula:
+    """`formula` with fewer operators without an interval inside of one, where that is exact; else as it is.
+
+    F (p & F q) is F (q & O p): q after p. F (p & (q R r)) is F (q & (r S (p & r))), whether or not q ever comes: for
+    traces that go on. G is the opposite of F.
+    """
+    try:
+        match formula:
+            case Eventually(0, b, arg) if b == END and (found := _pulled(negations_inside(arg))):
+                return Eventually(0, END, found)
+            case Always(0, b, arg) if b == END and (found := _pulled(negations_inside(Not(arg)))):
+                return Always(0, END, Not(found))
+    except FormulaLimitError:
+        pass
+    return formula
+
+
+def _pulled(arg: Formula) -> Formula | None:
+    """What F is asked of in place of `arg`, without operators that look ahead without an interval."""
+    parts = arg.args if isinstance(arg, And) else (arg,)
+    endless = [part for part in parts if unbounded(part)]
+    rest = [part for part in parts if not unbounded(part)]
+    if len(endless) != 1:
+        return None
+    match endless[0]:
+        case Eventually(_, b, inner) if b == END:
+            goal = And((inner, Once(0, END, _all(rest)))) if rest else inner
+            return _pulled(goal) if unbounded(inner) else goal
+        case Release(_, b, left, right) if b == END and not (unbounded(left) or unbounded(right)):
+            return And((left, Since(0, END, right, _all([*rest, right])))) if _varies(left) and _varies(right) else None
+        case _:
+            return None
+
+
+def _all(parts: list[Formula]) -> Formula:
+    return And(tuple(parts)) if len(parts) > 1 else parts[0]
+
+
+def _varies(formula: Formula) -> bool:
+    """Whether no predicate is a constant and no part looks back: at a step to come, any value is possible."""
+    constant = any(
+        isinstance(node, TrueFormula) or (isinstance(node, Predicate) and not signals(node)) for node in walk(formula)
+    )
+    return first_past(formula) is None and not constant
+
+
+def _to_come(formula: Formula, names: tuple[str, ...], worst: bool) -> float:
+    """The least or the greatest value of a formula without past operators at a step to come."""
+    nothing = Traces(np.empty((1, 0, len(names))), "interval", 0)
+    return float(evaluator(formula, names, compile_signed)(nothing, 0, 0, worst)[0, 0])
+
+
+def _stays_open(formula: Formula, names: tuple[str, ...], worst: bool) -> bool:
+    """Whether the least (greatest) value is -inf (inf) at every step, whatever the samples: nothing can be learned."""
+    match formula:
+        case Not(arg):
+            return _stays_open(arg, names, not worst)
+        case And(args) | Or(args):
+            some = isinstance(formula, And) == worst
+            return (any if some else all)(_stays_open(arg, names, worst) for arg in args)
+        case Implies(left, right):
+            return _stays_open(Or((Not(left), right)), names, worst)
+        case Always(0, b, arg) | Eventually(0, b, arg):
+            if b == END and isinstance(formula, Always) == worst and first_past(arg) is None:
+                return abs(_to_come(arg, names, worst)) == np.inf and (_to_come(arg, names, worst) < 0) == worst
+            return _stays_open(arg, names, worst)
+        case _:
+            return False
+
+
+def _pointwise_parts(formula: Formula) -> list[Formula]:
+    """The largest parts without temporal operators."""
+    if not is_temporal(formula):
+        return [formula]
+    return [part for operand in operands_of(formula) for part in _pointwise_parts(operand)]
+
+
+class Recent:
+    """The newest samples of n traces that are all given a sample at a time."""
+
+    def __init__(self, count: int, signals: int) -> None:
+        self.rows: Floats = np.empty((count, 4, signals))
+        self.size = 0
+
+    def with_newest(self, samples: Floats, count: int) -> Floats:
+        """The last `count`, the newest being `samples` (n, k), which is not taken yet: a view (n, count, k)."""
+        self.rows[:, self.size] = samples
+        return self.rows[:, self.size + 1 - count : self.size + 1]
+
+    def take(self, keep: int) -> None:
+        """Take the newest, and keep the last `keep` with it, or more."""
+        self.size += 1
+        if self.size < self.rows.shape[1]:
+            return
+        kept = self.rows[:, self.size - min(keep, self.size) :]
+        grown = np.empty((len(kept), max(4, 2 * kept.shape[1] + 2), kept.shape[2]))
+        grown[:, : kept.shape[1]] = kept
+        self.rows, self.size = grown, kept.shape[1]

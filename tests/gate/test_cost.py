@@ -1,0 +1,189 @@
+"""What a change costs beside its base: the interval by hand, the verdicts, and how often they are wrong."""
+
+from __future__ import annotations
+
+import csv
+import math
+import runpy
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from stlbench.gate.cost import MOST, Turn, interval, judge_costs, judge_turns, unclear
+from stlbench.gate.judge import Comparison, Verdict
+from stlbench.gate.metrics import COSTS
+from stlbench.gate.snapshot import Sample, Snapshot
+from stlbench.identity import CellId
+
+CPU, REWARD = COSTS
+RECORDED = Path(__file__).parents[2] / "results" / "gate-pairs" / "turns.csv"
+"""Ratios of turns in which both sides had the same code."""
+
+
+def sample(seed: int = 0, seconds: float = 2.0, nanoseconds: float = 20.0, method: str = "funnel") -> Sample:
+    return Sample(CellId.parse(f"disc/{method}/dqn/{seed}", "smoke"), "done", "", 0.3, 0.8, seconds, nanoseconds)
+
+
+def turns(ratios: Sequence[float], rounds: int = 2, method: str = "funnel") -> list[Turn]:
+    """A turn for each ratio of CPU seconds, in rounds of as many seeds."""
+    seeds = math.ceil(len(ratios) / rounds)
+    return [
+        Turn(
+            (one := sample(place % seeds, method=method)).id,
+            place // seeds + 1,
+            one,
+            replace(one, training_cpu_seconds=2 * ratio),
+        )
+        for place, ratio in enumerate(ratios)
+    ]
+
+
+def cpu(found: Sequence[Comparison]) -> Comparison:
+    (comparison,) = (entry for entry in found if entry.metric is CPU)
+    return comparison
+
+
+class TestInterval:
+    def test_by_the_binomial_distribution(self) -> None:
+        # Of ten fair coins at most one is heads with 11 / 1024 = 1.07 %, at most two with 5.5 %.
+        assert interval(range(10)) == (1, 8)
+        # 1 / 32 is more than 2.5 %, 1 / 64 is not.
+        assert interval(range(5)) == (-math.inf, math.inf)
+        assert interval(range(6)) == (0, 5)
+
+    @pytest.mark.parametrize("number", [6, 10, 23, 50])
+    def test_it_is_what_another_tool_says(self, number: int) -> None:
+        found = stats.quantile_test(np.arange(float(number))).confidence_interval(0.95)
+        assert interval(range(number)) == (found.low, found.high)
+
+
+class TestVerdict:
+    @pytest.mark.parametrize(
+        ("ratios", "rounds", "verdict"),
+        [
+            ([1.0] * 10, 1, "no worse"),
+            ([0.5] * 10, 1, "no worse"),
+            ([1.1] * 10, 1, "no worse"),
+            ([1.3] * 10, 1, "cannot tell"),  # it takes a second round to be called worse
+            ([1.3] * 20, 2, "worse"),
+            ([1.0] * 9 + [5.0], 1, "no worse"),
+            ([1.0] * 8 + [5.0] * 2, 1, "cannot tell"),
+            ([1.0] * 5, 1, "cannot tell"),
+            ([1.3] * 15 + [1.0] * 5, 2, "worse"),
+            ([1.3] * 14 + [1.0] * 6, 2, "cannot tell"),
+        ],
+    )
+    def test_it_hangs_on_the_interval_of_the_median(self, ratios: list[float], rounds: int, verdict: Verdict) -> None:
+        assert cpu(judge_costs(turns(ratios, rounds))).verdict == verdict
+
+    def test_the_numbers(self) -> None:
+        found = cpu(judge_costs(turns([1.0, 1.2, 1.1, 1.4, 0.9, 1.3], rounds=1)))
+        assert (found.base, found.new, found.pairs) == pytest.approx((2, 2.3, 6))
+        assert [CPU.change(gain) for gain in (found.gain, found.low, found.high)] == pytest.approx(
+            [math.sqrt(1.1 * 1.2), 1.4, 0.9]
+        )
+        assert [CPU.change(gain) for gain in found.gains] == pytest.approx([1.0, 1.2, 1.1, 1.4, 0.9, 1.3])
+        # Three of six are below 1.14: as few or fewer of six fair coins are heads with 42 / 64.
+        assert found.chance == pytest.approx(42 / 64)
+
+    def test_each_setting_is_judged_alone_and_trained_again_alone(self) -> None:
+        both = [*turns([1.0] * 10, 1, "raw"), *turns([1.3] * 10, 1)]
+        assert {setting.method.name for setting in unclear(both)} == {"funnel"}
+        assert unclear(turns([0.9, 1.4] * (MOST // 2), rounds=5)) == set()  # it has had its turns
+
+    def test_a_cell_that_one_side_cannot_train_is_no_turn(self) -> None:
+        one = sample()
+        new_method = Turn(one.id, 1, None, one)
+        crashed = Turn(one.id, 1, one, Sample(one.id, "raised", "no luck"))
+        assert judge_costs([new_method, crashed]) == ()
+        assert unclear([new_method, crashed]) == set()
+
+
+class TestQualityOfTurns:
+    """Compared with the reference where that has the same bits, and else with what the base gave on this machine."""
+
+    def judged(self, reference: float, base: float | None, new: float) -> Verdict:
+        three = [sample(seed) for seed in range(3)]
+        given = [
+            Turn(
+                one.id,
+                1,
+                None if base is None else replace(one, robustness_mean=base),
+                replace(one, robustness_mean=new),
+            )
+            for one in three
+        ]
+        judgement, _ = judge_turns(Snapshot({one.id: replace(one, robustness_mean=reference) for one in three}), given)
+        (found,) = (entry for entry in judgement.comparisons if entry.metric.name == "robustness")
+        return found.verdict
+
+    def test_a_loss(self) -> None:
+        assert self.judged(0.3, 0.3, 0.27) == "worse"
+
+    def test_a_refreshed_reference_says_that_a_loss_is_meant(self) -> None:
+        assert self.judged(0.27, 0.3, 0.27) == "no worse"
+
+    def test_where_this_machine_rounds_otherwise_the_base_is_the_reference(self) -> None:
+        assert self.judged(0.3, 0.2, 0.2) == "no worse"
+        assert self.judged(0.2, 0.3, 0.27) == "worse"
+
+    def test_a_cell_that_the_base_does_not_know_is_compared_with_the_reference(self) -> None:
+        assert self.judged(0.3, None, 0.27) == "worse"
+
+
+# ------------------------------------------------------------------------------- on recorded turns of real trainings
+
+
+def recorded(machine: str, column: str) -> list[list[float]]:
+    """The ratios of each run of equal code, in the order in which they were measured."""
+    runs: dict[str, list[float]] = {}
+    with RECORDED.open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            if (row["machine"], row["code"]) == (machine, "equal"):
+                runs.setdefault(row["run"], []).append(float(row[column]))
+    return [runs[run] for run in sorted(runs, key=int)]
+
+
+MACHINES = sorted({row["machine"] for row in csv.DictReader(RECORDED.open(encoding="utf-8"))})
+
+
+def settled(ratios: Iterator[float]) -> Verdict:
+    """What the gate says that takes these ratios for those of its turns, ten a round."""
+    taken: list[float] = []
+    while True:
+        taken += [next(ratios) for _ in range(10)]
+        found = turns(taken, rounds=len(taken) // 10)
+        if not unclear(found):
+            return cpu(judge_costs(found)).verdict
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("turned", [False, True], ids=["as measured", "sides exchanged"])
+class TestErrorRates:
+    """A run begins at any recorded turn and goes on with those that followed it, as they came."""
+
+    def ratios(self, machine: str, begin: int, turned: bool, factor: float = 1.0) -> Iterator[float]:
+        every = np.array([ratio for run in recorded(machine, "CPU") for ratio in run])
+        return iter(factor * np.roll(1 / every if turned else every, -begin)[:MOST])
+
+    def starts(self, machine: str) -> range:
+        return range(sum(map(len, recorded(machine, "CPU"))))
+
+    def test_equal_code_is_called_worse_at_most_once_in_200(self, machine: str, turned: bool) -> None:
+        found = [settled(self.ratios(machine, begin, turned)) for begin in self.starts(machine)]
+        assert len(found) >= 200
+        assert found.count("worse") <= len(found) / 200
+
+    def test_training_that_takes_1_3_times_as_long_is_found_in_59_of_60(self, machine: str, turned: bool) -> None:
+        found = [settled(self.ratios(machine, begin, turned, 1.3)) for begin in self.starts(machine)]
+        assert found.count("worse") >= len(found) * 59 / 60
+
+
+def test_the_page_says_how_the_recorded_runs_ended() -> None:
+    root = RECORDED.parents[2]
+    printed = runpy.run_path(str(root / "studies" / "gate_pairs.py"))["table"]()
+    assert "\n".join(printed) in (root / "docs" / "ci.md").read_text(encoding="utf-8")
