@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from stlbench.cli.common import warn
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ def check(
 
     One line for each rule that is kept, up to the first that is broken. The exit code is 1 where a rule is broken, 2
     for bad input or a plugin that refuses what it is checked on, otherwise 0. That a reward is the right one, or that
-    an agent learns, is not checked.
+    an agent learns, is not checked. What breaks no rule and is probably not meant is a warning.
 
     \b
     Examples:
@@ -58,6 +59,8 @@ def check(
     except (Exception, SystemExit) as error:
         broken = f"it raises nothing that the contract does not name; got {_raised(error)}"
     _print(plugin, rules, broken)
+    for line in rules.warnings:
+        warn(line)
     if broken:
         raise typer.Exit(1)
 

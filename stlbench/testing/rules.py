@@ -18,10 +18,12 @@ class RuleBroken(AssertionError):
 
 
 class Rules:
-    """The rules that a check has found kept so far."""
+    """The rules that a check has found kept so far, and what its user should know beside them."""
 
     def __init__(self) -> None:
         self._kept = dict[str, None]()
+        self.warnings = list[str]()
+        """What breaks no rule and is probably not meant, a line each."""
 
     @property
     def kept(self) -> tuple[str, ...]:
