@@ -70,10 +70,10 @@ def _check_baselines(task: Task, rules: Rules) -> None:
     found = baselines.constants(task)
     if found.trivial:
         share = 100 * max(found.zero.satisfaction, found.best.satisfaction)
-        action = ", ".join(f"{value:.6g}" for value in found.action)
+        said = ", ".join(f"{value:.6g}" for value in found.action)
         rules.warnings.append(
             f"the task is trivial: a constant action satisfies the formula from {share:.4g} % of the report's starts, "
-            f"the action zero or ({action}); no method has to learn anything here"
+            f"the action zero or ({said}); no method has to learn anything here"
         )
     if task.file.baselines is not None:
         axes = len(task.actions.names)
