@@ -17,6 +17,7 @@ from stlbench.observation import Observation
 from stlbench.status import Status
 
 __all__ = [
+    "LEARNED",
     "MAIN",
     "RANDOM",
     "TASK_FOLDER",
@@ -35,6 +36,8 @@ __all__ = [
 
 TASK_FOLDER = "task_folder"
 """Among the facts of a result's provenance, where its task is a folder: where that was."""
+LEARNED = 0.95
+"""A policy that satisfies the formula from this share of the starts has learned the task."""
 MAIN = "formula"
 """Name of the protocol that every task has: the task's own formula, from the grid of starts that figures show."""
 

@@ -55,7 +55,7 @@ def plan(
     """Say what the rewards of a task ask for: plan for them, and for the formula itself, without training.
 
     For each method and setting, the policy that is best by the reward is computed on a grid of the state and scored as
-    any policy is. The table Alignment compares it with the best possible. On a coarse grid (--resolution 0.6) a cell
+    any policy is. The table Alignment compares it with the best known. On a coarse grid (--resolution 0.6) a cell
     takes 2 to 30 seconds for a method without memory. The same command again runs only what is missing.
 
     \b

@@ -104,7 +104,7 @@ def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:
 def _content(groups: Sequence[Group], known: Mapping[str, Standard]) -> dict[str, Any]:
     from stlbench import report
 
-    learned, best = report.split(groups)[0], report.best_possible(groups, known)
+    learned, best = report.split(groups)[0], report.best_known(groups, known)
     found = report.fields(learned, known, best)
     tables = {
         "robustness": report.robustness_table(learned, best, known, report.outside(groups)),

@@ -17,7 +17,7 @@ from stlbench.report.tables.comparisons import Comparison, compare, comparisons_
 from stlbench.report.tables.formats import to_csv, to_latex, to_markdown, to_records, to_screen
 from stlbench.report.tables.hand_controllers import controllers_table
 from stlbench.report.tables.outside import outside, trained
-from stlbench.report.tables.planned import best_possible, split
+from stlbench.report.tables.planned import best_known, split
 from stlbench.report.tables.robustness import robustness_table
 from stlbench.report.tables.rows import Group, Row, group, missing_row, row
 from stlbench.report.tables.summary import summary
@@ -39,7 +39,7 @@ __all__ = [
     "aggregates_table",
     "align",
     "alignment_table",
-    "best_possible",
+    "best_known",
     "cells_table",
     "compare",
     "comparisons_table",
@@ -93,7 +93,7 @@ def write(groups: Sequence[Group], standards: Mapping[str, Standard], folder: Pa
     try:
         folder.mkdir(parents=True, exist_ok=True)
         learned, rows = split(groups)[0], align(groups, standards)
-        found = fields(learned, standards, best_possible(groups, standards))
+        found = fields(learned, standards, best_known(groups, standards))
         texts = {folder / name: text for name, text in _texts(groups, standards, rows).items()}
         for path, text in texts.items():
             path.write_text(text, encoding="utf-8")
@@ -110,7 +110,7 @@ def write(groups: Sequence[Group], standards: Mapping[str, Standard], folder: Pa
 
 def _texts(groups: Sequence[Group], standards: Mapping[str, Standard], rows: Sequence[Aligned]) -> dict[str, str]:
     """File name -> content."""
-    learned, best = split(groups)[0], best_possible(groups, standards)
+    learned, best = split(groups)[0], best_known(groups, standards)
     found = fields(learned, standards, best)
     tables = {
         "robustness": robustness_table(learned, best, standards, outside(groups)),

@@ -25,7 +25,7 @@ __all__ = ["SCALE", "across_tasks", "place", "profiles", "ticks"]
 _TICKS = (-9, -3, -1, 0, 0.5, 0.9, 0.99, 0.999)
 _BEST = 0.999
 """Scores from here on are drawn here."""
-SCALE = "0 acts at random, 1 is the best possible"
+SCALE = "0 acts at random, 1 is the best known"
 """What scores are."""
 _MARKERS, _FIELDS = ("D", "s", "^"), (MIDDLE, COLOURS[0], COLOURS[2])
 

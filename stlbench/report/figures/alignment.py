@@ -1,4 +1,4 @@
-"""Alignment: the best possible robustness, that of the best policy by each reward, and what was learned with it."""
+"""Alignment: the best known robustness, that of the best policy by each reward, and what was learned with it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def alignment(rows: Sequence[Aligned], units: Mapping[str, str]) -> Figure:
     for i, (task, members) in enumerate(panels):
         cut = _panel(figure.add_subplot(grid[i // columns, i % columns]), task, members, units[task]) or cut
     layout.title(
-        figure, "Alignment: the best possible, the best by the reward, the learned (means over the report starts)"
+        figure, "Alignment: the best known, the best by the reward, the learned (means over the report starts)"
     )
     figure.legend(handles=_keys(cut), loc="outside lower center", ncols=3)
     return figure
@@ -78,16 +78,16 @@ def _panel(axes: Axes, task: str, rows: Sequence[Aligned], unit: str) -> bool:
 
 
 def _values(row: Aligned) -> Iterator[float]:
-    values = (row.best_possible, row.reward_optimal, row.selected, row.final)
+    values = (row.best_known, row.reward_optimal, row.selected, row.final)
     return (value for value in values if value is not None and math.isfinite(value))
 
 
 def _marks(axes: Axes, place: int, row: Aligned, shown: Window | None) -> None:
-    ends = [value for value in (row.best_possible, row.reward_optimal, row.selected) if value is not None]
+    ends = [value for value in (row.best_known, row.reward_optimal, row.selected) if value is not None]
     axes.plot((min(ends), max(ends)), (place, place), "-", color="0.8", linewidth=0.8, zorder=2)
-    if row.best_possible is not None:
+    if row.best_known is not None:
         upright = (place - 0.5, place + 0.5)
-        axes.plot((row.best_possible,) * 2, upright, "-", color=BEST, linewidth=2, solid_capstyle="butt", zorder=3)
+        axes.plot((row.best_known,) * 2, upright, "-", color=BEST, linewidth=2, solid_capstyle="butt", zorder=3)
     far = list[tuple[str, str]]()
     for value, mark in zip((row.final, row.selected, row.reward_optimal), _MARKS, strict=True):
         if value is not None and shown is not None and value < shown.low:
@@ -101,6 +101,6 @@ def _marks(axes: Axes, place: int, row: Aligned, shown: Window | None) -> None:
 def _keys(cut: bool) -> list[Artist]:
     texts = ("learned: final policies", "learned: selected policies, mean over seeds", "best by the reward")
     marks = [Line2D([], [], linestyle="", label=text, **mark) for text, mark in zip(texts, _MARKS, strict=True)]
-    best = Line2D([], [], color=BEST, linewidth=2, label="the best possible")
+    best = Line2D([], [], color=BEST, linewidth=2, label="the best known")
     keys = [best, *reversed(marks), layout.level_key("0: satisfied above")]
     return [*keys, beyond_key("<", "below the axis: numbers in the colour of the mark")] if cut else [*keys]

@@ -19,7 +19,7 @@ _NEAR, _FAR = 5.0, 10.0
 _LEAST, _LEAST_AT_ZERO = 1e-3, 2e-2
 """Of the furthest value's distance, that of the nearest group is at least: one by chance at 0 cuts off no others.
 
-The second number counts where no value is positive, as where 0 is the best possible.
+The second number counts where no value is positive, as where 0 is the best known.
 """
 _ROOM = 0.25
 """Below 0, of what is above it."""

@@ -24,7 +24,7 @@ from stlbench.report.tables.circumstances import circumstances
 from stlbench.report.tables.comparisons import compare, comparisons_table
 from stlbench.report.tables.hand_controllers import controllers_table
 from stlbench.report.tables.outside import outside, trained
-from stlbench.report.tables.planned import best_possible, split
+from stlbench.report.tables.planned import best_known, split
 from stlbench.report.tables.robustness import robustness_table
 from stlbench.report.tables.rows import Group, Row
 from stlbench.report.tables.table import Table
@@ -141,7 +141,7 @@ def _shown(groups: Sequence[Group]) -> tuple[list[Row], str]:
 
 def _tables(groups: Sequence[Group], standards: Mapping[str, Standard]) -> tuple[Tables, tuple[Field, ...]]:
     """The report's own tables, and the fields of tasks that are compared."""
-    learned, best = split(groups)[0], best_possible(groups, standards)
+    learned, best = split(groups)[0], best_known(groups, standards)
     tables = Tables(
         robustness=robustness_table(learned, best, standards, outside(groups)),
         comparisons=comparisons_table(compare(learned, standards, best)),
