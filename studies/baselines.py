@@ -43,7 +43,8 @@ def _numbers(score: Score) -> str:
 def write(name: str) -> None:
     """Put the block into the task file: in the place of the one that is there, else before the recipes."""
     path = FOLDER / name.replace("-", "_") / "task.yaml"
-    text, lines = path.read_text(encoding="utf-8"), block(name)
+    lines = block(name)
+    text = path.read_text(encoding="utf-8")
     print(f"{name}\n{lines}", flush=True)
     if _BLOCK.search(text):
         path.write_text(_BLOCK.sub(lambda _: lines, text), encoding="utf-8")

@@ -158,7 +158,8 @@ def search(task: Task, begun: Array, sequences: Array, seconds: float, seed: int
         found = _robustness(task, np.repeat(begun, _TRIES, axis=0), tried).reshape(len(begun), _TRIES)
         winner = found.argmax(axis=1)
         better = found[rows, winner] >= best
-        sequences = np.where(better[:, None, None], tried.reshape(len(begun), _TRIES, *tried.shape[1:])[rows, winner], sequences)
+        winners = tried.reshape(len(begun), _TRIES, *tried.shape[1:])[rows, winner]
+        sequences = np.where(better[:, None, None], winners, sequences)
         best = np.where(better, found[rows, winner], best)
         if clock() - said > _SAY:
             said = clock()
@@ -193,13 +194,13 @@ def _change(sequence: Array, actions: Actions, generator: np.random.Generator) -
 
 
 def bound_by_start(task: Task) -> float:
-    """The mean over the report's starts of the most that is possible after sample 0, wherever the ranges allow to be."""
+    """The mean over the report's starts of the most that is possible after sample 0, within the signals' ranges."""
     begun = task.starts.report_and_selection()[0]
     simulator = Simulator(task, Unpaid(task.specification))
     simulator.reset(begun)
-    traces = np.repeat(simulator.signals[:, None], task.file.steps + 1, axis=1)
-    found = judge(task.formula, without_end(traces, np.zeros(len(begun), dtype=np.int64)), task.specification, "interval")
-    return float(found.robustness[:, 1].mean())
+    whole = np.repeat(simulator.signals[:, None], task.file.steps + 1, axis=1)
+    traces = without_end(whole, np.zeros(len(begun), dtype=np.int64))
+    return float(judge(task.formula, traces, task.specification, "interval").robustness[:, 1].mean())
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from stlbench.study.cell import Cell
 
 
-DEFAULTS = {"tasks": "hold-disc", "methods": "funnel,flag"}
+DEFAULTS = {"tasks": "reach-stay", "methods": "funnel,flag"}
 """What is compared where neither options nor a file say."""
 
 

@@ -72,12 +72,14 @@ def _seen(content: dict[str, Any]) -> str:
 
 
 def _baselines(known: dict[str, Any]) -> list[str]:
-    lines = [
-        f"{name + ':':9} robustness {known[name]['robustness_mean']:.3f}, satisfied {100 * known[name]['satisfaction']:.1f} %"
-        for name in ("zero", "constant", "random")
-    ]
-    lines[1] += f", by the action ({', '.join(f'{value:.6g}' for value in known['constant']['action'])})"
-    return [*lines, *([_TRIVIAL] if known["trivial"] else [])]
+    zero, constant, random = (_scored(known[name]) for name in ("zero", "constant", "random"))
+    action = ", ".join(f"{value:.6g}" for value in known["constant"]["action"])
+    lines = [f"zero:     {zero}", f"constant: {constant}, by the action ({action})", f"random:   {random}"]
+    return [*lines, _TRIVIAL] if known["trivial"] else lines
+
+
+def _scored(score: dict[str, Any]) -> str:
+    return f"robustness {score['robustness_mean']:.3f}, satisfied {100 * score['satisfaction']:.1f} %"
 
 
 def _best(best: dict[str, Any]) -> str:

@@ -6,7 +6,6 @@ state what was measured (`TaskFile.baselines`); then nothing is simulated.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice, product
 from math import nan
@@ -17,7 +16,6 @@ from stlbench.contract import ActionGrid, Array, Integers, Policy, System
 from stlbench.result import LEARNED, Score, Summary
 from stlbench.rollout import referee
 from stlbench.rollout.controller import Unpaid, nearest
-from stlbench.rollout.environment import Simulator
 from stlbench.rollout.referee import Referee
 from stlbench.task import Task
 from stlbench.task.file import Baseline
@@ -73,7 +71,10 @@ def constants(task: Task) -> Constants:
 
 
 def score(task: Task, action: Array) -> Score:
-    """What an action (axes,) gets that is taken all the time; on a grid the nearest. Raises whatever the system raises."""
+    """What an action (axes,) gets that is taken all the time; on a grid the nearest that there is.
+
+    Raises whatever the system raises.
+    """
     return _score(task, _Constant(task, action))
 
 

@@ -177,8 +177,8 @@ def standards(settings: Iterable[Setting], ask: Ask = ask_here) -> dict[str, Sta
     """Name of a task -> what its policies are compared with, each once, in the order given.
 
     Left out are tasks that are not installed or cannot be loaded: results may come from another machine. It takes some
-    seconds for a controller on a MuJoCo model, which is simulated, and for baselines that no task file states. All that plugins do for it is asked by `ask`; of one that gives no
-    answer a `PluginWarning` says why.
+    seconds for a controller on a MuJoCo model, which is simulated, and for baselines that no task file states. All that
+    plugins do for it is asked by `ask`; of one that gives no answer a `PluginWarning` says why.
     """
     by_task = dict[Choice, list[Setting]]()
     for setting in settings:

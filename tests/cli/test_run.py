@@ -67,7 +67,7 @@ def test_what_is_done_already_is_reported_without_the_heavy_packages(tmp_path):
     with Ledger(tmp_path / FILE) as ledger:
         for cell in study.cells():
             ledger.record(replace(result(cell.id.method.name), key=cell.key))
-    words = ("run", "--methods", "funnel,flag", "--seeds", "1", "--results", tmp_path)
+    words = ("run", "--tasks", "hold-disc", "--methods", "funnel,flag", "--seeds", "1", "--results", tmp_path)
     assert "matplotlib" in imported(*words, folder=tmp_path)
     packages = imported(*words, folder=tmp_path)
     assert "numpy" in packages

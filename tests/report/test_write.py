@@ -36,7 +36,14 @@ def test_the_report_has_all_tables(tmp_path):
     write(condense(RESULTS), SCORES, tmp_path)
     text = (tmp_path / "report.md").read_text()
     headings = [line for line in text.splitlines() if line.startswith("#")]
-    tables = ["Robustness", "Comparisons", "Controllers and baselines", "Time", "Cells without a result", "Circumstances"]
+    tables = [
+        "Robustness",
+        "Comparisons",
+        "Controllers and baselines",
+        "Time",
+        "Cells without a result",
+        "Circumstances",
+    ]
     assert headings == ["# stlbench report", *(f"## {title}" for title in tables)]
 
 

@@ -44,9 +44,7 @@ def _columns(title: str, short: str) -> tuple[Column, ...]:
     return Column(title, short, digits=3), Column(f"{title} satisfied", f"{short} sat.", unit="%", digits=1, drop=1)
 
 
-_Part = tuple[
-    Callable[["Standard"], object], tuple[Column, ...], Callable[["Standard"], tuple[Value, ...]], str
-]
+_Part = tuple[Callable[["Standard"], object], tuple[Column, ...], Callable[["Standard"], tuple[Value, ...]], str]
 """What must be known of some task; the columns; their values; a note."""
 
 _PARTS: tuple[_Part, ...] = (
