@@ -51,7 +51,8 @@ class Constants:
 def zero(task: Task) -> Array:
     """The action zero (axes,): of a grid the nearest to it; the middle of an axis that leaves 0 out."""
     low, high = np.array(task.actions.low), np.array(task.actions.high)
-    return _possible(task, np.where((low <= 0) & (high >= 0), 0.0, (low + high) / 2)[None])[0]
+    action: Array = _possible(task, np.where((low <= 0) & (high >= 0), 0.0, (low + high) / 2)[None])[0]
+    return action
 
 
 def constants(task: Task) -> Constants:
@@ -102,12 +103,13 @@ class _Constant(Policy):
     """Takes one action (axes,) all the time."""
 
     def __init__(self, task: Task, action: Array) -> None:
-        grid = isinstance(task.actions, ActionGrid)
-        self._action: Integers | Array = nearest(task.actions, action[None]) if grid else action[None]
+        actions, one = task.actions, action[None]
+        self._action: Integers | Array = nearest(actions, one) if isinstance(actions, ActionGrid) else one
 
     def act(self, observation: Array) -> Integers | Array:
         """See `Policy`."""
-        return np.repeat(self._action, len(observation), axis=0)
+        acted: Integers | Array = np.repeat(self._action, len(observation), axis=0)
+        return acted
 
 
 class _AtRandom(Policy):
@@ -129,7 +131,8 @@ def _best(task: Task, referee: Referee) -> Array:
     actions, generator = task.actions, np.random.default_rng(0)
 
     def winner(tried: Array) -> Array:
-        return tried[referee.choose([_Constant(task, action) for action in tried], _STARTS).best]
+        best: Array = tried[referee.choose([_Constant(task, action) for action in tried], _STARTS).best]
+        return best
 
     if isinstance(actions, ActionGrid) and actions.size <= _ALL:
         return winner(np.concatenate([zero(task)[None], actions.vectors]))

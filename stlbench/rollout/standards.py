@@ -200,9 +200,9 @@ def _standard(
         best_known=known.best_known,
         own_agent=known.own_agent,
         at_random=found.get(AtRandom(task)),
-        zero=constants and constants.zero,
-        constant=constants and constants.best,
-        trivial=constants is not None and constants.trivial,
+        zero=constants.zero if constants else None,
+        constant=constants.best if constants else None,
+        trivial=constants.trivial if constants else False,
         alike=alike.get(task.name, {}),
     )
 
