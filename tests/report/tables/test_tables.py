@@ -288,7 +288,7 @@ def test_actions_at_random_stand_beside_the_controller():
 SHARE = "share of best known (median, both above 0)"
 
 
-def test_robustness_is_a_share_of_the_best_possible_where_both_are_above_zero():
+def test_robustness_is_a_share_of_the_best_known_where_both_are_above_zero():
     tasks = {"one": (0.1, 0.3), "two": (-0.1,), "three": (0.2,), "four": (0.2,)}
     groups = condense(result(task=task, robustness=robustness) for task, robustness in tasks.items())
     table = robustness_table(groups, {Choice("one"): 0.4, Choice("two"): 0.4, Choice("three"): -0.1})
