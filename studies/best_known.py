@@ -63,7 +63,7 @@ def _traces(task: Task, begun: Array, sequences: Array) -> Array:
         vectors: Array = sequences[:, int(simulator.t[0]) // simulator.hold]
         return nearest(task.actions, vectors) if isinstance(task.actions, ActionGrid) else vectors
 
-    return referee.follow(task, Unpaid(task.specification), act, begun)
+    return referee.follow(task, Unpaid(task.specification), act, begun).traces
 
 
 def _robustness(task: Task, begun: Array, sequences: Array) -> Array:
