@@ -108,8 +108,8 @@ class _Constant(Policy):
 
     def act(self, observation: Array) -> Integers | Array:
         """See `Policy`."""
-        acted: Integers | Array = np.repeat(self._action, len(observation), axis=0)
-        return acted
+        which = np.zeros(len(observation), dtype=np.int64)
+        return self._action[which]
 
 
 class _AtRandom(Policy):

@@ -53,12 +53,11 @@ class Standard:
     """What the action zero gets from them."""
     constant: Score | None = None
     """What the best constant action gets from them."""
-    trivial: bool = False
-    """Whether a constant action solves the task: it satisfies from as many starts as a policy that has learned it."""
     alike: Mapping[_Pair, Likeness] = field(default_factory=dict)
     """Of the methods that were asked for, those that pay the same (`equal_payments`)."""
     trivial: bool = False
-    """Whether a constant action solves the task; aggregates over tasks are also without such tasks."""
+    """Whether a constant action solves the task: it satisfies from as many starts as a policy that has learned it.
+    Aggregates over tasks are also without such tasks."""
 
     def likeness(self, one: Setting, other: Setting) -> Likeness | None:
         """How the methods of two settings, which differ in nothing else, pay the same; None where they do not."""

@@ -34,10 +34,10 @@ def check_task(name: str, rules: Rules | None = None) -> None:
 
     Of both: samples and features are finite; the first samples lie in the signals' ranges, and features of what is in
     there within [-5, 5]; the nested form has the formula's robustness, and the rewarded one is satisfied when the
-    formula is; the controller, where there is one, satisfies the formula from some of the report's starts; the best
-    constant action gets what the file says it gets; recipes are for agents that are installed, and fit them. The task's
-    own agent, the first that it has a recipe for, can train on it for a moment. Where that agent lacks a library on
-    this machine, a warning says that it was not tried. A task that a constant action solves is a warning.
+    formula is; the controller, where there is one, satisfies the formula from some of the report's starts; constant
+    actions get what the file states that they get; recipes are for agents that are installed, and fit them; the task's
+    own agent, the first that it has a recipe for, can train on it for a moment. Warnings say that a constant action
+    solves the task, and that the agent was not tried, where it lacks a library on this machine.
 
     Args:
         name: of an installed task, or the path of a folder.
