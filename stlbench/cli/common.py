@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperGroup
 
 from stlbench.contract_parts.texts import one_line, printable
-from stlbench.errors import UsageError, in_words, is_disk_full
+from stlbench.errors import NO_SPACE, DiskFull, UsageError, in_words
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -56,11 +56,11 @@ class Commands(TyperGroup):
             try:
                 code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
             except UsageError as error:
-                code = refuse(str(error), DISK_FULL if is_disk_full(error) else 2)
+                code = refuse(str(error), DISK_FULL if isinstance(error, DiskFull) else 2)
             except OSError as error:
-                if not (is_disk_full(error) or error.errno in _OF_PATHS):
+                if error.errno not in (*NO_SPACE, *_OF_PATHS):
                     raise
-                code = refuse(str(UsageError(str(error))), DISK_FULL if is_disk_full(error) else 2)
+                code = refuse(str(UsageError(str(error))), DISK_FULL if error.errno in NO_SPACE else 2)
             except typer.Abort:
                 typer.echo(err=True)  # ends the line of a question that nobody answered
                 code = refuse("the question was not answered with yes; nothing was changed", 1)

@@ -12,32 +12,26 @@ from numpy.typing import NDArray
 
 from stlbench.contract_parts.texts import cause
 from stlbench.identity import CellId
+from stlbench.outputs import opened
 
 __all__ = ["cell_file", "read", "unpacked_size", "write"]
 
 
 def cell_file(folder: Path, cell: CellId, key: str) -> Path:
     """Where, in such a folder, a cell's arrays are: named after the cell and the beginning of its key."""
-    return folder / f"{cell.name.replace('/', '_')}_{key[:12]}.npz"
+    return folder / f"{cell.name}_{key[:12]}.npz".replace("/", "_")  # a stranger's key may be a path
 
 
 def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write arrays, compressed, in place of the file of before; its folder is made. Whoever reads finds no half a file.
 
-    Raises `TypeError` for an array of objects.
+    Raises `TypeError` for an array of objects, and `UsageError` as `outputs.opened`.
     """
     for name, array in arrays.items():
         if array.dtype.hasobject:
             raise TypeError(f"array '{name}' has objects; numbers and texts can be kept")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.part")
-    try:
-        with part.open("wb") as file:  # a path would be given the ending .npz
-            np.savez_compressed(file, allow_pickle=False, **arrays)
-        part.replace(path)
-    except OSError:
-        part.unlink(missing_ok=True)
-        raise
+    with opened(path) as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
 def read(path: Path, prefix: str = "") -> dict[str, NDArray[Any]]:

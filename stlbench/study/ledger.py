@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from stlbench.errors import UsageError
+from stlbench.errors import unwritable
 from stlbench.identity import IDENTITY, CellId
 from stlbench.result import Result
 from stlbench.status import ACCIDENTS, Status
@@ -170,7 +170,8 @@ class Ledger(Records):
                 database.execute("BEGIN IMMEDIATE")
                 yield database
         except sqlite3.DatabaseError as error:
-            raise UsageError(f"cannot write the ledger {self.path}: {error}{_way_out(error, self.path)}") from error
+            told = unwritable(f"cannot write the ledger {self.path}", error)
+            raise type(told)(f"{told}{_way_out(error, self.path)}") from error
 
 
 def _add_plan(database: sqlite3.Connection, cells: Mapping[str, CellId]) -> None:

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 
 from stlbench.errors import UsageError
 from stlbench.identity import CellId
-from stlbench.registry import folders
+from stlbench.outputs import write
 from stlbench.result import TASK_FOLDER, Result, from_json, to_json
 from stlbench.status import NOT_RUN
 from stlbench.study.ledger import FILE, Ledger
@@ -39,7 +39,7 @@ def locate(path: Path) -> Path | None:
 def read(path: Path) -> Iterator[Result]:
     """One result of every cell in a folder, a ledger or a file of lines, one at a time.
 
-    A task of a ledger that is a folder is known from then on, where its folder is still there.
+    Nothing that a result names is imported. A task that is a folder is known only where the user named the folder.
 
     Raises:
         UsageError: there is none of these, or a file is not as it should be; the message says where.
@@ -49,9 +49,7 @@ def read(path: Path) -> Iterator[Result]:
         yield from _read_lines(file)
         return
     with Ledger(file, create=False) as ledger:
-        for result in ledger.results():
-            folders.recall(result.provenance.get(TASK_FOLDER))
-            yield result
+        yield from ledger.results()
 
 
 class OneByOne(Mapping[CellId, Result]):
@@ -111,11 +109,7 @@ def write_lines(results: Iterable[Result], path: Path, planned: Mapping[str, Cel
     Raises `UsageError` where it cannot.
     """
     text = lines(results, planned)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error}") from error
+    write(path, text)
     return text.count("\n")
 
 

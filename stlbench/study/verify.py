@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, unwritable
 from stlbench.identity import CellId
+from stlbench.outputs import inside
 from stlbench.result import Result
 from stlbench.rollout import saved_policies, saved_traces
 from stlbench.study import stored
@@ -155,7 +156,7 @@ def repair(folder: Path) -> Verified:
 
 
 def _write_anew(path: Path) -> None:
-    new, kept = path.with_name(f"{path.name}.new"), path.with_name(DAMAGED)
+    new, kept = (inside(path.with_name(name), path.parent) for name in (f"{path.name}.new", DAMAGED))
     try:
         new.unlink(missing_ok=True)
         with Ledger(path, create=False) as source, Ledger(new) as target:
@@ -164,4 +165,4 @@ def _write_anew(path: Path) -> None:
             shutil.copyfile(path, kept)
         new.replace(path)
     except OSError as error:
-        raise UsageError(f"cannot write {new}: {error}") from error
+        raise unwritable(f"cannot write {new}", error) from error

@@ -68,7 +68,7 @@ def test_no_results(tmp_path):
 
 def test_a_full_disk_has_a_code_of_its_own(folder, monkeypatch):
     def full(place):
-        raise UsageError("cannot write") from OSError(errno.ENOSPC, "No space left on device")
+        raise DiskFull("cannot write")
 
     monkeypatch.setattr("stlbench.study.verify.repair", full)
     done = say(folder, "--repair")
