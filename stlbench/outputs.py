@@ -20,7 +20,7 @@ def inside(path: Path, folder: Path) -> Path:
     """The same path, after a look at each of its parts below the folder; the folder itself may be a link.
 
     Raises:
-        UsageError: a part is a link, or the path leaves the folder.
+        UsageError: a part is a link, or the path leaves the folder, or what is there is a pipe or a device.
     """
     parts = path.relative_to(folder).parts
     if ".." in parts:
@@ -29,6 +29,8 @@ def inside(path: Path, folder: Path) -> Path:
         part = folder.joinpath(*parts[:count])
         if part.is_symlink():
             raise UsageError(f"{part} is a link, and stlbench writes through none; remove it, or take another folder")
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise UsageError(f"cannot write {path}: it is neither a file nor a folder")
     return path
 
 
@@ -51,14 +53,12 @@ def opened(path: Path, folder: Path | None = None) -> Iterator[BinaryIO]:
         folder: no part of the path below it may be a link; the file's own folder where it is left out.
 
     Raises:
-        UsageError: a part is a link, or something is there that is no file, or the file cannot be written.
+        UsageError: as `inside`, or the file cannot be written.
         DiskFull: there is no space for it.
     """
     inside(path, folder or path.parent)
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
-        if path.exists() and not path.is_file():
-            raise UsageError(f"cannot write {path}: it is there, and is no file")
         path.parent.mkdir(parents=True, exist_ok=True)
         part.unlink(missing_ok=True)
         try:

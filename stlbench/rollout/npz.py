@@ -14,12 +14,17 @@ from stlbench.contract_parts.texts import cause
 from stlbench.identity import CellId
 from stlbench.outputs import opened
 
-__all__ = ["cell_file", "read", "unpacked_size", "write"]
+__all__ = ["cell_file", "end_of", "read", "unpacked_size", "write"]
 
 
 def cell_file(folder: Path, cell: CellId, key: str) -> Path:
     """Where, in such a folder, a cell's arrays are: named after the cell and the beginning of its key."""
-    return folder / f"{cell.name}_{key[:12]}.npz".replace("/", "_")  # a stranger's key may be a path
+    return folder / (cell.name.replace("/", "_") + end_of(key))
+
+
+def end_of(key: str) -> str:
+    """How the names of all files of arrays end that belong to a result. A stranger's key may look like a path."""
+    return f"_{key[:12]}.npz".replace("/", "_")
 
 
 def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:

@@ -42,7 +42,7 @@ class Ledger(Records):
 
     def __init__(self, path: Path, *, create: bool = True) -> None:
         super().__init__(path, create=create)
-        self._is_writing = False
+        self._is_writing, self._own = False, (0, 0)
 
     # ----------------------------------------------------------------------------------------------------- writing
 
@@ -97,6 +97,17 @@ class Ledger(Records):
                 )
                 keys += [key for (key,) in rows]
         return list(dict.fromkeys(keys))
+
+    @property
+    def is_meddled(self) -> bool:
+        """Whether anything else has written in the file, or put another in its place, since this began to write."""
+        return self._is_writing and self._own != self._seen()
+
+    def _seen(self) -> tuple[int, int]:
+        """SQLite's number of what other connections have written, and the number of the file."""
+        assert self._database is not None
+        ((version,),) = self._database.execute("PRAGMA data_version")
+        return version, self.path.stat().st_ino if self.path.exists() else 0
 
     # ----------------------------------------------------------------------------------------------------- reading
 
@@ -163,7 +174,7 @@ class Ledger(Records):
         if not self._is_writing:
             self.close()
             self._database = open_to_write(self.path)
-            self._is_writing = True
+            self._is_writing, self._own = True, self._seen()
         assert self._database is not None
         try:
             with self._database as database:

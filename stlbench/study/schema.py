@@ -27,9 +27,9 @@ _ALIKE = 4
 LONGEST = 2**26
 """Bytes that a value in a ledger may have. A result with 10,000 starts has about 1 MB."""
 
-_STEPS, _LOOK = 10**8, 10**5
-"""Steps of SQLite's machine that all long queries of a connection may take, beside one for each byte of the file, and
-how often they are counted. Reading a ledger of 100,000 cells, 1 GB, takes 10 million."""
+_OPENING, _READING, _LOOK = 10**6, 10**8, 10**5
+"""Steps of SQLite's machine: that reading the schema may take, that all long queries may take beside one for each byte
+of the file, and after how many they are counted. To read a ledger of 100,000 cells, 1 GB, takes 10 million."""
 
 _ASKED = "SELECT count(*) FROM sqlite_schema"
 """The least that makes SQLite look at a file."""
@@ -112,18 +112,22 @@ def _opened(
 # ----------------------------------------------------------------------------------------------------------- guarding
 
 
-def _guarded(path: Path, uri: str) -> sqlite3.Connection:
+def _guarded(uri: str) -> sqlite3.Connection:
     """A connection on which a file from a stranger can cost only so much memory and time.
 
     SQLite then calls a longer value "too big", and a query that takes more steps "interrupted".
     """
     database = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None)
     database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST)
-    size = path.stat().st_size if path.exists() else 0
-    left = iter(range((_STEPS + size) // _LOOK))
-    database.set_progress_handler(lambda: next(left, None) is None, _LOOK)
+    _allow(database, _OPENING)
     database.execute("PRAGMA trusted_schema = OFF")
     return database
+
+
+def _allow(database: sqlite3.Connection, steps: int) -> None:
+    """So many from now on, of SQLite's machine."""
+    left = iter(range(steps // _LOOK))
+    database.set_progress_handler(lambda: next(left, None) is None, _LOOK)
 
 
 def _strange(database: sqlite3.Connection) -> str | None:
@@ -159,7 +163,7 @@ def _own() -> tuple[dict[str, set[str]], set[tuple[str, str | None]]]:
 
 def _connect_to_read(path: Path) -> sqlite3.Connection:
     uri = f"{path.absolute().as_uri()}?mode=ro"
-    database = _guarded(path, uri)
+    database = _guarded(uri)
     try:
         database.execute(_ASKED)
     except sqlite3.OperationalError as error:
@@ -170,7 +174,7 @@ def _connect_to_read(path: Path) -> sqlite3.Connection:
         beside = path.with_name(f"{path.name}-wal")
         if beside.is_file() and beside.stat().st_size > 0:
             raise
-        database = _guarded(path, f"{uri}&immutable=1")
+        database = _guarded(f"{uri}&immutable=1")
     return database
 
 
@@ -179,7 +183,7 @@ def _taken_back(path: Path) -> sqlite3.Connection:
 
     The journal beside the file says what was there before. Where the folder cannot be written, it is undone in a copy.
     """
-    database = _guarded(path, f"{path.absolute().as_uri()}?mode=rw")
+    database = _guarded(f"{path.absolute().as_uri()}?mode=rw")
     try:
         database.execute(_ASKED)
     except sqlite3.OperationalError:
@@ -208,7 +212,7 @@ def _to_read(path: Path, database: sqlite3.Connection) -> sqlite3.Connection:
 
 def _connect_to_write(path: Path) -> sqlite3.Connection:
     inside(path, path.parent).parent.mkdir(parents=True, exist_ok=True)
-    return _guarded(path, f"{path.absolute().as_uri()}?mode=rwc")
+    return _guarded(f"{path.absolute().as_uri()}?mode=rwc")
 
 
 def _to_write(path: Path, database: sqlite3.Connection) -> sqlite3.Connection:
@@ -233,6 +237,7 @@ def _version(path: Path, database: sqlite3.Connection) -> int:
         raise UsageError(f"{path} is a ledger of version {version}; this stlbench reads version {VERSION}")
     if (strange := _strange(database)) is not None:
         raise UsageError(f"the ledger {path} has {strange}, which stlbench does not write; it is not read")
+    _allow(database, _READING + path.stat().st_size)
     return version
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import sqlite3
 
@@ -11,7 +10,7 @@ from helpers.synthetic_results import result
 from typer.testing import CliRunner
 
 from stlbench.cli import app
-from stlbench.errors import UsageError
+from stlbench.errors import DiskFull
 from stlbench.study.ledger import FILE, Ledger
 
 
