@@ -59,18 +59,23 @@ def test_a_link_in_the_place_of_the_unfinished_file_is_not_followed(tmp_path: Pa
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt()])
 def test_where_writing_ends_early_the_file_of_before_stays(tmp_path: Path, error: BaseException) -> None:
     write(tmp_path / "file", "before")
-    with pytest.raises((DiskFull, KeyboardInterrupt)), opened(tmp_path / "file") as file:
-        file.write(b"half")
-        raise error
+
+    def half() -> None:
+        with opened(tmp_path / "file") as file:
+            file.write(b"half")
+            raise error
+
+    with pytest.raises((DiskFull, KeyboardInterrupt)):
+        half()
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("file", "before")]
 
 
 def test_what_is_no_file_is_left_as_it_is(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "folder").mkdir()
-    with pytest.raises(UsageError, match="cannot write .*pipe: it is neither a file nor a folder"):
+    with pytest.raises(UsageError, match=r"cannot write .*pipe: it is neither a file nor a folder"):
         write(tmp_path / "pipe", "")
-    with pytest.raises(UsageError, match="cannot write .*folder: "):
+    with pytest.raises(UsageError, match=r"cannot write .*folder: "):
         write(tmp_path / "folder", "")
     with pytest.raises(UsageError, match="cannot write /dev/null: it is neither"):
         write(Path("/dev/null"), "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import re
 import sys
 import warnings
@@ -176,9 +177,9 @@ def damaged() -> Iterator[str]:
             yield f"{_place(distribution)}: {cause(error)}"
 
 
-def _place(distribution: Distribution) -> object:
+def _place(distribution: Distribution) -> str:
     """Its own folder, where it says so; else the one on the path."""
-    return getattr(distribution, "_path", None) or distribution.locate_file("")
+    return os.path.abspath(getattr(distribution, "_path", None) or str(distribution.locate_file("")))
 
 
 def _precedence(plugin: Plugin) -> tuple[str, bool, str, str]:

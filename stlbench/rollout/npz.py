@@ -17,6 +17,10 @@ from stlbench.outputs import opened
 __all__ = ["cell_file", "end_of", "read", "unpacked_size", "write"]
 
 
+LARGEST = 2**31
+"""Bytes that the arrays of a file may take: an archive of some MB can say that it holds a TB of zeros."""
+
+
 def cell_file(folder: Path, cell: CellId, key: str) -> Path:
     """Where, in such a folder, a cell's arrays are: named after the cell and the beginning of its key."""
     return folder / (cell.name.replace("/", "_") + end_of(key))
@@ -45,6 +49,8 @@ def read(path: Path, prefix: str = "") -> dict[str, NDArray[Any]]:
     Raises:
         ValueError: in a line; it cannot be read, is damaged or encrypted, has objects, or is no .npz at all.
     """
+    if zipfile.is_zipfile(path) and (size := unpacked_size(path)) > LARGEST:
+        raise ValueError(f"its arrays would take {size >> 20} MiB, at most {LARGEST >> 20} are read")
     try:
         with np.load(path) as saved:
             found = {name: saved[name] for name in saved.files if name.startswith(prefix)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Self, TypeVar
 
@@ -14,9 +14,10 @@ from pydantic import TypeAdapter
 from stlbench.errors import UsageError
 from stlbench.identity import CellId
 from stlbench.outputs import write
-from stlbench.result import TASK_FOLDER, Result, from_json, to_json
+from stlbench.result import TASK_FOLDER, Result, from_json, plain, to_json
 from stlbench.status import NOT_RUN
 from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.schema import LONGEST
 
 __all__ = ["LINES", "SUFFIX", "OneByOne", "lines", "locate", "missing", "missing_by_key", "read", "write_lines"]
 
@@ -137,7 +138,7 @@ class _Planned:
         """What a line says; None where it is of a result. Raises `ValueError` where a part is missing or wrong."""
         if NOT_RUN not in text:
             return None
-        content = json.loads(text)
+        content = plain(text)
         if not isinstance(content, dict) or content.pop("status", "") != NOT_RUN:
             return None
         return cls(key=str(content.pop("key", "")), cell=_identity().validate_python(content))
@@ -177,7 +178,10 @@ def _texts(path: Path) -> Iterator[tuple[str, str]]:
     """The lines of a file, and where each is."""
     try:
         with path.open(encoding="utf-8") as file:
-            yield from ((text, f"{path}, line {number}") for number, text in enumerate(file, 1))
+            for number, text in enumerate(iter(partial(file.readline, LONGEST + 1), ""), 1):
+                if len(text) > LONGEST:
+                    raise UsageError(f"{path}, line {number}: it has more than {LONGEST >> 20} MiB")
+                yield text, f"{path}, line {number}"
     except (OSError, UnicodeError) as error:
         raise UsageError(f"cannot read {path}: {error}") from error
 

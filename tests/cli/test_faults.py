@@ -293,7 +293,7 @@ def test_a_task_that_ends_the_process_while_it_is_made_is_named(say, tmp_path):
     (folder / "system.py").write_text(f"from sys import exit as quit\n{lines}")
     done = say("run", "--tasks", folder, "--methods", "raw", "--seeds", 1, "--budget", "smoke")
     assert done.exit_code == 2
-    assert done.stderr.startswith(f"error: {folder}/system.py, line 4, ended the command: SystemExit: 0")
+    assert done.stderr.startswith(f"error: {folder}/system.py, line 5, ended the command: SystemExit: 0")
     plugins._ADDED["tasks"].pop("zz-exits")
 
 

@@ -34,7 +34,7 @@ READ = (
     "verify DIR --repair",
     f"falsify {CELL} --results DIR --evaluations 8",
     "falsify --all --results DIR --evaluations 8",
-    f"certify {CELL} --results DIR --episodes 8",
+    f"certify {CELL} --results DIR --starts 8",
     f"score zz-line {CELL} --results DIR",
     f"render DIR {CELL}",
     f"render DIR {CELL} --start-index 0 --format png",
@@ -42,7 +42,7 @@ READ = (
     "export DIR",
     "export DIR --format jsonl",
     "compare DIR DIR",
-    "bundle DIR out.zip --title T --author A --license CC0-1.0",
+    "bundle DIR out.zip --title T --author A",
     "results merge merged DIR",
     f"results remove DIR {CELL} --yes",
 )

@@ -9,10 +9,12 @@ from collections.abc import Sequence
 from contextlib import closing, suppress
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
+from stlbench.rollout import npz, saved_traces
 from stlbench.study import schema, stored
 from stlbench.study.ledger import FILE, Ledger, LedgerWarning
 from stlbench.study.results import Results
@@ -88,6 +90,43 @@ def test_nor_does_a_schema_go_on_for_ever(ledger: Path) -> None:
     endless(ledger, "sqlite_schema")
     with pytest.raises(UsageError, match=r"cannot (open|read) the ledger"):
         Results.load(ledger.parent)
+
+
+@pytest.mark.parametrize("files", ["[" * 200_000, '"traces"', "[1]"])
+def test_checksums_that_are_none_are_damage_of_their_row(ledger: Path, files: str) -> None:
+    with closing(sqlite3.connect(ledger, isolation_level=None)) as database:
+        database.execute("UPDATE cells SET files = ? WHERE seed = 1", (files,))
+    (damage,) = verify(ledger.parent).damages
+    assert (damage.what, damage.cell) == ("row", result(seed=1).id)
+
+
+def test_a_line_that_goes_on_for_ever_is_one_line_of_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "cells.jsonl"
+    path.write_text('{"status": "not run", "a": ' + "[" * 200_000)
+    with pytest.raises(UsageError, match=r"line 1: .*too deep to read"):
+        Results.load(tmp_path)
+    monkeypatch.setattr(stored, "LONGEST", 100_000)
+    with pytest.raises(UsageError, match="line 1: it has more than"):
+        Results.load(tmp_path)
+
+
+def test_an_archive_that_unpacks_to_all_memory_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    npz.write(tmp_path / "a.npz", {"traces": np.zeros((1000, 100, 2)), "signals": np.array(["x", "y"])})
+    monkeypatch.setattr(npz, "LARGEST", 2**20)
+    with pytest.raises(UsageError, match="its arrays would take 1 MiB, at most 1 are read"):
+        saved_traces.read_saved(tmp_path / "a.npz")
+
+
+def test_files_of_which_an_emptied_ledger_says_nothing_are_named(ledger: Path) -> None:
+    with closing(sqlite3.connect(ledger, isolation_level=None)) as database:
+        database.execute("DELETE FROM cells")
+    with Ledger(ledger, create=False) as opened:
+        planned = next(iter(opened.planned()))
+    for key in ("0" * 32, planned):  # a cell that was planned was interrupted, and comes to be measured again
+        npz.write(npz.cell_file(ledger.parent / "traces", result().id, key), {"a": np.zeros(1)})
+    found = verify(ledger.parent)
+    assert found.strays == ("traces/hold-disc_funnel_dqn_0_000000000000.npz",)
+    assert not found.is_whole
 
 
 def endless(path: Path, name: str, levels: int = 12, width: int = 60) -> None:
