@@ -9,6 +9,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stlbench.errors import UsageError
 from stlbench.identity import CellId
 from stlbench.outputs import write
 from stlbench.report.page.bundle import packed, plotly, require
@@ -87,7 +88,10 @@ def write_page(
     require()
     path = path or folder / FILE
     text = _page(groups, results, standards, folder, told)
-    return write(path, text)
+    try:
+        return write(path, text)
+    except UsageError as error:
+        raise type(error)(f"{error}; --out FILE writes the page elsewhere") from error
 
 
 def _page(
