@@ -42,14 +42,11 @@ class DiskFull(UsageError):
 def unwritable(said: str, error: OSError | sqlite3.Error) -> UsageError:
     """What to raise where stlbench cannot write a file, with the cause after what is `said`; a `DiskFull` where there
     is no space for it."""
-    reason = str(error)
     if isinstance(error, OSError):
         is_full = error.errno in NO_SPACE
-        if error.strerror and (error.filename is None or str(error.filename) in said):
-            reason = error.strerror  # without the path, which is said already
     else:
         is_full = getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_FULL
-    return (DiskFull if is_full else UsageError)(f"{said}: {reason}")
+    return (DiskFull if is_full else UsageError)(f"{said}: {error}")
 
 
 _WORDS = {

@@ -13,7 +13,7 @@ from stlbench.cli.common import DISK_FULL, refuse
 from stlbench.cli.completion import names
 from stlbench.cli.options import Jobs, Retry
 from stlbench.cli.report import show_report
-from stlbench.errors import DiskFull
+from stlbench.errors import DiskFull, UsageError
 
 if TYPE_CHECKING:
     from stlbench.identity import CellId
