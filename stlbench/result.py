@@ -29,6 +29,7 @@ __all__ = [
     "StoredPolicies",
     "Summary",
     "from_json",
+    "plain",
     "plain_scores",
     "reported",
     "to_json",
@@ -226,12 +227,17 @@ def plain_scores(scores: Mapping[str, Score]) -> dict[str, Any]:
     return plain
 
 
-def from_json(text: str | bytes) -> Result:
-    """The inverse of `to_json`. Raises `ValueError` on anything else."""
+def plain(text: str | bytes) -> Any:
+    """The value of a text of JSON that may be of a stranger. Raises `ValueError`."""
     try:
-        content = json.loads(text)
+        return json.loads(text)
     except RecursionError as error:
         raise ValueError("brackets inside brackets, too deep to read") from error
+
+
+def from_json(text: str | bytes) -> Result:
+    """The inverse of `to_json`. Raises `ValueError` on anything else."""
+    content = plain(text)
     if not isinstance(content, dict):
         raise ValueError(f"expected an object, got {text!r:.80}")
     identity = {name: content.pop(name) for name in IDENTITY if name in content}

@@ -1,7 +1,8 @@
-"""The options that `run`, `plan` and `gate` share: lists of names, jobs, executors, what to run again."""
+"""The options that several commands share."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -9,7 +10,7 @@ import typer
 if TYPE_CHECKING:
     from stlbench.registry.choices import Choice
 
-__all__ = ["Executor", "Jobs", "Retry", "names", "tasks_of"]
+__all__ = ["Executor", "Jobs", "Retry", "TaskFolders", "names", "tasks_of"]
 
 Jobs = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Cells at a time.", show_default="2, or 1 on a single core")
@@ -19,6 +20,26 @@ Retry = Annotated[
     str | None,
     typer.Option(metavar="LIST", help="Run cells again that ended so: failed, or some of raised, timeout, killed."),
 ]
+
+
+def _known(paths: list[Path] | None) -> list[Path] | None:
+    from stlbench.registry.folders import know
+
+    for path in paths or ():
+        know(path)
+    return paths
+
+
+TaskFolders = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--task-folder",
+        metavar="PATH",
+        callback=_known,
+        help="Folder of a task that the results are of. Its code is run. May be given several times.",
+    ),
+]
+"""Results never say where code is: only the user does. The option's callback makes the folders known."""
 
 
 def names(text: str | None) -> tuple[Choice, ...] | None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stlbench.cli.common import warn
+from stlbench.cli.options import TaskFolders
 from stlbench.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ def plot(
             show_default="all but rewarded",
         ),
     ] = None,
+    task_folders: TaskFolders = None,
 ) -> None:
     """Draw a run: learning curves, robustness against time in its funnel, trajectories, and an overview of each task.
 
@@ -48,6 +50,7 @@ def plot(
       stlbench plot results
       stlbench plot results --tasks robot-nav --methods "funnel,funnel[variant=code]" --out pictures
     """
+    from stlbench.outputs import inside
     from stlbench.report.figures import trace_figures
     from stlbench.study import stored
 
@@ -59,7 +62,7 @@ def plot(
     chosen = (
         result for result in stored.read(run) if result.id.task in some_tasks and result.id.method in some_methods
     )
-    job = trace_figures.Job(run, out or run / "figures", _tell, warn, _kinds(only, rewarded))
+    job = trace_figures.Job(run, out or inside(run / "figures", run), _tell, warn, _kinds(only, rewarded))
     for path in trace_figures.draw(chosen, job):
         typer.echo(path)
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stlbench.cli.common import Json, console, print_json, warn
-from stlbench.errors import UsageError
+from stlbench.cli.options import TaskFolders
+from stlbench.errors import DiskFull, UsageError
 
 if TYPE_CHECKING:
     from stlbench.report import Group
@@ -23,6 +24,7 @@ def report(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="With --html: the page's file.", show_default="DIR/report.html")
     ] = None,
+    task_folders: TaskFolders = None,
     as_json: Json = False,
 ) -> None:
     """Rebuild the tables and figures from a ledger.
@@ -83,6 +85,8 @@ def _write(groups: Sequence[Group], known: Mapping[str, Standard], folder: Path)
 
     try:
         write(groups, known, folder)
+    except DiskFull:
+        raise
     except UsageError as error:
         warn(str(error))
         return False
@@ -93,9 +97,16 @@ def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:
     """What the policies of each task are compared with. Some seconds for a task on a MuJoCo model."""
     from rich.console import Console
 
+    from stlbench.registry import plugins
     from stlbench.rollout.standards import standards
     from stlbench.study.asked import ask
 
+    unknown = {group.setting.task.name for group in groups} - plugins.available("tasks").keys()
+    if unknown:
+        warn(
+            f"not installed: {', '.join(sorted(unknown))}; what needs the task is left out. "
+            "If you trust its folder, name it: --task-folder PATH"
+        )
     said = Console(stderr=True, highlight=False)
     with said.status("controllers of the tasks") if said.is_terminal else nullcontext():
         return standards((group.setting for group in groups), ask)

@@ -13,7 +13,7 @@ from stlbench.cli.common import DISK_FULL, refuse
 from stlbench.cli.completion import names
 from stlbench.cli.options import Jobs, Retry
 from stlbench.cli.report import show_report
-from stlbench.errors import UsageError, is_disk_full
+from stlbench.errors import DiskFull, UsageError
 
 if TYPE_CHECKING:
     from stlbench.identity import CellId
@@ -163,9 +163,7 @@ def interruptible(cells: Callable[[], Sequence[Cell]], folder: Path) -> Iterator
     except KeyboardInterrupt:
         typer.echo(f"interrupted: {_recorded(cells(), folder)}; say the same command again to go on", err=True)
         raise typer.Exit(130) from None
-    except UsageError as error:
-        if not is_disk_full(error):
-            raise
+    except DiskFull as error:
         refuse(f"{error}: {_recorded(cells(), folder)}; make room, and say the same command again to go on")
         raise typer.Exit(DISK_FULL) from None
 

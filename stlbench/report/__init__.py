@@ -7,7 +7,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stlbench.errors import UsageError
+from stlbench import outputs
 from stlbench.identity import CellId
 from stlbench.report.tables.across import aggregates_table, fields, improvement_table
 from stlbench.report.tables.alignment import Aligned, align, alignment_table
@@ -86,26 +86,20 @@ def write(groups: Sequence[Group], standards: Mapping[str, Standard], folder: Pa
     cells.csv one each, aggregates too of three tasks or more, and alignment where anything was planned; figures/ a few
     of each task. `standards` are of the tasks; where no
     controller is known, the files of controllers have no row.
-    Raises `UsageError` where the folder cannot be written.
+    Raises `UsageError` where the folder cannot be written, or a file or folder in it is a link.
     """
     from stlbench.report.figures import report_figures  # imports all of tasks, and the tables do without
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        learned, rows = split(groups)[0], align(groups, standards)
-        found = fields(learned, standards, best_known(groups, standards))
-        texts = {folder / name: text for name, text in _texts(groups, standards, rows).items()}
-        for path, text in texts.items():
-            path.write_text(text, encoding="utf-8")
-        figures = folder / "figures"
-        return [
-            *texts,
-            *report_figures.draw(learned, figures),
-            *report_figures.draw_across(found, figures),
-            *report_figures.draw_alignment(rows, figures),
-        ]
-    except OSError as error:
-        raise UsageError(f"cannot write the report: {error}") from error
+    figures = outputs.inside(folder / "figures", folder)
+    learned, rows = split(groups)[0], align(groups, standards)
+    found = fields(learned, standards, best_known(groups, standards))
+    texts = [outputs.write(folder / name, text) for name, text in _texts(groups, standards, rows).items()]
+    return [
+        *texts,
+        *report_figures.draw(learned, figures),
+        *report_figures.draw_across(found, figures),
+        *report_figures.draw_alignment(rows, figures),
+    ]
 
 
 def _texts(groups: Sequence[Group], standards: Mapping[str, Standard], rows: Sequence[Aligned]) -> dict[str, str]:

@@ -241,6 +241,15 @@ def run_cells(
                     told.ended(result)
             finally:
                 running.clear(folder)
+        if ledger.is_meddled:
+            raise UsageError(_meddled(folder / FILE, cells))
+
+
+def _meddled(path: Path, cells: Iterable[Cell]) -> str:
+    with Ledger(path) as ledger:
+        lost = len(_missing(cells, ledger, (), None))
+    said = f"something else wrote in {path} during the run, perhaps a plugin: {lost} of its cells have no result there"
+    return f"{said}; the same command measures these again, and what else was changed nobody knows"
 
 
 def _given_up(cells: Sequence[CellId], attempts: int) -> str:

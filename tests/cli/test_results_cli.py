@@ -133,7 +133,7 @@ def test_parquet_without_pyarrow_is_one_line(say, ledger, monkeypatch):
     [
         (["export", "nowhere"], "there is neither nowhere/ledger.sqlite nor cells.jsonl"),
         (["export", "results", "--format", "xls"], "'xls' is not one of"),
-        (["export", "results", "--out", "file"], "cannot write the tables"),
+        (["export", "results", "--out", "file"], "cannot write file/cells.csv"),
         (["export", "results", "--format", "jsonl", "--out", "file"], "cannot write file/cells.jsonl"),
         (["show", "cell", "hold-disc/funnel/dqn/7"], "there is no cell 'hold-disc/funnel/dqn/7'; did you mean"),
         (["show", "cell", "funnel"], "'funnel' names no cell"),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import stlbench
 from stlbench.errors import UsageError
+from stlbench.outputs import write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -96,11 +97,9 @@ def save(figure: Figure, folder: Path, name: str, source: str = "") -> list[Path
         note.add_text("Source", source)
     colours = Image.open(picture).convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     colours.save(few, format="png", optimize=True, pnginfo=note)
-    folder.mkdir(parents=True, exist_ok=True)
-    written = {
-        end: _written(folder / f"{name}.{end}", file) for end, file in (("pdf", pdf), ("svg", svg), ("png", few))
-    }
-    return [written[end] for end in _ENDS]
+    for end, file in (("pdf", pdf), ("svg", svg), ("png", few)):
+        write(folder / f"{name}.{end}", file.getvalue())
+    return [folder / f"{name}.{end}" for end in _ENDS]
 
 
 def save_svg(figure: Figure, path: Path) -> None:
@@ -111,10 +110,3 @@ def save_svg(figure: Figure, path: Path) -> None:
 
     with mpl.rc_context(RC):
         figure.savefig(path, format="svg", metadata={"Date": None})
-
-
-def _written(path: Path, content: BytesIO) -> Path:
-    """Never half a file, which would say that it is all there."""
-    part = path.with_name(f"{path.name}.part")
-    part.write_bytes(content.getvalue())
-    return part.replace(path)

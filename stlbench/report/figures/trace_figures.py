@@ -78,31 +78,28 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
         finished = {}
     learners, planners = {member.setting for member in split(groups)[0]}, maximised(groups)
     paths, count = list[Path](), 0
-    try:
-        for choice, members in groupby(groups, key=lambda member: member.setting.task):
-            of_task, learned, shown, plans = list(members), list[Group](), list[Array | None](), list[Plan]()
-            if "learning" in job.only:
-                paths += draw_learning([member for member in of_task if member.setting in learners], job.out)
-            task = _task(choice, job) if any(member.setting in finished for member in of_task) else None
-            bands = _bands(task, of_task, job)
-            for member in of_task:
-                count += 1
-                recording = _traces(task, finished.get(member.setting, ()), job)
-                files = list[Path]()
-                if task is not None and recording is not None:
-                    files = _draw_group(task, member.setting, recording, bands, job)
-                if member.setting in learners:
-                    learned.append(member)
-                    shown.append(None if recording is None else recording.evenly(TRACES_PER_PANEL))
-                elif recording is not None and member.setting.agent.name in planners and not member.outside:
-                    plans += _plan(member, recording, planners[member.setting.agent.name])
-                setting = member.setting
-                job.tell(f"[{count}/{len(groups)}] {setting.name} {setting.budget}: {len(files)} files")
-                paths += files
-            paths += _draw_overview(task, learned, shown, job)
-            paths += _draw_plans(task, plans, job)
-    except OSError as error:
-        raise UsageError(f"cannot write the figures: {error}") from error
+    for choice, members in groupby(groups, key=lambda member: member.setting.task):
+        of_task, learned, shown, plans = list(members), list[Group](), list[Array | None](), list[Plan]()
+        if "learning" in job.only:
+            paths += draw_learning([member for member in of_task if member.setting in learners], job.out)
+        task = _task(choice, job) if any(member.setting in finished for member in of_task) else None
+        bands = _bands(task, of_task, job)
+        for member in of_task:
+            count += 1
+            recording = _traces(task, finished.get(member.setting, ()), job)
+            files = list[Path]()
+            if task is not None and recording is not None:
+                files = _draw_group(task, member.setting, recording, bands, job)
+            if member.setting in learners:
+                learned.append(member)
+                shown.append(None if recording is None else recording.evenly(TRACES_PER_PANEL))
+            elif recording is not None and member.setting.agent.name in planners and not member.outside:
+                plans += _plan(member, recording, planners[member.setting.agent.name])
+            setting = member.setting
+            job.tell(f"[{count}/{len(groups)}] {setting.name} {setting.budget}: {len(files)} files")
+            paths += files
+        paths += _draw_overview(task, learned, shown, job)
+        paths += _draw_plans(task, plans, job)
     return paths
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from stlbench.errors import UsageError
 from stlbench.identity import CellId
+from stlbench.outputs import write
 from stlbench.report.page.bundle import packed, plotly, require
 from stlbench.report.page.cells import Tags, cells_listed, details, tags_of
 from stlbench.report.page.chart import Chart
@@ -88,11 +89,9 @@ def write_page(
     path = path or folder / FILE
     text = _page(groups, results, standards, folder, told)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error}; --out FILE writes the page elsewhere") from error
-    return path
+        return write(path, text)
+    except UsageError as error:
+        raise type(error)(f"{error}; --out FILE writes the page elsewhere") from error
 
 
 def _page(
