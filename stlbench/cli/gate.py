@@ -100,7 +100,7 @@ def _settled(
 
 
 def _measured(cells: Sequence[Cell], folder: Path, executor: contract.Executor) -> Snapshot:
-    from stlbench.cli.progress import Progress
+    from stlbench.study.progress import Progress
     from stlbench.gate.measure import measure
 
     try:

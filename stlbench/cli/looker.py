@@ -10,8 +10,8 @@ from heapq import nlargest
 from pathlib import Path
 from typing import NamedTuple
 
-from stlbench.cli.live import MOST, line_of
-from stlbench.cli.pace import LATEST, Ended, Pace, reward_of, unfit
+from stlbench.study.live import MOST, line_of
+from stlbench.study.pace import LATEST, Ended, Pace, reward_of, unfit
 from stlbench.errors import UsageError
 from stlbench.identity import CellId
 from stlbench.result import Result

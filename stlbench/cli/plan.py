@@ -63,7 +63,7 @@ def plan(
       stlbench plan overlap --methods raw,funnel --resolution 0.6
       stlbench plan hold-disc --settings "recipe,gamma=1,without=cuts gamma=1"
     """
-    from stlbench.cli.progress import Progress
+    from stlbench.study.progress import Progress
     from stlbench.registry.folders import task_of
     from stlbench.status import accidents_of
     from stlbench.study.alignment import parse_settings, plan_alignment

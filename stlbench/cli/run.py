@@ -126,7 +126,7 @@ def run(
       stlbench run --methods "funnel,funnel[variant=code],flag[beta=10]" --budget paper --results study
       stlbench run study.yaml --seeds 10
     """
-    from stlbench.cli.progress import Progress
+    from stlbench.study.progress import Progress
     from stlbench.study.run import run_described
     from stlbench.study.study import Study
 

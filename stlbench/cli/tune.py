@@ -9,7 +9,7 @@ import typer
 
 from stlbench.cli.completion import names
 from stlbench.cli.options import Executor, Jobs, Retry
-from stlbench.cli.progress import Progress
+from stlbench.study.progress import Progress
 from stlbench.cli.run import interruptible
 
 if TYPE_CHECKING:

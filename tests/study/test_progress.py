@@ -6,7 +6,7 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.cli import progress
-from stlbench.cli.progress import Progress
+from stlbench.study.progress import Progress
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from itertools import accumulate
 from statistics import fmean
 from typing import NamedTuple
 
-from stlbench.cli.live import duration
+from stlbench.study.live import duration
 from stlbench.identity import CellId, Setting
 from stlbench.registry.choices import Choice
 from stlbench.result import Result
