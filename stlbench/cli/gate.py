@@ -100,8 +100,8 @@ def _settled(
 
 
 def _measured(cells: Sequence[Cell], folder: Path, executor: contract.Executor) -> Snapshot:
-    from stlbench.study.progress import Progress
     from stlbench.gate.measure import measure
+    from stlbench.study.progress import Progress
 
     try:
         with Progress() as progress:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from helpers.synthetic_results import result
 
-from stlbench.cli import progress
+from stlbench.study import progress
 from stlbench.study.progress import Progress
 
 

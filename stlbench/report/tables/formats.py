@@ -33,7 +33,9 @@ _LATEX = {
 } | {character: "\\" + character for character in "&%$#_{}"}
 
 _CHARACTERS: Mapping[Width, int] = {"column": 64, "page": 130}
-"""Of 3.95 points, as 8-point text takes with the space between columns, in the 252 and 516 points of a column and of a page of IEEE."""
+"""Of 3.95 points, as 8-point text takes them with the space between columns.
+
+A column of IEEE has 252 points, a page 516."""
 _LINES = 60
 """Of 9.5 points, on a page of IEEE, with its caption."""
 _TEXT = 16
@@ -100,8 +102,8 @@ def to_latex(table: Table, width: Width = "page") -> str:
     r"""Tabulars for `\usepackage{booktabs}`, no wider than a column or a page of two columns, in text of 8 points.
 
     What all rows share, the long texts, and the notes are comments. Columns are left out as on a screen of that width,
-    and a comment names them. What is still too wide comes in several tabulars, such as one of each task; so does what is
-    longer than a page.
+    and a comment names them. What is still too wide comes in several tabulars, such as one of each task. So does what
+    is longer than a page.
     """
     columns = table.columns
     rows = [[_folded(value, column.digits) for value, column in zip(row, columns, strict=True)] for row in table.rows]

@@ -7,6 +7,7 @@ from helpers.synthetic_results import result
 
 from stlbench.report import condense
 from stlbench.report.figures.learning import learning_curves
+from stlbench.report.figures.palette import colours_of
 from stlbench.report.figures.robustness import robustness_by_method
 from stlbench.result import CurvePoint
 
@@ -26,7 +27,7 @@ GROUPS = condense(
 
 
 def test_every_seed_is_a_point_and_the_iqm_stands_under_it():
-    (axes,) = robustness_by_method(GROUPS, "m").axes
+    (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
     drawn = [sorted(map(float, line.get_xdata())) for line in axes.lines]
     assert [-0.2] in drawn
     assert [0.1, 0.3] in drawn
@@ -34,7 +35,7 @@ def test_every_seed_is_a_point_and_the_iqm_stands_under_it():
 
 
 def test_a_method_without_a_result_keeps_its_place():
-    (axes,) = robustness_by_method(GROUPS, "m").axes
+    (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert labels == ["flag\n1 of 1 seeds", "funnel\n2 of 2 seeds", "tau-mdp\nintractable"]
     assert [(text.get_text(), text.get_position()[1]) for text in axes.texts] == [("no result", 2)]
@@ -42,14 +43,14 @@ def test_a_method_without_a_result_keeps_its_place():
 
 def test_an_interval_that_the_axis_cuts_ends_in_an_arrow():
     """0.2 +- 12.706 * 0.1 of two seeds; values are from -0.2 to 0.3, so there is room from -0.7 to 0.8."""
-    (axes,) = robustness_by_method(GROUPS, "m").axes
+    (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
     arrows = [(line.get_marker(), float(line.get_xdata()[0])) for line in axes.lines if line.get_marker() in ("<", ">")]
     assert arrows == [("<", pytest.approx(-0.775)), (">", pytest.approx(0.875))]
 
 
 def test_no_two_things_have_one_colour():
     """Seeds have one, and what is said of all of them another; methods have a row each."""
-    (axes,) = robustness_by_method(GROUPS, "m").axes
+    (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
     seeds = {line.get_color() for line in axes.lines if line.get_marker() == "o"}
     middles = {line.get_color() for line in axes.lines if line.get_marker() == "D"}
     assert len(seeds) == len(middles) == 1
@@ -74,7 +75,7 @@ def pendulum(**curves):
 
 
 def test_methods_near_zero_are_told_apart_beside_one_at_minus_100():
-    (axes,) = robustness_by_method(pendulum(), "rad or rad/s").axes
+    (axes,) = robustness_by_method(pendulum(), "rad or rad/s", colours_of(pendulum())).axes
     assert axes.get_xlabel() == "mean robustness over the report starts [rad or rad/s]"
     assert axes.get_xscale() == "linear"
     low, high = axes.get_xlim()
@@ -86,7 +87,7 @@ def test_methods_near_zero_are_told_apart_beside_one_at_minus_100():
 
 
 def test_what_lies_beyond_the_axis_is_an_arrow_with_its_numbers():
-    figure = robustness_by_method(pendulum(), "rad or rad/s")
+    figure = robustness_by_method(pendulum(), "rad or rad/s", colours_of(pendulum()))
     (axes,) = figure.axes
     told = {text.get_text(): text.xy[1] for text in axes.texts}
     assert told == {"5 seeds, -29.5 to -102": -0.14, "-41.6": 0.2}
@@ -96,7 +97,7 @@ def test_what_lies_beyond_the_axis_is_an_arrow_with_its_numbers():
 
 
 def test_values_of_one_size_have_a_linear_axis_in_the_unit_that_is_given():
-    (axes,) = robustness_by_method(GROUPS, "m").axes
+    (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
     assert axes.get_xscale() == "linear"
     assert axes.get_xlabel() == "mean robustness over the report starts [m]"
 
@@ -104,11 +105,11 @@ def test_values_of_one_size_have_a_linear_axis_in_the_unit_that_is_given():
 def test_intervals_have_room_unless_they_would_squeeze_the_points():
     """Of three seeds all of it; of two seeds, 12.7 standard errors to either side, no more than what is shown."""
     three = condense(result("raw", seed, robustness=(value,)) for seed, value in enumerate((0.3, 0.4, 0.5)))
-    low, high = robustness_by_method(three, "m").axes[0].get_xlim()
+    low, high = robustness_by_method(three, "m", colours_of(three)).axes[0].get_xlim()
     margin = 0.05 * (0.4 + 0.2484)
     assert (low, high) == pytest.approx((-margin, 0.6484 + margin), abs=1e-3)
     two = condense(result("raw", seed, robustness=(value,)) for seed, value in enumerate((0.1, 0.9)))
-    low, high = robustness_by_method(two, "m").axes[0].get_xlim()
+    low, high = robustness_by_method(two, "m", colours_of(two)).axes[0].get_xlim()
     assert (low, high) == pytest.approx((-0.9 - 0.135, 1.8 + 0.135))
 
 
@@ -121,7 +122,7 @@ def test_learning_curves_of_methods_near_zero_are_told_apart():
     groups = pendulum(
         **{name: curve(*((100 * i, 0.0, value) for i, value in enumerate(values))) for name, values in rising.items()}
     )
-    _, right = learning_curves(groups, "rad").axes
+    _, right = learning_curves(groups, "rad", colours_of(groups)).axes
     assert right.get_ylabel() == "mean robustness [rad]"
     low, high = right.get_ylim()
     assert -0.1 < low < 0

@@ -13,12 +13,13 @@ from helpers.pages import Page
 from helpers.synthetic_results import by_hand, result
 
 from stlbench.report import condense, fields
+from stlbench.report.figures.palette import colours_of
+from stlbench.report.figures.units import Scale
 from stlbench.report.page.axis import axis_of
 from stlbench.report.page.chart import INK, MARK, MUTED, plain
 from stlbench.report.page.of_fields import across
 from stlbench.report.page.of_groups import cost, learning, robustness
 from stlbench.report.statistics.intervals import interval, iqm
-from stlbench.report.tables.times import time_table
 from stlbench.rollout.standards import Standard
 
 SEEDS = (0.25, 0.5, 1.0)
@@ -43,7 +44,7 @@ def test_plotly_takes_all_charts_of_a_page(page: Path) -> None:
 
 
 def test_robustness_shows_the_seeds_and_the_interval_of_their_middle() -> None:
-    points, middle = robustness(GROUPS, "m").data
+    points, middle = robustness(GROUPS, "m", colours_of(GROUPS)).data
     assert points["x"] == list(SEEDS)
     assert points["text"] == ["seed 0: 0.25", "seed 1: 0.5", "seed 2: 1"]
     ends = interval(SEEDS)
@@ -53,7 +54,8 @@ def test_robustness_shows_the_seeds_and_the_interval_of_their_middle() -> None:
 
 
 def test_an_interval_that_the_chart_cuts_has_an_arrow_that_says_where_it_ends() -> None:
-    chart = robustness(condense(result(seed=i, robustness=[value]) for i, value in enumerate((0.25, 0.35))), "m")
+    groups = condense(result(seed=i, robustness=[value]) for i, value in enumerate((0.25, 0.35)))
+    chart = robustness(groups, "m", colours_of(groups))
     _, middle, arrow = chart.data  # the interval is 0.3 +- 12.706 * 0.05; room is from -0.35 to 0.7
     assert (arrow["marker"]["symbol"], arrow["x"]) == ("triangle-right", [chart.layout["xaxis"]["range"][1]])
     assert arrow["text"] == ["the 95 % interval ends beyond the chart, at 0.9353"]
@@ -63,14 +65,53 @@ def test_an_interval_that_the_chart_cuts_has_an_arrow_that_says_where_it_ends() 
 
 
 def test_learning_names_every_method_and_draws_means() -> None:
-    satisfied, robust = learning(GROUPS, "m")
+    satisfied, robust = learning(GROUPS, Scale("m", math.inf), colours_of(GROUPS))
     assert [trace["y"] for trace in satisfied.data if trace.get("fill") is None] == [[50.0, 100.0]]
     assert [trace["y"] for trace in robust.data if trace.get("fill") is None] == [[-0.1, 0.3]]
-    assert [entry["label"] for entry in robust.legend] == ["funnel: 3 of 3 seeds"]
+    assert [entry["label"] for entry in robust.legend] == [
+        "funnel: 3 of 3 seeds",
+        "shaded: 95 % interval of the mean, cut at what is possible",
+    ]
+
+
+def test_on_every_chart_a_method_has_its_colour_and_every_entry_of_a_legend_a_mark(page: Path) -> None:
+    parsed = Page(page.read_text(encoding="utf-8"))
+    charts = [chart for content in parsed.payloads().values() for chart in content["charts"].values()]
+    found = dict[str, set[str]]()
+    for entry in (entry for chart in charts for entry in chart["legend"]):
+        assert entry["color"], entry
+        assert entry["line"] in {"-", "--", ":", "box", "o", "d", "s", "c", "x"}, entry
+        name = entry["label"].partition(":")[0].partition(",")[0]
+        if name in ("flag", "funnel", "raw"):
+            found.setdefault(name, set()).add(entry["color"])
+    assert found
+    assert all(len(colours) == 1 for colours in found.values())
+    assert len(set.union(*found.values())) == len(found)
+
+
+def test_tracks_have_charts_of_their_own_in_the_same_colours() -> None:
+    groups = condense(result(method, track=track) for method in ("flag", "raw") for track in ("plain", "shared"))
+    charts = {chart.key: chart for chart in learning(groups, Scale("m", math.inf), colours_of(groups))}
+    assert set(charts) == {
+        *(f"learning-{kind}{end}" for kind in ("satisfaction", "robustness") for end in ("-plain", ""))
+    }
+    looks = [[entry["color"] for entry in chart.legend] for chart in charts.values()]
+    assert all(each == looks[0] for each in looks)
+
+
+def test_bands_end_at_what_is_possible() -> None:
+    curves = (((100, 0.0, 0.1),), ((100, 1.0, 0.9),))
+    groups = condense(result(seed=i, curve=curve) for i, curve in enumerate(curves))
+    satisfied, robust = learning(groups, Scale("m", 1.0), colours_of(groups))
+    (band,) = [trace for trace in satisfied.data if trace.get("fill")]
+    assert (min(band["y"]), max(band["y"])) == (0, 100)
+    (band,) = [trace for trace in robust.data if trace.get("fill")]
+    assert max(band["y"]) == 1.0
+    assert min(band["y"]) < -1
 
 
 def test_cost_is_that_of_the_table_of_times() -> None:
-    chart = cost(GROUPS, time_table(GROUPS))
+    chart = cost(GROUPS, colours_of(GROUPS))
     assert chart is not None
     assert chart.data[0]["x"] == [10.0]
 
