@@ -50,8 +50,8 @@ def test_every_public_name_is_in_the_reference(site: Path, name: str) -> None:
     assert [each for each in public if f'id="stlbench.{name}.{each}"' not in page] == []
 
 
-UNMARKED = """[...document.querySelectorAll(".md-typeset__scrollwrap")].some((each) =>
-  !/gradient/.test(getComputedStyle(each).backgroundImage) || !/local/.test(getComputedStyle(each).backgroundAttachment))"""
+UNMARKED = """[...document.querySelectorAll(".md-typeset__scrollwrap")].map((each) => getComputedStyle(each)).some(
+  (each) => !/gradient/.test(each.backgroundImage) || !/local/.test(each.backgroundAttachment))"""
 """Whether a table that scrolls has no shade at the side where it goes on."""
 TYPICAL = ("index", "tutorial", "gallery", "leaderboard/index", "reference/command-line", "methods/funnel")
 
