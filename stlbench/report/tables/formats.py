@@ -106,7 +106,7 @@ def to_latex(table: Table, width: Width = "page") -> str:
     is longer than a page.
     """
     columns = table.columns
-    rows = [[_folded(value, column.digits) for value, column in zip(row, columns, strict=True)] for row in table.rows]
+    rows = [[_stacked(value, column.digits) for value, column in zip(row, columns, strict=True)] for row in table.rows]
     lines = [[_wrapped(text, column) for text, column in zip(row, columns, strict=True)] for row in rows]
     widths = {i: _widest([_header(column), *(row[i] for row in lines)]) for i, column in enumerate(columns)}
     fit = _fit(table, rows, widths, _CHARACTERS[width])
@@ -124,6 +124,11 @@ def _apart(table: Table, place: int) -> Iterator[Table]:
     """A table, without notes, for each value of a column."""
     for value in dict.fromkeys(row[place] for row in table.rows):
         yield Table(table.title, table.columns, tuple(row for row in table.rows if row[place] == value))
+
+
+def _stacked(value: Value, digits: int | None) -> str:
+    """A value: the interval of what was learned stands on a line of its own, and nothing else does."""
+    return _folded(value, digits) if isinstance(value, Learned) else " ".join(show(value, digits).split())
 
 
 def _wrapped(text: str, column: Column) -> list[str]:

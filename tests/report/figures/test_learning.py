@@ -43,13 +43,15 @@ def test_a_line_is_the_mean_over_seeds():
     assert list(funnel.get_ydata()) == pytest.approx([-0.5, 0.45])
 
 
-def test_the_interval_is_that_of_the_mean_and_one_seed_has_none():
+def test_the_interval_is_that_of_the_mean_cut_at_what_is_possible_and_one_seed_has_none():
     left, _ = learning_curves(GROUPS, "m", colours_of(GROUPS)).axes
     (band,) = left.collections
     corners = band.get_paths()[0].vertices
     for steps, values in ((100, [0.0, 20.0]), (200, [60.0, 100.0])):
         ends = [y for x, y in corners if x == steps]
-        assert (min(ends), max(ends)) == pytest.approx(interval(values, cut=0))
+        low, high = interval(values, cut=0)
+        assert (low, high) != (max(low, 0), min(high, 100))
+        assert (min(ends), max(ends)) == pytest.approx((max(low, 0), min(high, 100)))
 
 
 def test_the_axes_have_room_for_what_seeds_had_and_cut_wider_intervals():
@@ -64,6 +66,7 @@ def test_the_legend_names_every_group_and_how_its_seeds_ended():
         "flag: 1 of 2 seeds, 1 timeout",
         "funnel: 2 of 2 seeds",
         "tau-mdp: intractable",
+        "95 % interval of the mean, cut at what is possible",
         "robustness 0: satisfied above",
     ]
 
@@ -75,6 +78,7 @@ def test_agent_and_budget_are_named_where_they_differ():
         "funnel, dqn, paper: 1 of 1 seeds",
         "funnel, dqn, quick: 1 of 1 seeds",
         "funnel, sb3-dqn, quick: 1 of 1 seeds",
+        "95 % interval of the mean, cut at what is possible",
         "robustness 0: satisfied above",
     ]
 

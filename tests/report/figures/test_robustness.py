@@ -48,13 +48,13 @@ def test_an_interval_that_the_axis_cuts_ends_in_an_arrow():
     assert arrows == [("<", pytest.approx(-0.775)), (">", pytest.approx(0.875))]
 
 
-def test_no_two_things_have_one_colour():
-    """Seeds have one, and what is said of all of them another; methods have a row each."""
+def test_seeds_and_what_is_said_of_all_of_them_have_the_colour_of_the_method():
     (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
-    seeds = {line.get_color() for line in axes.lines if line.get_marker() == "o"}
-    middles = {line.get_color() for line in axes.lines if line.get_marker() == "D"}
-    assert len(seeds) == len(middles) == 1
-    assert seeds != middles
+    for marker in "oD":
+        rows = {round(line.get_ydata()[0]): line.get_color() for line in axes.lines if line.get_marker() == marker}
+        assert rows
+        for row, colour in rows.items():
+            assert colour == colours_of(GROUPS)[str(GROUPS[row].setting.method)]
 
 
 PENDULUM = {
@@ -90,7 +90,7 @@ def test_what_lies_beyond_the_axis_is_an_arrow_with_its_numbers():
     figure = robustness_by_method(pendulum(), "rad or rad/s", colours_of(pendulum()))
     (axes,) = figure.axes
     told = {text.get_text(): text.xy[1] for text in axes.texts}
-    assert told == {"5 seeds, -29.5 to -102": -0.14, "-41.6": 0.2}
+    assert told == {"5 seeds, -29.5 to -102": -0.14, "IQM -41.6 [-79.5, -3.65]": 0.2}
     arrows = [line for line in axes.lines if line.get_marker() == "<"]
     assert [(line.get_xdata()[0], line.get_ydata()[0]) for line in arrows] == [(0.0, -0.14), (0.0, 0.2)]
     assert "beyond the axis" in [text.get_text() for text in figure.legends[0].get_texts()]

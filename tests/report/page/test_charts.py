@@ -20,6 +20,7 @@ from stlbench.report.page.chart import INK, MARK, MUTED, plain
 from stlbench.report.page.of_fields import across
 from stlbench.report.page.of_groups import cost, learning, robustness
 from stlbench.report.statistics.intervals import interval, iqm
+from stlbench.result import CurvePoint
 from stlbench.rollout.standards import Standard
 
 SEEDS = (0.25, 0.5, 1.0)
@@ -100,7 +101,7 @@ def test_tracks_have_charts_of_their_own_in_the_same_colours() -> None:
 
 
 def test_bands_end_at_what_is_possible() -> None:
-    curves = (((100, 0.0, 0.1),), ((100, 1.0, 0.9),))
+    curves = ((CurvePoint(100, 1.0, 0.0, 0.1),), (CurvePoint(100, 1.0, 1.0, 0.9),))
     groups = condense(result(seed=i, curve=curve) for i, curve in enumerate(curves))
     satisfied, robust = learning(groups, Scale("m", 1.0), colours_of(groups))
     (band,) = [trace for trace in satisfied.data if trace.get("fill")]
@@ -129,8 +130,13 @@ def test_across_tasks_each_method_has_its_estimate() -> None:
         name: Standard(each.by_hand, own_agent="dqn", at_random=by_hand(x=(0.0,))["x"].by_hand)
         for name, each in known.items()
     }
-    (field,) = fields(condense(made), standards, {})
-    middle, rank, profile = across(field, "f")
+    groups = condense(made)
+    (field,) = fields(groups, standards, {})
+    middle, rank, profile = across(field, "f", colours_of(groups))
+    for chart in (middle, rank):
+        low, high = chart.layout["xaxis"]["range"]
+        assert all(low < trace["x"][0] < high for trace in chart.data)
+    assert "logarithmic" in middle.layout["xaxis"]["title"]["text"]
     assert [trace["x"] for trace in middle.data] == [[pytest.approx(-math.log10(0.5), abs=1e-4)], [3.0]]
     assert [trace["x"] for trace in rank.data] == [[2.0], [1.0]]
     lines = [trace for trace in profile.data if trace.get("fill") is None]
