@@ -60,7 +60,10 @@ def draw_across(fields: Sequence[Field], folder: Path, colours: Colours) -> list
     paths = []
     for (budget, track), members in groupby(fields, key=lambda field: (field.budget, field.track)):
         shown = tuple(members)
-        name, source = file_name("across", budget, track), source_of("across", shown, *colours.items())
+        name, source = (
+            file_name("across", budget, track),
+            source_of("across", shown, [colours[each.method] for each in shown[0].entries]),
+        )
         paths += drawn(folder, name, source) or save(_across(shown, colours), folder, name, source)
     return paths
 
@@ -90,7 +93,7 @@ def _alignment(rows: Sequence[Aligned], units: Mapping[str, str]) -> Figure:
 def _draw(kind: Kind, page: Sequence[Group], folder: Path, end: str, colours: Colours) -> list[Path]:
     task = page[0].setting.task
     name, scale = file_name(kind, str(task)) + end, scale_of_task(task)
-    source = source_of(kind, scale, page, *colours.items())
+    source = source_of(kind, scale, page, [colours[str(group.setting.method)] for group in page])
     return drawn(folder, name, source) or save(_figure(kind, page, scale, colours), folder, name, source)
 
 

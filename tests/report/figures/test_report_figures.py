@@ -14,7 +14,7 @@ from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
 from stlbench.report import Group, condense
 from stlbench.report.figures import report_figures
-from stlbench.report.figures.palette import colours_of
+from stlbench.report.figures.palette import Colours, colours_of
 from stlbench.report.figures.report_figures import ROWS_PER_FIGURE
 from stlbench.report.figures.units import Scale
 from stlbench.result import CurvePoint, Result
@@ -80,7 +80,7 @@ def draw(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Sequence[
     """Draw the figures of results in one folder, all of them blank, and say which are not those of before."""
     new = set[str]()
 
-    def blank(kind: str, page: Sequence[Group], unit: str) -> Figure:
+    def blank(kind: str, page: Sequence[Group], scale: Scale, colours: Colours) -> Figure:
         new.add(f"{kind}-{page[0].setting.task}")
         return Figure(figsize=(1, 1))
 
