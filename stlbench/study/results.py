@@ -134,13 +134,13 @@ class Results:
         """
         import pandas as pd
 
-        from stlbench.report import best_possible, compare, comparisons_table, condense, split, to_records
+        from stlbench.report import best_known, compare, comparisons_table, condense, split, to_records
         from stlbench.rollout.standards import standards
         from stlbench.study.asked import ask
 
         groups = condense(self.results, self.missing)
         known = standards((group.setting for group in groups), ask)
-        learned, best = split(groups)[0], best_possible(groups, known)
+        learned, best = split(groups)[0], best_known(groups, known)
         table = comparisons_table(compare(learned, known, best))
         titles = [title for column in table.columns for title in column.headings]
         return pd.DataFrame(to_records(table), columns=titles)

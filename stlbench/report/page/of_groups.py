@@ -55,7 +55,7 @@ def robustness(groups: Sequence[Group], unit: str, colours: Colours) -> Chart:
     layout = frame(axis.layout(f"mean robustness [{plain(unit)}]<br>over the report starts"), rows)
     layout["shapes"] = [_LEVEL | {"x0": 0, "x1": 0, "yref": "paper", "y0": 0, "y1": 1}]
     label = f"Robustness by seed of {len(groups)} methods; the table above has the numbers"
-    legend = [shown("", "one seed", INK, "o"), shown("", "IQM over seeds, 95 % interval", INK, "d")]
+    legend = [shown("", "one seed", INK, "o"), shown("", "median seed, 95 % interval", INK, "d")]
     return Chart("robustness", "Robustness by seed", label, data, layout, 110 + 38 * len(groups), legend)
 
 
