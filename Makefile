@@ -7,7 +7,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .PHONY: run test quick lint types imports unit coverage lowest docs gate bench soak reference tuning alignment ablation agents survey field leaderboard paper-figures clean
 
-## Compare funnel and flag on the paper's comparative study; tables on screen and under results/.
+## Compare funnel and flag on the task reach-stay; tables on screen and under results/.
 run: $(VENV)/ready
 	$(BIN)/stlbench run --methods funnel,flag --jobs 2
 

@@ -8,7 +8,11 @@ import sqlite3
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-__all__ = ["UsageError", "did_you_mean", "in_words", "is_disk_full"]
+__all__ = ["NO_SPACE", "DiskFull", "UsageError", "did_you_mean", "in_words", "unwritable"]
+
+
+NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
+"""Errors of a disk, or a quota, that is full."""
 
 
 class UsageError(ValueError):
@@ -31,15 +35,18 @@ def _said_once(found: re.Match[str]) -> str:
     return found["what"] + ("" if said else found["where"] or "")
 
 
-def is_disk_full(error: BaseException | None) -> bool:
-    """Whether an error, or what caused it, is that a disk or a quota is full."""
-    while error is not None:
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-            return True
-        if isinstance(error, sqlite3.Error) and getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_FULL:
-            return True
-        error = error.__cause__
-    return False
+class DiskFull(UsageError):
+    """stlbench cannot write a file of its own, as the disk or a quota is full: exit code 74. A plugin raises none."""
+
+
+def unwritable(said: str, error: OSError | sqlite3.Error) -> UsageError:
+    """What to raise where stlbench cannot write a file, with the cause after what is `said`; a `DiskFull` where there
+    is no space for it."""
+    if isinstance(error, OSError):
+        is_full = error.errno in NO_SPACE
+    else:
+        is_full = getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_FULL
+    return (DiskFull if is_full else UsageError)(f"{said}: {error}")
 
 
 _WORDS = {

@@ -17,6 +17,7 @@ from stlbench.observation import Observation
 from stlbench.status import Status
 
 __all__ = [
+    "LEARNED",
     "MAIN",
     "RANDOM",
     "TASK_FOLDER",
@@ -28,6 +29,7 @@ __all__ = [
     "StoredPolicies",
     "Summary",
     "from_json",
+    "plain",
     "plain_scores",
     "reported",
     "to_json",
@@ -35,6 +37,8 @@ __all__ = [
 
 TASK_FOLDER = "task_folder"
 """Among the facts of a result's provenance, where its task is a folder: where that was."""
+LEARNED = 0.95
+"""A policy that satisfies the formula from this share of the starts has learned the task."""
 MAIN = "formula"
 """Name of the protocol that every task has: the task's own formula, from the grid of starts that figures show."""
 
@@ -223,12 +227,17 @@ def plain_scores(scores: Mapping[str, Score]) -> dict[str, Any]:
     return plain
 
 
-def from_json(text: str | bytes) -> Result:
-    """The inverse of `to_json`. Raises `ValueError` on anything else."""
+def plain(text: str | bytes) -> Any:
+    """The value of a text of JSON that may be of a stranger. Raises `ValueError`."""
     try:
-        content = json.loads(text)
+        return json.loads(text)
     except RecursionError as error:
         raise ValueError("brackets inside brackets, too deep to read") from error
+
+
+def from_json(text: str | bytes) -> Result:
+    """The inverse of `to_json`. Raises `ValueError` on anything else."""
+    content = plain(text)
     if not isinstance(content, dict):
         raise ValueError(f"expected an object, got {text!r:.80}")
     identity = {name: content.pop(name) for name in IDENTITY if name in content}

@@ -134,7 +134,7 @@ def shoot(name: str, results: Path | None) -> Filmed:
     task, every = of.task, of.task.starts.report_and_selection()[0]
     starts = every[:: max(1, len(every) // STARTS)]
     visited = list[Array]()
-    traces = follow(task, of.method, of.act, starts, visited)
+    traces = follow(task, of.method, of.act, starts, visited).traces
     robustness = score(task, traces).robustness
     chosen = int(np.argsort(robustness)[len(robustness) // 2])
     start, own = starts[[chosen]], isinstance(task.dynamics, Drawn | GymTask)

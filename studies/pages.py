@@ -1,4 +1,4 @@
-"""Write the tables of README.md and of docs/ that come from the committed study, each between its two markers.
+"""Write the tables of README.md and of docs/ that come from committed results and task files, each between markers.
 
 python studies/pages.py            write them, from results/reference and results/tuning
 python studies/pages.py --check    write nothing; exit code 1 where a page says something else
@@ -16,6 +16,10 @@ import survey
 from recorded import Row, estimate, number
 
 from stlbench import Results
+from stlbench.registry import plugins
+from stlbench.result import LEARNED
+from stlbench.task import load_task
+from stlbench.task.file import Baseline, Baselines
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results" / "reference"
@@ -260,6 +264,28 @@ def whole(lines: tuple[Sequence[str], Sequence[Sequence[str]]]) -> str:
     return table(*lines, right=0)
 
 
+def baselines() -> str:
+    """One row per task of stlbench: its baselines, what its controller gets, the best known and its upper bound."""
+    by_hand = {row["task"]: row for folder in ("field", "reference") for row in recorded.table(folder, "controllers")}
+    body = []
+    for name in plugins.available("tasks"):
+        parts, known, hand = load_task(name).file.baselines, load_task(name).file.best_known, by_hand.get(name)
+        assert parts is not None
+        assert known is not None
+        trivial = max(parts.zero.satisfied, parts.constant.satisfied) >= LEARNED
+        shown = [f"{each.robustness:.3f}, {100 * each.satisfied:.0f} %" for each in _each(parts)]
+        shown.append(f"{number(hand['mean robustness'])}, {float(hand['satisfied [%]']):.0f} %" if hand else "")
+        bound = "" if known.upper_bound is None else f"{known.upper_bound:.4g}"
+        title = f"`{name}` **trivial**" if trivial else f"`{name}`"
+        body.append([title, *shown, f"{known.robustness:.4g}", bound, known.how])
+    header = ["task", "zero action", "best constant", "random", "by hand", "best known", "upper bound", "known by"]
+    return table(header, body, right=6)
+
+
+def _each(parts: Baselines) -> tuple[Baseline, Baseline, Baseline]:
+    return parts.zero, parts.constant, parts.random
+
+
 PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "README.md": {"study": study},
     "docs/reproduction.md": {
@@ -275,7 +301,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "arms": by_seed("fetch-reach", "cartpole", "ball-in-cup"),
     },
     "docs/findings.md": {"overlap-ends": overlap_ends},
-    "docs/reference/tasks.md": {"field": field, "either-or": either_or},
+    "docs/reference/tasks.md": {"field": field, "either-or": either_or, "baselines": baselines},
     "docs/performance.md": {"cost": cost},
     "docs/survey.md": {
         "survey1": lambda: whole(survey.of_tasks(survey.order()[0][:5])),

@@ -24,7 +24,8 @@ class Log:
         os.set_blocking(self.reading, False)
         self._path, self._length, self._tail = path, 0, bytearray()
         with suppress(OSError):
-            path.unlink(missing_ok=True)
+            if not path.parent.is_symlink():
+                path.unlink(missing_ok=True)
 
     def take(self) -> bool:
         """Read what is there; False where nothing will come any more."""
@@ -56,7 +57,12 @@ class Log:
 
     def _write(self, data: bytes) -> None:
         if data:
-            with suppress(OSError):  # a full disk: the cell may go on without a log
+            with suppress(OSError):  # a full disk, or a link: the cell may go on without a log
                 self._path.parent.mkdir(parents=True, exist_ok=True)
-                with self._path.open("ab") as file:
-                    file.write(data)
+                folder = os.open(self._path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+                try:
+                    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW
+                    with open(os.open(self._path.name, flags, 0o666, dir_fd=folder), "ab") as file:
+                        file.write(data)
+                finally:
+                    os.close(folder)

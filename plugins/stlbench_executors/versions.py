@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
+from contextlib import suppress
 from importlib.metadata import distributions
 
 __all__ = ["difference", "installed"]
@@ -15,8 +16,9 @@ def installed() -> dict[str, str]:
     """Versions: of Python without its last number, of stlbench, and of every distribution with a plugin for it."""
     found = {PYTHON: ".".join(platform.python_version_tuple()[:2])}
     for distribution in distributions():
-        if "[stlbench." in (distribution.read_text("entry_points.txt") or ""):
-            found.setdefault(distribution.name, distribution.version)  # the first on the path counts
+        with suppress(Exception):  # one whose files are damaged has no plugin that could be used
+            if "[stlbench." in (distribution.read_text("entry_points.txt") or ""):
+                found.setdefault(distribution.name, distribution.version)  # the first on the path counts
     return found
 
 

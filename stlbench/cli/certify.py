@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stlbench.cli.common import Json, console, print_json
+from stlbench.cli.options import TaskFolders
 from stlbench.cli.subjects import (
     All,
     Budget,
@@ -49,6 +50,7 @@ def certify(
         float | None, typer.Option(metavar="WIDTH", help="Stop when the interval is no wider than this.")
     ] = None,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the random starts.")] = 0,
+    task_folders: TaskFolders = None,
     as_json: Json = False,
 ) -> None:
     """Say with which probability a policy satisfies its task's formula from a random start.

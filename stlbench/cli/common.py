@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import json
 import math
 import os
 import re
 import sys
+import traceback
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, redirect_stdout, suppress
 from io import TextIOWrapper
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 from typer.core import TyperGroup
 
-from stlbench.contract_parts.texts import one_line, printable
-from stlbench.errors import UsageError, in_words, is_disk_full
+from stlbench.contract_parts import exits
+from stlbench.contract_parts.exits import exits_raise
+from stlbench.contract_parts.texts import cause, one_line, printable
+from stlbench.errors import NO_SPACE, DiskFull, UsageError, in_words
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 __all__ = ["DISK_FULL", "Commands", "Json", "console", "print_json", "refuse", "warn"]
-
-Json = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, on stdout.")]
 
 DISK_FULL = 74
 """The exit code where results cannot be written since the disk is full; that of an input/output error in sysexits.h."""
@@ -49,6 +52,7 @@ class Commands(TyperGroup):
         **extra: Any,
     ) -> Any:
         """Run the command line, and exit unless `standalone_mode` is off."""
+        _open_standard_streams()
         if isinstance(sys.stdout, TextIOWrapper):
             sys.stdout.reconfigure(errors="backslashreplace")  # names of files need be no text; stderr is so already
         with warnings.catch_warnings():
@@ -56,30 +60,77 @@ class Commands(TyperGroup):
             try:
                 code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
             except UsageError as error:
-                code = refuse(str(error), DISK_FULL if is_disk_full(error) else 2)
+                code = refuse(str(error), DISK_FULL if isinstance(error, DiskFull) else 2)
             except OSError as error:
-                if not (is_disk_full(error) or error.errno in _OF_PATHS):
+                if error.errno not in (*NO_SPACE, *_OF_PATHS):
                     raise
-                code = refuse(str(UsageError(str(error))), DISK_FULL if is_disk_full(error) else 2)
+                code = refuse(str(UsageError(str(error))), DISK_FULL if error.errno in NO_SPACE else 2)
             except typer.Abort:
                 typer.echo(err=True)  # ends the line of a question that nobody answered
                 code = refuse("the question was not answered with yes; nothing was changed", 1)
             except typer.TyperException as error:
                 code = refuse(_translated(error.format_message()) + _where_to_look(error))
+            except Exception as error:
+                if (problem := _damaged(error)) is None:
+                    raise
+                code = refuse(f"an installed distribution cannot be read; install it again, or remove it: {problem}")
         if standalone_mode:
             sys.exit(code)
         return code
 
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """List the commands under the names of their groups."""
+        groups = dict[str, list[tuple[str, str]]]()
+        shown = [(name, command) for name, command in self.commands.items() if not command.hidden]
+        room = formatter.width - 6 - max(len(name) for name, _ in shown)
+        for name, command in shown:
+            group = getattr(command, "rich_help_panel", None)
+            groups.setdefault(group if isinstance(group, str) else "Commands", []).append(
+                (name, command.get_short_help_str(room))
+            )
+        for group, rows in groups.items():
+            with formatter.section(group):
+                formatter.write_dl(rows, col_max=20)
+
     def invoke(self, ctx: Any) -> Any:
-        """Run the chosen command, and end quietly where the reader of stdout has gone, as `head` does."""
+        """Run the chosen command, and end quietly where the reader of stdout has gone, as `head` does.
+
+        No command ends the process itself: where a plugin does, that is said.
+        """
         try:
             try:
-                return super().invoke(ctx)
+                with exits_raise():
+                    return super().invoke(ctx)
+            except SystemExit as error:
+                place = traceback.extract_tb(error.__traceback__)
+                last = next(frame for frame in reversed(place) if frame.filename != exits.__file__)
+                raise UsageError(f"{last.filename}, line {last.lineno}, ended the command: {cause(error)}") from error
             finally:
                 sys.stdout.flush()
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left in the buffer goes nowhere
             raise typer.Exit(128 + 13) from None  # what a shell says of a command that SIGPIPE stopped
+
+
+def _open_standard_streams() -> None:
+    """Those that the caller has closed, as `>&-` does: else the next file that is opened would be taken for stdout."""
+    for descriptor in (0, 1, 2):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the least number that is free
+    sys.stdout = sys.stdout or os.fdopen(1, "w", closefd=False)
+    sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
+
+
+def _damaged(error: Exception) -> str | None:
+    """The distribution whose files let a library fail that looks for its plugins; None for any other error."""
+    names = (frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_tb(error.__traceback__))
+    if "importlib.metadata" not in names:
+        return None
+    from stlbench.registry import plugins
+
+    return next(plugins.damaged(), None)
 
 
 def refuse(message: str, code: int = 2) -> int:
@@ -115,8 +166,42 @@ def warn(message: str) -> None:
     typer.echo(f"warning: {one_line(message)}", err=True)
 
 
+_APART = ExitStack()
+"""While it is open, all that is printed goes to stderr."""
+
+
+def _alone(context: typer.Context, wanted: bool) -> bool:
+    """Keep stdout for `print_json`, whatever plugins print, and what they call."""
+    if wanted:
+        sys.stdout.flush()
+        if _descriptor(sys.stdout) == 1:
+            _APART.callback(_move_back, os.dup(1))
+            os.dup2(2, 1)
+        _APART.enter_context(redirect_stdout(sys.stderr))
+        context.call_on_close(_APART.close)
+    return wanted
+
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, on stdout.", callback=_alone)]
+
+
+def _descriptor(stream: TextIO) -> int | None:
+    try:
+        return stream.fileno()
+    except OSError:  # a test's
+        return None
+
+
+def _move_back(kept: int) -> None:
+    with suppress(Exception):
+        ctypes.CDLL(None).fflush(None)  # what compiled code has printed and keeps
+    os.dup2(kept, 1)
+    os.close(kept)
+
+
 def print_json(value: Any) -> None:
-    """Print a value as JSON. JSON has no infinity, so that is null, as is NaN."""
+    """Print a value as JSON, once in a command. JSON has no infinity, so that is null, as is NaN."""
+    _APART.close()
     typer.echo(json.dumps(_finite(value), indent=2, ensure_ascii=False))
 
 
@@ -131,11 +216,17 @@ def _finite(value: Any) -> Any:
 
 
 def console() -> Console:
-    """Where tables are printed: as wide as the terminal, and 120 columns in a file or a pipe."""
+    """Where tables are printed: as wide as the terminal; elsewhere `COLUMNS` wide, or 120 without it."""
     from rich.console import Console
 
     class Out(Console):
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError  # rich itself would exit with code 1, which has another meaning here
 
-    return Out(width=None if sys.stdout.isatty() else 120, highlight=False)
+    return Out(width=None if sys.stdout.isatty() else _columns(), highlight=False)
+
+
+def _columns() -> int:
+    """The width that the environment names, for a file or a pipe."""
+    said = os.environ.get("COLUMNS", "")
+    return int(said) if re.fullmatch("[1-9][0-9]{0,4}", said) else 120

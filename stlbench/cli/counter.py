@@ -12,7 +12,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from stlbench.contract_parts.texts import one_line
-from stlbench.errors import is_disk_full
 
 if TYPE_CHECKING:
     from stlbench.search.subject import Subject
@@ -57,7 +56,7 @@ def one_by_one(
                     found.append(work(subject, lambda count, _: bar.update(counted, completed=count)))
                     told = line(found[-1])
                 except Unsearchable as error:
-                    if len(subjects) == 1 or is_disk_full(error):
+                    if len(subjects) == 1:
                         raise
                     refused, told = True, f"error: {one_line(error)}"
                 if len(subjects) > 1:

@@ -40,6 +40,7 @@ def export(
       stlbench export results --format csv
       stlbench export results/reference --format jsonl
     """
+    from stlbench.outputs import inside
     from stlbench.study import stored
     from stlbench.study.results import Results
 
@@ -49,7 +50,7 @@ def export(
         paths = [path]
     else:
         results = Results.load(folder)
-        paths = _write(results, out or results.folder / "export", form)
+        paths = _write(results, out or inside(results.folder / "export", results.folder), form)
     if as_json:
         print_json([str(path) for path in paths])
     else:
@@ -58,17 +59,14 @@ def export(
 
 
 def _write(results: Results, folder: Path, form: Literal["csv", "parquet"]) -> list[Path]:
+    from stlbench.outputs import write
+
     paths = [folder / f"{name}.{form}" for name in TABLES]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, path in zip(TABLES, paths, strict=True):
-            table = getattr(results, name)()
-            if form == "csv":
-                table.to_csv(path, index=False)
-            else:
-                table.to_parquet(path, engine="pyarrow", index=False)
-    except ImportError:
-        raise UsageError("Parquet needs the package pyarrow: pip install pyarrow") from None
-    except OSError as error:
-        raise UsageError(f"cannot write the tables: {error}") from error
+    for name, path in zip(TABLES, paths, strict=True):
+        table = getattr(results, name)()
+        try:
+            content = table.to_csv(index=False) if form == "csv" else table.to_parquet(engine="pyarrow", index=False)
+        except ImportError:
+            raise UsageError("Parquet needs the package pyarrow: pip install pyarrow") from None
+        write(path, content)
     return paths

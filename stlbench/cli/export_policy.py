@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from stlbench.cli.common import Json, print_json
+from stlbench.cli.options import TaskFolders
 from stlbench.errors import UsageError
 
 
@@ -23,6 +24,7 @@ def export_policy(
     which: Annotated[
         Literal["selected", "final"], typer.Option("--policy", help="Which of a cell's two policies.")
     ] = "selected",
+    task_folders: TaskFolders = None,
     as_json: Json = False,
 ) -> None:
     """Write a stored policy as an ONNX file, and compare the two.

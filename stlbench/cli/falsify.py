@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from stlbench.cli.common import Json, console, print_json
+from stlbench.cli.options import TaskFolders
 from stlbench.cli.subjects import (
     All,
     Budget,
@@ -55,6 +56,7 @@ def falsify(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of the files.", show_default="DIR of --results/falsified")
     ] = None,
+    task_folders: TaskFolders = None,
     as_json: Json = False,
 ) -> None:
     """Search for a start from which a policy violates its task's formula.
@@ -72,17 +74,18 @@ def falsify(
       stlbench falsify --task pendulum my_controllers:energy --on state
     """
     from stlbench.cli.counter import one_by_one
+    from stlbench.outputs import inside
     from stlbench.search import falsify as search
     from stlbench.search.files import write
 
     how = search.How(optimiser, evaluations, least, seed)
     search.check(how)
     chosen = Named(policies or [], results, every, controller, budget, which, task, method, on)
-    named = subjects(chosen)
+    named, place = subjects(chosen), out or inside(results / "falsified", results)
 
     def work(subject: Subject, told: Callable[[int, float], None]) -> _Written:
         found = search.falsify(subject, how, told)
-        return _Written(found, write(found, out or results / "falsified") if found.found or found.open or least else [])
+        return _Written(found, write(found, place) if found.found or found.open or least else [])
 
     one_by_one(named, evaluations, work, lambda one: _line(one.found), lambda found: _show(found, as_json))
 

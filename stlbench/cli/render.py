@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from stlbench.cli.common import warn
+from stlbench.cli.options import TaskFolders
 from stlbench.errors import UsageError
 
 
@@ -33,6 +34,7 @@ def render(
     start_index: Annotated[
         int | None, typer.Option(metavar="I", min=0, help="Which of the report's starts, counted from 0.")
     ] = None,
+    task_folders: TaskFolders = None,
 ) -> None:
     """Film one cell: the best and the worst start of its report, side by side; or any one start of its stored policy.
 
@@ -46,6 +48,7 @@ def render(
       stlbench render results hold-disc/funnel/dqn/0 --start 0.3,1.2
       stlbench render results "robot-nav/funnel[variant=code]/dqn/0" --format mp4 --out films
     """
+    from stlbench.outputs import inside
     from stlbench.report.film import video
     from stlbench.report.film.of_cell import Filming
     from stlbench.study.asked import of_one
@@ -61,7 +64,7 @@ def render(
     if result.measurement is None:
         reason = f": {result.reason}" if result.reason else ""
         raise UsageError(f"{result.id.name} has no policy to film: {result.status}{reason}")
-    question = Filming(run, result, which, chosen, form, out or run / "films")
+    question = Filming(run, result, which, chosen, form, out or inside(run / "films", run))
     filmed = of_one(question)
     for remark in filmed.remarks:
         warn(remark)

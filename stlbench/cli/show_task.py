@@ -1,8 +1,8 @@
-"""`stlbench show task`: what a task asks, what its controller gets, what is possible, what methods make of it."""
+"""`stlbench show task`: what a task asks, what its controller and baselines get, what methods make of it."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -14,7 +14,10 @@ from stlbench.contract_parts.texts import cause, one_line
 
 if TYPE_CHECKING:
     from stlbench.result import Score
+    from stlbench.rollout.questions import Question
     from stlbench.task.task import Task
+
+_T = TypeVar("_T")
 
 
 def task(
@@ -24,7 +27,7 @@ def task(
     ],
     as_json: Json = False,
 ) -> None:
-    """Show a task: formula, signals, actions, training, budgets, what its controller gets, what methods make of it.
+    """Show a task: formula, signals, actions, training, budgets, controller and baselines, what methods make of it.
 
     \b
     Examples:
@@ -48,7 +51,7 @@ def facts(task: Task) -> dict[str, Any]:
     """All that is shown, as plain values. Intervals of formulas are in steps."""
     from stlbench import stl
     from stlbench.registry import plugins
-    from stlbench.rollout.standards import differences
+    from stlbench.rollout.standards import ByHand, differences
     from stlbench.study.asked import ask
 
     file = task.file
@@ -65,8 +68,9 @@ def facts(task: Task) -> dict[str, Any]:
         "features": _features(task),
         "environment": None if file.environment is None else file.environment.id,
         "beyond_state": _beyond_state(task),
-        "controller": _scored(_by_hand(task)),
-        "best_possible": None if file.best_possible is None else file.best_possible.model_dump(),
+        "controller": _scored(_answer(ByHand(task.choice))),
+        "baselines": _baselines(task),
+        "best_known": None if file.best_known is None else file.best_known.model_dump(),
         "signals": {name: signal.model_dump(exclude_none=True) for name, signal in file.signals.items()},
         "terms": _terms(task),
         "actions": _actions(task),
@@ -111,22 +115,37 @@ def _actions(task: Task) -> dict[str, dict[str, Any]]:
     return declared or {axis.name: axis.ends for axis in task.source.axes}
 
 
-def _by_hand(task: Task) -> Score | None:
-    """What the controller gets; with a warning where it fails."""
+def _answer(question: Question[_T]) -> _T | None:
+    """The answer; a warning and None where there is none."""
     from stlbench.rollout.questions import answers
-    from stlbench.rollout.standards import ByHand
     from stlbench.study.asked import ask
 
-    question = ByHand(task.choice)
-    score: Score | None = answers([question], ask).get(question)
-    return score
+    answer: _T | None = answers([question], ask).get(question)
+    return answer
 
 
 def _scored(score: Score | None) -> dict[str, float] | None:
     """What the hand controller gets from the report's starts, None without one; satisfaction in [0, 1]."""
-    if score is None:
+    return None if score is None else _mean(score) | {"robustness_min": score.minimum}
+
+
+def _mean(score: Score) -> dict[str, float]:
+    return {"robustness_mean": score.mean, "satisfaction": score.satisfaction}
+
+
+def _baselines(task: Task) -> dict[str, Any] | None:
+    """What constant actions and random ones get from the report's starts; None where they cannot be scored."""
+    from stlbench.rollout.standards import AtRandom, ConstantActions
+
+    constants, at_random = _answer(ConstantActions(task.choice)), _answer(AtRandom(task.choice))
+    if constants is None or at_random is None:
         return None
-    return {"robustness_mean": score.mean, "robustness_min": score.minimum, "satisfaction": score.satisfaction}
+    return {
+        "trivial": constants.trivial,
+        "zero": _mean(constants.zero),
+        "constant": _mean(constants.best) | {"action": constants.action},
+        "random": _mean(at_random),
+    }
 
 
 def _terms(task: Task) -> list[dict[str, Any]] | str:

@@ -20,6 +20,8 @@ _TRAINING_NOTES = (
 )
 """Below the table of `training`, whose words are those of the task file."""
 
+_TRIVIAL = "trivial:  a constant action solves the task"
+
 _NO_RECIPE = "An agent without a recipe trains with its defaults."
 
 _EARLY = (
@@ -43,10 +45,12 @@ def print_task(content: dict[str, Any]) -> None:
         f"seen:     {_seen(content)}",
     ]
     if content["controller"] is not None:
-        mean, least, share = content["controller"].values()
+        mean, share, least = content["controller"].values()
         lines.append(f"by hand:  robustness {mean:.3f}, worst start {least:.3f}, satisfied {100 * share:.1f} %")
-    if content["best_possible"] is not None:
-        lines.append(f"possible: {_possible(content['best_possible'])}")
+    if content["baselines"] is not None:
+        lines += _baselines(content["baselines"])
+    if content["best_known"] is not None:
+        lines.append(f"best:     {_best(content['best_known'])}")
     if content["notes"]:
         lines.append(f"notes:    {content['notes']}")
     if isinstance(content["terms"], str):
@@ -67,13 +71,23 @@ def _seen(content: dict[str, Any]) -> str:
     return f"features; beyond the state: {beyond}" if beyond else "features; what is beyond the state is not declared"
 
 
-def _possible(best: dict[str, Any]) -> str:
-    parts = [f"robustness {best['reached']:.3f}, reached by a plan"]
-    if best["value"] is not None:
-        parts.append(f"which expects {best['value']:.3f}")
-    if best["coarser"] is not None:
-        parts.append(f"on a coarser grid {best['coarser']:.3f}")
-    return ", ".join(parts) + (f"; {best['how']}" if best["how"] else "")
+def _baselines(known: dict[str, Any]) -> list[str]:
+    zero, constant, random = (_scored(known[name]) for name in ("zero", "constant", "random"))
+    action = ", ".join(f"{value:.6g}" for value in known["constant"]["action"])
+    lines = [f"zero:     {zero}", f"constant: {constant}, by the action ({action})", f"random:   {random}"]
+    return [*lines, _TRIVIAL] if known["trivial"] else lines
+
+
+def _scored(score: dict[str, Any]) -> str:
+    return f"robustness {score['robustness_mean']:.3f}, satisfied {100 * score['satisfaction']:.1f} %"
+
+
+def _best(best: dict[str, Any]) -> str:
+    """Best known robustness and its bound, each with how one knows."""
+    reached = f"robustness {best['robustness']:.4g} is known" + (f", by {best['how']}" if best["how"] else "")
+    if best["upper_bound"] is None:
+        return reached
+    return f"{reached}; at most {best['upper_bound']:.4g}" + (f", as {best['why']}" if best["why"] else "")
 
 
 def _tables(content: dict[str, Any]) -> list[Table]:

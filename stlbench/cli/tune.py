@@ -9,8 +9,8 @@ import typer
 
 from stlbench.cli.completion import names
 from stlbench.cli.options import Executor, Jobs, Retry
-from stlbench.cli.progress import Progress
 from stlbench.cli.run import interruptible
+from stlbench.study.progress import Progress
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -126,6 +126,7 @@ def _run(
 
 def _write(found: Sequence[Entrant], study: Study, trials: int) -> None:
     """Recipes and trials, into the folder of results."""
+    from stlbench.outputs import write
     from stlbench.report import to_csv
     from stlbench.study.tracks import Recipe, write_recipes
 
@@ -135,7 +136,7 @@ def _write(found: Sequence[Entrant], study: Study, trials: int) -> None:
         by_agent.setdefault(str(entrant.agent), {})[str(entrant.method)] = entrant.recipe()
     facts: dict[str, Any] = {"trials": trials, "seeds": list(study.seeds or ()), "budget": study.budget}
     write_recipes(study.results / "recipes.yaml", recipes, facts)
-    (study.results / "trials.csv").write_text(to_csv(_table(found)), encoding="utf-8")
+    write(study.results / "trials.csv", to_csv(_table(found)))
     typer.echo(f"{study.results / 'recipes.yaml'}\n{study.results / 'trials.csv'}")
 
 

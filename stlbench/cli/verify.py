@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from stlbench.study.verify import Verified
 
 
+_SHOWN = 10
+"""Files without a result that are listed."""
+
+
 def verify(
     folder: Annotated[
         Path, typer.Argument(metavar="RESULTS", help="A folder that `stlbench run` wrote, or a bundle (.zip).")
@@ -71,8 +75,18 @@ def _facts(found: Verified, repaired: bool) -> dict[str, object]:
         for damage in found.damages
     ]
     counts = {name: getattr(found, name) for name in ("rows", "files", "unknown", "marked")}
-    lists = {"structure": list(found.structure), "damages": cells}
+    lists = {"structure": list(found.structure), "damages": cells, "strays": list(found.strays)}
     return {"whole": found.is_whole, **counts, **lists, "repaired": repaired}
+
+
+def _verdict(found: Verified) -> str:
+    cells = len({damage.key for damage in found.damages})
+    parts = {
+        f"{cells} with damage": cells,
+        "its structure is damaged": found.structure and not cells,
+        f"{len(found.strays)} files without a result": found.strays,
+    }
+    return ", ".join(said for said, is_so in parts.items() if is_so) or "whole"
 
 
 def _say(found: Verified, repaired: bool, folder: Path) -> None:
@@ -80,15 +94,19 @@ def _say(found: Verified, repaired: bool, folder: Path) -> None:
         typer.echo(f"ledger: {line}")
     for damage in found.damages:
         typer.echo(f"{damage.name}: {damage.what}: {damage.problem}")
-    cells = len({damage.key for damage in found.damages})
-    verdict = "whole" if found.is_whole else f"{cells} with damage" if cells else "its structure is damaged"
-    typer.echo(f"{folder}/: {found.rows} rows, {found.files} files as they were recorded: {verdict}")
+    for name in found.strays[:_SHOWN]:
+        typer.echo(f"{name}: the ledger has no result for this file")
+    if len(found.strays) > _SHOWN:
+        typer.echo(f"and {len(found.strays) - _SHOWN} more files")
+    typer.echo(f"{folder}/: {found.rows} rows, {found.files} files as they were recorded: {_verdict(found)}")
     if found.unknown:
         typer.echo(f"{found.unknown} rows are of an older stlbench, which recorded no checksums; they can be read")
     if found.marked:
         cells_are = "1 cell is" if found.marked == 1 else f"{found.marked} cells are"
         typer.echo(f"{cells_are} marked, for the next `stlbench run` to measure again")
-    if found.is_whole:
+    if found.strays:
+        typer.echo("files without a result: rows were lost, or a run was killed; keep them or delete them")
+    if not (found.structure or found.damages):
         return
     again = "the `stlbench run` that measured them measures them again"
     typer.echo(f"repaired: {again}" if repaired else f"--repair marks the cells, and {again}")

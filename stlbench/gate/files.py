@@ -7,6 +7,7 @@ changed, and `provenance.json`, which says how it was measured.
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 from collections.abc import Mapping
@@ -20,6 +21,7 @@ from pydantic import TypeAdapter, ValidationError
 from stlbench.errors import UsageError, in_words
 from stlbench.gate.snapshot import Sample, Snapshot, gather
 from stlbench.identity import IDENTITY, OUTSIDE, CellId
+from stlbench.outputs import write
 from stlbench.sharing.checked import unpacked
 from stlbench.status import NOT_RUN
 from stlbench.study import stored
@@ -58,18 +60,14 @@ def load(path: Path) -> Snapshot:
 
 def save(folder: Path, snapshot: Snapshot) -> None:
     """Write a reference. Robustness and satisfaction have all digits, so that equal results are seen to be equal."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with (folder / TABLE).open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(COLUMNS)
-            for cell in sorted(snapshot.samples):
-                values = vars(cell) | vars(snapshot.samples[cell])
-                writer.writerow([_text(values[name], name) for name in COLUMNS])
-        provenance = json.dumps(dict(snapshot.provenance), indent=2, ensure_ascii=False) + "\n"
-        (folder / PROVENANCE).write_text(provenance, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot write the reference {folder}: {error}") from error
+    table = io.StringIO()
+    writer = csv.writer(table, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for cell in sorted(snapshot.samples):
+        values = vars(cell) | vars(snapshot.samples[cell])
+        writer.writerow([_text(values[name], name) for name in COLUMNS])
+    write(folder / TABLE, table.getvalue())
+    write(folder / PROVENANCE, json.dumps(dict(snapshot.provenance), indent=2, ensure_ascii=False) + "\n")
 
 
 def _text(value: object, column: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from stlbench.errors import UsageError
+from stlbench import outputs
 from stlbench.gate.comment import comment
 from stlbench.gate.judge import Judgement
 from stlbench.gate.junit import junit
@@ -25,9 +25,5 @@ def write(folder: Path, title: str, judgement: Judgement, base: Named, new: Name
         "gate.xml": junit(title, judgement),
         "comment.md": comment(title, judgement, base, new),
     }
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in contents.items():
-            (folder / name).write_text(content, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot write the summary: {error}") from error
+    for name, content in contents.items():
+        outputs.write(folder / name, content)

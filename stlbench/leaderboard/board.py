@@ -12,6 +12,7 @@ from stlbench.leaderboard import entry
 from stlbench.leaderboard.entry import Entry, Refused, Scores
 from stlbench.leaderboard.scoring import Told, score
 from stlbench.leaderboard.tables import bundles, in_markup, results
+from stlbench.outputs import write
 from stlbench.report import to_csv, to_markdown
 
 __all__ = ["PAGE", "TABLE", "build", "page"]
@@ -43,11 +44,8 @@ def build(paths: Sequence[Path], folder: Path, draw: int | None = None, told: To
         refused=tuple(each for each in found if isinstance(each, Refused)),
     )
     entry.write(folder, scores)
-    try:
-        (folder / PAGE).write_text(page(scores), encoding="utf-8")
-        (folder / TABLE).write_text(to_csv(results(scores)), encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot write the leaderboard: {error}") from error
+    write(folder / PAGE, page(scores))
+    write(folder / TABLE, to_csv(results(scores)))
     return scores
 
 

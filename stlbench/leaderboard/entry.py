@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from stlbench import outputs
 from stlbench.errors import UsageError
 from stlbench.identity import CellId
 from stlbench.status import Status
@@ -112,8 +113,4 @@ def read(folder: Path) -> Scores:
 def write(folder: Path, scores: Scores) -> None:
     """Write it over the one of before. Raises `UsageError` where that is not possible."""
     path = folder / FILE
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(_adapter().dump_json(scores, indent=1) + b"\n")
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error}") from error
+    outputs.write(path, _adapter().dump_json(scores, indent=1) + b"\n")

@@ -13,6 +13,7 @@ import numpy as np
 from stlbench.contract import ActionGrid, Array, Policy, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.observation import KEY, Observation
+from stlbench.outputs import write
 from stlbench.outside.actions import actions_of
 from stlbench.outside.onnx_file import load_onnx
 from stlbench.result import Result
@@ -90,11 +91,7 @@ def export(folder: Path, result: Result, which: Which, path: Path) -> Exported:
         tried = Path(place, path.name)
         tried.write_bytes(complete)
         found = _compared(kept, tried, shown)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(complete)
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error}") from error
+    write(path, complete)
     return found
 
 

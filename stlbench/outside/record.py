@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from stlbench.errors import UsageError
 from stlbench.identity import OUTSIDE, CellId
+from stlbench.outputs import inside
 from stlbench.outside.scoring import UNKNOWN, Scored, Shown, score
 from stlbench.outside.source import Source
 from stlbench.registry import folders
@@ -101,10 +102,7 @@ def record(folder: Path, entry: Entry) -> Result | None:
         before = next((each for each in ledger.results() if each.id == result.id), None)
         if before is not None:
             upkeep.take_out(folder, ledger, before.id)
-        try:
-            _save(path, entry.scored, entry.signals)
-        except OSError as error:
-            raise UsageError(f"cannot write {path}: {error}") from error
+        _save(inside(path, folder), entry.scored, entry.signals)
         ledger.record(result)
     return before
 

@@ -24,7 +24,7 @@ from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import NAME, Choice, parse_choice, split
 
-__all__ = ["FolderTask", "is_path", "know", "parse_task", "parse_tasks", "place_of", "recall", "task_of"]
+__all__ = ["FolderTask", "is_path", "know", "parse_task", "parse_tasks", "place_of", "task_of"]
 
 _FILE, _MODULE = "task.yaml", "system"
 
@@ -142,12 +142,3 @@ def place_of(name: str) -> Path | None:
     """Where the task of that name is; None for one that is installed, or unknown."""
     task = plugins.available("tasks").get(name)
     return task.folder if isinstance(task, FolderTask) else None
-
-
-def recall(folder: str | None) -> None:
-    """Know a folder that results name, so that figures find the task; nothing where it is not as it was."""
-    if folder is not None:
-        try:
-            know(Path(folder))
-        except UsageError:
-            return

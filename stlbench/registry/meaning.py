@@ -19,8 +19,8 @@ __all__ = ["TASK_FILE", "WORDS", "Meaning", "meaning_of"]
 TASK_FILE = "task.yaml"
 """The name that a task's file always has."""
 
-WORDS = ("title", "source", "notes", "plane", "best_possible")
-"""What it says for people and pictures alone."""
+WORDS = ("title", "source", "notes", "plane", "best_known", "baselines")
+"""What it says for people, tables and pictures alone."""
 
 _TEXT = r"\"\"\"(?:\\.|(?!\"\"\").)*\"\"\"|'''(?:\\.|(?!''').)*'''|\"(?:\\.|[^\"\\\n])*\"|'(?:\\.|[^'\\\n])*'"
 _TEXT_OR_END = re.compile(rf"({_TEXT})|(?:[ \t]*(?:#[^\n]*)?\n)+", re.DOTALL)

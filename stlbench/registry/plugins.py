@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import inspect
+import os
 import re
 import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.metadata import EntryPoint, distributions
+from importlib.metadata import Distribution, EntryPoint, distributions
 from types import ModuleType
 from typing import Any
 
 from stlbench import contract
 from stlbench.contract_parts import origin
+from stlbench.contract_parts.exits import exits_raise
 from stlbench.contract_parts.texts import cause, one_line
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import choices
@@ -29,6 +31,7 @@ __all__ = [
     "available",
     "build",
     "check",
+    "damaged",
     "find",
     "loadable",
     "name_of",
@@ -80,7 +83,8 @@ class Plugin:
             PluginError: it cannot be imported, or is not a complete class of its kind.
         """
         try:
-            loaded = self._imported()
+            with exits_raise():
+                loaded = self._imported()
         except (Exception, SystemExit) as error:
             raise self._error(cause(error)) from error
         bases = _CONTRACTS[self.kind]
@@ -149,19 +153,33 @@ def _installed(kind: str) -> Iterator[Plugin]:
     """Like `importlib.metadata.entry_points`, which one distribution with a broken file makes fail for all."""
     group, seen = f"stlbench.{kind}", set[str]()
     for distribution in distributions():
-        if group not in (distribution.read_text("entry_points.txt") or ""):
-            continue
         try:
+            if group not in (distribution.read_text("entry_points.txt") or ""):
+                continue
             name, version = one_line(distribution.metadata["Name"] or ""), one_line(distribution.version)
             if not name:
                 raise ValueError("it has no name")
             entries = tuple(distribution.entry_points.select(group=group))
         except Exception as error:
-            _warn(f"{distribution.locate_file('')}: a distribution with {group} cannot be read: {one_line(error)}")
+            _warn(f"{_place(distribution)}: a distribution there cannot be read: {one_line(error)}")
             continue
         if name not in seen:  # the first on the path shadows others of its name
             seen.add(name)
             yield from (Plugin(kind, entry.name, name, version, entry) for entry in entries)
+
+
+def damaged() -> Iterator[str]:
+    """Where a distribution is whose files nobody can read, and why; libraries that look for plugins fail for all."""
+    for distribution in distributions():
+        try:
+            _ = distribution.entry_points
+        except Exception as error:
+            yield f"{_place(distribution)}: {cause(error)}"
+
+
+def _place(distribution: Distribution) -> str:
+    """Its own folder, where it says so; else the one on the path."""
+    return os.path.abspath(getattr(distribution, "_path", None) or str(distribution.locate_file("")))
 
 
 def _precedence(plugin: Plugin) -> tuple[str, bool, str, str]:

@@ -1,6 +1,6 @@
-"""What policies are compared with, run in the place of one: a task's controller by hand, and actions at random.
+"""A task's controller by hand, run in the place of a policy.
 
-The referee runs and scores them as it does a policy: from the same starts, their actions held as long.
+The referee runs and scores it as it does a policy: from the same starts, its actions held as long.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from stlbench.rollout.faults import PluginFault, out_of_range
 from stlbench.rollout.referee import Episodes
 from stlbench.task import Task
 
-__all__ = ["Unpaid", "nearest", "record", "score", "score_at_random"]
+__all__ = ["Unpaid", "nearest", "record", "score"]
 
 
 def record(task: Task, begun: Array) -> Episodes | None:
@@ -51,23 +51,6 @@ def score(task: Task) -> Score | None:
     """
     found = record(task, task.starts.report_and_selection()[0])
     return None if found is None else referee.score(task, found.traces, lasted=found.lasted)
-
-
-def score_at_random(task: Task) -> Score:
-    """The score of a policy that knows nothing: every action is drawn evenly from all, anew at each decision.
-
-    From the report's starts, the same at every call. Raises whatever the system raises.
-    """
-    generator, actions = np.random.default_rng(0), task.actions
-
-    def act(simulator: Simulator) -> Integers | Array:
-        count = len(simulator.t)
-        if isinstance(actions, ActionGrid):
-            return generator.integers(actions.size, size=count)
-        return generator.uniform(actions.low, actions.high, (count, len(actions.low)))
-
-    found = referee.follow(task, Unpaid(task.specification), act, task.starts.report_and_selection()[0])
-    return referee.score(task, found.traces, lasted=found.lasted)
 
 
 class Unpaid(RewardMethod):

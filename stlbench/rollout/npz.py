@@ -12,32 +12,35 @@ from numpy.typing import NDArray
 
 from stlbench.contract_parts.texts import cause
 from stlbench.identity import CellId
+from stlbench.outputs import opened
 
-__all__ = ["cell_file", "read", "unpacked_size", "write"]
+__all__ = ["cell_file", "end_of", "read", "unpacked_size", "write"]
+
+
+LARGEST = 2**31
+"""Bytes that the arrays of a file may take: an archive of some MB can say that it holds a TB of zeros."""
 
 
 def cell_file(folder: Path, cell: CellId, key: str) -> Path:
     """Where, in such a folder, a cell's arrays are: named after the cell and the beginning of its key."""
-    return folder / f"{cell.name.replace('/', '_')}_{key[:12]}.npz"
+    return folder / (cell.name.replace("/", "_") + end_of(key))
+
+
+def end_of(key: str) -> str:
+    """How the names of all files of arrays end that belong to a result. A stranger's key may look like a path."""
+    return f"_{key[:12]}.npz".replace("/", "_")
 
 
 def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write arrays, compressed, in place of the file of before; its folder is made. Whoever reads finds no half a file.
 
-    Raises `TypeError` for an array of objects.
+    Raises `TypeError` for an array of objects, and `UsageError` as `outputs.opened`.
     """
     for name, array in arrays.items():
         if array.dtype.hasobject:
             raise TypeError(f"array '{name}' has objects; numbers and texts can be kept")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.part")
-    try:
-        with part.open("wb") as file:  # a path would be given the ending .npz
-            np.savez_compressed(file, allow_pickle=False, **arrays)
-        part.replace(path)
-    except OSError:
-        part.unlink(missing_ok=True)
-        raise
+    with opened(path) as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
 def read(path: Path, prefix: str = "") -> dict[str, NDArray[Any]]:
@@ -46,6 +49,8 @@ def read(path: Path, prefix: str = "") -> dict[str, NDArray[Any]]:
     Raises:
         ValueError: in a line; it cannot be read, is damaged or encrypted, has objects, or is no .npz at all.
     """
+    if zipfile.is_zipfile(path) and (size := unpacked_size(path)) > LARGEST:
+        raise ValueError(f"its arrays would take {size >> 20} MiB, at most {LARGEST >> 20} are read")
     try:
         with np.load(path) as saved:
             found = {name: saved[name] for name in saved.files if name.startswith(prefix)}

@@ -228,20 +228,22 @@ class Referee:
         satisfied, robustness = self._verdicts([policy], self._selection[:: max(1, len(self._selection) // _FEW)])
         return float(satisfied.mean()), float(robustness.mean())
 
-    def choose(self, policies: Sequence[Policy | StatePolicy]) -> Race:
+    def choose(self, policies: Sequence[Policy | StatePolicy], most: int | None = None) -> Race:
         """The best of the checkpoints (K,), by a race on the starts kept for selection.
 
         Those in the race are simulated side by side. The best is scored from all of these starts, so that its score can
-        be compared with those of other cells.
+        be compared with those of other cells. Where `most` is given, all of this is from the first so many of them.
         """
+        begun = self._selection[:most]
 
         def play(which: Integers, part: slice) -> tuple[Truth, Array]:
-            return self._verdicts([policies[i] for i in which], self._selection[part])
+            return self._verdicts([policies[i] for i in which], begun[part])
 
-        found = race(play, len(policies), len(self._selection))
-        if found.starts[found.best] < len(self._selection):
-            found.satisfaction[found.best], found.robustness_mean[found.best] = self.select(policies[found.best])
-            found.starts[found.best] = len(self._selection)
+        found = race(play, len(policies), len(begun))
+        if found.starts[found.best] < len(begun):
+            satisfied, robustness = self._verdicts([policies[found.best]], begun)
+            found.satisfaction[found.best], found.robustness_mean[found.best] = satisfied.mean(), robustness.mean()
+            found.starts[found.best] = len(begun)
         return found
 
     def _verdicts(self, policies: Sequence[Policy | StatePolicy], states: Array) -> tuple[Truth, Array]:

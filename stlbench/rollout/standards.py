@@ -1,26 +1,27 @@
-"""What the policies of a task are compared with: its controller, actions at random, the best that is possible."""
+"""What the policies of a task are compared with: its controller, the baselines, the best known."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.identity import Setting, Track
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.result import Score
-from stlbench.rollout import controller
+from stlbench.rollout import baselines, controller
 from stlbench.rollout.questions import Ask, answers, ask_here
 from stlbench.task import build_method, load_task
 from stlbench.task.equal_rewards import Difference, Paid, equal_payments, payments
-from stlbench.task.file import BestPossible
+from stlbench.task.file import BestKnown
 
 __all__ = [
     "About",
     "AtRandom",
     "ByHand",
+    "ConstantActions",
     "Known",
     "Likeness",
     "Pays",
@@ -42,16 +43,21 @@ class Standard:
 
     by_hand: Score | None = None
     """The score of its controller, from the report's starts; None without one."""
-    best_possible: BestPossible | None = None
+    best_known: BestKnown | None = None
     """As the task file says; None where it says nothing."""
     own_agent: str | None = None
     """The agent that the task is trained with unless another is named; None where nobody knows."""
     at_random: Score | None = None
     """What actions at random get from the same starts; None where nobody knows."""
+    zero: Score | None = None
+    """What the action zero gets from them."""
+    constant: Score | None = None
+    """What the best constant action gets from them."""
     alike: Mapping[_Pair, Likeness] = field(default_factory=dict)
     """Of the methods that were asked for, those that pay the same (`equal_payments`)."""
     trivial: bool = False
-    """Whether a constant action solves the task; aggregates over tasks are also without such tasks."""
+    """Whether a constant action solves the task: it satisfies from as many starts as a policy that has learned it.
+    Aggregates over tasks are also without such tasks."""
 
     def likeness(self, one: Setting, other: Setting) -> Likeness | None:
         """How the methods of two settings, which differ in nothing else, pay the same; None where they do not."""
@@ -62,7 +68,7 @@ class Standard:
 class Known:
     """What a task says of itself."""
 
-    best_possible: BestPossible | None
+    best_known: BestKnown | None
     own_agent: str
 
 
@@ -88,7 +94,7 @@ class About(_OfTask):
     def answer(self) -> Known:
         """See `Question`."""
         task = load_task(self.task)
-        return Known(task.file.best_possible, task.own_agent)
+        return Known(task.file.best_known, task.own_agent)
 
 
 @dataclass(frozen=True)
@@ -116,7 +122,21 @@ class AtRandom(_OfTask):
 
     def answer(self) -> Score:
         """See `Question`."""
-        return controller.score_at_random(load_task(self.task))
+        return baselines.at_random(load_task(self.task))
+
+
+@dataclass(frozen=True)
+class ConstantActions(_OfTask):
+    """What do actions get on a task that are taken all the time?"""
+
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"task {self.task}: constant actions cannot be scored"
+
+    def answer(self) -> baselines.Constants:
+        """See `Question`."""
+        return baselines.constants(load_task(self.task))
 
 
 @dataclass(frozen=True)
@@ -155,9 +175,9 @@ class Pays:
 def standards(settings: Iterable[Setting], ask: Ask = ask_here) -> dict[str, Standard]:
     """Name of a task -> what its policies are compared with, each once, in the order given.
 
-    Left out are tasks that are not installed or cannot be loaded: results may come from another machine. Some seconds
-    for a task on a MuJoCo model, which is simulated. All that plugins do for it is asked by `ask`; of one that gives no
-    answer a `PluginWarning` says why.
+    Left out are tasks that are not installed or cannot be loaded: results may come from another machine. It takes some
+    seconds for a controller on a MuJoCo model, which is simulated, and for baselines that no task file states. All that
+    plugins do for it is asked by `ask`; of one that gives no answer a `PluginWarning` says why.
     """
     by_task = dict[Choice, list[Setting]]()
     for setting in settings:
@@ -167,16 +187,23 @@ def standards(settings: Iterable[Setting], ask: Ask = ask_here) -> dict[str, Sta
     questions = [question for task in tasks for question in _of_task(task, by_task[task])]
     found = answers(questions, ask)
     alike = _alike({of: paid for of, paid in found.items() if isinstance(of, Pays)})
-    return {
-        about.task.name: Standard(
-            by_hand=found.get(ByHand(about.task)),
-            best_possible=known.best_possible,
-            own_agent=known.own_agent,
-            at_random=found.get(AtRandom(about.task)),
-            alike=alike.get(about.task.name, {}),
-        )
-        for about, known in abouts.items()
-    }
+    return {about.task.name: _standard(about.task, known, found, alike) for about, known in abouts.items()}
+
+
+def _standard(
+    task: Choice, known: Known, found: Mapping[Any, Any], alike: Mapping[str, Mapping[_Pair, Likeness]]
+) -> Standard:
+    constants: baselines.Constants | None = found.get(ConstantActions(task))
+    return Standard(
+        by_hand=found.get(ByHand(task)),
+        best_known=known.best_known,
+        own_agent=known.own_agent,
+        at_random=found.get(AtRandom(task)),
+        zero=constants.zero if constants else None,
+        constant=constants.best if constants else None,
+        trivial=constants.trivial if constants else False,
+        alike=alike.get(task.name, {}),
+    )
 
 
 def differences(task: Choice, methods: Iterable[Choice | str], ask: Ask) -> tuple[Difference, ...]:
@@ -188,8 +215,8 @@ def differences(task: Choice, methods: Iterable[Choice | str], ask: Ask) -> tupl
     return equal_payments({question.method: paid for question, paid in answers(questions, ask).items()})
 
 
-def _of_task(task: Choice, members: Iterable[Setting]) -> list[ByHand | AtRandom | Pays]:
-    return [ByHand(task), AtRandom(task), *_questions(members)]
+def _of_task(task: Choice, members: Iterable[Setting]) -> list[ByHand | AtRandom | ConstantActions | Pays]:
+    return [ByHand(task), AtRandom(task), ConstantActions(task), *_questions(members)]
 
 
 def _questions(members: Iterable[Setting]) -> list[Pays]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stlbench.errors import UsageError
+from stlbench import outputs
 from stlbench.report.figures.counterexample import counterexample
 from stlbench.report.figures.files import file_name, save
 from stlbench.rollout import npz
@@ -29,14 +29,10 @@ def write(found: Falsification, folder: Path) -> list[Path]:
     """
     kind = "counterexample" if found.found else "open" if found.open else "least"
     name = file_name(kind, *found.subject.label)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        paths = [_npz(found, folder / f"{name}.npz"), _csv(found, folder / f"{name}.csv")]
-        recorded = found.worst.trace[: found.steps + 1]
-        figure = counterexample(found.subject.task, recorded, found.witness, _title(found))
-        return [*paths, *save(figure, folder, name)]
-    except OSError as error:
-        raise UsageError(f"cannot write the counterexample: {error}") from error
+    paths = [_npz(found, folder / f"{name}.npz"), _csv(found, folder / f"{name}.csv")]
+    recorded = found.worst.trace[: found.steps + 1]
+    figure = counterexample(found.subject.task, recorded, found.witness, _title(found))
+    return [*paths, *save(figure, folder, name)]
 
 
 def _title(found: Falsification) -> str:
@@ -57,5 +53,4 @@ def _csv(found: Falsification, path: Path) -> Path:
     writer.writerow([*([] if own_time else ["time"]), *task.signals])
     for step, sample in enumerate(found.worst.trace.tolist()):
         writer.writerow([*([] if own_time else [round(step * task.file.sampling_time, 9)]), *sample])
-    path.write_text(text.getvalue(), encoding="utf-8")
-    return path
+    return outputs.write(path, text.getvalue())

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from stlbench import __version__
 from stlbench.errors import UsageError
+from stlbench.outputs import opened
 from stlbench.result import Result
 from stlbench.rollout.saved_policies import FOLDER, policy_file
 from stlbench.rollout.saved_traces import FOLDER as TRACES
@@ -64,15 +65,12 @@ def pack(folder: Path, target: Path, about: About, traces: bool = False) -> Pack
         raise UsageError(f"{folder} holds no result yet")
     kept = [result for result in results if policy_file(folder, result.id, result.key).is_file()]
     listed = dict[str, Content]()
-    try:
-        with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
-            for path, data in _contents(folder, results, kept, about, traces):
-                listed[path] = Content(hashlib.sha256(data).hexdigest(), len(data))
-                _write(archive, path, data)
-            _write(archive, METADATA, document(about, listed, __version__).encode())
-        return Packed(len(results), len(kept), len(listed), target.stat().st_size)
-    except OSError as error:
-        raise UsageError(f"cannot pack {folder}: {error}") from error
+    with opened(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path, data in _contents(folder, results, kept, about, traces):
+            listed[path] = Content(hashlib.sha256(data).hexdigest(), len(data))
+            _write(archive, path, data)
+        _write(archive, METADATA, document(about, listed, __version__).encode())
+    return Packed(len(results), len(kept), len(listed), target.stat().st_size)
 
 
 def may_hold(path: str) -> bool:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from stlbench.errors import UsageError
+from stlbench.errors import unwritable
 from stlbench.identity import IDENTITY, CellId
 from stlbench.result import Result
 from stlbench.status import ACCIDENTS, Status
@@ -42,7 +42,7 @@ class Ledger(Records):
 
     def __init__(self, path: Path, *, create: bool = True) -> None:
         super().__init__(path, create=create)
-        self._is_writing = False
+        self._is_writing, self._own = False, (0, 0)
 
     # ----------------------------------------------------------------------------------------------------- writing
 
@@ -97,6 +97,17 @@ class Ledger(Records):
                 )
                 keys += [key for (key,) in rows]
         return list(dict.fromkeys(keys))
+
+    @property
+    def is_meddled(self) -> bool:
+        """Whether anything else has written in the file, or put another in its place, since this began to write."""
+        return self._is_writing and self._own != self._seen()
+
+    def _seen(self) -> tuple[int, int]:
+        """SQLite's number of what other connections have written, and the number of the file."""
+        assert self._database is not None
+        ((version,),) = self._database.execute("PRAGMA data_version")
+        return version, self.path.stat().st_ino if self.path.exists() else 0
 
     # ----------------------------------------------------------------------------------------------------- reading
 
@@ -163,14 +174,15 @@ class Ledger(Records):
         if not self._is_writing:
             self.close()
             self._database = open_to_write(self.path)
-            self._is_writing = True
+            self._is_writing, self._own = True, self._seen()
         assert self._database is not None
         try:
             with self._database as database:
                 database.execute("BEGIN IMMEDIATE")
                 yield database
         except sqlite3.DatabaseError as error:
-            raise UsageError(f"cannot write the ledger {self.path}: {error}{_way_out(error, self.path)}") from error
+            told = unwritable(f"cannot write the ledger {self.path}", error)
+            raise type(told)(f"{told}{_way_out(error, self.path)}") from error
 
 
 def _add_plan(database: sqlite3.Connection, cells: Mapping[str, CellId]) -> None:

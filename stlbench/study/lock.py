@@ -12,7 +12,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, unwritable
+from stlbench.outputs import inside
 
 __all__ = ["FILE", "writer", "writing"]
 
@@ -32,10 +33,10 @@ def writing(folder: Path) -> Iterator[None]:
     """
     path = folder / FILE
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        inside(path, folder).parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
     except OSError as error:
-        raise UsageError(f"cannot write results in {folder}: {error}") from error
+        raise unwritable(f"cannot write results in {folder}", error) from error
     try:
         _hold(descriptor, path)
         yield
@@ -46,6 +47,8 @@ def writing(folder: Path) -> Iterator[None]:
 def writer(folder: Path) -> str | None:
     """Who writes in the folder just now: "process 12 on host, since ..."; None where nobody does, or nobody knows."""
     path = folder / FILE
+    if not path.is_file():  # a pipe would be waited for
+        return None
     with suppress(FileNotFoundError, PermissionError), path.open("rb") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sqlite3
 import warnings
 from collections.abc import Iterator, Mapping
@@ -14,7 +13,7 @@ from typing import Any, NamedTuple, Self
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 from stlbench.identity import IDENTITY, CellId
-from stlbench.result import Result
+from stlbench.result import Result, plain
 from stlbench.study.rows import LISTED, Row, cell_of, result_of, texts
 from stlbench.study.salvage import salvage
 from stlbench.study.schema import is_sqlite, open_to_read
@@ -166,7 +165,10 @@ class Records:
         assert self._database is not None
         query = "SELECT result, checksum, files FROM cells WHERE rowid = ? AND key = ?"
         ((text, checksum, files),) = self._database.execute(query, (number, key)).fetchall()
-        return result_of(text, checksum), json.loads(files) if files else None
+        checksums = plain(files) if files else None
+        if not isinstance(checksums, dict | None):
+            raise ValueError(f"checksums of its files are an object, got {files!r:.80}")
+        return result_of(text, checksum), checksums
 
     def columns(self, row: Row) -> dict[str, Any]:
         """All columns of a row; none where they cannot be read."""

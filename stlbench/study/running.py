@@ -9,7 +9,9 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from stlbench.errors import UsageError
 from stlbench.identity import CellId
+from stlbench.outputs import inside, write
 
 __all__ = ["FOLDER", "Glance", "Notice", "Running", "announce", "clear", "ended", "running"]
 
@@ -89,10 +91,7 @@ class Notice:
         if self._path is not None:
             self._written = time.time()
             with suppress(OSError, ValueError):
-                self._path.parent.mkdir(parents=True, exist_ok=True)
-                part = self._path.with_suffix(".part")
-                part.write_text(json.dumps(asdict(self._now)), encoding="utf-8")
-                part.replace(self._path)
+                write(self._path, json.dumps(asdict(self._now)), self._path.parents[1])
 
 
 def announce(folder: Path | None, cell: CellId, steps: int) -> Notice:
@@ -105,18 +104,21 @@ def announce(folder: Path | None, cell: CellId, steps: int) -> Notice:
 
 
 def _file(folder: Path, cell: CellId) -> Path:
-    return folder / FOLDER / f"{cell.name.replace('/', '_')}_{cell.budget}.json"
+    return folder / FOLDER / f"{cell.name}_{cell.budget}.json".replace("/", "_")
 
 
 def ended(folder: Path, cell: CellId) -> None:
     """The cell runs no more, however it ended. Said where its result is recorded, so that it is never neither."""
-    with suppress(OSError):
-        _file(folder, cell).unlink(missing_ok=True)
+    with suppress(OSError, UsageError):
+        inside(_file(folder, cell), folder).unlink(missing_ok=True)
 
 
 def clear(folder: Path) -> None:
-    """Nothing runs in the folder: files of cells whose machine went off are taken away."""
-    for path in (folder / FOLDER).glob("*"):
+    """Nothing runs in the folder: files of cells whose machine went off are taken away.
+
+    Raises `UsageError` where the folder of these files is a link.
+    """
+    for path in inside(folder / FOLDER, folder).glob("*"):
         with suppress(OSError):
             path.unlink()
     with suppress(OSError):
@@ -127,7 +129,9 @@ def running(folder: Path) -> list[Running]:
     """The cells that run, in the order in which they began. Files that say nothing are passed over."""
     found = list[Running]()
     for path in sorted((folder / FOLDER).glob("*.json")):
-        with suppress(OSError, ValueError, TypeError, KeyError, AttributeError):
+        with suppress(OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            if not path.is_file():  # a pipe would be waited for
+                continue
             said = json.loads(path.read_text(encoding="utf-8"))
             curve = tuple((int(steps), float(share), float(mean)) for steps, share, mean in said.pop("curve", ()))
             one = Running(**said, curve=curve[-_POINTS:])

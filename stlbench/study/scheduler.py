@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
@@ -10,7 +9,7 @@ from dataclasses import replace
 
 from stlbench.contract import Executor, Outcome, cause
 from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError
+from stlbench.errors import DiskFull
 from stlbench.result import Result, from_json, to_json
 from stlbench.study.cell import Cell
 from stlbench.study.executed import outcomes
@@ -59,8 +58,7 @@ def _result(cell: Cell, outcome: Outcome) -> Result:
     if outcome.status != "done":
         return cell.ended(outcome.status, outcome.reason, outcome.details)
     if isinstance(outcome.value, NoSpace):
-        said = f"cannot store what {cell.id.name} gave: {outcome.value.reason}"
-        raise UsageError(said) from OSError(errno.ENOSPC, outcome.value.reason)
+        raise DiskFull(f"cannot store what {cell.id.name} gave: {outcome.value.reason}")
     if not (isinstance(outcome.value, Result) and outcome.value.key in (cell.key, key_without_code(cell))):
         said = one_line(_Shown(outcome.value))[:200]
         return cell.ended("raised", f"the cell's function returned no result of this cell but {said}")

@@ -5,13 +5,16 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Callable
 from contextlib import ExitStack, closing
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from stlbench.errors import UsageError
+from stlbench.contract_parts.texts import one_line
+from stlbench.errors import UsageError, unwritable
+from stlbench.outputs import inside
 from stlbench.study.rows import LISTED
 
-__all__ = ["VERSION", "is_sqlite", "open_to_read", "open_to_write"]
+__all__ = ["LONGEST", "VERSION", "is_sqlite", "open_to_read", "open_to_write"]
 
 VERSION = 5
 """Of the tables below, in `PRAGMA user_version`. Version 1 had no plan, version 2 no tracks, version 3 no checksums,
@@ -20,6 +23,13 @@ results."""
 
 _ALIKE = 4
 """From this version on, all tables have the same columns, so that a file is read as it is."""
+
+LONGEST = 2**26
+"""Bytes that a value in a ledger may have. A result with 10,000 starts has about 1 MB."""
+
+_OPENING, _READING, _LOOK = 10**6, 10**8, 10**5
+"""Steps of SQLite's machine: that reading the schema may take, that all long queries may take beside one for each byte
+of the file, and after how many they are counted. To read a ledger of 100,000 cells, 1 GB, takes 10 million."""
 
 _ASKED = "SELECT count(*) FROM sqlite_schema"
 """The least that makes SQLite look at a file."""
@@ -96,7 +106,56 @@ def _opened(
             return ready
     except (OSError, sqlite3.Error) as error:
         can = "open" if isinstance(error, OSError | sqlite3.OperationalError) else "read"
-        raise UsageError(f"cannot {can} the ledger {path}: {error}") from error
+        raise unwritable(f"cannot {can} the ledger {path}", error) from error
+
+
+# ----------------------------------------------------------------------------------------------------------- guarding
+
+
+def _guarded(uri: str) -> sqlite3.Connection:
+    """A connection on which a file from a stranger can cost only so much memory and time.
+
+    SQLite then calls a longer value "too big", and a query that takes more steps "interrupted".
+    """
+    database = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None)
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST)
+    _allow(database, _OPENING)
+    database.execute("PRAGMA trusted_schema = OFF")
+    return database
+
+
+def _allow(database: sqlite3.Connection, steps: int) -> None:
+    """So many from now on, of SQLite's machine."""
+    left = iter(range(steps // _LOOK))
+    database.set_progress_handler(lambda: next(left, None) is None, _LOOK)
+
+
+def _strange(database: sqlite3.Connection) -> str | None:
+    """What of a file's schema no ledger has, such as a view or a trigger, which are code; None where there is none."""
+    tables, indices = _own()
+    for kind, name, sql in database.execute("SELECT type, name, sql FROM sqlite_schema"):
+        if kind == "index" and (name, sql) in indices:
+            continue
+        if kind != "table" or name not in tables or not str(sql).startswith("CREATE TABLE "):
+            return f"the {one_line(kind)} '{one_line(name)}'"
+        for _, column, *_, hidden in database.execute(f"PRAGMA table_xinfo({name})"):
+            if hidden or column not in tables[name]:
+                return f"the column '{one_line(column)}' in the table '{name}'"
+    return None
+
+
+@cache
+def _own() -> tuple[dict[str, set[str]], set[tuple[str, str | None]]]:
+    """The columns of each table, and the indices, that a ledger of this version has."""
+    with closing(sqlite3.connect(":memory:", isolation_level=None)) as empty:
+        _migrate(empty)
+        named = empty.execute("SELECT type, name, sql FROM sqlite_schema").fetchall()
+        columns = {
+            name: {str(row[1]) for row in empty.execute(f"PRAGMA table_info({name})")}
+            for kind, name, _ in named
+            if kind == "table"
+        }
+    return columns, {(name, sql) for kind, name, sql in named if kind == "index"}
 
 
 # ------------------------------------------------------------------------------------------------------------ reading
@@ -104,7 +163,7 @@ def _opened(
 
 def _connect_to_read(path: Path) -> sqlite3.Connection:
     uri = f"{path.absolute().as_uri()}?mode=ro"
-    database = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None)
+    database = _guarded(uri)
     try:
         database.execute(_ASKED)
     except sqlite3.OperationalError as error:
@@ -115,7 +174,7 @@ def _connect_to_read(path: Path) -> sqlite3.Connection:
         beside = path.with_name(f"{path.name}-wal")
         if beside.is_file() and beside.stat().st_size > 0:
             raise
-        database = sqlite3.connect(f"{uri}&immutable=1", uri=True, isolation_level=None)
+        database = _guarded(f"{uri}&immutable=1")
     return database
 
 
@@ -124,7 +183,7 @@ def _taken_back(path: Path) -> sqlite3.Connection:
 
     The journal beside the file says what was there before. Where the folder cannot be written, it is undone in a copy.
     """
-    database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=rw", uri=True, timeout=30, isolation_level=None)
+    database = _guarded(f"{path.absolute().as_uri()}?mode=rw")
     try:
         database.execute(_ASKED)
     except sqlite3.OperationalError:
@@ -152,8 +211,8 @@ def _to_read(path: Path, database: sqlite3.Connection) -> sqlite3.Connection:
 
 
 def _connect_to_write(path: Path) -> sqlite3.Connection:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return sqlite3.connect(path, timeout=30, isolation_level=None)
+    inside(path, path.parent).parent.mkdir(parents=True, exist_ok=True)
+    return _guarded(f"{path.absolute().as_uri()}?mode=rwc")
 
 
 def _to_write(path: Path, database: sqlite3.Connection) -> sqlite3.Connection:
@@ -176,6 +235,9 @@ def _version(path: Path, database: sqlite3.Connection) -> int:
         raise UsageError(f"{path} is no ledger of stlbench")
     if version > VERSION:
         raise UsageError(f"{path} is a ledger of version {version}; this stlbench reads version {VERSION}")
+    if (strange := _strange(database)) is not None:
+        raise UsageError(f"the ledger {path} has {strange}, which stlbench does not write; it is not read")
+    _allow(database, _READING + path.stat().st_size)
     return version
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Self, TypeVar
 
@@ -13,10 +13,11 @@ from pydantic import TypeAdapter
 
 from stlbench.errors import UsageError
 from stlbench.identity import CellId
-from stlbench.registry import folders
-from stlbench.result import TASK_FOLDER, Result, from_json, to_json
+from stlbench.outputs import write
+from stlbench.result import TASK_FOLDER, Result, from_json, plain, to_json
 from stlbench.status import NOT_RUN
 from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.schema import LONGEST
 
 __all__ = ["LINES", "SUFFIX", "OneByOne", "lines", "locate", "missing", "missing_by_key", "read", "write_lines"]
 
@@ -39,7 +40,7 @@ def locate(path: Path) -> Path | None:
 def read(path: Path) -> Iterator[Result]:
     """One result of every cell in a folder, a ledger or a file of lines, one at a time.
 
-    A task of a ledger that is a folder is known from then on, where its folder is still there.
+    Nothing that a result names is imported. A task that is a folder is known only where the user named the folder.
 
     Raises:
         UsageError: there is none of these, or a file is not as it should be; the message says where.
@@ -49,9 +50,7 @@ def read(path: Path) -> Iterator[Result]:
         yield from _read_lines(file)
         return
     with Ledger(file, create=False) as ledger:
-        for result in ledger.results():
-            folders.recall(result.provenance.get(TASK_FOLDER))
-            yield result
+        yield from ledger.results()
 
 
 class OneByOne(Mapping[CellId, Result]):
@@ -111,11 +110,7 @@ def write_lines(results: Iterable[Result], path: Path, planned: Mapping[str, Cel
     Raises `UsageError` where it cannot.
     """
     text = lines(results, planned)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error}") from error
+    write(path, text)
     return text.count("\n")
 
 
@@ -143,7 +138,7 @@ class _Planned:
         """What a line says; None where it is of a result. Raises `ValueError` where a part is missing or wrong."""
         if NOT_RUN not in text:
             return None
-        content = json.loads(text)
+        content = plain(text)
         if not isinstance(content, dict) or content.pop("status", "") != NOT_RUN:
             return None
         return cls(key=str(content.pop("key", "")), cell=_identity().validate_python(content))
@@ -183,7 +178,10 @@ def _texts(path: Path) -> Iterator[tuple[str, str]]:
     """The lines of a file, and where each is."""
     try:
         with path.open(encoding="utf-8") as file:
-            yield from ((text, f"{path}, line {number}") for number, text in enumerate(file, 1))
+            for number, text in enumerate(iter(partial(file.readline, LONGEST + 1), ""), 1):
+                if len(text) > LONGEST:
+                    raise UsageError(f"{path}, line {number}: it has more than {LONGEST >> 20} MiB")
+                yield text, f"{path}, line {number}"
     except (OSError, UnicodeError) as error:
         raise UsageError(f"cannot read {path}: {error}") from error
 

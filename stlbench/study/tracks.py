@@ -13,6 +13,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError, in_words
 from stlbench.identity import Track
+from stlbench.outputs import write
 from stlbench.registry.choices import Choice
 from stlbench.task.entry import Count
 from stlbench.task.task import Task
@@ -112,11 +113,7 @@ def write_recipes(path: Path, recipes: _Found, facts: Mapping[str, Any]) -> None
     }
     written = yaml.safe_dump(content, sort_keys=False, width=100)
     text = f"# Recipes of the track tuned, written by `stlbench tune`.\n{written}"
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot write the recipes {path}: {error}") from error
+    write(path, text)
 
 
 def _written(recipe: Recipe) -> dict[str, Any]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, StatePolicy, Training, Unsuitable
 from stlbench.contract_parts.texts import one_line
+from stlbench.outputs import inside
 from stlbench.registry import folders
 from stlbench.result import CurvePoint, Measurement, Planned, Result, StoredPolicies
 from stlbench.rollout import saved_policies, saved_traces
@@ -78,9 +79,9 @@ class Measured(NamedTuple):
 def _stored(measured: Measured, task: Task, method: RewardMethod, cell: Cell, folder: Path) -> Measurement:
     """Save traces and policies in a folder of results; the numbers, which say by what hashes policies are known."""
     traces = saved_traces.trace_file(folder / saved_traces.FOLDER, cell.id, cell.key)
-    saved_traces.save(traces, measured.assessment, task.signals)
+    saved_traces.save(inside(traces, folder), measured.assessment, task.signals)
     path = saved_policies.policy_file(folder, cell.id, cell.key)
-    digests = saved_policies.save(path, measured.selected, measured.final)
+    digests = saved_policies.save(inside(path, folder), measured.selected, measured.final)
     if digests is None:
         return measured.numbers
     recipe = cell.recipe or Recipe()

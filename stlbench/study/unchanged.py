@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from stlbench.contract_parts.texts import cause, one_line
-from stlbench.errors import is_disk_full
+from stlbench.contract_parts.texts import one_line
+from stlbench.errors import DiskFull
+from stlbench.outputs import inside
 from stlbench.registry import folders
 from stlbench.result import Result
 from stlbench.study.beside import files_beside
@@ -18,7 +19,7 @@ __all__ = ["NoSpace", "changed", "key_without_code", "run_unchanged"]
 
 @dataclass(frozen=True)
 class NoSpace:
-    """In the place of a result: the disk was full, so that the cell has none, and no other could be stored either."""
+    """In the place of a result: there was no space to store what the cell gave, and no other cell would have any."""
 
     reason: str
 
@@ -40,9 +41,9 @@ def run_unchanged(cell: Cell, run_cell: Callable[..., Result], folder: Path) -> 
     if place is None:
         try:
             result = run_cell(cell, folder=folder)
-        except Exception as error:
-            if is_disk_full(error):
-                return NoSpace(cause(error))
+        except DiskFull as error:
+            return NoSpace(str(error))
+        except Exception:
             if (place := changed(cell)) is None:
                 raise
         else:
@@ -50,7 +51,7 @@ def run_unchanged(cell: Cell, run_cell: Callable[..., Result], folder: Path) -> 
                 return result
     beside = files_beside(folder, cell.id, cell.key)
     for file in (beside.traces, beside.policies):
-        file.unlink(missing_ok=True)
+        inside(file, folder).unlink(missing_ok=True)
     said = f"{one_line(place)} has changed since the study was planned; the same command again measures the cell"
     return Result(cell.id, key_without_code(cell), "raised", said)
 

@@ -11,6 +11,7 @@ from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.identity import CellId
+from stlbench.outputs import inside, opened
 from stlbench.result import Result
 from stlbench.status import ACCIDENTS, Status
 from stlbench.study import stored
@@ -80,7 +81,7 @@ def take_out(folder: Path, ledger: Ledger, cell: CellId) -> None:
     """Take one cell out, for what writes in the folder already."""
     for key in ledger.remove(cell):
         for file in files_beside(folder, cell, key):
-            file.unlink(missing_ok=True)
+            inside(file, folder).unlink(missing_ok=True)
 
 
 class Merged(NamedTuple):
@@ -171,9 +172,5 @@ def _copy_files(source: Path, into: Path, result: Result, damaged: Collection[tu
         if (result.key, kind) in damaged:
             yield str(recorded)
         elif recorded.is_file():
-            copy: Path = getattr(there, kind)
-            try:
-                copy.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(recorded, copy)
-            except OSError as error:
-                raise UsageError(f"cannot copy {recorded}: {error}") from error
+            with recorded.open("rb") as content, opened(getattr(there, kind), into) as copy:
+                shutil.copyfileobj(content, copy)

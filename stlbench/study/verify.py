@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from stlbench.errors import UsageError
+from stlbench.contract_parts.texts import one_line
+from stlbench.errors import UsageError, unwritable
 from stlbench.identity import CellId
+from stlbench.outputs import inside
 from stlbench.result import Result
-from stlbench.rollout import saved_policies, saved_traces
+from stlbench.rollout import npz, saved_policies, saved_traces
 from stlbench.study import stored
 from stlbench.study.beside import files_beside
 from stlbench.study.ledger import FILE, Ledger
@@ -60,11 +62,13 @@ class Verified(NamedTuple):
     damages: tuple[Damage, ...]
     marked: int
     """Cells that are to be measured again by the next run."""
+    strays: tuple[str, ...] = ()
+    """Files of traces and policies, within the folder, of which neither a row nor the plan knows: rows may be lost."""
 
     @property
     def is_whole(self) -> bool:
         """Nothing is damaged or missing."""
-        return not (self.structure or self.damages)
+        return not (self.structure or self.damages or self.strays)
 
 
 def verify(folder: Path) -> Verified:
@@ -78,14 +82,27 @@ def verify(folder: Path) -> Verified:
     with Ledger(folder / FILE, create=False) as ledger:
         damages = [Damage(key, cell, "row", _LOST) for key, cell in ledger.lost().items()]
         found = [_looked_at(folder, each) for each in ledger.recorded()]
+        damages += [damage for one in found for damage in one.damages]
+        sound = not any(damage.what == "row" for damage in damages)  # else a row may have another key
         return Verified(
             rows=len(found),
             files=sum(one.files for one in found),
             unknown=sum(one.unknown for one in found),
             structure=tuple(ledger.problems()),
-            damages=(*damages, *(damage for one in found for damage in one.damages)),
+            damages=tuple(damages),
             marked=sum(one.again for one in found),
+            strays=tuple(_strays(folder, {*(row.key for row in ledger.listed()), *ledger.planned()})) if sound else (),
         )
+
+
+def _strays(folder: Path, keys: Iterable[str]) -> Iterator[str]:
+    """A name ends in the beginning of a key. Of a cell that was interrupted the plan has the key."""
+    known = {npz.end_of(key) for key in keys}
+    lengths = {len(end) for end in known}
+    for kind in (saved_traces.FOLDER, saved_policies.FOLDER):
+        for path in sorted((folder / kind).glob("*.npz")):
+            if not any(path.name[-length:] in known for length in lengths):
+                yield f"{kind}/{one_line(path.name)}"
 
 
 class _Found(NamedTuple):
@@ -155,7 +172,7 @@ def repair(folder: Path) -> Verified:
 
 
 def _write_anew(path: Path) -> None:
-    new, kept = path.with_name(f"{path.name}.new"), path.with_name(DAMAGED)
+    new, kept = (inside(path.with_name(name), path.parent) for name in (f"{path.name}.new", DAMAGED))
     try:
         new.unlink(missing_ok=True)
         with Ledger(path, create=False) as source, Ledger(new) as target:
@@ -164,4 +181,4 @@ def _write_anew(path: Path) -> None:
             shutil.copyfile(path, kept)
         new.replace(path)
     except OSError as error:
-        raise UsageError(f"cannot write {new}: {error}") from error
+        raise unwritable(f"cannot write {new}", error) from error

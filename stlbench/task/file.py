@@ -15,7 +15,10 @@ from stlbench.task.training import TrainingEpisodes
 __all__ = [
     "OPTIONAL",
     "Axis",
-    "BestPossible",
+    "Baseline",
+    "Baselines",
+    "BestConstant",
+    "BestKnown",
     "Budget",
     "EarlyEnd",
     "Environment",
@@ -101,17 +104,41 @@ class Budget(Entry):
     """Random initial states from which the report scores policies, beside the grid that figures show; 0 for none."""
 
 
-class BestPossible(Entry):
-    """The largest robustness of the task's formula that is known to be possible, found by planning."""
+class BestKnown(Entry):
+    """The largest mean robustness of the task's formula over the report's starts that anything is known to reach."""
 
-    reached: Finite
-    """Mean robustness over the report's starts that the policy of a plan reached."""
-    value: Finite | None = None
-    """What the plan itself expected. The two bracket what is possible, as far as the plan's grid is fine enough."""
-    coarser: Finite | None = None
-    """As `reached`, by a plan of a coarser resolution: how far the two agree says how sure the figures are."""
+    robustness: Finite
+    """What was reached, in the unit of the formula's predicates."""
     how: str = ""
-    """How it was found: agent, parameters, date."""
+    """What reached it, so that others can repeat it."""
+    upper_bound: Finite | None = None
+    """More than this is proven to be impossible; None where nothing is proven."""
+    why: str = ""
+    """The proof of the bound, in a sentence."""
+
+
+class Baseline(Entry):
+    """What something without a policy gets from the report's starts."""
+
+    robustness: Finite
+    """Mean robustness."""
+    satisfied: Annotated[float, Field(ge=0, le=1)]
+    """Share of the starts that satisfy the formula."""
+
+
+class BestConstant(Baseline):
+    """The baseline of one action, which is taken all the time."""
+
+    action: Annotated[tuple[Finite, ...], Field(min_length=1)]
+    """The action, a number for each axis."""
+
+
+class Baselines(Entry):
+    """What needs no policy, as `studies/baselines.py` measured it."""
+
+    zero: Baseline
+    constant: BestConstant
+    random: Baseline
 
 
 OPTIONAL = ("features", "rewarded", "hold", "cuts", "ends", "exploring")
@@ -164,8 +191,10 @@ class TaskFile(Entry):
     features: Literal["engineered", "state"] = "engineered"
     """What policies see of the system's state: `System.features`, or `System.scaled_state`, the state alone."""
     training: TrainingEpisodes = TrainingEpisodes()
-    best_possible: BestPossible | None = None
+    best_known: BestKnown | None = None
     """What the policies' robustness is compared with, beside the controller by hand."""
+    baselines: Baselines | None = None
+    """The measured baselines; they are measured when they are needed where left out."""
     starts: Count = 64
     """Initial states on the report grid; as many others are kept for the selection of checkpoints."""
     protocols: dict[str, Protocol] = Field(default_factory=dict)

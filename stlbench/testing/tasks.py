@@ -10,6 +10,7 @@ from stlbench.contract_parts.texts import one_line
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
+from stlbench.rollout import baselines
 from stlbench.rollout.controller import Unpaid
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.rehearsal import rehearse
@@ -18,6 +19,9 @@ from stlbench.testing import systems, worlds
 from stlbench.testing.rules import Rules
 
 __all__ = ["check_task"]
+
+_ALIKE = 0.05
+"""Of two shares of starts that satisfy: contacts differ between machines in their last bits, and grow."""
 
 
 def check_task(name: str, rules: Rules | None = None) -> None:
@@ -30,9 +34,10 @@ def check_task(name: str, rules: Rules | None = None) -> None:
 
     Of both: samples and features are finite; the first samples lie in the signals' ranges, and features of what is in
     there within [-5, 5]; the nested form has the formula's robustness, and the rewarded one is satisfied when the
-    formula is; the controller, where there is one, satisfies the formula from some of the report's starts; recipes are
-    for agents that are installed, and fit them; the task's own agent, the first that it has a recipe for, can train on
-    it for a moment. Where that agent lacks a library on this machine, a warning says that it was not tried.
+    formula is; the controller, where there is one, satisfies the formula from some of the report's starts; constant
+    actions get what the file states that they get; recipes are for agents that are installed, and fit them; the task's
+    own agent, the first that it has a recipe for, can train on it for a moment. Warnings say that a constant action
+    solves the task, and that the agent was not tried, where it lacks a library on this machine.
 
     Args:
         name: of an installed task, or the path of a folder.
@@ -51,6 +56,7 @@ def check_task(name: str, rules: Rules | None = None) -> None:
     else:
         _check_forms(task, worlds.random_traces(task, rules), rules)
         worlds.check_controller(task, rules)
+    _check_baselines(task, rules)
     _check_agent(task, rules)
 
 
@@ -87,6 +93,28 @@ def _check_agent(task: Task, rules: Rules) -> None:
     except Unsuitable as refusal:
         rules.keep(False, rule, one_line(refusal))
     rules.keep(True, rule, None)
+
+
+def _check_baselines(task: Task, rules: Rules) -> None:
+    """Warn of a trivial task. What its file states of constant actions must be what they get."""
+    found = baselines.constants(task)
+    if found.trivial:
+        share = 100 * max(found.zero.satisfaction, found.best.satisfaction)
+        said = ", ".join(f"{value:.6g}" for value in found.action)
+        rules.warnings.append(
+            f"the task is trivial: a constant action satisfies the formula from {share:.4g} % of the report's starts, "
+            f"the action zero or ({said}); no method has to learn anything here"
+        )
+    if task.file.baselines is not None:
+        axes = len(task.actions.names)
+        rules.keep(len(found.action) == axes, f"baselines.constant.action has {axes} numbers", found.action)
+        for name, action, stated in (
+            ("zero", baselines.zero(task), found.zero),
+            ("constant", np.array(found.action), found.best),
+        ):
+            got = baselines.score(task, action).satisfaction
+            rule = f"baselines.{name} is what its action gets; the file states satisfied: {stated.satisfaction:.4g}"
+            rules.keep(abs(got - stated.satisfaction) <= _ALIKE, rule, f"{got:.4g}")
 
 
 def _check_forms(task: Task, traces: Array, rules: Rules) -> None:

@@ -22,6 +22,17 @@ def test_what_keeps_all_rules_ends_with_0_also_in_a_folder(say, toy):
         assert done.stdout.splitlines()[-1].endswith("rules are kept, none is broken")
 
 
+def test_a_task_that_a_constant_action_solves_is_a_warning(say, toy):
+    """G[0,4] x <= 1 holds from every start for who stands still; to be at 3 at last takes more than one action."""
+    done = say("check", "toy-line")
+    assert (done.exit_code, "trivial" in done.stdout) == (0, False)
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("warning: the task is trivial: a constant action satisfies the formula from 100 % of the")
+    path = toy / "toy_plugins/line/task.yaml"
+    path.write_text(path.read_text().replace("x <= 1", "abs(x) <= 0.2"))
+    assert say("check", "toy-line").stderr == ""
+
+
 def test_an_agent_that_cannot_take_continuous_actions_has_to_say_so(say, toy):
     done = say("check", "toy-agent[action=1]")
     assert done.exit_code == 1

@@ -124,17 +124,26 @@ def test_what_its_controller_gets(say, down):
     assert line in say("show", "task", "toy-line").stdout.splitlines()
 
 
-def test_what_is_possible(say, toy):
+def test_what_baselines_get(say, toy):
+    found = json.loads(say("show", "task", "toy-line", "--json").stdout)["baselines"]
+    assert set(found) == {"trivial", "zero", "constant", "random"}
+    assert found["trivial"]  # 1 - x_0 with x_0 in [-1, 0.9], by standing still
+    lines = say("show", "task", "toy-line").stdout.splitlines()
+    zero = found["zero"]
+    assert (zero["satisfaction"], zero["robustness_mean"]) == (1, pytest.approx(found["constant"]["robustness_mean"]))
+    assert f"zero:     robustness {zero['robustness_mean']:.3f}, satisfied 100.0 %" in lines
+    assert "trivial:  a constant action solves the task" in lines
+
+
+def test_what_is_best_known(say, toy):
     path = toy / "toy_plugins/line/task.yaml"
-    best = "best_possible: {reached: 1.05, value: 1.25, coarser: 0.9, how: 'best-possible, resolution 2'}\n"
-    assert "possible:" not in say("show", "task", "toy-line").stdout
+    best = "best_known: {robustness: 1.05, how: a plan, upper_bound: 1.25, why: nobody goes faster}\n"
+    assert "best:" not in say("show", "task", "toy-line").stdout
     path.write_text(path.read_text() + best)
-    line = (
-        "robustness 1.050, reached by a plan, which expects 1.250, on a coarser grid 0.900; best-possible, resolution 2"
-    )
-    assert f"possible: {line}" in say("show", "task", "toy-line").stdout.splitlines()
-    found = json.loads(say("show", "task", "toy-line", "--json").stdout)["best_possible"]
-    assert found == {"reached": 1.05, "value": 1.25, "coarser": 0.9, "how": "best-possible, resolution 2"}
+    line = "robustness 1.05 is known, by a plan; at most 1.25, as nobody goes faster"
+    assert f"best:     {line}" in say("show", "task", "toy-line").stdout.splitlines()
+    found = json.loads(say("show", "task", "toy-line", "--json").stdout)["best_known"]
+    assert found == {"robustness": 1.05, "how": "a plan", "upper_bound": 1.25, "why": "nobody goes faster"}
 
 
 def test_a_controller_that_fails_is_a_warning(say, steer):

@@ -94,7 +94,7 @@ def test_a_plan_of_each_method_in_each_setting_and_of_the_formula(plan):
     assert found == [("(formula)", "recipe"), *((method, setting) for method in methods for setting in settings)]
     formula, recipe, undiscounted = rows()[:3]
     assert (formula["satisfied"], formula["grid_value"], recipe["grid_value"]) == ("1.0", "1.5", "7.0")
-    best = float(formula["best_possible"])  # 1 - x_0, as it goes down; who stays has the same; who goes up, 2 less
+    best = float(formula["best_known"])  # 1 - x_0, as it goes down; who stays has the same; who goes up, 2 less
     assert float(recipe["reward_optimal"]) == pytest.approx(best)
     assert float(undiscounted["reward_loses"]) == pytest.approx(2)
     assert "Alignment: task toy-line" in done.stdout

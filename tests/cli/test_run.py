@@ -67,7 +67,7 @@ def test_what_is_done_already_is_reported_without_the_heavy_packages(tmp_path):
     with Ledger(tmp_path / FILE) as ledger:
         for cell in study.cells():
             ledger.record(replace(result(cell.id.method.name), key=cell.key))
-    words = ("run", "--methods", "funnel,flag", "--seeds", "1", "--results", tmp_path)
+    words = ("run", "--tasks", "hold-disc", "--methods", "funnel,flag", "--seeds", "1", "--results", tmp_path)
     assert "matplotlib" in imported(*words, folder=tmp_path)
     packages = imported(*words, folder=tmp_path)
     assert "numpy" in packages
@@ -168,7 +168,7 @@ def test_report_as_json(run):
     found = json_report()
     lists = {"robustness", "comparisons", "aggregates", "improvement", "controllers", "alignment", "time", "cells"}
     assert set(found) == lists
-    assert [name for name, rows in found.items() if rows] == ["robustness", "time", "cells"]
+    assert [name for name, rows in found.items() if rows] == ["robustness", "controllers", "time", "cells"]
     large, raw = found["robustness"]
     assert (large["mean robustness"], large["remarks"]) == (None, "intractable: needs 6003 inputs, limit 512")
     assert (raw["satisfied [%]"], raw["seeds done"]) == (100.0, 2)
@@ -178,30 +178,35 @@ def test_report_as_json(run):
 def test_the_controller_is_scored_once_however_many_cells_there_are(run, say, down):
     """From the starts of the report, on which the policy that stands still also gets 1 - x_0."""
     done = run("toy-raw,toy-raw[weight=2],toy-large", "--seeds", "3")
-    assert "Hand controllers: task toy-line" in done.stdout
+    assert "Controllers and baselines: task toy-line" in done.stdout
     assert down == [0, 0, 1, 2, 3]
     (row,) = json_report()["controllers"]
     shown = json_report()["robustness"][1]
-    assert {key: value for key, value in row.items() if "random" not in key} == {"task": "toy-line"} | {
+    assert {key: row[key] for key in ("mean robustness", "worst start", "satisfied [%]")} == {
         key: shown[key] for key in ("mean robustness", "worst start", "satisfied [%]")
     }
-    assert row["at random"] < row["mean robustness"]
+    assert row["at random"] < row["mean robustness"] == row["zero action"] <= row["best constant action"]
+    assert row["trivial"] == "trivial"
     assert Path("results/controllers.csv").read_text().splitlines()[1].startswith("toy-line,")
-    assert "## Hand controllers" in Path("results/report.md").read_text()
+    assert "## Controllers and baselines" in Path("results/report.md").read_text()
 
 
-def test_a_task_without_a_controller_has_no_such_table(run):
-    assert "Hand controllers" not in run("toy-raw").stdout
+def test_of_a_task_without_a_controller_the_table_has_the_baselines(run):
+    assert "Controllers and baselines" in run("toy-raw").stdout
+    (row,) = json_report()["controllers"]
+    assert {"zero action", "best constant action", "at random"} < set(row)
+    assert "mean robustness" not in row
 
 
 def test_a_ledger_whose_tasks_are_unknown_is_reported_without_controllers(run, say, down, monkeypatch):
     run("toy-raw")
     monkeypatch.setattr(plugins, "available", lambda kind: {})
     done = say("report", "results")
-    assert (done.exit_code, done.stderr) == (0, "")
+    assert (done.exit_code, done.stderr.count("\n")) == (0, 1)
+    assert done.stderr.startswith("warning: not installed: toy-line; what needs the task is left out.")
     assert "Robustness: task toy-line" in done.stdout
-    assert "Hand controllers" not in done.stdout
-    assert "Hand controllers" not in Path("results/report.md").read_text()
+    assert "Controllers and baselines" not in done.stdout
+    assert "Controllers and baselines" not in Path("results/report.md").read_text()
 
 
 def test_a_controller_that_fails_is_a_warning(run, say, down, monkeypatch):
@@ -219,7 +224,7 @@ def test_a_folder_that_cannot_be_written_is_reported_on_the_screen(run, say):
     Path("results/report.md").mkdir()
     done = say("report", "results")
     assert done.exit_code == 0
-    assert done.stderr.startswith("warning: cannot write the report: ")
+    assert done.stderr.startswith("warning: cannot write results/report.md: ")
     assert "toy-raw" in done.stdout
     assert "Written to" not in done.stdout
     assert json.loads(say("report", "results", "--json").stdout)["cells"]
@@ -304,7 +309,7 @@ def test_a_reader_that_goes_away_gets_no_traceback_and_the_files_are_written(tmp
     command = [sys.executable, "-c", program, "report", str(tmp_path)]
     done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
     os.close(write)
-    assert (done.returncode, done.stderr) == (141, "")
+    assert (done.returncode, done.stderr.count("\n")) == (141, 1)  # that the task is not installed
     assert {"report.md", "cells.csv", "robustness.tex", "figures"} <= {path.name for path in tmp_path.iterdir()}
 
 
@@ -319,7 +324,8 @@ def test_a_task_that_is_a_folder_is_run_and_found_again_by_its_results(say, toy,
     assert done.exit_code == 0, done.stderr
     assert "zz-line/toy-raw/toy-agent/0 done" in done.stderr
     monkeypatch.setitem(plugins._ADDED, "tasks", {})
-    assert "Hand controllers: task zz-line" in say("report", "results").stdout
+    assert "Controllers and baselines" not in say("report", "results").stdout
+    assert "Controllers and baselines: task zz-line" in say("report", "results", "--task-folder", folder).stdout
     monkeypatch.setitem(plugins._ADDED, "tasks", {})
     assert say("export", "results", "--format", "jsonl", "--out", "lines").exit_code == 0
     assert str(folder) not in Path("lines/cells.jsonl").read_text()

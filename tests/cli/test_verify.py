@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import sqlite3
 
@@ -11,7 +10,7 @@ from helpers.synthetic_results import result
 from typer.testing import CliRunner
 
 from stlbench.cli import app
-from stlbench.errors import UsageError
+from stlbench.errors import DiskFull
 from stlbench.study.ledger import FILE, Ledger
 
 
@@ -68,7 +67,7 @@ def test_no_results(tmp_path):
 
 def test_a_full_disk_has_a_code_of_its_own(folder, monkeypatch):
     def full(place):
-        raise UsageError("cannot write") from OSError(errno.ENOSPC, "No space left on device")
+        raise DiskFull("cannot write")
 
     monkeypatch.setattr("stlbench.study.verify.repair", full)
     done = say(folder, "--repair")

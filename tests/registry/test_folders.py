@@ -110,8 +110,3 @@ def test_a_folder_that_is_no_task_is_refused_in_a_line(
 def test_no_folder_at_all() -> None:
     with pytest.raises(UsageError, match=r"^zz-nowhere: there is no such folder; a task is a folder with task.yaml"):
         folders.parse_task("./zz-nowhere")
-
-
-def test_results_may_name_a_folder_that_is_gone(tmp_path: Path) -> None:
-    folders.recall(str(tmp_path / "zz-gone"))
-    assert folders.place_of("zz-gone") is None

@@ -36,7 +36,14 @@ def test_the_report_has_all_tables(tmp_path):
     write(condense(RESULTS), SCORES, tmp_path)
     text = (tmp_path / "report.md").read_text()
     headings = [line for line in text.splitlines() if line.startswith("#")]
-    tables = ["Robustness", "Comparisons", "Hand controllers", "Time", "Cells without a result", "Circumstances"]
+    tables = [
+        "Robustness",
+        "Comparisons",
+        "Controllers and baselines",
+        "Time",
+        "Cells without a result",
+        "Circumstances",
+    ]
     assert headings == ["# stlbench report", *(f"## {title}" for title in tables)]
 
 
@@ -55,7 +62,7 @@ def test_without_controllers_their_files_have_no_row_and_the_report_no_table(tmp
     write(condense(RESULTS), SCORES, tmp_path)
     write(condense(RESULTS), {}, tmp_path)
     assert (tmp_path / "controllers.csv").read_text().count("\n") == 1
-    assert "Hand controllers" not in (tmp_path / "report.md").read_text()
+    assert "Controllers and baselines" not in (tmp_path / "report.md").read_text()
 
 
 def test_cells_csv_has_one_row_per_cell(tmp_path):
@@ -87,10 +94,10 @@ def test_what_was_planned_has_a_table_and_a_figure_of_its_own(tmp_path):
     with (tmp_path / "alignment.csv").open(newline="") as file:
         formula, flag = csv.DictReader(file)
     assert list(flag) == [
-        *("task", "method", "setting", "best_possible", "reward_optimal", "satisfied", "grid_value", "selected"),
+        *("task", "method", "setting", "best_known", "reward_optimal", "satisfied", "grid_value", "selected"),
         *("final", "seeds", "reward_loses", "learner_loses", "resolution", "disagreement", "remarks"),
     ]
-    assert (formula["method"], formula["best_possible"], formula["reward_optimal"]) == ("(formula)", "0.6", "")
+    assert (formula["method"], formula["best_known"], formula["reward_optimal"]) == ("(formula)", "0.6", "")
     assert (flag["reward_optimal"], flag["selected"], flag["seeds"], flag["grid_value"]) == ("0.35", "0.35", "2", "2.0")
     assert (float(flag["reward_loses"]), float(flag["learner_loses"])) == (0.25, 0)
     assert "## Alignment" in (tmp_path / "report.md").read_text()

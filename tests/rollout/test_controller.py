@@ -138,21 +138,3 @@ def test_the_score_is_the_one_of_a_policy_that_does_the_same() -> None:
 def test_a_task_without_a_controller() -> None:
     assert controller.record(line(), np.zeros((2, 1))) is None
     assert controller.score(line()) is None
-
-
-def test_actions_at_random_are_even_and_the_same_at_every_call() -> None:
-    """Of speeds -1, 0, 1 each in a third of the decisions; in a box all are as likely."""
-    for task in (line(starts=64), line(starts=64, actions={"v": {"low": -1, "high": 1}})):
-        seen = list[Array]()
-
-        class Watched(Line):
-            def step(self, state: Array, action: Array, seen: list[Array] = seen) -> Array:
-                seen.append(action)
-                return super().step(state, action)
-
-        watched = replace(task, dynamics=Watched(0.5))
-        first = controller.score_at_random(watched)
-        speeds = np.concatenate(seen)
-        assert abs(speeds.mean()) < 4 * speeds.std() / np.sqrt(speeds.size)
-        assert abs((speeds < -1 / 3).mean() - 1 / 3) < 4 * np.sqrt(2 / 9 / speeds.size)
-        assert controller.score_at_random(watched) == first

@@ -13,7 +13,7 @@ from stlbench.identity import Setting, Track
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choices
 from stlbench.rollout import standards
-from stlbench.task.file import BestPossible
+from stlbench.task.file import BestKnown
 from stlbench.task.task import Task
 from stlbench_methods.raw import Raw
 
@@ -31,7 +31,8 @@ def tasks(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         "down": steered(lambda state, t: -np.ones_like(state)),
         "broken": steered(broken),
         "lost": steered(lambda state, t: state * np.nan),
-        "none": line(best_possible={"reached": 0.25, "coarser": 0.125}),
+        "narrow": line(formula="F[0,8] (abs(x - 5) <= 0.1)", initial={"box": {"x": [-1, 5]}}),
+        "none": line(best_known={"robustness": 0.25, "upper_bound": 0.5}),
     }
 
     def load(choice: Choice) -> Task:
@@ -61,16 +62,17 @@ def settings(tasks: str, *methods: str, track: Track = "shared") -> list[Setting
 def test_a_task_is_scored_once(tasks: list[str]) -> None:
     found = standards.standards(settings("up,down,up[without=cuts]"))
     assert list(found) == ["up", "down"]
-    assert tasks == ["up", "down", "up", "up", "down", "down"]  # to know of it, by its controller, at random
+    # to know of it, by its controller, at random, by constant actions
+    assert tasks == ["up", "down", *["up"] * 3, *["down"] * 3]
     scores = [standard.by_hand for standard in found.values()]
     assert [score and score.satisfaction for score in scores] == [0, 1]
 
 
-def test_the_task_file_says_what_is_possible_and_which_agent_is_its_own() -> None:
+def test_the_task_file_says_what_is_best_known_and_which_agent_is_its_own() -> None:
     none = standards.standards(settings("none"))["none"]
-    assert (none.by_hand, none.best_possible, none.own_agent) == (
+    assert (none.by_hand, none.best_known, none.own_agent) == (
         None,
-        BestPossible(reached=0.25, coarser=0.125),
+        BestKnown(robustness=0.25, upper_bound=0.5),
         "dqn",
     )
 
@@ -80,6 +82,16 @@ def test_actions_at_random_are_scored_from_the_same_starts_as_the_controller() -
     assert found.by_hand is not None
     assert found.at_random is not None
     assert found.at_random.starts == found.by_hand.starts
+
+
+def test_a_task_that_a_constant_action_solves_is_trivial() -> None:
+    """Of G[0,4] x <= 1 from [-1, 1]: to go down is enough. To 5 +- 0.1 no action leads from all starts."""
+    found = standards.standards(settings("down,up,narrow"))
+    assert {name: standard.trivial for name, standard in found.items()} == {"down": True, "up": True, "narrow": False}
+    zero, constant = found["narrow"].zero, found["narrow"].constant
+    assert zero is not None
+    assert constant is not None
+    assert zero.satisfaction <= constant.satisfaction < 0.95
 
 
 def test_methods_that_pay_the_same_are_known_by_task_and_track() -> None:

@@ -52,5 +52,5 @@ def test_without_a_counterexample_the_name_says_so(tmp_path: Path) -> None:
 
 def test_a_folder_that_cannot_be_written(found: Falsification, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(UsageError, match="cannot write the counterexample"):
+    with pytest.raises(UsageError, match=r"cannot write .*\.npz: "):
         write(found, tmp_path / "file")

@@ -84,7 +84,9 @@ def test_without_authors_there_is_no_citation(site, tmp_path) -> None:
     assert "CITATION.cff" not in names(tmp_path / "b.zip")
 
 
-@pytest.mark.parametrize(("target", "said"), [("b.tar", "its name ends in .zip"), ("no/b.zip", "cannot pack")])
+@pytest.mark.parametrize(
+    ("target", "said"), [("b.tar", "its name ends in .zip"), ("results/report.md/b.zip", "cannot write")]
+)
 def test_what_cannot_be_packed_is_one_line(site, tmp_path, target, said) -> None:
     folder = bundles.folder_of_results(site, tmp_path / "results")
     with pytest.raises(UsageError, match=said):

@@ -14,7 +14,7 @@ from stlbench.study import plan as planning
 from stlbench.study.cell import derive_seed
 from stlbench.study.plan import check_cells, plan_cells
 from stlbench.task import load_task
-from stlbench.task.file import BestPossible
+from stlbench.task.file import BestKnown
 
 ENTRIES = """
 [stlbench.methods]
@@ -240,7 +240,7 @@ def test_seeds_are_derived_from_named_parts():
     assert derive_seed("ab", "c") != derive_seed("a", "bc")
 
 
-@pytest.mark.parametrize("words", [{"plane": None}, {"best_possible": BestPossible(reached=0.5)}])
+@pytest.mark.parametrize("words", [{"plane": None}, {"best_known": BestKnown(robustness=0.5)}])
 def test_what_only_people_read_is_not_part_of_the_key(monkeypatch, words):
     task = load_task("hold-disc")
 

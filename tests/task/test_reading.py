@@ -66,12 +66,12 @@ class TestMessages:
         ("changes", "expected"),
         [
             ({"title": None}, "title: must be given"),
-            ({"best_possible": {}}, "best_possible.reached: must be given"),
-            ({"best_possible": {"reached": float("inf")}}, "best_possible.reached: should be a finite number"),
-            ({"best_possible": {"reached": "x"}}, "best_possible.reached: should be a number"),
+            ({"best_known": {}}, "best_known.robustness: must be given"),
+            ({"best_known": {"robustness": float("inf")}}, "best_known.robustness: should be a finite number"),
+            ({"best_known": {"robustness": "x"}}, "best_known.robustness: should be a number"),
             (
-                {"best_possible": {"reached": 1, "best": 2}},
-                "best_possible.best: there is no such key; there are: coarser, how, reached, value",
+                {"best_known": {"robustness": 1, "best": 2}},
+                "best_known.best: there is no such key; there are: how, robustness, upper_bound, why",
             ),
             ({"titel": "x"}, "titel: there is no such key; did you mean 'title'?"),
             (

@@ -63,7 +63,7 @@ def test_robustness_by_hand() -> None:
 
 def test_no_more_is_possible_than_half_a_target_and_the_controller_reaches_it() -> None:
     """A target is 1 m wide, so 0.5 bounds the robustness; that is stlpy's optimum too."""
-    best = TASK.file.best_possible
+    best = TASK.file.best_known
     assert best is not None
     score = referee.score(TASK, trace(TASK, all_starts(TASK)))
     assert score.robustness == pytest.approx([0.5] * 128)

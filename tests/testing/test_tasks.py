@@ -85,6 +85,31 @@ def test_a_task_that_breaks_a_rule_is_told_which(
         check_task("zz-conform")
 
 
+@pytest.mark.parametrize(
+    ("stated", "rule"),
+    [
+        (
+            {"satisfied": 0.5, "action": [-1.0]},
+            r"baselines\.constant is what its action gets; .* satisfied: 0\.5; got 1",
+        ),
+        ({"satisfied": 1, "action": [-1.0, 0.0]}, r"baselines\.constant\.action has 1 numbers; got \(-1\.0, 0\.0\)"),
+    ],
+)
+def test_stated_baselines_have_to_be_those_that_are_measured(
+    site: Callable[..., Path], stated: dict[str, Any], rule: str
+) -> None:
+    zero = {"robustness": 1, "satisfied": 1}
+    baselines = {"zero": zero, "constant": stated | {"robustness": 1}, "random": zero}
+    files = {
+        "zz_conform/__init__.py": "",
+        "zz_conform/system.py": SYSTEM.format(**SOUND),
+        "zz_conform/task.yaml": text(baselines=baselines),
+    }
+    site("zz-conform", "[stlbench.tasks]\nzz-conform = zz_conform.system:Line\n", files)
+    with pytest.raises(AssertionError, match=f"^rule broken: {rule}"):
+        check_task("zz-conform")
+
+
 def test_all_recipes_that_their_agents_do_not_understand_are_named(site: Callable[..., Path]) -> None:
     files = {
         "zz_conform/__init__.py": "",

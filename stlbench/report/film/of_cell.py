@@ -61,14 +61,11 @@ class Filming:
         recorded = self.which == "selected" and self.start == Start() and self.form != "png"
         shown = self._recorded() if recorded else replay(self.run, self.result, self.which, self.start)
         acted, remarks = (None, list[str]()) if self.form == "png" else self._before_camera(shown)
-        try:
-            if self.form == "png":
-                paths = draw_cell(shown.task, shown.method, shown.recording, self._title, self.out, self._name)
-                return Filmed(tuple(paths), ())
-            path = self.out / f"film-{self._name}.{self.form}"
-            remark = film.write(shown.task, shown.recording, shown.robustness, self._title, path, acted)
-        except OSError as error:
-            raise UsageError(f"cannot write the film: {error}") from error
+        if self.form == "png":
+            paths = draw_cell(shown.task, shown.method, shown.recording, self._title, self.out, self._name)
+            return Filmed(tuple(paths), ())
+        path = self.out / f"film-{self._name}.{self.form}"
+        remark = film.write(shown.task, shown.recording, shown.robustness, self._title, path, acted)
         return Filmed((path,), (*remarks, *_remarks(shown, acted, remark)))
 
     @property

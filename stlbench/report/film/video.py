@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal
+from tempfile import TemporaryDirectory
+from typing import BinaryIO, Literal
 
 import numpy as np
 from PIL import Image
 
 from stlbench.errors import UsageError
+from stlbench.outputs import opened
+from stlbench.outputs import write as write_file
 from stlbench.presentation import Pixels
 
 __all__ = ["FRAMES_A_SECOND", "Format", "check_format", "write"]
@@ -32,29 +35,28 @@ def write(pictures: Iterable[Pixels], path: Path) -> None:
     """Write pictures (height, width, 3) of one size as a film; the path's ending says as what.
 
     Raises:
-        UsageError: there is no ffmpeg, or it fails.
-        OSError: the file cannot be written.
+        UsageError: there is no ffmpeg, or it fails, or the file cannot be written.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix == ".mp4":
         _mp4(pictures, path)
-    elif path.suffix == ".webp":
-        _webp(pictures, path)
-    else:
-        _gif(pictures, path)
+        return
+    images = [Image.fromarray(picture) for picture in pictures]  # drawn before the file is there
+    with opened(path) as file:
+        (_webp if path.suffix == ".webp" else _gif)(images, file)
 
 
-def _gif(pictures: Iterable[Pixels], path: Path) -> None:
+def _gif(images: Sequence[Image.Image], file: BinaryIO) -> None:
     """Each frame has 256 colours of its own: those of the first may lack what moves into the picture later."""
-    first, *others = [Image.fromarray(picture).quantize(256) for picture in pictures]
-    first.save(path, save_all=True, append_images=others, duration=round(1000 / FRAMES_A_SECOND), loop=0)
-
-
-def _webp(pictures: Iterable[Pixels], path: Path) -> None:
-    """Smaller than a GIF, with all colours; edges are a little soft."""
-    first, *others = [Image.fromarray(picture) for picture in pictures]
+    first, *others = [image.quantize(256) for image in images]
     duration = round(1000 / FRAMES_A_SECOND)
-    first.save(path, save_all=True, append_images=others, duration=duration, loop=0, quality=60, method=3)
+    first.save(file, format="gif", save_all=True, append_images=others, duration=duration, loop=0)
+
+
+def _webp(images: Sequence[Image.Image], file: BinaryIO) -> None:
+    """Smaller than a GIF, with all colours; edges are a little soft."""
+    first, *others = images
+    duration = round(1000 / FRAMES_A_SECOND)
+    first.save(file, "webp", save_all=True, append_images=others, duration=duration, loop=0, quality=60, method=3)
 
 
 def _mp4(pictures: Iterable[Pixels], path: Path) -> None:
@@ -62,12 +64,15 @@ def _mp4(pictures: Iterable[Pixels], path: Path) -> None:
     even = [picture[: len(picture) // 2 * 2, : picture.shape[1] // 2 * 2] for picture in pictures]
     height, width = even[0].shape[:2]
     raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(FRAMES_A_SECOND), "-i", "-")
-    command = [_ffmpeg(), "-y", "-loglevel", "error", *raw, "-pix_fmt", "yuv420p", str(path.absolute())]
     content = np.stack(even).tobytes()
-    done = subprocess.run(command, input=content, capture_output=True, check=False)  # noqa: S603
-    if done.returncode:
-        said = " ".join(done.stderr.decode(errors="replace").split()) or f"exit code {done.returncode}"
-        raise UsageError(f"ffmpeg could not write {path}: {said}")
+    with TemporaryDirectory(prefix="stlbench-film-") as place:
+        film = Path(place, "film.mp4")
+        command = [_ffmpeg(), "-y", "-loglevel", "error", *raw, "-pix_fmt", "yuv420p", str(film)]
+        done = subprocess.run(command, input=content, capture_output=True, check=False)  # noqa: S603
+        if done.returncode:
+            said = " ".join(done.stderr.decode(errors="replace").split()) or f"exit code {done.returncode}"
+            raise UsageError(f"ffmpeg could not write {path}: {said}")
+        write_file(path, film.read_bytes())
 
 
 def _ffmpeg() -> str:

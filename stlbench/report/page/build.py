@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from stlbench.errors import UsageError
 from stlbench.identity import CellId
+from stlbench.outputs import write
+from stlbench.report.figures.palette import Colours, colours_of
 from stlbench.report.page.bundle import packed, plotly, require
 from stlbench.report.page.cells import Tags, cells_listed, details, tags_of
 from stlbench.report.page.chart import Chart
@@ -24,7 +26,7 @@ from stlbench.report.tables.circumstances import circumstances
 from stlbench.report.tables.comparisons import compare, comparisons_table
 from stlbench.report.tables.hand_controllers import controllers_table
 from stlbench.report.tables.outside import outside, trained
-from stlbench.report.tables.planned import best_possible, split
+from stlbench.report.tables.planned import best_known, split
 from stlbench.report.tables.robustness import robustness_table
 from stlbench.report.tables.rows import Group, Row
 from stlbench.report.tables.table import Table
@@ -88,11 +90,9 @@ def write_page(
     path = path or folder / FILE
     text = _page(groups, results, standards, folder, told)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error}; --out FILE writes the page elsewhere") from error
-    return path
+        return write(path, text)
+    except UsageError as error:
+        raise type(error)(f"{error}; --out FILE writes the page elsewhere") from error
 
 
 def _page(
@@ -103,7 +103,8 @@ def _page(
     told: Told,
 ) -> str:
     tables, found = _tables(groups, standards)
-    over = _across(found)
+    colours = colours_of(groups)
+    over = _across(found, colours)
     parts, count = list[TaskPart](), [0]
 
     def one_more() -> None:
@@ -111,7 +112,7 @@ def _page(
         told(count[0], len(groups))
 
     for number, (_, members) in enumerate(groupby(groups, key=lambda each: each.setting.task)):
-        parts.append(task_part(number, list(members), results, tables, folder, one_more))
+        parts.append(task_part(number, list(members), results, tables, colours, folder, one_more))
     ordered, left_out = _shown(groups)
     payloads = {part.key: _payload(part, ordered, results, folder) for part in parts}
     payloads["across"] = packed({"charts": {chart.key: chart.content() for chart in over.charts}})
@@ -141,7 +142,7 @@ def _shown(groups: Sequence[Group]) -> tuple[list[Row], str]:
 
 def _tables(groups: Sequence[Group], standards: Mapping[str, Standard]) -> tuple[Tables, tuple[Field, ...]]:
     """The report's own tables, and the fields of tasks that are compared."""
-    learned, best = split(groups)[0], best_possible(groups, standards)
+    learned, best = split(groups)[0], best_known(groups, standards)
     tables = Tables(
         robustness=robustness_table(learned, best, standards, outside(groups)),
         comparisons=comparisons_table(compare(learned, standards, best)),
@@ -171,9 +172,9 @@ def _rest(line: tuple[Any, ...]) -> tuple[str, str]:
     return str(line[3]), str(line[4])
 
 
-def _across(found: Sequence[Field]) -> _Across:
+def _across(found: Sequence[Field], colours: Colours) -> _Across:
     tables: list[Table] = [aggregates_table(found), improvement_table(found)]
-    charts = [chart for i, field in enumerate(found) for chart in across(field, f"field-{i}")]
+    charts = [chart for i, field in enumerate(found) for chart in across(field, f"field-{i}", colours)]
     return _Across([listed(table) for table in tables if table.rows], charts)
 
 

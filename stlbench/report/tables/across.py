@@ -45,7 +45,7 @@ class Entry:
 
     method: str
     scores: tuple[tuple[float, ...], ...]
-    """Of each task, of each seed: 0 is a policy that acts at random, 1 the best possible. A seed without a result has
+    """Of each task, of each seed: 0 is a policy that acts at random, 1 the best known. A seed without a result has
     0. Empty for a task of which no seed has one: the method does not fit."""
     unfinished: str
     """How the cells without a result ended: "40 intractable"; empty where there are none."""
@@ -232,7 +232,7 @@ def _row(field: Field, found: Aggregate) -> tuple[Value, ...]:
 
 
 _NOTES = (
-    "Robustness of the selected policies, normalised: 0 is what actions at random get on a task, 1 the best possible, "
+    "Robustness of the selected policies, normalised: 0 is what actions at random get on a task, 1 the best known, "
     "or what the controller by hand gets where that is not known. Not trivial: no constant action solves the task.",
     "Fits: on how many of the tasks the method has a result. All other numbers are of these tasks alone, so they are "
     "nothing without it: a method may fit the easy tasks, or meet few rivals. On a task that it fits, a seed without a "

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stlbench.registry.choices import Choice
-from stlbench.report.tables.planned import RESOLUTION, best_possible, maximised, reached, split
+from stlbench.report.tables.planned import RESOLUTION, best_known, maximised, reached, split
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Column, Table, Value
 from stlbench.status import NOT_RUN
@@ -25,7 +25,7 @@ FORMULA = "(formula)"
 RECIPE = "recipe"
 """The setting in which nothing is left out of the task's recipe, and the agent's parameters are those of it."""
 _MUCH = 0.05
-"""Share of the best possible by which two resolutions may differ without a remark."""
+"""Share of the best known by which two resolutions may differ without a remark."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Aligned:
     task: str
     method: str
     setting: str
-    best_possible: float | None
+    best_known: float | None
     reward_optimal: float | None = None
     """Of the policy that is best by the reward."""
     satisfied: float | None = None
@@ -56,7 +56,7 @@ class Aligned:
     @property
     def reward_loses(self) -> float | None:
         """By how much the best policy by the reward is worse than what is possible."""
-        return _difference(self.best_possible, self.reward_optimal)
+        return _difference(self.best_known, self.reward_optimal)
 
     @property
     def learner_loses(self) -> float | None:
@@ -79,7 +79,7 @@ def align(
     """
     wanted = {group.setting for group in (groups if shown is None else shown)}
     learned, planned = split(groups)
-    planners, best = maximised(planned), best_possible(groups, standards)
+    planners, best = maximised(planned), best_known(groups, standards)
     together = dict[tuple[str, str, bool, str, str], list[Group]]()
     for group in planned:
         task, agent = group.setting.task, group.setting.agent
@@ -136,7 +136,7 @@ def _row(
         task=setting.task.name,
         method=method,
         setting=setting_text(setting.task, setting.agent),
-        best_possible=possible,
+        best_known=possible,
         reward_optimal=None if method == FORMULA else reached(plan),
         satisfied=_mean([numbers.satisfaction for numbers in plan.done]),
         grid_value=_mean([value for value in expected if not math.isnan(value)]),
@@ -180,7 +180,7 @@ def _remarks(several: Sequence[Group], coarse: str) -> str | None:
 def _coarse(disagreement: float | None, possible: float | None) -> str:
     if disagreement is None or possible is None or disagreement <= _MUCH * abs(possible):
         return ""
-    return f"resolutions differ by {disagreement:.3g}, more than {100 * _MUCH:.0f} % of the best possible"
+    return f"resolutions differ by {disagreement:.3g}, more than {100 * _MUCH:.0f} % of the best known"
 
 
 def alignment_table(rows: Iterable[Aligned]) -> Table:
@@ -189,7 +189,7 @@ def alignment_table(rows: Iterable[Aligned]) -> Table:
         Column("task", right=False, shared=True),
         Column("method", right=False),
         Column("setting", right=False, shared=True),
-        Column("best_possible", "best possible", digits=3),
+        Column("best_known", "best known", digits=3),
         Column("reward_optimal", "reward optimal", digits=3),
         Column("satisfied", digits=2),
         Column("grid_value", "grid value", drop=2),
@@ -207,11 +207,11 @@ def alignment_table(rows: Iterable[Aligned]) -> Table:
 
 
 _NOTES = (
-    "Robustness of the task's formula, mean over the report's starts: the best that is possible, by a plan for the "
-    "formula itself; of the policy that a plan finds best by the reward; and of what was learned, selected and final.",
+    "Robustness of the task's formula, mean over the report's starts: the best known; of "
+    "the policy that a plan finds best by the reward; and of what was learned, selected and final.",
     "Satisfied is of the planned policy, a share of the starts; grid value, what its plan expects, in the unit of what "
     "is maximised. Disagree: by how much plans of several resolutions differ.",
-    "The reward loses what its own best policy lacks of the best possible, and the learner what it lacks of that.",
+    "The reward loses what its own best policy lacks of the best known, and the learner what it lacks of that.",
 )
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["MATTERS", "Comparison", "advice", "compare", "comparisons_table"]
 
 MATTERS = 0.05
-"""Share of the best possible robustness up to which a difference is none that matters."""
+"""Share of the best known robustness up to which a difference is none that matters."""
 _ADVICE = 5
 """Lines of advice at most."""
 
@@ -46,7 +46,7 @@ def compare(
     Args:
         groups: of agents that learn.
         standards: of their tasks.
-        best: the best possible robustness of their tasks, where it is known.
+        best: the best known robustness of their tasks, where it is known.
     """
     found = [
         (one, other)
@@ -107,7 +107,7 @@ def _notes(comparisons: Sequence[Comparison]) -> tuple[str, ...]:
         "Verdict: of the method against the other, by one exact test of means, ranks and seeds that learned. "
         f"p: after Holm's correction for all pairs that are tested here, {tested} of them; better or worse below 0.05. "
         "Decided by: the respects in which the two are that far apart.",
-        f"No difference found: the interval lies within the margin, {100 * MATTERS:.0f} % of the best possible "
+        f"No difference found: the interval lies within the margin, {100 * MATTERS:.0f} % of the best known "
         "robustness, or of that by hand. Cannot tell: with that many seeds of each method a verdict would come out in "
         "80 % of cases, if all is as it looks. =: both pay the same up to a constant.",
         *(["Mixed: the two differ, and the respects that decide disagree on which is better."] if mixed else []),

@@ -54,7 +54,7 @@ def mark_notes(marks: Iterable[str]) -> tuple[str, ...]:
 
 
 def level(task: Choice, standards: Mapping[str, Standard], best: Mapping[Choice, float]) -> float | None:
-    """The best possible robustness of a task, or what its controller by hand gets where the best is not known."""
+    """The best known robustness of a task, or what its controller by hand gets where the best is not known."""
     standard = standards.get(task.name)
     by_hand = standard.by_hand.mean if standard and standard.by_hand else None
     return best.get(task, by_hand)

@@ -1,11 +1,12 @@
-"""What the policies of each task are compared with: its controller, actions at random, what is possible."""
+"""What the policies of each task are compared with: its controller, the baselines, the best known and its bound."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from stlbench.report.tables.table import Column, Table, Value
+from stlbench.result import LEARNED, Score
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
@@ -14,42 +15,19 @@ __all__ = ["controllers_table"]
 
 
 def controllers_table(standards: Mapping[str, Standard]) -> Table:
-    """How well the tasks' controllers by hand satisfy the formula, actions at random, and what is possible.
+    """How well the controllers by hand and the baselines satisfy the formula, and what is best known.
 
-    One row per task that has a controller, or of which it is known what is possible.
+    One row per task of which any of it is known.
     """
-    known = {task: each for task, each in standards.items() if each.by_hand or each.best_possible}
-    at_random = any(standard.at_random for standard in known.values())
-    best = any(standard.best_possible for standard in known.values())
-    columns = (
-        Column("task", right=False, shared=True),
-        Column("mean robustness", "mean", digits=3),
-        Column("worst start", digits=3),
-        Column("satisfied", unit="%", digits=1),
-        *(_AT_RANDOM if at_random else ()),
-        *(Column(title, short, digits=3) for title, short in (_BEST if best else {}).items()),
-    )
-    rows = tuple(
-        (
-            task,
-            *_by_hand(standard),
-            *(_at_random(standard) if at_random else ()),
-            *(_best(standard) if best else ()),
-        )
-        for task, standard in known.items()
-    )
-    notes = [
-        "What a controller written by hand gets from the grid of report starts, for comparison; it is no upper bound."
-    ]
-    if at_random:
-        notes.append("At random: what actions get that are drawn evenly from all, anew at each decision.")
-    if best:
-        notes.append("Best possible: reached by a plan for the formula; expected by it; reached on a coarser grid.")
-    return Table("Hand controllers", columns, rows, tuple(notes))
+    known = {task: each for task, each in standards.items() if any(there(each) for there, *_ in _PARTS)}
+    parts = [part for part in _PARTS if any(part[0](each) for each in known.values())]
+    columns = (Column("task", right=False, shared=True), *(column for _, several, _, _ in parts for column in several))
+    rows = tuple((task, *(value for *_, values, _ in parts for value in values(each))) for task, each in known.items())
+    return Table("Controllers and baselines", columns, rows, tuple(note for *_, note in parts if note))
 
 
-_AT_RANDOM = (Column("at random", digits=3), Column("at random satisfied", "random sat.", unit="%", digits=1))
-_BEST = {"best_possible": "best possible", "grid_value": "grid value", "coarser": "coarser grid"}
+def _score(score: Score | None) -> tuple[Value, ...]:
+    return (None, None) if score is None else (score.mean, 100 * score.satisfaction)
 
 
 def _by_hand(standard: Standard) -> tuple[Value, ...]:
@@ -57,11 +35,53 @@ def _by_hand(standard: Standard) -> tuple[Value, ...]:
     return (None, None, None) if score is None else (score.mean, score.minimum, 100 * score.satisfaction)
 
 
-def _at_random(standard: Standard) -> tuple[Value, ...]:
-    score = standard.at_random
-    return (None, None) if score is None else (score.mean, 100 * score.satisfaction)
-
-
 def _best(standard: Standard) -> tuple[Value, ...]:
-    best = standard.best_possible
-    return (None, None, None) if best is None else (best.reached, best.value, best.coarser)
+    best = standard.best_known
+    return (None, None) if best is None else (best.robustness, best.upper_bound)
+
+
+def _columns(title: str, short: str) -> tuple[Column, ...]:
+    return Column(title, short, digits=3), Column(f"{title} satisfied", f"{short} sat.", unit="%", digits=1, drop=1)
+
+
+_Part = tuple[Callable[["Standard"], object], tuple[Column, ...], Callable[["Standard"], tuple[Value, ...]], str]
+"""What must be known of some task; the columns; their values; a note."""
+
+_PARTS: tuple[_Part, ...] = (
+    (
+        lambda each: each.by_hand,
+        (
+            Column("mean robustness", "mean", digits=3),
+            Column("worst start", digits=3, drop=2),
+            Column("satisfied", unit="%", digits=1),
+        ),
+        _by_hand,
+        "First what a controller written by hand gets, from the report's starts: a reference and no upper bound.",
+    ),
+    (lambda each: each.zero, _columns("zero action", "zero"), lambda each: _score(each.zero), ""),
+    (
+        lambda each: each.constant,
+        _columns("best constant action", "constant"),
+        lambda each: _score(each.constant),
+        "Zero action, best constant action: taken all the time. The best was chosen from other starts.",
+    ),
+    (
+        lambda each: each.at_random,
+        _columns("at random", "random"),
+        lambda each: _score(each.at_random),
+        "At random: actions drawn evenly from all, anew at each decision.",
+    ),
+    (
+        lambda each: each.best_known,
+        (Column("best known", digits=3), Column("upper bound", digits=3)),
+        _best,
+        "Best known: the most that anything reached. Upper bound: more is proven to be impossible.",
+    ),
+    (
+        lambda each: each.trivial,
+        (Column("trivial", right=False),),
+        lambda each: ("trivial" if each.trivial else None,),
+        f"Trivial: a constant action satisfies the formula from at least {100 * LEARNED:.0f} % of the starts. The task "
+        "shows how a method holds what it has, and does not show that it learns anything.",
+    ),
+)

@@ -30,7 +30,7 @@ def overview(
     Args:
         groups: of one or more tasks, agents, budgets and tracks, which are the rows.
         standards: what is known of the tasks, such as what their controllers get.
-        best: the best possible robustness of the tasks, where it is known.
+        best: the best known robustness of the tasks, where it is known.
         advice: lines to say below.
     """
     by_hand = any(standard.by_hand for standard in standards.values())

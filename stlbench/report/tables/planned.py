@@ -17,7 +17,7 @@ from stlbench.report.tables.rows import Group
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
 
-__all__ = ["RESOLUTION", "Maximised", "best_possible", "maximised", "reached", "split"]
+__all__ = ["RESOLUTION", "Maximised", "best_known", "maximised", "reached", "split"]
 
 RESOLUTION = "resolution"
 """The parameter of an agent that plans which says how fine its grid is: the larger the finer, 1 where left out."""
@@ -61,12 +61,13 @@ def reached(group: Group) -> float | None:
     return float(np.mean(values)) if values else None
 
 
-def best_possible(groups: Sequence[Group], standards: Mapping[str, Standard]) -> dict[Choice, float]:
-    """Task, or ablation of one -> the largest robustness of its formula that is known to be possible.
+def best_known(groups: Sequence[Group], standards: Mapping[str, Standard]) -> dict[Choice, float]:
+    """Task, or ablation of one -> the best known robustness of its formula, where anybody looked for it.
 
-    That is the most that a plan for the formula reached; without such a cell what the task file says. Where a plan for
-    a reward or the controller by hand reached more, that is possible too. How often an agent decides changes what is
-    possible, and other parts of a recipe do not: ablations share a best, but those without `hold` have their own.
+    Somebody looked where the task file says what is best known, and where a cell is a plan for the formula. The best
+    known is the largest of these, of plans for a reward, and of the controller by hand. How often an agent decides
+    changes what is possible, and other parts of a recipe do not: ablations share a best known, but those without `hold`
+    have their own.
     """
     planners, found, reached_too = maximised(groups), dict[_Of, float](), dict[_Of, float]()
     for group in trained(groups):
@@ -75,8 +76,9 @@ def best_possible(groups: Sequence[Group], standards: Mapping[str, Standard]) ->
             known, of = found if plans == "formula" else reached_too, _formula(group.setting.task)
             known[of] = max(value, known.get(of, value))
     for name, standard in standards.items():
-        if standard.best_possible is not None:
-            found.setdefault((name, False), standard.best_possible.reached)
+        if standard.best_known is not None:
+            stated = standard.best_known.robustness
+            found[name, False] = max(stated, found.get((name, False), stated))
         if standard.by_hand is not None:
             reached_too[name, False] = max(standard.by_hand.mean, reached_too.get((name, False), -math.inf))
     found = {of: max(value, reached_too.get(of, value)) for of, value in found.items()}
@@ -85,5 +87,5 @@ def best_possible(groups: Sequence[Group], standards: Mapping[str, Standard]) ->
 
 
 def _formula(task: Choice) -> _Of:
-    """What decides the best that is possible: the task, and whether it is without `hold`."""
+    """What decides the best known: the task, and whether it is without `hold`."""
     return task.name, "hold" in dict(task.parameters).get("without", "").split("+")

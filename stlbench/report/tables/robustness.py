@@ -34,7 +34,7 @@ def robustness_table(
 
     Args:
         groups: of agents that learn.
-        best: the best possible of their tasks (`best_possible`); where any is known, robustness is also a share of it.
+        best: the best known of their tasks (`best_known`); where any is known, robustness is also a share of it.
         standards: of their tasks; they know which methods pay the same.
         outside: policies that were not trained here, which stand behind those of their tasks.
     """
@@ -82,7 +82,7 @@ def _only_selected(columns: Sequence[Column], row: tuple[Value, ...], outside: b
     )
 
 
-_SHARE = "share of best possible (median, both above 0)"
+_SHARE = "share of best known (median, both above 0)"
 
 
 def _marks(groups: Sequence[Group], standards: Mapping[str, Standard]) -> dict[Setting, str]:
@@ -130,7 +130,7 @@ def _learned(group: Group, learned: Iterable[bool]) -> tuple[Value, Value]:
 
 
 def _share(value: float | None, best: float | None) -> float | None:
-    """Robustness as a share of the best possible; None where it says nothing, as of what violates."""
+    """Robustness as a share of the best known; None where it says nothing, as of what violates."""
     return value / best if value is not None and best is not None and value > 0 < best else None
 
 

@@ -10,13 +10,10 @@ from typing import Literal
 
 from stlbench.identity import OUTSIDE, CellId, Setting
 from stlbench.report.tables.table import FirstFailed, Seeds
-from stlbench.result import MAIN, RANDOM, Measurement, Planned, Result, reported
+from stlbench.result import LEARNED, MAIN, RANDOM, Measurement, Planned, Result, reported
 from stlbench.status import NOT_RUN, Status
 
 __all__ = ["LEARNED", "CurveRow", "Group", "Numbers", "Row", "group", "missing_row", "row"]
-
-LEARNED = 0.95
-"""Share of the starts from which a policy that has learned the task satisfies the formula."""
 
 CurveRow = tuple[int, float, float]
 """One checkpoint: environment steps, satisfaction in [0, 1], mean robustness, on the starts kept for selection."""

@@ -12,7 +12,7 @@ from stlbench.report.tables.comparisons import advice, compare, comparisons_tabl
 from stlbench.report.tables.hand_controllers import controllers_table
 from stlbench.report.tables.outside import outside
 from stlbench.report.tables.overview import overview
-from stlbench.report.tables.planned import best_possible, split
+from stlbench.report.tables.planned import best_known, split
 from stlbench.report.tables.robustness import robustness_table
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Table
@@ -39,7 +39,7 @@ def summary(
     learned = split(groups)[0]
     tasks = {group.setting.task for group in learned}
     others = tuple(group for group in outside(among) if group.setting.task in tasks or group in groups)
-    best = {task: value for task, value in best_possible(among, standards).items() if task in tasks}
+    best = {task: value for task, value in best_known(among, standards).items() if task in tasks}
     found, field = compare(learned, standards, best), fields(learned, standards, best)
     first = (overview(learned, standards, best, advice(found)),) if len(tasks) > 1 else ()
     tables = (

@@ -40,7 +40,7 @@ def test_a_panel_for_each_task_and_a_row_for_each_method_and_setting():
     assert first.get_xlabel() == "mean robustness [m]"
 
 
-def test_the_best_possible_is_a_line_across_the_row_where_it_is_known():
+def test_the_best_known_is_a_line_across_the_row_where_it_is_known():
     first, second = alignment(ROWS, UNITS).axes
     best = [[line for line in axes.lines if line.get_linewidth() == 2] for axes in (first, second)]
     assert [tuple(line.get_ydata()) for line in best[0]] == [(-0.5, 0.5), (0.5, 1.5), (1.5, 2.5)]

@@ -23,7 +23,7 @@ from stlbench.report.figures.beyond import Window, below, beside, number, window
         ([[-16.0], [1.8]], None),  # less than ten times as far
         ([[-30.0], [-33.0]], None),  # all alike
         ([[-1.0], [-30.0]], (-1.0, 0.0)),  # none is positive
-        ([[0.0, -1e-4], [-0.001], [-0.06], [-2.0]], (-0.06, 0.0)),  # 0 is the best possible
+        ([[0.0, -1e-4], [-0.001], [-0.06], [-2.0]], (-0.06, 0.0)),  # 0 is the best known
         ([[0.001], [5.0]], None),  # what is better is never cut off
         ([[], [np.nan]], None),
         ([[np.inf, -100.0], [1.0]], (-0.25, 1.0)),

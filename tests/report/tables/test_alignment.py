@@ -9,11 +9,11 @@ from helpers.synthetic_results import plan, result
 
 from stlbench.identity import CellId
 from stlbench.registry.choices import Choice
-from stlbench.report import align, alignment_table, best_possible, condense, split
+from stlbench.report import align, alignment_table, best_known, condense, split
 from stlbench.report.tables.alignment import Aligned
 from stlbench.result import Result, Score
 from stlbench.rollout.standards import Standard
-from stlbench.task.file import BestPossible
+from stlbench.task.file import BestKnown
 
 OWN = {"overlap": Standard(own_agent="td3")}
 
@@ -45,7 +45,7 @@ def test_what_reward_and_learner_lose() -> None:
         *(learned(value, seed=seed, final=(value - 1,)) for seed, value in enumerate((0.5, -0.1, -1.0))),
     )
     assert (row.task, row.method, row.setting) == ("overlap", "raw", "recipe")
-    assert (row.best_possible, row.reward_optimal) == (0.25, pytest.approx(-0.1))
+    assert (row.best_known, row.reward_optimal) == (0.25, pytest.approx(-0.1))
     assert (row.satisfied, row.grid_value, row.seeds) == (0.5, 7.0, 3)
     assert (row.selected, row.final) == (pytest.approx(-0.2), pytest.approx(-1.2))
     assert (row.reward_loses, row.learner_loses) == (pytest.approx(0.35), pytest.approx(0.1))
@@ -87,38 +87,38 @@ def test_of_several_budgets_the_plans_own_counts_else_the_largest() -> None:
     assert one(overlap(budget="quick"), *budgets).selected == 0.2
 
 
-class TestBestPossible:
+class TestBestKnown:
     def test_it_is_the_most_that_a_plan_for_the_formula_reached(self) -> None:
         cells = [overlap(), best(0.2), best(0.25, agent="best[resolution=0.5]"), learned(0.3)]
-        assert one(*cells).best_possible == 0.25
+        assert one(*cells).best_known == 0.25
 
-    def test_the_task_file_says_it_where_no_cell_does(self) -> None:
-        known = {"overlap": Standard(best_possible=BestPossible(reached=0.9), own_agent="td3")}
-        assert one(overlap(), standards=known).best_possible == 0.9
-        assert one(overlap(), best(0.2), standards=known).best_possible == 0.2
-        assert one(overlap()).best_possible is None
+    def test_what_the_task_file_says_is_known_too(self) -> None:
+        known = {"overlap": Standard(best_known=BestKnown(robustness=0.9), own_agent="td3")}
+        assert one(overlap(), standards=known).best_known == 0.9
+        assert one(overlap(), best(0.2), standards=known).best_known == 0.9
+        assert one(overlap()).best_known is None
 
     def test_the_controller_by_hand_is_possible_too(self) -> None:
         better = {"overlap": Standard(by_hand=Score((0.3, 0.5), (True, True), {}))}
-        assert one(overlap(), best(0.2), standards=better).best_possible == pytest.approx(0.4)
-        assert one(overlap(), best(0.7), standards=better).best_possible == 0.7
-        assert one(overlap(), standards=better).best_possible is None
+        assert one(overlap(), best(0.2), standards=better).best_known == pytest.approx(0.4)
+        assert one(overlap(), best(0.7), standards=better).best_known == 0.7
+        assert one(overlap(), standards=better).best_known is None
 
     def test_what_a_plan_for_a_reward_reaches_is_possible_too(self) -> None:
-        assert one(overlap("raw", "planner", 0.3), best(0.2)).best_possible == 0.3
-        assert one(overlap("raw", "planner", 0.3)).best_possible is None
+        assert one(overlap("raw", "planner", 0.3), best(0.2)).best_known == 0.3
+        assert one(overlap("raw", "planner", 0.3)).best_known is None
 
     def test_ablations_share_it_but_for_those_that_decide_at_other_times(self) -> None:
         tasks = [f"overlap{part}" for part in ("", "[without=cuts]", "[without=hold]", "[without=cuts+hold]")]
         groups = condense([*(overlap(task=task) for task in tasks), best(0.2), best(0.7, task="overlap[without=hold]")])
-        found = {str(task): value for task, value in best_possible(groups, {}).items()}
+        found = {str(task): value for task, value in best_known(groups, {}).items()}
         assert found == dict(zip(tasks, (0.2, 0.2, 0.7, 0.7), strict=True))
 
     def test_its_own_row_says_what_the_grid_expects(self) -> None:
         (row,) = align(condense([best(0.2, -0.1, value=0.3)]), {})
         assert (row.method, row.grid_value, row.satisfied) == ("(formula)", 0.3, 0.5)
         assert (row.reward_optimal, row.reward_loses) == (None, None)
-        assert row.best_possible == pytest.approx(0.05)
+        assert row.best_known == pytest.approx(0.05)
 
 
 class TestResolutions:
@@ -138,7 +138,7 @@ class TestResolutions:
         row = one(overlap(status="timeout", reason="late"), overlap("raw", "planner[resolution=0.5]", 0.2))
         assert (row.reward_optimal, row.disagreement, row.remarks) == (0.2, None, "timeout: late")
 
-    @pytest.mark.parametrize(("coarse", "remark"), [(0.953, None), (0.947, "more than 5 % of the best possible")])
+    @pytest.mark.parametrize(("coarse", "remark"), [(0.953, None), (0.947, "more than 5 % of the best known")])
     def test_those_that_are_far_apart_are_remarked(self, coarse: float, remark: str | None) -> None:
         cells = [overlap("raw", "planner", 1.0), overlap("raw", "planner[resolution=0.5]", coarse), best(1.0)]
         row = one(*cells)
@@ -181,7 +181,7 @@ def test_a_part_is_compared_with_all_that_is_recorded() -> None:
         group for group in groups if group.setting.agent == Choice("planner") and str(group.setting.method) == "raw"
     ]
     (row,) = align(groups, OWN, shown)
-    assert (row.method, row.best_possible, row.selected) == ("raw", 0.4, 0.05)
+    assert (row.method, row.best_known, row.selected) == ("raw", 0.4, 0.05)
 
 
 def test_a_value_that_is_no_number_is_empty() -> None:

@@ -48,7 +48,7 @@ def test_each_two_methods_with_a_result_are_compared():
     assert len(found) == 6
 
 
-def test_the_margin_is_a_share_of_the_best_possible_or_of_what_is_reached_by_hand():
+def test_the_margin_is_a_share_of_the_best_known_or_of_what_is_reached_by_hand():
     groups = condense(RESULTS)
     hand = by_hand(hold_disc=(0.2,))
     found = [compare(groups, *known)[0].margin for known in ((hand, BEST), (hand, {}), ({}, {}))]

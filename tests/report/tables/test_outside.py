@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from helpers.synthetic_results import plan, result
 
-from stlbench.report import best_possible, condense, robustness_table, split, summary, to_records
+from stlbench.report import best_known, condense, robustness_table, split, summary, to_records
 from stlbench.report.tables.planned import maximised
 from stlbench.result import Result
 
@@ -27,7 +27,7 @@ def test_one_that_is_called_as_an_agent_that_plans_is_no_plan() -> None:
     alone = condense([*TRAINED, *PLANNED])
     assert maximised(groups) == maximised(alone)
     assert split(groups) == split(alone)
-    assert best_possible(groups, {}) == best_possible(alone, {})
+    assert best_known(groups, {}) == best_known(alone, {})
 
 
 def test_its_row_comes_behind_those_of_its_task_with_its_origin() -> None:

@@ -61,7 +61,7 @@ def test_advice_stands_below():
     assert overview(condense([result()]), {}, advice=("6 seeds would do.",)).notes[-1] == "6 seeds would do."
 
 
-def test_the_best_possible_stands_beside_the_controller_where_it_is_known():
+def test_the_best_known_stands_beside_the_controller_where_it_is_known():
     groups = condense([result(task="overlap"), result(task="overlap[without=cuts]"), result(task="other")])
     table = overview(groups, by_hand(overlap=(0.2,)), {Choice("overlap"): 0.25})
     assert [column.heading for column in table.columns[4:7]] == ["by hand", "possible", "funnel"]

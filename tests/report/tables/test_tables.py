@@ -26,7 +26,7 @@ from stlbench.report.tables.cell import scores_table
 from stlbench.report.tables.table import FirstFailed, Seeds
 from stlbench.result import MAIN, RANDOM, Score, Summary
 from stlbench.rollout.standards import Standard
-from stlbench.task.file import BestPossible
+from stlbench.task.file import BestKnown
 
 
 def cell(table, column, row=0):
@@ -249,17 +249,29 @@ def test_controllers_have_one_row_per_task_and_stand_after_the_robustness():
     assert summary(groups, {}) == (robustness_table(groups), time_table(groups))
 
 
-def test_the_best_possible_stands_beside_the_controller_where_any_is_known():
+def test_baselines_stand_beside_the_controller_and_a_trivial_task_is_marked():
+    known = by_hand(hold_disc=(0.25, 0.75))
+    baselines = {"zero": score((0.5, 0.25)), "constant": score((0.5, 0.75)), "trivial": True}
+    known["hold-disc"] = replace(known["hold-disc"], **baselines)
+    known["other"] = Standard(zero=score((-1.0, 1.0)), constant=score((-0.5, 1.0)))
+    table = controllers_table(known)
+    assert [row[4:] for row in table.rows] == [(0.375, 100.0, 0.625, 100.0, "trivial"), (0.0, 50.0, 0.25, 50.0, None)]
+    assert any("at least 95 %" in note for note in table.notes)
+    del known["hold-disc"]
+    assert "trivial" not in [column.heading for column in controllers_table(known).columns]
+
+
+def test_the_best_known_stands_beside_the_controller_where_any_is_known():
     known = {
         **by_hand(hold_disc=(0.25, 0.75)),
-        "other": Standard(best_possible=BestPossible(reached=0.5, value=0.6)),
+        "other": Standard(best_known=BestKnown(robustness=0.5, upper_bound=0.6)),
         "third": Standard(own_agent="dqn"),
     }
     table = controllers_table(known)
-    assert [column.heading for column in table.columns[4:]] == ["best_possible", "grid_value", "coarser"]
+    assert [column.heading for column in table.columns[4:]] == ["best known", "upper bound"]
     assert table.rows == (
-        ("hold-disc", 0.5, 0.25, 100.0, None, None, None),
-        ("other", None, None, None, 0.5, 0.6, None),
+        ("hold-disc", 0.5, 0.25, 100.0, None, None),
+        ("other", None, None, None, 0.5, 0.6),
     )
     assert controllers_table({"third": known["third"]}).rows == ()
 
@@ -267,16 +279,16 @@ def test_the_best_possible_stands_beside_the_controller_where_any_is_known():
 def test_actions_at_random_stand_beside_the_controller():
     known = by_hand(hold_disc=(0.25, 0.75))
     known["hold-disc"] = replace(known["hold-disc"], at_random=score((-0.5, 0.25)))
-    known["other"] = Standard(best_possible=BestPossible(reached=0.5), at_random=score((-1.0,)))
-    table = controllers_table(known | {"third": Standard(at_random=score((-1.0,)))})
+    known["other"] = Standard(best_known=BestKnown(robustness=0.5), at_random=score((-1.0,)))
+    table = controllers_table(known | {"third": Standard(own_agent="dqn")})
     assert [column.heading for column in table.columns[4:6]] == ["at random", "at random satisfied [%]"]
     assert [row[4:6] for row in table.rows] == [(-0.125, 50.0), (-1.0, 0.0)]
 
 
-SHARE = "share of best possible (median, both above 0)"
+SHARE = "share of best known (median, both above 0)"
 
 
-def test_robustness_is_a_share_of_the_best_possible_where_both_are_above_zero():
+def test_robustness_is_a_share_of_the_best_known_where_both_are_above_zero():
     tasks = {"one": (0.1, 0.3), "two": (-0.1,), "three": (0.2,), "four": (0.2,)}
     groups = condense(result(task=task, robustness=robustness) for task, robustness in tasks.items())
     table = robustness_table(groups, {Choice("one"): 0.4, Choice("two"): 0.4, Choice("three"): -0.1})

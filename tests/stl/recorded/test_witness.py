@@ -147,7 +147,7 @@ def test_what_is_refused() -> None:
         witness(parse("G[0,9] x >= 0"), X, ["x"])
     with pytest.raises(ValueError, match=r"one trace \(T\+1, k\), got the shape \(1, 5, 1\)"):
         witness(parse("x >= 0"), [X], ["x"])
-    with pytest.raises(ValueError, match=r"no sample decides: at step 1, O\[2,3\] looks before sample 0 alone"):
+    with pytest.raises(ValueError, match=r"no sample decides: at step 0, O\[2,3\] looks before sample 0 alone"):
         witness(parse("F[0,1] O[2,3] x >= 0"), X, ["x"])
     with pytest.raises(UndefinedError, match="sqrt"):
         witness(parse("G[0,4] sqrt(x) >= 0"), X, ["x"])

@@ -1,0 +1,153 @@
+"""What a task asks of somebody who knows nothing: the action zero, the best constant action, actions at random.
+
+The referee runs and scores them as it does a policy: from the same starts, their actions held as long. A task file may
+state what was measured (`TaskFile.baselines`); then nothing is simulated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import islice, product
+from math import nan
+
+import numpy as np
+
+from stlbench.contract import ActionGrid, Array, Integers, Policy, System
+from stlbench.result import LEARNED, Score, Summary
+from stlbench.rollout import referee
+from stlbench.rollout.controller import Unpaid, nearest
+from stlbench.rollout.referee import Referee
+from stlbench.task import Task
+from stlbench.task.file import Baseline
+
+__all__ = ["Constants", "at_random", "constants", "score", "zero"]
+
+_ALL = 512
+"""A grid of no more actions is tried whole."""
+_TRIED, _TRIED_IN_WORLDS = 32, 16
+"""Actions that are tried first where there are more: a world, of which each copy is a simulation, has fewer."""
+_STARTS = 16
+"""The most starts from which actions are compared."""
+_AROUND = (0.2, 0.05, 0.0125)
+"""Standard deviations, over an axis' span, of the actions that are tried around the best, half as many each time."""
+
+
+@dataclass(frozen=True)
+class Constants:
+    """What actions get that are taken all the time, from the report's starts."""
+
+    zero: Score
+    best: Score
+    """Of the action that was best from the starts that are kept for selection."""
+    action: tuple[float, ...]
+    """That action."""
+
+    @property
+    def trivial(self) -> bool:
+        """Whether one of the two learned the task, as one says of a policy (`LEARNED`)."""
+        return max(self.zero.satisfaction, self.best.satisfaction) >= LEARNED
+
+
+def zero(task: Task) -> Array:
+    """The action zero (axes,): of a grid the nearest to it; the middle of an axis that leaves 0 out."""
+    low, high = np.array(task.actions.low), np.array(task.actions.high)
+    action: Array = _possible(task, np.where((low <= 0) & (high >= 0), 0.0, (low + high) / 2)[None])[0]
+    return action
+
+
+def constants(task: Task) -> Constants:
+    """What the action zero and the best constant action get: as the task file states, else measured.
+
+    The best is the winner of a race among all actions of a grid, from 16 of the starts that are kept for selection. Of
+    more than 512, and of a box, these race: zero, the corners, the middle and random ones, 32 in all; then three times
+    16 around the best so far. On a world, which is dearer, 16 and three times 8. As among checkpoints, satisfaction
+    counts first.
+
+    Raises whatever the system raises.
+    """
+    if (stated := task.file.baselines) is not None:
+        return Constants(_stated(task, stated.zero), _stated(task, stated.constant), stated.constant.action)
+    best = _best(task, Referee(task, Unpaid(task.specification)))
+    return Constants(score(task, zero(task)), score(task, best), tuple(best.tolist()))
+
+
+def score(task: Task, action: Array) -> Score:
+    """What an action (axes,) gets that is taken all the time; on a grid the nearest that there is.
+
+    Raises whatever the system raises.
+    """
+    return _score(task, _Constant(task, action))
+
+
+def at_random(task: Task) -> Score:
+    """The score of a policy that knows nothing: every action is drawn evenly from all, anew at each decision.
+
+    As the task file states, else measured, the same at every call. Raises whatever the system raises.
+    """
+    if task.file.baselines is not None:
+        return _stated(task, task.file.baselines.random)
+    return _score(task, _AtRandom(task))
+
+
+def _stated(task: Task, baseline: Baseline) -> Score:
+    return Score((), (), {}, Summary(baseline.robustness, nan, baseline.satisfied, task.file.starts))
+
+
+def _score(task: Task, policy: Policy) -> Score:
+    begun = task.starts.report_and_selection()[0]
+    found = referee.record(task, Unpaid(task.specification), policy, begun)
+    return referee.score(task, found.traces, lasted=found.lasted)
+
+
+class _Constant(Policy):
+    """Takes one action (axes,) all the time."""
+
+    def __init__(self, task: Task, action: Array) -> None:
+        actions, one = task.actions, action[None]
+        self._action: Integers | Array = nearest(actions, one) if isinstance(actions, ActionGrid) else one
+
+    def act(self, observation: Array) -> Integers | Array:
+        """See `Policy`."""
+        which = np.zeros(len(observation), dtype=np.int64)
+        return self._action[which]
+
+
+class _AtRandom(Policy):
+    """Draws each action evenly from all."""
+
+    def __init__(self, task: Task) -> None:
+        self._actions, self._generator = task.actions, np.random.default_rng(0)
+
+    def act(self, observation: Array) -> Integers | Array:
+        """See `Policy`."""
+        actions, count = self._actions, len(observation)
+        if isinstance(actions, ActionGrid):
+            return self._generator.integers(actions.size, size=count)
+        return self._generator.uniform(actions.low, actions.high, (count, len(actions.low)))
+
+
+def _best(task: Task, referee: Referee) -> Array:
+    """The best constant action (axes,) from the starts that are kept for selection."""
+    actions, generator = task.actions, np.random.default_rng(0)
+
+    def winner(tried: Array) -> Array:
+        best: Array = tried[referee.choose([_Constant(task, action) for action in tried], _STARTS).best]
+        return best
+
+    if isinstance(actions, ActionGrid) and actions.size <= _ALL:
+        return winner(np.concatenate([zero(task)[None], actions.vectors]))
+    low, high = np.array(actions.low), np.array(actions.high)
+    count = _TRIED if isinstance(task.dynamics, System) else _TRIED_IN_WORLDS
+    corners = list(islice(product(*zip(low, high, strict=True)), count - 2))
+    drawn = generator.uniform(low, high, (count - 2 - len(corners), len(low)))
+    best = winner(_possible(task, np.concatenate([zero(task)[None], corners, [(low + high) / 2], drawn])))
+    for spread in _AROUND:
+        around = best + spread * (high - low) * generator.normal(size=(count // 2, len(low)))
+        best = winner(_possible(task, np.concatenate([best[None], np.clip(around, low, high)])))
+    return best
+
+
+def _possible(task: Task, vectors: Array) -> Array:
+    """The vectors (n, axes), on a grid the nearest that it has."""
+    actions = task.actions
+    return actions.vectors[nearest(actions, vectors)] if isinstance(actions, ActionGrid) else vectors

@@ -1,0 +1,164 @@
+"""Ledgers that a stranger made so that reading them runs something, never ends, or takes all memory."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+import warnings
+from collections.abc import Sequence
+from contextlib import closing, suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.synthetic_results import result
+
+from stlbench.errors import UsageError
+from stlbench.rollout import npz, saved_traces
+from stlbench.study import schema, stored
+from stlbench.study.ledger import FILE, Ledger, LedgerWarning
+from stlbench.study.results import Results
+from stlbench.study.verify import repair, verify
+
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT * FROM n"
+COLUMNS = (
+    "key, task, method, agent, seed, budget, status, reason, robustness_mean, satisfaction, training_cpu_seconds, "
+    "training_wall_seconds, recorded_at, result, track, checksum, files, failures, again"
+)
+
+
+@pytest.fixture
+def ledger(tmp_path: Path) -> Path:
+    with Ledger(tmp_path / FILE) as made:
+        for seed in range(3):
+            made.record(result(seed=seed))
+        made.plan_also({f"planned-{seed}": result(seed=seed).id for seed in range(3, 9)})
+    return tmp_path / FILE
+
+
+def say(path: Path, *statements: str) -> None:
+    with closing(sqlite3.connect(path, isolation_level=None)) as database:
+        for statement in statements:
+            database.execute(statement)
+
+
+@pytest.mark.parametrize(
+    ("statements", "said"),
+    [
+        (["ALTER TABLE cells RENAME TO other", f"CREATE VIEW cells AS {ENDLESS}"], "has the table 'other'"),
+        (["DROP TABLE planned", f"CREATE VIEW planned AS {ENDLESS}"], "has the view 'planned'"),
+        (["CREATE TRIGGER t AFTER INSERT ON cells BEGIN DELETE FROM planned; END"], "has the trigger 't'"),
+        (["CREATE TABLE more (a)"], "has the table 'more'"),
+        (["CREATE INDEX i ON cells (abs(seed))"], "has the index 'i'"),
+        (["DROP INDEX listed", "CREATE INDEX listed ON cells (abs(seed))"], "has the index 'listed'"),
+        (["ALTER TABLE cells ADD COLUMN slow AS (hex(zeroblob(1000000)))"], "has the column 'slow'"),
+        (["ALTER TABLE planned ADD COLUMN [key) SELECT 1 --]"], "has the column"),
+        (["DROP TABLE planned", "CREATE VIRTUAL TABLE planned USING fts5(key)"], "has the table 'planned"),
+    ],
+)
+def test_what_stlbench_does_not_write_is_refused(ledger: Path, statements: Sequence[str], said: str) -> None:
+    say(ledger, *statements)
+    for read in (Results.load, verify, repair, lambda folder: list(stored.read(folder))):
+        with pytest.raises(UsageError, match=said):
+            read(ledger.parent)
+    with pytest.raises(UsageError, match=said), Ledger(ledger) as written:
+        written.record(result(seed=9))
+
+
+def test_a_value_that_is_too_long_is_named_and_the_others_are_read(
+    ledger: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(schema, "LONGEST", 100_000)
+    say(ledger, "UPDATE cells SET result = zeroblob(100001) WHERE seed = 1")
+    with pytest.warns(LedgerWarning, match="too big"):
+        assert [each.id.seed for each in stored.read(ledger.parent)] == [0, 2]
+    (damage,) = verify(ledger.parent).damages
+    assert (damage.what, damage.problem) == ("row", "string or blob too big")
+
+
+@pytest.mark.parametrize("table", ["planned", "cells", "listed", "sqlite_autoindex_cells_1"])
+def test_pages_that_point_to_pages_for_ever_come_to_an_end(ledger: Path, table: str) -> None:
+    endless(ledger, table)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LedgerWarning)
+        for read in (Results.load, verify, lambda folder: list(stored.read(folder)), stored.missing):
+            with suppress(UsageError):
+                read(ledger.parent)
+
+
+def test_nor_does_a_schema_go_on_for_ever(ledger: Path) -> None:
+    endless(ledger, "sqlite_schema")
+    with pytest.raises(UsageError, match=r"cannot (open|read) the ledger"):
+        Results.load(ledger.parent)
+
+
+@pytest.mark.parametrize("files", ["[" * 200_000, '"traces"', "[1]"])
+def test_checksums_that_are_none_are_damage_of_their_row(ledger: Path, files: str) -> None:
+    with closing(sqlite3.connect(ledger, isolation_level=None)) as database:
+        database.execute("UPDATE cells SET files = ? WHERE seed = 1", (files,))
+    (damage,) = verify(ledger.parent).damages
+    assert (damage.what, damage.cell) == ("row", result(seed=1).id)
+
+
+def test_a_line_that_goes_on_for_ever_is_one_line_of_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "cells.jsonl"
+    path.write_text('{"status": "not run", "a": ' + "[" * 200_000)
+    with pytest.raises(UsageError, match=r"line 1: .*too deep to read"):
+        Results.load(tmp_path)
+    monkeypatch.setattr(stored, "LONGEST", 100_000)
+    with pytest.raises(UsageError, match="line 1: it has more than"):
+        Results.load(tmp_path)
+
+
+def test_an_archive_that_unpacks_to_all_memory_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    npz.write(tmp_path / "a.npz", {"traces": np.zeros((1000, 100, 2)), "signals": np.array(["x", "y"])})
+    monkeypatch.setattr(npz, "LARGEST", 2**20)
+    with pytest.raises(UsageError, match="its arrays would take 1 MiB, at most 1 are read"):
+        saved_traces.read_saved(tmp_path / "a.npz")
+
+
+def test_files_of_which_an_emptied_ledger_says_nothing_are_named(ledger: Path) -> None:
+    with closing(sqlite3.connect(ledger, isolation_level=None)) as database:
+        database.execute("DELETE FROM cells")
+    with Ledger(ledger, create=False) as opened:
+        planned = next(iter(opened.planned()))
+    for key in ("0" * 32, planned):  # a cell that was planned was interrupted, and comes to be measured again
+        npz.write(npz.cell_file(ledger.parent / "traces", result().id, key), {"a": np.zeros(1)})
+    found = verify(ledger.parent)
+    assert found.strays == ("traces/hold-disc_funnel_dqn_0_000000000000.npz",)
+    assert not found.is_whole
+
+
+def endless(path: Path, name: str, levels: int = 12, width: int = 60) -> None:
+    """Put pages between a b-tree's root and its content, each of which points to the next one many times."""
+    with closing(sqlite3.connect(path)) as database:
+        ((size,),) = database.execute("PRAGMA page_size")
+        asked = (
+            "SELECT 1 WHERE ? <> ''" if name == "sqlite_schema" else "SELECT rootpage FROM sqlite_schema WHERE name = ?"
+        )
+        ((root,),) = database.execute(asked, (name,))
+    pages, begin = bytearray(path.read_bytes()), 100 if root == 1 else 0
+    first = len(pages) // size + 1
+    at = (root - 1) * size
+    leaf = bytes(begin) + bytes(pages[at + begin : at + size])
+    is_index = leaf[begin] in (2, 10)
+    moved = leaf[begin : begin + 8] + leaf[begin + 8 :]
+    if begin:  # the first page has a header that others lack; its cells stay where they are
+        count = struct.unpack(">H", leaf[begin + 3 : begin + 5])[0]
+        moved = leaf[begin : begin + 8 + 2 * count]
+        moved += bytes(leaf[len(moved) :][: size - len(moved)])
+    for level in range(levels):
+        pages += interior(first + level + 1, size, width, is_index=is_index)
+    pages += moved.ljust(size, b"\0")[:size]
+    pages[at + begin : at + size] = interior(first, size, width // 2, is_index=is_index, begin=begin)
+    pages[28:32] = struct.pack(">I", len(pages) // size)
+    path.write_bytes(pages)
+
+
+def interior(child: int, size: int, width: int, *, is_index: bool, begin: int = 0) -> bytes:
+    """A page with the same child many times; that of an index has an empty record in each cell."""
+    cell = struct.pack(">I", child) + (b"\x02\x02\x00" if is_index else b"\x01")
+    start = size - width * len(cell)
+    head = struct.pack(">BHHHBI", 2 if is_index else 5, 0, width, start, 0, child)
+    slots = b"".join(struct.pack(">H", start + number * len(cell)) for number in range(width))
+    return (head + slots).ljust(start - begin, b"\0") + cell * width
