@@ -44,30 +44,37 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     invoke_without_command=True,
 )
-app.command("run", short_help="Train and score methods on tasks, and compare them.")(run)
-app.command("plan", short_help="What the rewards of a task ask for, by planning, without training.")(plan)
-app.command("tune", short_help="Find a recipe for each method, with the same number of trials.")(tune)
-app.command("list")(list_plugins)
-app.command("advise", short_help="Which reward methods fit a task, and why the others do not.")(advise)
-app.command("new", short_help="Write a distribution with a method, task or agent to change.")(new)
-app.command("check", short_help="Does a plugin keep the rules of its contract?")(check)
-app.add_typer(show, name="show")
-app.command("export", short_help="Write results for other programs.")(export)
-app.add_typer(results, name="results")
-app.command("verify", short_help="Is a folder of results whole? Have what is missing measured again.")(verify)
-app.command("bundle", short_help="Pack results into one file with checksums, for others.")(bundle)
-app.command("leaderboard", short_help="Bundles in a table, their policies scored on fresh starts.")(leaderboard)
-app.command("report")(report)
-app.command("watch", short_help="What runs in a folder of results, from another terminal.")(watch)
-app.command("plot", short_help="Draw a run: learning, robustness in time, trajectories.")(plot)
-app.command("render", short_help="Film the best and the worst start of a cell.")(render)
-app.command("falsify", short_help="Search for a start from which a policy fails.")(falsify)
-app.command("certify", short_help="With which probability does a policy satisfy its formula?")(certify)
-app.command("score", short_help="Score any policy: a function, an SB3 or ONNX file, traces, a cell.")(score)
-app.command("export-policy", short_help="Write a stored policy as an ONNX file.")(export_policy)
-app.command("compare")(compare)
-app.command("gate", short_help="Measure the cells of a reference again: are they worse?")(gate)
-app.command("monitor")(monitor)
+TRAIN, LOOK, POLICIES, SHARE, DEVELOP = "Train", "Look", "Policies", "Share", "Develop"
+"""The groups of commands, as `stlbench --help` has them."""
+
+app.command("run", rich_help_panel=TRAIN, short_help="Train and score methods on tasks, and compare them.")(run)
+app.command("plan", rich_help_panel=TRAIN, short_help="Plan, without training, what each reward of a task asks for.")(
+    plan
+)
+app.command("tune", rich_help_panel=TRAIN, short_help="Find a recipe for each method, with equal trials.")(tune)
+app.command("watch", rich_help_panel=TRAIN, short_help="Show what runs now, from another terminal.")(watch)
+app.command("list", rich_help_panel=LOOK, short_help="List methods, tasks, agents, executors or logs.")(list_plugins)
+app.add_typer(show, name="show", rich_help_panel=LOOK)
+app.command("advise", rich_help_panel=LOOK, short_help="Say which reward methods fit a task.")(advise)
+app.command("report", rich_help_panel=LOOK, short_help="Write tables, figures or a page of results.")(report)
+app.command("plot", rich_help_panel=LOOK, short_help="Draw learning curves, robustness and trajectories.")(plot)
+app.command("render", rich_help_panel=LOOK, short_help="Film the best and the worst start of a cell.")(render)
+app.command("score", rich_help_panel=POLICIES, short_help="Score a policy from a function, a file or a cell.")(score)
+app.command("falsify", rich_help_panel=POLICIES, short_help="Search for a start from which a policy fails.")(falsify)
+app.command("certify", rich_help_panel=POLICIES, short_help="Bound the probability that a policy satisfies.")(certify)
+app.command("monitor", rich_help_panel=POLICIES, short_help="Evaluate a formula on a recorded trace.")(monitor)
+app.command("export-policy", rich_help_panel=POLICIES, short_help="Write a stored policy as an ONNX file.")(
+    export_policy
+)
+app.command("bundle", rich_help_panel=SHARE, short_help="Pack results into one file with checksums.")(bundle)
+app.command("verify", rich_help_panel=SHARE, short_help="Check that a folder or bundle of results is whole.")(verify)
+app.command("export", rich_help_panel=SHARE, short_help="Write results for other programs.")(export)
+app.command("leaderboard", rich_help_panel=SHARE, short_help="Rank bundles on fresh starts.")(leaderboard)
+app.add_typer(results, name="results", rich_help_panel=SHARE)
+app.command("new", rich_help_panel=DEVELOP, short_help="Write the files of a new method, task or agent.")(new)
+app.command("check", rich_help_panel=DEVELOP, short_help="Check a plugin against its contract.")(check)
+app.command("compare", rich_help_panel=DEVELOP, short_help="Say whether new results are worse than old ones.")(compare)
+app.command("gate", rich_help_panel=DEVELOP, short_help="Measure a reference again: is it worse?")(gate)
 
 
 def _version(wanted: bool) -> None:

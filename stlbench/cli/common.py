@@ -78,6 +78,20 @@ class Commands(TyperGroup):
             sys.exit(code)
         return code
 
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """List the commands under the names of their groups."""
+        groups = dict[str, list[tuple[str, str]]]()
+        shown = [(name, command) for name, command in self.commands.items() if not command.hidden]
+        room = formatter.width - 6 - max(len(name) for name, _ in shown)
+        for name, command in shown:
+            group = getattr(command, "rich_help_panel", None)
+            groups.setdefault(group if isinstance(group, str) else "Commands", []).append(
+                (name, command.get_short_help_str(room))
+            )
+        for group, rows in groups.items():
+            with formatter.section(group):
+                formatter.write_dl(rows, col_max=20)
+
     def invoke(self, ctx: Any) -> Any:
         """Run the chosen command, and end quietly where the reader of stdout has gone, as `head` does.
 
@@ -202,11 +216,17 @@ def _finite(value: Any) -> Any:
 
 
 def console() -> Console:
-    """Where tables are printed: as wide as the terminal, and 120 columns in a file or a pipe."""
+    """Where tables are printed: as wide as the terminal; elsewhere `COLUMNS` wide, or 120 without it."""
     from rich.console import Console
 
     class Out(Console):
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError  # rich itself would exit with code 1, which has another meaning here
 
-    return Out(width=None if sys.stdout.isatty() else 120, highlight=False)
+    return Out(width=None if sys.stdout.isatty() else _columns(), highlight=False)
+
+
+def _columns() -> int:
+    """The width that the environment names, for a file or a pipe."""
+    said = os.environ.get("COLUMNS", "")
+    return int(said) if re.fullmatch("[1-9][0-9]{0,4}", said) else 120

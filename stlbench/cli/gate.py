@@ -119,8 +119,8 @@ def _by_turns(reference: Snapshot, revision: str) -> tuple[Snapshot, Snapshot, J
 
 
 def _measured(cells: Sequence[Cell], folder: Path, executor: contract.Executor) -> Snapshot:
-    from stlbench.cli.progress import Progress
     from stlbench.gate.measure import measure
+    from stlbench.study.progress import Progress
 
     try:
         with Progress() as progress:

@@ -10,14 +10,14 @@ from heapq import nlargest
 from pathlib import Path
 from typing import NamedTuple
 
-from stlbench.cli.live import MOST, line_of
-from stlbench.cli.pace import LATEST, Ended, Pace, reward_of, unfit
 from stlbench.errors import UsageError
 from stlbench.identity import CellId
 from stlbench.result import Result
 from stlbench.study import lock, stored
 from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.live import MOST, line_of
 from stlbench.study.outlook import Took
+from stlbench.study.pace import LATEST, Ended, Pace, reward_of, unfit
 from stlbench.study.running import Running, running
 
 __all__ = ["Looker", "View"]

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 if TYPE_CHECKING:
     from stlbench.registry.choices import Choice
 
-__all__ = ["Executor", "Jobs", "Retry", "TaskFolders", "names", "tasks_of"]
+__all__ = ["Executor", "Explain", "Fitting", "Jobs", "Retry", "TaskFolders", "names", "tasks_of"]
 
 Jobs = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Cells at a time.", show_default="2, or 1 on a single core")
+]
+Explain = Annotated[bool, typer.Option("--explain", help="Print the notes that say how to read the tables.")]
+Fitting = Annotated[
+    Literal["column", "page"], typer.Option("--width", help="What figures and LaTeX fit: 3.5 or 7.16 inches.")
 ]
 Executor = Annotated[str, typer.Option(metavar="NAME", help="Where cells run.")]
 Retry = Annotated[

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stlbench.cli.completion import names
-from stlbench.cli.options import Executor, Jobs, Retry
+from stlbench.cli.options import Executor, Explain, Jobs, Retry
 from stlbench.cli.options import names as choices
 from stlbench.cli.run import interruptible, report_cells
 
@@ -51,6 +51,7 @@ def plan(
     ),
     executor: Executor = "local",
     retry: Retry = None,
+    explain: Explain = False,
 ) -> None:
     """Say what the rewards of a task ask for: plan for them, and for the formula itself, without training.
 
@@ -63,10 +64,10 @@ def plan(
       stlbench plan overlap --methods raw,funnel --resolution 0.6
       stlbench plan hold-disc --settings "recipe,gamma=1,without=cuts gamma=1"
     """
-    from stlbench.cli.progress import Progress
     from stlbench.registry.folders import task_of
     from stlbench.status import accidents_of
     from stlbench.study.alignment import parse_settings, plan_alignment
+    from stlbench.study.progress import Progress
     from stlbench.study.run import build_executor, run_cells
 
     chosen, said = choices(methods), None if settings is None else parse_settings(settings)
@@ -74,7 +75,7 @@ def plan(
     with interruptible(lambda: cells, results), Progress(results) as progress:
         run_cells(cells, results, build_executor(executor, jobs), retry=accidents_of(retry), progress=progress)
     _say_equal([cell.id for cell in cells], chosen)
-    report_cells({cell.id for cell in cells}, results)
+    report_cells({cell.id for cell in cells}, results, explain)
 
 
 def _say_equal(cells: Sequence[CellId], methods: Sequence[Choice] | None) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stlbench.cli.common import warn
-from stlbench.cli.options import TaskFolders
+from stlbench.cli.options import Fitting, TaskFolders
 from stlbench.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def plot(
     rewarded: Annotated[
         bool, typer.Option("--rewarded", help="Draw the robustness of the tasks' rewarded form against time, too.")
     ] = False,
+    width: Fitting = "page",
     only: Annotated[
         str | None,
         typer.Option(
@@ -43,7 +44,8 @@ def plot(
 ) -> None:
     """Draw a run: learning curves, robustness against time in its funnel, trajectories, and an overview of each task.
 
-    Each figure is written as PNG, SVG and PDF, over the one of before; the files are printed.
+    Each figure is written as PNG, SVG and PDF, over the one of before; the files are printed. --width column makes
+    them 3.5 inches wide, with text of 7 to 9 points, for one column of a paper.
 
     \b
     Examples:
@@ -51,20 +53,27 @@ def plot(
       stlbench plot results --tasks robot-nav --methods "funnel,funnel[variant=code]" --out pictures
     """
     from stlbench.outputs import inside
+    from stlbench.report import condense
     from stlbench.report.figures import trace_figures
+    from stlbench.report.figures.palette import colours_of
+    from stlbench.report.figures.style import fitting
     from stlbench.study import stored
 
-    cells = [result.id for result in stored.read(run)]
-    some_tasks = _known(tasks, {cell.task for cell in cells}, "task", run)
-    some_methods = _known(methods, {cell.method for cell in cells}, "method", run)
-    if not any(cell.task in some_tasks and cell.method in some_methods for cell in cells):
+    groups = condense(stored.read(run), stored.missing(run))
+    settings = [group.setting for group in groups if group.tried]
+    some_tasks = _known(tasks, {setting.task for setting in settings}, "task", run)
+    some_methods = _known(methods, {setting.method for setting in settings}, "method", run)
+    if not any(setting.task in some_tasks and setting.method in some_methods for setting in settings):
         raise UsageError(f"{run} holds no result of these tasks and methods")
     chosen = (
         result for result in stored.read(run) if result.id.task in some_tasks and result.id.method in some_methods
     )
-    job = trace_figures.Job(run, out or inside(run / "figures", run), _tell, warn, _kinds(only, rewarded))
-    for path in trace_figures.draw(chosen, job):
-        typer.echo(path)
+    job = trace_figures.Job(
+        run, out or inside(run / "figures", run), _tell, warn, colours_of(groups), _kinds(only, rewarded)
+    )
+    with fitting(width):
+        for path in trace_figures.draw(chosen, job):
+            typer.echo(path)
 
 
 def _known(text: str | None, known: set[Choice], kind: str, run: Path) -> set[Choice]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -10,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stlbench.cli.common import Json, console, print_json, warn
-from stlbench.cli.options import TaskFolders
+from stlbench.cli.options import Explain, Fitting, TaskFolders
 from stlbench.errors import DiskFull, UsageError
 
 if TYPE_CHECKING:
-    from stlbench.report import Group
+    from stlbench.report import Group, Width
     from stlbench.rollout.standards import Standard
 
 
@@ -25,20 +26,24 @@ def report(
         Path | None, typer.Option(metavar="FILE", help="With --html: the page's file.", show_default="DIR/report.html")
     ] = None,
     task_folders: TaskFolders = None,
+    width: Fitting = "page",
+    explain: Explain = False,
     as_json: Json = False,
 ) -> None:
     """Rebuild the tables and figures from a ledger.
 
-    Covers all cells that are recorded in DIR, prints the tables and rewrites the files; where DIR cannot be written, it
-    says so and prints the tables alone. --json prints an object with the lists robustness, comparisons, aggregates,
-    improvement, controllers, alignment, time and cells. --html writes one file in place of all that: tables to sort and
-    filter, charts, traces, and every cell, for any browser, without a network. It needs the extra `page`. Prints its
-    path; with --json an object with path and bytes.
+    Covers all cells that are recorded in DIR, prints the tables and rewrites the files. Without the right to write in
+    DIR, it warns and prints the tables alone. --width column makes figures and LaTeX for one column of a paper.
+    --explain prints the notes of the tables too. --json prints an object with the lists robustness, comparisons,
+    aggregates, improvement, controllers, alignment, time and cells. --html writes one file in place of all that: tables
+    to sort and filter, charts, traces, and every cell, for any browser, without a network. It needs the extra `page`.
+    Prints its path; with --json an object with path and bytes.
 
     \b
     Examples:
       stlbench report results
       stlbench report results --html
+      stlbench report results --width column
       stlbench report results --html --out page.html
       stlbench report results --json
     """
@@ -57,34 +62,43 @@ def report(
         raise UsageError(f"{stored.locate(folder)} holds no result yet")
     if as_json:
         known = standards_of(groups)
-        _write(groups, known, folder)
+        _write(groups, known, folder, width)
         print_json(_content(groups, known))
     else:
-        show_report(groups, groups, folder)
+        show_report(groups, groups, folder, explain, width)
 
 
-def show_report(shown: Sequence[Group], groups: Sequence[Group], folder: Path) -> None:
-    """Write all files, of all groups; then print the tables of those that are to be shown, and where the files lie."""
+def show_report(
+    shown: Sequence[Group], groups: Sequence[Group], folder: Path, explain: bool, width: Width = "page"
+) -> None:
+    """Write all files, of all groups; then print the tables of those that are to be shown, and where the files lie.
+
+    The notes of the tables are printed if the user asks to `explain`; else two lines say where they are.
+    """
     from stlbench.report import split, summary, to_screen
 
     out, known = console(), standards_of(groups)
-    is_written = _write(groups, known, folder)
+    is_written = _write(groups, known, folder, width)
     tasks = {group.setting.task.name for group in shown}
     for table in summary(shown, {task: each for task, each in known.items() if task in tasks}, groups):
-        to_screen(table, out)
+        to_screen(table, out, explain=explain)
+    if not explain:
+        typer.echo(f"How to read the tables: stlbench report {shlex.quote(str(folder))} --explain")
     if not is_written:
         return
+    if not explain:
+        typer.echo(f"All columns, with the notes below each table: {folder}/report.md")
     planned = ", alignment" if split(groups)[1] else ""
     files = f"report.md, robustness, comparisons, controllers{planned} and time (.csv, .tex), cells.csv, figures/"
     typer.echo(f"Written to {folder}/: {files}")
 
 
-def _write(groups: Sequence[Group], known: Mapping[str, Standard], folder: Path) -> bool:
+def _write(groups: Sequence[Group], known: Mapping[str, Standard], folder: Path, width: Width) -> bool:
     """Write all files. Whether that was possible: who may only read a folder is shown the tables, with a warning."""
     from stlbench.report import write
 
     try:
-        write(groups, known, folder)
+        write(groups, known, folder, width)
     except DiskFull:
         raise
     except UsageError as error:

@@ -11,7 +11,7 @@ import typer
 
 from stlbench.cli.common import DISK_FULL, refuse
 from stlbench.cli.completion import names
-from stlbench.cli.options import Jobs, Retry
+from stlbench.cli.options import Explain, Jobs, Retry
 from stlbench.cli.report import show_report
 from stlbench.errors import DiskFull, UsageError
 
@@ -113,6 +113,7 @@ def run(
     keep_old: Annotated[
         bool, typer.Option("--keep-old", help="Count results of before a change of the code as done.")
     ] = False,
+    explain: Explain = False,
 ) -> None:
     """Compare reward methods: train and score every task, method, agent and seed.
 
@@ -126,7 +127,7 @@ def run(
       stlbench run --methods "funnel,funnel[variant=code],flag[beta=10]" --budget paper --results study
       stlbench run study.yaml --seeds 10
     """
-    from stlbench.cli.progress import Progress
+    from stlbench.study.progress import Progress
     from stlbench.study.run import run_described
     from stlbench.study.study import Study
 
@@ -151,7 +152,7 @@ def run(
     described = Study.of(said, study) if study else Study.of(DEFAULTS | said)
     with interruptible(described.cells, described.results), Progress(described.results) as progress:
         cells = run_described(described, progress)
-    report_cells({cell.id for cell in cells}, described.results)
+    report_cells({cell.id for cell in cells}, described.results, explain)
 
 
 @contextmanager
@@ -176,7 +177,7 @@ def _recorded(cells: Sequence[Cell], folder: Path) -> str:
     return f"{count} of {len(cells)} cells are recorded in {folder}/"
 
 
-def report_cells(cells: Container[CellId], folder: Path) -> None:
+def report_cells(cells: Container[CellId], folder: Path, explain: bool) -> None:
     """Write the tables of all cells in the folder and show those of some; exit with code 1 if one had an accident.
 
     Raises:
@@ -189,7 +190,7 @@ def report_cells(cells: Container[CellId], folder: Path) -> None:
     recorded = condense(stored.read(folder), stored.missing(folder))
     shown = only(recorded, cells)
     rows = [row for group in shown for row in group.rows]
-    show_report(shown, recorded, folder)
+    show_report(shown, recorded, folder, explain)
     if any(row.status in ACCIDENTS for row in rows):
         raise typer.Exit(1)
     if rows and all(row.status == "unsuitable" for row in rows):

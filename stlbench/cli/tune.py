@@ -9,8 +9,8 @@ import typer
 
 from stlbench.cli.completion import names
 from stlbench.cli.options import Executor, Jobs, Retry
-from stlbench.cli.progress import Progress
 from stlbench.cli.run import interruptible
+from stlbench.study.progress import Progress
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

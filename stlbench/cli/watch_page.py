@@ -7,12 +7,12 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock
 from typing import Any
 
-from stlbench.cli.live import duration
 from stlbench.cli.looker import Looker, View
 from stlbench.errors import UsageError
 from stlbench.report.page.now import Cell, Ended, policy, rendered, require
 from stlbench.result import Result, reported
 from stlbench.status import ACCIDENTS
+from stlbench.study.live import duration
 from stlbench.study.running import Running
 
 __all__ = ["handler", "page_of", "serve"]

@@ -21,7 +21,7 @@ from stlbench.report.tables.planned import best_known, split
 from stlbench.report.tables.robustness import robustness_table
 from stlbench.report.tables.rows import Group, Row, group, missing_row, row
 from stlbench.report.tables.summary import summary
-from stlbench.report.tables.table import Column, Table, Value, show
+from stlbench.report.tables.table import Column, Table, Value, Width, show
 from stlbench.report.tables.times import time_table
 from stlbench.result import Result
 
@@ -36,6 +36,7 @@ __all__ = [
     "Row",
     "Table",
     "Value",
+    "Width",
     "aggregates_table",
     "align",
     "alignment_table",
@@ -79,30 +80,37 @@ def only(groups: Iterable[Group], cells: Container[CellId]) -> tuple[Group, ...]
     return group(row for group in groups for row in group.rows if row.id in cells)
 
 
-def write(groups: Sequence[Group], standards: Mapping[str, Standard], folder: Path) -> list[Path]:
+def write(
+    groups: Sequence[Group], standards: Mapping[str, Standard], folder: Path, width: Width = "page"
+) -> list[Path]:
     """Write every table into `folder`, and every figure that an earlier report did not draw alike; all files' paths.
 
     report.md has all tables, and how they came about; robustness, comparisons, controllers and time (.csv, .tex) and
     cells.csv one each, aggregates too of three tasks or more, and alignment where anything was planned; figures/ a few
-    of each task. `standards` are of the tasks; where no
-    controller is known, the files of controllers have no row.
+    of each task. Figures and LaTeX fit the `width`. `standards` are of the tasks; where no controller is known, the
+    files of controllers have no row.
     Raises `UsageError` where the folder cannot be written, or a file or folder in it is a link.
     """
     from stlbench.report.figures import report_figures  # imports all of tasks, and the tables do without
+    from stlbench.report.figures.palette import colours_of
+    from stlbench.report.figures.style import fitting
 
-    figures = outputs.inside(folder / "figures", folder)
+    figures, colours = outputs.inside(folder / "figures", folder), colours_of(groups)
     learned, rows = split(groups)[0], align(groups, standards)
     found = fields(learned, standards, best_known(groups, standards))
-    texts = [outputs.write(folder / name, text) for name, text in _texts(groups, standards, rows).items()]
-    return [
-        *texts,
-        *report_figures.draw(learned, figures),
-        *report_figures.draw_across(found, figures),
-        *report_figures.draw_alignment(rows, figures),
-    ]
+    texts = [outputs.write(folder / name, text) for name, text in _texts(groups, standards, rows, width).items()]
+    with fitting(width):
+        return [
+            *texts,
+            *report_figures.draw(learned, figures, colours),
+            *report_figures.draw_across(found, figures, colours),
+            *report_figures.draw_alignment(rows, figures),
+        ]
 
 
-def _texts(groups: Sequence[Group], standards: Mapping[str, Standard], rows: Sequence[Aligned]) -> dict[str, str]:
+def _texts(
+    groups: Sequence[Group], standards: Mapping[str, Standard], rows: Sequence[Aligned], width: Width
+) -> dict[str, str]:
     """File name -> content."""
     learned, best = split(groups)[0], best_known(groups, standards)
     found = fields(learned, standards, best)
@@ -117,5 +125,5 @@ def _texts(groups: Sequence[Group], standards: Mapping[str, Standard], rows: Seq
     text = "\n".join(map(to_markdown, (*summary(groups, standards), circumstances(trained(groups)))))
     files = {"report.md": f"# stlbench report\n\n{text}"}
     for name, table in tables.items():
-        files |= {f"{name}.csv": to_csv(table), f"{name}.tex": to_latex(table)}
+        files |= {f"{name}.csv": to_csv(table), f"{name}.tex": to_latex(table, width)}
     return {**files, "cells.csv": to_csv(cells_table(row for group in groups for row in group.rows))}

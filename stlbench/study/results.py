@@ -126,6 +126,25 @@ class Results:
         )
         return _table(rows, ("protocol", "policy", *_SCORE))
 
+    def comparisons(self) -> pd.DataFrame:
+        """One row per pair of methods on a task, agent, budget and track: the table "Comparisons" of `stlbench report`.
+
+        It has every number in full, and the verdict. The correction is for all pairs of these results. Controllers of
+        the tasks act first, which takes some seconds for tasks on a MuJoCo model.
+        """
+        import pandas as pd
+
+        from stlbench.report import best_known, compare, comparisons_table, condense, split, to_records
+        from stlbench.rollout.standards import standards
+        from stlbench.study.asked import ask
+
+        groups = condense(self.results, self.missing)
+        known = standards((group.setting for group in groups), ask)
+        learned, best = split(groups)[0], best_known(groups, known)
+        table = comparisons_table(compare(learned, known, best))
+        titles = [title for column in table.columns for title in column.headings]
+        return pd.DataFrame(to_records(table), columns=titles)
+
     def curves(self) -> pd.DataFrame:
         """One row per finished cell and checkpoint, scored on the starts that are kept for selection.
 

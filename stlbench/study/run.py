@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Protocol, cast
+from typing import Protocol, cast, runtime_checkable
 
 from stlbench.contract import Executor, Unsuitable, Work
 from stlbench.contract_parts.texts import one_line
@@ -35,6 +35,7 @@ from stlbench.study.warm import examples, warm
 __all__ = ["Progress", "build_executor", "run_cells", "run_described", "run_study"]
 
 
+@runtime_checkable
 class Progress(Protocol):
     """Is told how a study goes on."""
 
@@ -54,6 +55,38 @@ class _Silent:
     def note(self, text: str) -> None: ...
 
     def ended(self, result: Result) -> None: ...
+
+
+Told = Callable[[int, int, Result], object]
+"""Is called as each cell ends: how many have a result, of how many, and the last one."""
+
+
+class _Telling(_Silent):
+    """Calls a function."""
+
+    def __init__(self, told: Told) -> None:
+        self._told, self._done, self._total = told, 0, 0
+
+    def begin(self, missing: Sequence[CellId], done: int) -> None:
+        self._done, self._total = done, done + len(missing)
+
+    def ended(self, result: Result) -> None:
+        self._done += 1
+        self._told(self._done, self._total, result)
+
+
+@contextmanager
+def _progress(wanted: Progress | Told | bool | None, folder: Path) -> Iterator[Progress | None]:
+    """What is told of the progress, by what the user wants."""
+    if wanted is True:
+        from stlbench.study.progress import Progress as Lines
+
+        with Lines(folder) as lines:
+            yield lines
+    elif isinstance(wanted, Progress):
+        yield wanted
+    else:
+        yield _Telling(wanted) if wanted else None
 
 
 def build_executor(choice: Choice | str = "local", jobs: int | None = None, memory: str | None = None) -> Executor:
@@ -101,7 +134,7 @@ def run_study(
     retry: bool | str | Iterable[str] | None = None,
     attempts: int | None = None,
     keep_old: bool | None = None,
-    progress: Progress | None = None,
+    progress: Progress | Told | bool | None = None,
 ) -> Results:
     """Train and score every task, method, agent and seed: `stlbench run` in Python.
 
@@ -126,7 +159,8 @@ def run_study(
         retry: run cells again that ended so: `failed`, which is also True, or some of `raised`, `timeout`, `killed`.
         attempts: a cell that failed so often in a row is given up; 3 where left out.
         keep_old: count results as done that are of other code than today's, of an older stlbench for example.
-        progress: called with the progress of the study.
+        progress: True prints a line on stderr as each cell ends, and shows a bar in a terminal. A function is called
+            with how many cells have a result, of how many, and the last result. An object of `Progress` is told all.
 
     Returns:
         The results of these cells, those from before too. A method that does not fit a task, and a cell that failed,
@@ -153,7 +187,8 @@ def run_study(
         "keep_old": keep_old,
     }
     described = Study.of({name: value for name, value in options.items() if value is not None}, study)
-    cells = run_described(described, progress)
+    with _progress(progress, described.results) as told:
+        cells = run_described(described, told)
     with Ledger(described.results / FILE, create=False) as ledger:
         return Results.of(ledger.results_of(cell.id for cell in cells), described.results)
 

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 from helpers.imports import HEAVY, imported
+from typer.main import get_command
 
 from stlbench import __version__
 from stlbench.cli import app
+from stlbench.cli.common import console
+
+GROUPS = ("Train", "Look", "Policies", "Share", "Develop")
 
 
 def test_version(say):
@@ -27,6 +34,28 @@ def test_help_has_an_example(say, words):
 def test_without_a_command_it_prints_its_help(say):
     done = say()
     assert (done.exit_code, done.stdout.rstrip()) == (0, say("--help").stdout.rstrip())
+
+
+def test_help_has_every_command_in_one_of_five_groups(say):
+    sections = say("--help").stdout.split("\n\n")
+    groups = {part.partition(":")[0]: part for part in sections if part.partition(":")[0] in GROUPS}
+    assert list(groups) == list(GROUPS)
+    listed = [line.split()[0] for part in groups.values() for line in part.splitlines()[1:]]
+    assert sorted(listed) == sorted(get_command(app).commands)
+    assert "..." not in "".join(groups.values())
+
+
+def test_python_m_stlbench_is_the_command_line():
+    done = subprocess.run([sys.executable, "-m", "stlbench", "--version"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, f"stlbench {__version__}\n")
+
+
+@pytest.mark.parametrize(("said", "wide"), [("80", 80), ("200", 200), ("0", 120), ("wide", 120), (None, 120)])
+def test_in_a_pipe_tables_are_as_wide_as_columns_says(monkeypatch, said, wide):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    if said is not None:
+        monkeypatch.setenv("COLUMNS", said)
+    assert console().width == wide
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -245,3 +246,41 @@ def test_merging_says_how_many(say, ledger):
     assert again == [
         {"from": "more", "added": 0, "replaced": 0, "kept": 2, "planned": 0, "conflicts": [], "damaged": []},
     ]
+
+
+def test_after_the_tables_two_lines_say_where_the_notes_are(ledger, say):
+    done = say("report", "results")
+    assert done.exit_code == 0
+    notes = "Robustness is in the unit of the task's predicates"
+    assert notes not in done.stdout
+    assert done.stdout.splitlines()[-3:-1] == [
+        "How to read the tables: stlbench report results --explain",
+        "All columns, with the notes below each table: results/report.md",
+    ]
+    assert notes in Path("results/report.md").read_text()
+    explained = say("report", "results", "--explain")
+    assert notes in explained.stdout
+    assert "How to read the tables" not in explained.stdout
+
+
+def test_a_report_for_a_column_has_narrow_figures_and_tables(ledger, say):
+    say("report", "results")
+    wide = Path("results/figures/robustness-hold-disc.svg").read_text()
+    assert say("report", "results", "--width", "column").exit_code == 0
+    narrow = Path("results/figures/robustness-hold-disc.svg").read_text()
+    inches = [float(re.search(r'width="([0-9.]+)pt"', text)[1]) / 72 for text in (wide, narrow)]
+    assert inches == pytest.approx([7.16, 3.5], abs=0.01)
+    assert "% Left out: " in Path("results/robustness.tex").read_text()
+    done = say("report", "results", "--width", "wide")
+    assert (done.exit_code, len(done.stderr.splitlines())) == (2, 1)
+
+
+def test_a_function_is_told_of_each_cell_and_true_prints_a_line_for_each(study, capsys):
+    told = []
+    results = stlbench.run_study(study, progress=lambda *what: told.append(what))
+    assert [(done, total) for done, total, _ in told] == [(1, 2), (2, 2)]
+    assert sorted(each.id for _, _, each in told) == sorted(each.id for each in results)
+    stlbench.run_study(study, seeds=2, progress=True)
+    lines = capsys.readouterr().err.splitlines()
+    assert "4 cells, 2 of them done before" in lines
+    assert [line.partition("]")[0] for line in lines if line.startswith("[")] == ["[3/4", "[4/4"]

@@ -8,13 +8,13 @@ import pytest
 from helpers.planned_ledger import planned
 from helpers.synthetic_results import result
 
-from stlbench.cli import progress
-from stlbench.cli.live import sparkline
 from stlbench.cli.looker import Looker, View
-from stlbench.cli.progress import Progress
 from stlbench.identity import CellId
+from stlbench.study import progress
 from stlbench.study.ledger import FILE, Ledger
+from stlbench.study.live import sparkline
 from stlbench.study.lock import writer, writing
+from stlbench.study.progress import Progress
 from stlbench.study.running import announce
 
 

@@ -14,7 +14,7 @@ from stlbench.identity import Setting
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.report.bands import bands_of
-from stlbench.report.figures.units import UNKNOWN, unit_of_task
+from stlbench.report.figures.units import UNKNOWN, scale_of_task
 from stlbench.rollout.questions import Unanswered, ask_here
 from stlbench.rollout.standards import AtRandom, ByHand, Pays, standards
 from stlbench.study import asked
@@ -137,8 +137,8 @@ def test_tasks_of_others_are_scored_in_processes_of_their_own(tasks: None) -> No
         "task zz-left: it cannot be loaded: the process ended with exit code 3",
         "task zz-gone: its controller cannot be scored: the process ended with exit code 0",
     ]
-    assert unit_of_task(Choice("zz-good")) == "m"
-    assert unit_of_task(Choice("zz-left")) == UNKNOWN
+    assert scale_of_task(Choice("zz-good")).unit == "m"
+    assert scale_of_task(Choice("zz-left")).unit == UNKNOWN
 
 
 def test_a_controller_that_hangs_is_waited_for_no_longer_than_said(tasks: None) -> None:

@@ -229,3 +229,18 @@ def test_the_committed_reference_loads():
     robustness = Results.load(folder).robustness()
     tasks = robustness[robustness["protocol"] == "formula"]["task"].str.partition("[")[0]
     assert tasks.nunique() == 12
+
+
+def test_comparisons_are_those_of_the_report(tmp_path):
+    scores = {"funnel": (0.38, 0.37, 0.39), "raw": (0.1, 0.2, 0.15)}
+    made = [
+        result(method, seed, robustness=(value,)) for method, each in scores.items() for seed, value in enumerate(each)
+    ]
+    table = Results.of(made, tmp_path).comparisons()
+    (row,) = table.to_dict("records")
+    assert (row["task"], row["method"], row["other"]) == ("hold-disc", "funnel", "raw")
+    assert row["difference"] == pytest.approx(0.38 - 0.15)
+    assert row["difference 95 % interval low"] < row["difference"] < row["difference 95 % interval high"]
+    assert row["verdict"]
+    empty = Results.of(made[:3], tmp_path).comparisons()
+    assert (len(empty), list(empty.columns)) == (0, list(table.columns))

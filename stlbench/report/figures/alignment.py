@@ -14,22 +14,23 @@ from matplotlib.lines import Line2D
 
 from stlbench.report.figures import layout
 from stlbench.report.figures.beyond import Window, beside, beyond_key, number, window
-from stlbench.report.figures.palette import COLOURS
-from stlbench.report.figures.style import DOUBLE, TINY, styled
+from stlbench.report.figures.palette import BOUNDS, INK, TRACE
+from stlbench.report.figures.style import SINGLE, styled, tiny, width
 from stlbench.report.tables.alignment import Aligned
 
 __all__ = ["alignment"]
 
 _ROW, _AROUND = 0.115, 0.6
 """Inches: of a row, and of what stands above and below the rows."""
-_COLUMNS = 2
-BEST = COLOURS[2]
 _MARKS: tuple[dict[str, Any], ...] = (
-    {"marker": "x", "color": "0.5", "markersize": 3.5},
-    {"marker": "o", "color": COLOURS[0], "markersize": 3.5},
-    {"marker": "D", "color": COLOURS[1], "markersize": 4.5, "markerfacecolor": "none", "markeredgewidth": 1.1},
+    {"marker": "x", "color": "0.6", "markersize": 3.5},
+    {"marker": "o", "color": TRACE, "markersize": 3.5},
+    {"marker": "D", "color": BOUNDS, "markersize": 4.5, "markerfacecolor": "none", "markeredgewidth": 1.1},
 )
-"""Of final and selected policies that were learned, and around them of the one that is best by the reward."""
+"""Of final and selected policies that were learned, and around them of the one that is best by the reward.
+
+No method has these colours.
+"""
 
 
 @styled
@@ -41,10 +42,10 @@ def alignment(rows: Sequence[Aligned], units: Mapping[str, str]) -> Figure:
         units: of the robustness, by task.
     """
     panels = [(task, list(members)) for task, members in groupby(rows, key=lambda row: row.task)]
-    columns = min(_COLUMNS, len(panels))
+    columns = min(int(width() / SINGLE), len(panels))
     lines = [panels[at : at + columns] for at in range(0, len(panels), columns)]
     heights = [_AROUND + _ROW * max(len(members) for _, members in line) for line in lines]
-    figure = Figure(figsize=(DOUBLE, sum(heights) + 0.6), layout="constrained")
+    figure = Figure(figsize=(width(), sum(heights) + 0.6), layout="constrained")
     cut = False
     grid = figure.add_gridspec(len(lines), columns, height_ratios=heights)
     for i, (task, members) in enumerate(panels):
@@ -52,7 +53,7 @@ def alignment(rows: Sequence[Aligned], units: Mapping[str, str]) -> Figure:
     layout.title(
         figure, "Alignment: the best known, the best by the reward, the learned (means over the report starts)"
     )
-    figure.legend(handles=_keys(cut), loc="outside lower center", ncols=3)
+    layout.legend(figure, _keys(cut), 3)
     return figure
 
 
@@ -66,12 +67,12 @@ def _panel(axes: Axes, task: str, rows: Sequence[Aligned], unit: str) -> bool:
     for place, row in enumerate(rows):
         _marks(axes, place, row, shown)
     axes.axvline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)
-    axes.set_yticks(range(len(rows)), [f"{row.method}, {row.setting}" for row in rows], fontsize=TINY)
+    axes.set_yticks(range(len(rows)), [f"{row.method}, {row.setting}" for row in rows], fontsize=tiny())
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.grid(axis="x", alpha=0.3)
     axes.set_title(task)
-    axes.set_xlabel(f"mean robustness [{unit}]", fontsize=TINY)
-    axes.tick_params(axis="x", labelsize=TINY)
+    axes.set_xlabel(f"mean robustness [{unit}]", fontsize=tiny())
+    axes.tick_params(axis="x", labelsize=tiny())
     if shown is not None:
         axes.set_xlim(shown.limits)
     return shown is not None
@@ -87,7 +88,7 @@ def _marks(axes: Axes, place: int, row: Aligned, shown: Window | None) -> None:
     axes.plot((min(ends), max(ends)), (place, place), "-", color="0.8", linewidth=0.8, zorder=2)
     if row.best_known is not None:
         upright = (place - 0.5, place + 0.5)
-        axes.plot((row.best_known,) * 2, upright, "-", color=BEST, linewidth=2, solid_capstyle="butt", zorder=3)
+        axes.plot((row.best_known,) * 2, upright, "-", color=INK, linewidth=2, solid_capstyle="butt", zorder=3)
     far = list[tuple[str, str]]()
     for value, mark in zip((row.final, row.selected, row.reward_optimal), _MARKS, strict=True):
         if value is not None and shown is not None and value < shown.low:
@@ -101,6 +102,6 @@ def _marks(axes: Axes, place: int, row: Aligned, shown: Window | None) -> None:
 def _keys(cut: bool) -> list[Artist]:
     texts = ("learned: final policies", "learned: selected policies, mean over seeds", "best by the reward")
     marks = [Line2D([], [], linestyle="", label=text, **mark) for text, mark in zip(texts, _MARKS, strict=True)]
-    best = Line2D([], [], color=BEST, linewidth=2, label="the best known")
+    best = Line2D([], [], color=INK, linewidth=2, label="the best known")
     keys = [best, *reversed(marks), layout.level_key("0: satisfied above")]
     return [*keys, beyond_key("<", "below the axis: numbers in the colour of the mark")] if cut else [*keys]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from stlbench.report.figures.style import TINY
+from stlbench.report.figures.style import tiny
 
 __all__ = ["Window", "below", "beside", "beyond_key", "number", "window"]
 
@@ -72,8 +72,8 @@ def beside(axes: Axes, place: float, told: Sequence[tuple[str, str]]) -> None:
     axes.plot([0.0], [place], "<", color=told[0][1], markersize=4.5, transform=where, clip_on=False, zorder=6)
     for text, colour in told:
         words = axes.annotate(text, (0.0, place), (shift, 0), xycoords=where, textcoords="offset points")
-        words.set(ha="left", va="center", color=colour, fontsize=TINY, bbox=_PAPER, zorder=7)
-        shift += 0.62 * TINY * len(text) + 5
+        words.set(ha="left", va="center", color=colour, fontsize=tiny(), bbox=_PAPER, zorder=7)
+        shift += 0.62 * tiny() * len(text) + 5
 
 
 def below(axes: Axes, told: Sequence[tuple[str, str]]) -> None:
@@ -83,7 +83,7 @@ def below(axes: Axes, told: Sequence[tuple[str, str]]) -> None:
         place = _FROM + (1 - _FROM) * (i + 1) / (len(told) + 1)
         axes.plot([place], [0.0], "v", color=colour, markersize=4.5, transform=where, clip_on=False, zorder=6)
         words = axes.annotate(text, (place, 0.0), (0, 5), xycoords=where, textcoords="offset points", rotation=90)
-        words.set(ha="center", va="bottom", color=colour, fontsize=TINY, bbox=_PAPER, zorder=7)
+        words.set(ha="center", va="bottom", color=colour, fontsize=tiny(), bbox=_PAPER, zorder=7)
 
 
 def beyond_key(marker: str, text: str) -> Line2D:

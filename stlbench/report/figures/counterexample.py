@@ -15,18 +15,16 @@ from matplotlib.lines import Line2D
 from stlbench import stl
 from stlbench.contract import Array
 from stlbench.report.figures import layout, plane
-from stlbench.report.figures.palette import TRACE
+from stlbench.report.figures.palette import MARK, TRACE
 from stlbench.report.figures.parts import parts
 from stlbench.report.figures.signals import signals_in_time
-from stlbench.report.figures.style import DOUBLE, SMALL, styled
+from stlbench.report.figures.style import small, styled, width
 from stlbench.report.figures.units import robustness_unit, signal_label, time_label
 from stlbench.rollout.reasons import first_loss
 from stlbench.task.task import Task
 
 __all__ = ["Place", "counterexample", "margins_of", "place_of"]
 
-_HERE = "#A00000"
-"""The colour of where the robustness comes from, which no term has."""
 _PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1}
 """Behind a text that would else be crossed by lines."""
 _LETTERS = 90
@@ -67,7 +65,7 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
     """
     here, wide = place_of(task, trace, witness), task.file.plane is not None
     rows = len(task.signals) + (here.predicate is not None)
-    figure = Figure(figsize=(DOUBLE, max(3.2, 1.2 + 1.1 * rows)), layout="constrained")
+    figure = Figure(figsize=(width(), max(3.2, 1.2 + 1.1 * rows)), layout="constrained")
     grid = figure.add_gridspec(rows, 2 if wide else 1)
     in_time = [figure.add_subplot(grid[0, 0])]
     in_time += [figure.add_subplot(grid[row, 0], sharex=in_time[0]) for row in range(1, rows)]
@@ -80,7 +78,7 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
         drawn |= set(_plane(figure.add_subplot(grid[:, 1]), task, trace, here))
     layout.title(figure, title)
     keys = _keys(task, sorted(drawn), here)
-    figure.legend(handles=keys, loc="outside lower center", ncols=1)
+    layout.legend(figure, keys, 1)
     return figure
 
 
@@ -105,9 +103,9 @@ def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: Place) -> lis
     read = task.signals if predicate is None else stl.signals(predicate)
     for axes, name, values in zip(rows, task.signals, trace.T, strict=True):
         axes.plot(values, "-", color=TRACE, linewidth=1.0, zorder=4)
-        axes.axvline(here.step, color=_HERE, linewidth=0.9, linestyle="--", zorder=3)
+        axes.axvline(here.step, color=MARK, linewidth=0.9, linestyle="--", zorder=3)
         if name in read:
-            axes.plot(here.step, values[here.step], "o", color=_HERE, markersize=5, zorder=6)
+            axes.plot(here.step, values[here.step], "o", color=MARK, markersize=5, zorder=6)
         axes.set_ylabel(signal_label(task, name))
         axes.set_xlabel("")
         axes.tick_params(labelbottom=False)
@@ -121,16 +119,16 @@ def _margin(axes: Axes, task: Task, trace: Array, here: Place) -> None:
     margins = margins_of(task, predicate, trace)
     axes.axhline(0, color=layout.LEVEL, linewidth=0.9)
     axes.plot(margins, "-", color=TRACE, linewidth=1.0)
-    axes.vlines(step, min(0.0, margin), max(0.0, margin), color=_HERE, linewidth=1.8, zorder=5)
-    axes.plot(step, margin, "o", color=_HERE, markersize=5, zorder=6)
+    axes.vlines(step, min(0.0, margin), max(0.0, margin), color=MARK, linewidth=1.8, zorder=5)
+    axes.plot(step, margin, "o", color=MARK, markersize=5, zorder=6)
     early = step < task.file.steps / 2
     text = axes.annotate(here.text, (step, margin), (6 if early else -6, 6), textcoords="offset points")
-    text.set(ha="left" if early else "right", color=_HERE, fontsize=SMALL, bbox=_PAPER, zorder=7)
+    text.set(ha="left" if early else "right", color=MARK, fontsize=small(), bbox=_PAPER, zorder=7)
     axes.margins(y=0.25)
     if 0 < _CLOSE * abs(margin) < np.abs(margins).max():
         axes.set_ylim(-_CLOSE * abs(margin), _CLOSE * abs(margin))
     axes.grid(alpha=0.25)
-    axes.set_title(f"margin of {predicate}", fontsize=SMALL, loc="left", family="monospace")
+    axes.set_title(f"margin of {predicate}", fontsize=small(), loc="left", family="monospace")
     axes.set_ylabel(f"margin\n[{robustness_unit(task, predicate)}]")
 
 
@@ -144,11 +142,11 @@ def _plane(axes: Axes, task: Task, trace: Array, here: Place) -> tuple[int, ...]
     """The plane; which parts of the formula have a region there."""
     view = plane.lay_out(axes, task, trace[None])
     plane.draw_traces(axes, task, view, trace[None])
-    axes.plot(*trace[here.step, list(view.columns)], "o", color=_HERE, markersize=6, zorder=8, clip_on=False)
+    axes.plot(*trace[here.step, list(view.columns)], "o", color=MARK, markersize=6, zorder=8, clip_on=False)
     return view.drawn
 
 
 def _keys(task: Task, drawn: Sequence[int], here: Place) -> list[Artist]:
     told, named = textwrap.fill(here.told, _LETTERS), parts(task)
-    mark = Line2D([], [], linestyle="", marker="o", color=_HERE, markersize=5, label=told)
+    mark = Line2D([], [], linestyle="", marker="o", color=MARK, markersize=5, label=told)
     return [mark, *(layout.term_patch(i, str(named[i])) for i in drawn)]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import stlbench
 from stlbench.errors import UsageError
 from stlbench.outputs import write
+from stlbench.report.figures.style import format_now, rc
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,8 +38,8 @@ def file_name(*parts: str) -> str:
 
 
 def source_of(*values: object) -> str:
-    """A digest (64 hex digits) of what a figure is drawn from: the values, as `repr` has them, and what draws."""
-    return sha256(repr((_drawing(), values)).encode()).hexdigest()
+    """A digest (64 hex digits) of what a figure is drawn from: its values (as `repr`), format and code."""
+    return sha256(repr((_drawing(), format_now(), values)).encode()).hexdigest()
 
 
 @cache
@@ -86,10 +87,8 @@ def save(figure: Figure, folder: Path, name: str, source: str = "") -> list[Path
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
-    from stlbench.report.figures.style import RC
-
     picture, few, svg, pdf, note = BytesIO(), BytesIO(), BytesIO(), BytesIO(), PngInfo()
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure.savefig(pdf, format="pdf", metadata={"CreationDate": None})
         figure.savefig(picture, format="png", dpi=_DPI)
         figure.savefig(svg, format="svg", metadata={"Date": None, "Identifier": source or None})
@@ -106,7 +105,5 @@ def save_svg(figure: Figure, path: Path) -> None:
     """Write the figure as SVG alone, the same bytes whenever it is drawn again."""
     import matplotlib as mpl
 
-    from stlbench.report.figures.style import RC
-
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure.savefig(path, format="svg", metadata={"Date": None})

@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -14,8 +15,8 @@ from matplotlib.ticker import EngFormatter
 
 from stlbench.report.figures import layout
 from stlbench.report.figures.beyond import below, beyond_key, number, window
-from stlbench.report.figures.palette import GroupStyle, styles
-from stlbench.report.figures.style import DOUBLE, styled
+from stlbench.report.figures.palette import Colours, GroupStyle, styles
+from stlbench.report.figures.style import SINGLE, styled, width
 from stlbench.report.statistics.curves import MeanCurve, mean_curve
 from stlbench.report.tables.rows import Group
 
@@ -27,22 +28,24 @@ _LINE = 30
 
 
 @styled
-def learning_curves(groups: Sequence[Group], unit: str) -> Figure:
+def learning_curves(groups: Sequence[Group], unit: str, colours: Colours, most: float = math.inf) -> Figure:
     """Satisfaction and mean robustness: a line per group of one task, the mean over its seeds.
 
-    Shaded: 95 % t interval of that mean, where two seeds or more finished. The legend says how many did, and
-    names the groups without a line too. Where lines end orders of magnitude below the others, the axis of robustness
-    ends before them, and arrows have the means at the end.
+    Shaded: 95 % interval of that mean, where two seeds or more finished, cut at what is possible: 0 and 100 % of the
+    starts, and `most` of the robustness. The legend says how many did, and names the groups without a line too. Where
+    lines end orders of magnitude below the others, the axis of robustness ends before them, and arrows have the last
+    means.
     """
-    rows = math.ceil((len(groups) + 1) / 2)
-    figure = Figure(figsize=(DOUBLE, 2.7 + 0.15 * rows), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    looks = styles(groups)
+    panels = int(width() / SINGLE)
+    rows = math.ceil((len(groups) + 3) / panels)
+    figure = Figure(figsize=(width(), 0.5 + 2.2 * (3 - panels) + 0.15 * rows), layout="constrained")
+    left, right = figure.subplots(3 - panels, panels)
+    looks = styles(groups, colours)
     curves = [[numbers.curve for numbers in group.done if numbers.curve] for group in groups]
     trained = [(own, style) for own, style in zip(curves, looks, strict=True) if own]
-    means = [(mean_curve(own, lambda point: point[2]), style) for own, style in trained]
+    means = [(mean_curve(own, lambda point: point[2], (-math.inf, most)), style) for own, style in trained]
     for own, style in trained:
-        _draw(left, mean_curve(own, lambda point: 100 * point[1]), style)
+        _draw(left, mean_curve(own, lambda point: 100 * point[1], (0, 100)), style)
     low, far = _limit(right, means)
     for line, style in means:
         _draw(right, line, style, low)
@@ -56,14 +59,17 @@ def learning_curves(groups: Sequence[Group], unit: str) -> Figure:
         axes.grid(alpha=0.3)
     setting = groups[0].setting
     name = str(setting.task) if setting.track == "shared" else f"{setting.task}, {setting.track}"
-    layout.title(figure, f"{name}: learning curves on the selection starts (mean over seeds, 95 % interval)")
-    keys = [
-        Line2D([], [], color=style.colour, linestyle=style.line if group.done else "", linewidth=1.3, label=style.label)
+    layout.title(figure, f"{name}: learning curves on the selection starts (mean over seeds)")
+    keys: list[Artist] = [
+        Line2D([], [], color=style.colour, linestyle=style.line, linewidth=1.3, label=style.label)
+        if group.done
+        else Line2D([], [], color=style.colour, linestyle="", marker="x", markersize=5, label=style.label)
         for group, style in zip(groups, looks, strict=True)
     ]
+    keys.append(layout.patch("0.3", "95 % interval of the mean, cut at what is possible", alpha=0.18))
     keys.append(layout.level_key("robustness 0: satisfied above"))
     keys += [beyond_key("v", "ends below the axis, with its last mean")] if far else []
-    figure.legend(handles=keys, loc="outside lower center", ncols=min(2, len(keys)))
+    layout.legend(figure, keys, 2)
     return figure
 
 

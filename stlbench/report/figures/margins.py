@@ -14,18 +14,19 @@ from matplotlib.lines import Line2D
 from stlbench.contract import Array
 from stlbench.presentation import Band
 from stlbench.report.figures import layout
-from stlbench.report.figures.palette import COLOURS, TRACE
+from stlbench.report.figures.palette import BOUNDS, TRACE
 from stlbench.report.figures.regions import rewarded_terms, terms
 from stlbench.report.figures.scale import linear_threshold, set_symlog
-from stlbench.report.figures.style import DOUBLE, SMALL, styled
+from stlbench.report.figures.style import SINGLE as COLUMN
+from stlbench.report.figures.style import small, styled, width
 from stlbench.report.figures.units import robustness_unit, time_label
 from stlbench.rollout.traces import Recording
 from stlbench.stl import Term
 from stlbench.task.task import Task
 
-__all__ = ["BAND", "SINGLE", "robustness_in_time"]
+__all__ = ["SINGLE", "robustness_in_time"]
 
-BAND, SINGLE, READ = COLOURS[1], "0.45", "0.88"
+SINGLE, READ = "0.45", "0.88"
 _SINGLE_TRACES = 7
 """Traces that are drawn one by one, from the worst to the best of the term's interval."""
 BAND_ELSEWHERE = "the method's bounds are of the rewarded form: `stlbench plot --rewarded`"
@@ -33,7 +34,13 @@ BAND_ELSEWHERE = "the method's bounds are of the rewarded form: `stlbench plot -
 
 @styled
 def robustness_in_time(
-    task: Task, recording: Recording, bands: Sequence[Band], title: str, *, rewarded: bool = False
+    task: Task,
+    recording: Recording,
+    bands: Sequence[Band],
+    title: str,
+    *,
+    rewarded: bool = False,
+    colour: str = TRACE,
 ) -> Figure | None:
     """One row per term: the margin of its psi at each step; None where the formula is not made of terms.
 
@@ -45,71 +52,74 @@ def robustness_in_time(
         recording: their traces.
         bands: of the method, on terms that methods see. Where these are not the terms drawn, the legend says so.
         title: of the figure.
+        colour: of the method.
         rewarded: draw the terms of the task file's `rewarded` form, that methods see, in place of the task's own.
     """
     rows = rewarded_terms(task) if rewarded else terms(task)
     if not rows:
         return None
-    figure = Figure(figsize=(DOUBLE, 1.0 + 1.6 * len(rows)), layout="constrained")
+    figure = Figure(figsize=(width(), 1.0 + (1.6 if width() > 2 * COLUMN else 2.4) * len(rows)), layout="constrained")
     by_term = {band.term: band for band in bands} if rewarded or task.file.rewarded is None else {}
     for axes, term in zip(figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0], rows, strict=True):
         unit = "rewarded form, no unit" if rewarded else robustness_unit(task, term.psi)
-        _row(axes, task, term, recording.traces, by_term.get(term), unit)
+        _row(axes, task, term, recording.traces, by_term.get(term), unit, colour)
     axes.set_xlabel(time_label(task))
     count = f"{len(recording.traces)} traces" + (f", {recording.seeds} seeds" if recording.seeds > 1 else "")
     form = " of the rewarded form" if rewarded else ""
     layout.title(figure, f"{title}: robustness{form} against time ({count})")
-    figure.legend(handles=_keys(bands, by_term), loc="outside lower center", ncols=3)
+    layout.legend(figure, _keys(bands, by_term, colour), 3)
     return figure
 
 
-def _row(axes: Axes, task: Task, term: Term, traces: Array, band: Band | None, unit: str) -> None:
+def _row(axes: Axes, task: Task, term: Term, traces: Array, band: Band | None, unit: str, colour: str) -> None:
     margins = task.specification.margin(term.psi)(traces)
     axes.axvspan(term.start, term.end, color=READ, linewidth=0, zorder=0)
     axes.axhline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)
     if band is not None:
         _band(axes, band)
-    _traces(axes, margins, term)
+    _traces(axes, margins, term, colour)
     label = f"robustness of psi\n[{unit}]"
     low, best = task.specification.range(term.psi)
     low, high = min(low, float(margins.min())), max(best, float(margins.max()))
     threshold = linear_threshold([[best]], max(-low, high)) if best > 0 else None
     if threshold is not None:
         label += f"\n{set_symlog(axes, 'y', threshold, low, high)}"
-    axes.set_title(textwrap.fill(str(term.formula), 105), fontsize=SMALL, loc="left", family="monospace")
+    axes.set_title(
+        textwrap.fill(str(term.formula), int(14.6 * width())), fontsize=small(), loc="left", family="monospace"
+    )
     axes.set_xlim(0, task.file.steps)
-    axes.set_ylabel(label, fontsize=SMALL)
+    axes.set_ylabel(label, fontsize=small())
 
 
-def _traces(axes: Axes, margins: Array, term: Term) -> None:
+def _traces(axes: Axes, margins: Array, term: Term, colour: str) -> None:
     """Margins (N, T + 1)."""
     t = np.arange(margins.shape[1])
     low, middle, high = np.percentile(margins, (5, 50, 95), axis=0)
-    axes.fill_between(t, low, high, color=TRACE, alpha=0.25, linewidth=0, zorder=3)
+    axes.fill_between(t, low, high, color=colour, alpha=0.25, linewidth=0, zorder=3)
     read = margins[:, term.start : term.end + 1]
     order = np.argsort(read.min(axis=1) if term.kind == "G" else read.max(axis=1))
     for i in np.unique(np.linspace(0, len(order) - 1, _SINGLE_TRACES).round().astype(np.int64)):
         axes.plot(t, margins[order[i]], color=SINGLE, linewidth=0.4, alpha=0.7, zorder=4)
-    axes.plot(t, middle, color=TRACE, linewidth=1.3, zorder=5)
+    axes.plot(t, middle, color=colour, linewidth=1.3, zorder=5)
 
 
 def _band(axes: Axes, band: Band) -> None:
     t = np.arange(band.start, band.start + len(band.lower))
-    axes.fill_between(t, band.lower, band.upper, color=BAND, alpha=0.12, linewidth=0, zorder=1)
+    axes.fill_between(t, band.lower, band.upper, color=BOUNDS, alpha=0.12, linewidth=0, zorder=1)
     for bound in (band.lower, band.upper):
-        axes.plot(t, bound, "--", color=BAND, linewidth=1.1, zorder=6)
+        axes.plot(t, bound, "--", color=BOUNDS, linewidth=1.1, zorder=6)
 
 
-def _keys(bands: Sequence[Band], shown: object) -> list[Artist]:
+def _keys(bands: Sequence[Band], shown: object, colour: str) -> list[Artist]:
     keys: list[Artist] = [
-        Line2D([], [], color=TRACE, linewidth=1.3, label="median"),
-        layout.patch(TRACE, "5 to 95 %", alpha=0.25),
+        Line2D([], [], color=colour, linewidth=1.3, label="median"),
+        layout.patch(colour, "5 to 95 %", alpha=0.25),
         Line2D([], [], color=SINGLE, linewidth=0.5, label="single traces"),
         layout.patch(READ, "steps that the term reads"),
         layout.level_key("0: psi holds above"),
     ]
     if shown:
-        keys.append(Line2D([], [], color=BAND, linestyle="--", linewidth=1.1, label="the method's bounds"))
+        keys.append(Line2D([], [], color=BOUNDS, linestyle="--", linewidth=1.1, label="the method's bounds"))
     elif bands:
-        keys.append(Line2D([], [], linestyle="", label=BAND_ELSEWHERE))
+        keys.append(layout.absent_patch(BAND_ELSEWHERE))
     return keys

@@ -4,27 +4,50 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import cycle, pairwise
 from typing import Literal, NamedTuple, TypeVar
 
+from stlbench.report.tables.planned import split
 from stlbench.report.tables.rows import Group
 
-__all__ = ["COLOURS", "GROUPS_PER_FIGURE", "TIME", "TRACE", "GroupStyle", "TermStyle", "pages", "styles", "term_style"]
+__all__ = [
+    "BOUNDS",
+    "COLOURS",
+    "GROUPS_PER_FIGURE",
+    "INK",
+    "MARK",
+    "SAFE",
+    "TIME",
+    "TRACE",
+    "Colours",
+    "GroupStyle",
+    "TermStyle",
+    "colours_of",
+    "lines_of",
+    "pages",
+    "styles",
+    "term_style",
+]
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+Colours = Mapping[str, str]
+"""Method -> its colour, on every chart of a folder of results."""
+SAFE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe and Ito's palette without its yellow, which is hard to see on white; told apart by colour-blind readers."""
-TRACE = COLOURS[0]
-"""Of recorded traces, in figures of one method."""
+_FURTHER = ("#8C6D31", "#C2185B", "#5E9C1F", "#6B6ECF", "#A55194", "#17A2A2", "#8F8F8F")
+"""Of as many more methods; also of terms, which seldom meet so many."""
+COLOURS = (*SAFE, *_FURTHER)
+"""Of methods, and of nothing else."""
+INK, TRACE, MARK, BOUNDS = "0.15", "0.3", "#A00000", "#6A3D9A"
+"""What belongs to no method: what is best possible, recorded traces, what decides, a method's own bounds."""
 TIME = "cividis"
 """Colours of the time along a trace: from blue to yellow, so that no term's colour is among them."""
 Shown = TypeVar("Shown")
 Line = Literal["-", "--", ":"]
 LINES: tuple[Line, ...] = ("-", "--", ":")
-GROUPS_PER_FIGURE = len(COLOURS)
+GROUPS_PER_FIGURE = len(SAFE)
 """In figures that tell them apart by colour."""
-TERM_COLOURS = COLOURS[1:6]
-"""Without those of traces and of their ends."""
+TERM_COLOURS = _FURTHER[:5]
 HATCHES = ("", "///", "...", "xxx")
 
 
@@ -45,15 +68,35 @@ class TermStyle(NamedTuple):
     """Empty for the first terms; further terms have a hatch beside their colour."""
 
 
-def styles(groups: Sequence[Group]) -> list[GroupStyle]:
-    """The styles of the groups of one task; `GROUPS_PER_FIGURE` differ in colour, further ones in their line."""
+def colours_of(groups: Sequence[Group]) -> Colours:
+    """The colour of each method, given all groups of a folder; after `COLOURS` methods they come again.
+
+    Methods that learned come first, by name; then those that were only planned for.
+    """
+    learned = {str(group.setting.method) for group in split(groups)[0]}
+    others = {str(group.setting.method) for group in groups} - learned
+    return dict(zip([*sorted(learned), *sorted(others)], cycle(COLOURS), strict=False))
+
+
+def lines_of(colours: Iterable[str]) -> list[Line]:
+    """For lines of these colours on one chart: those of one colour differ in how they are drawn, first solid."""
+    seen = Counter[str]()
+    result = list[Line]()
+    for colour in colours:
+        result.append(LINES[seen[colour] % len(LINES)])
+        seen[colour] += 1
+    return result
+
+
+def styles(groups: Sequence[Group], colours: Colours) -> list[GroupStyle]:
+    """The styles of groups that one chart of their task shows; `colours` of their methods."""
     several = [len({getattr(group.setting, name) for group in groups}) > 1 for name in ("agent", "budget", "track")]
-    result = []
-    for i, group in enumerate(groups):
+    result, own = list[GroupStyle](), [colours[str(group.setting.method)] for group in groups]
+    for group, colour, line in zip(groups, own, lines_of(own), strict=True):
         parts = (str(group.setting.agent), group.setting.budget, group.setting.track)
         further = [part for part, shown in zip(parts, several, strict=True) if shown]
         label = f"{', '.join([str(group.setting.method), *further])}: {_standing(group)}"
-        result.append(GroupStyle(label, COLOURS[i % len(COLOURS)], LINES[i // len(COLOURS) % len(LINES)]))
+        result.append(GroupStyle(label, colour, line))
     return result
 
 

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from stlbench.contract import Array, Truth
 from stlbench.report.figures.layout import REGION_ALPHA
-from stlbench.report.figures.palette import TIME, TRACE, term_style
+from stlbench.report.figures.palette import TIME, term_style
 from stlbench.report.figures.parts import parts
 from stlbench.report.figures.regions import region
 from stlbench.report.figures.units import signal_label
@@ -48,7 +48,11 @@ class _Mark(NamedTuple):
         )
 
 
-_START, _END, _LEAVES = _Mark("o", "white", "black", 4), _Mark("s", "black", "black", 3), _Mark("X", TRACE, "white", 6)
+_START, _END, _LEAVES = (
+    _Mark("o", "white", "black", 4),
+    _Mark("s", "black", "black", 3),
+    _Mark("X", "black", "white", 6),
+)
 _NOWHERE = np.zeros((0, 2))
 
 

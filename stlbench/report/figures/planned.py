@@ -16,7 +16,7 @@ from stlbench.contract import Array
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.palette import TRACE
 from stlbench.report.figures.signals import READ
-from stlbench.report.figures.style import DOUBLE, SMALL, TINY, styled
+from stlbench.report.figures.style import small, styled, tiny, width
 from stlbench.report.figures.trajectories import part_keys, traces_in_time
 from stlbench.report.figures.units import time_label
 from stlbench.task.task import Task
@@ -24,7 +24,8 @@ from stlbench.task.task import Task
 __all__ = ["PLANS_PER_FIGURE", "Plan", "planned"]
 
 PLANS_PER_FIGURE = 6
-_COLUMNS = 3
+_PANEL = 1.7
+"""Inches that a panel takes at least."""
 
 
 class Plan(NamedTuple):
@@ -48,7 +49,7 @@ class Plan(NamedTuple):
 @styled
 def planned(task: Task, plans: Sequence[Plan]) -> Figure:
     """Draw at most `PLANS_PER_FIGURE` plans of one task: in its plane, or each signal against time."""
-    columns = min(_COLUMNS, len(plans))
+    columns = min(int(width() / _PANEL), 3, len(plans))
     figure = _in_plane(task, plans, columns) if task.file.plane else _in_time(task, plans, columns)
     layout.title(figure, f"{task.name}: what is asked for by the formula, and by rewards")
     return figure
@@ -56,35 +57,40 @@ def planned(task: Task, plans: Sequence[Plan]) -> Figure:
 
 def _in_plane(task: Task, plans: Sequence[Plan], columns: int) -> Figure:
     rows = math.ceil(len(plans) / columns)
-    figure = Figure(figsize=(DOUBLE * max(columns, 2) / _COLUMNS, 2.6 * rows + 0.9), layout="constrained")
+    figure = Figure(
+        figsize=(max(width() * max(columns, 2) / 3, min(width(), 2 * _PANEL)), 2.6 * rows + 0.9), layout="constrained"
+    )
     panels = [figure.add_subplot(rows, columns, i + 1) for i in range(len(plans))]
     every = np.concatenate([plan.traces for plan in plans])
     for axes, plan in zip(panels, plans, strict=True):
         view = plane.lay_out(axes, task, every)
         lines = plane.draw_traces(axes, task, view, plan.traces)
-        axes.set_title(plan.title, fontsize=SMALL)
+        axes.set_title(plan.title, fontsize=small())
     keys = [*part_keys(task, view.drawn), *plane.mark_keys(plane.leaving(view, every))]
     figure.colorbar(lines, ax=panels, label=time_label(task), aspect=30)
-    figure.legend(handles=keys, loc="outside lower center", ncols=1, fontsize=TINY)
+    layout.legend(figure, keys, 1, tiny())
     return figure
 
 
 def _in_time(task: Task, plans: Sequence[Plan], columns: int) -> Figure:
     bands, signals = math.ceil(len(plans) / columns), len(task.signals)
-    figure = Figure(figsize=(DOUBLE * max(columns, 2) / _COLUMNS, 0.8 + 1.2 * bands * signals), layout="constrained")
+    figure = Figure(
+        figsize=(max(width() * max(columns, 2) / 3, min(width(), 2 * _PANEL)), 0.8 + 1.2 * bands * signals),
+        layout="constrained",
+    )
     grid = figure.subplots(bands * signals, columns, sharex=True, squeeze=False)
     drawn = list[int]()
     for i, plan in enumerate(plans):
         band, column = divmod(i, columns)
         rows = list(grid[band * signals : (band + 1) * signals, column])
         drawn = traces_in_time(rows, task, plan.traces)
-        rows[0].set_title(plan.title, fontsize=SMALL)
+        rows[0].set_title(plan.title, fontsize=small())
     _same_limits(grid[: bands * signals].reshape(bands, signals, columns))
     for axes in grid.ravel()[[not axes.has_data() for axes in grid.ravel()]]:
         axes.set_visible(False)
     one_trace = Line2D([], [], color=TRACE, linewidth=0.8, label="one trace")
     keys: list[Artist] = [*part_keys(task, drawn), layout.patch(READ, label="steps at which a part is read"), one_trace]
-    figure.legend(handles=keys, loc="outside lower center", ncols=1, fontsize=TINY)
+    layout.legend(figure, keys, 1, tiny())
     return figure
 
 

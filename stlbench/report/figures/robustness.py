@@ -12,37 +12,34 @@ from matplotlib.lines import Line2D
 
 from stlbench.report.figures import layout
 from stlbench.report.figures.beyond import Window, beside, beyond_key, number, window
-from stlbench.report.figures.palette import COLOURS, styles
-from stlbench.report.figures.style import DOUBLE, styled
+from stlbench.report.figures.palette import Colours, styles
+from stlbench.report.figures.style import styled, width
 from stlbench.report.statistics.intervals import median, median_interval
 from stlbench.report.tables.rows import Group
 
-__all__ = ["MIDDLE", "SEED", "draw_robustness", "robustness_by_method"]
-
-SEED, MIDDLE = COLOURS[0], COLOURS[1]
-"""Of seeds, and of what is said of all of them. Methods have a row each, and need no colour."""
+__all__ = ["draw_robustness", "robustness_by_method"]
 
 
 @styled
-def robustness_by_method(groups: Sequence[Group], unit: str) -> Figure:
+def robustness_by_method(groups: Sequence[Group], unit: str, colours: Colours) -> Figure:
     """A point per seed, the median with its interval under it; groups of one task."""
-    figure = Figure(figsize=(DOUBLE, 1.1 + 0.34 * len(groups)), layout="constrained")
-    keys = draw_robustness(figure.subplots(), groups, unit)
+    figure = Figure(figsize=(width(), 1.1 + 0.34 * len(groups)), layout="constrained")
+    keys = draw_robustness(figure.subplots(), groups, unit, colours)
     layout.title(figure, f"{groups[0].setting.task}: robustness by method")
-    figure.legend(handles=keys, loc="outside lower center", ncols=4)
+    layout.legend(figure, keys, 4)
     return figure
 
 
-def draw_robustness(axes: Axes, groups: Sequence[Group], unit: str) -> list[Artist]:
+def draw_robustness(axes: Axes, groups: Sequence[Group], unit: str, colours: Colours) -> list[Artist]:
     """One row per group; entries of the legend.
 
     Where values lie orders of magnitude below the others, the axis ends before them, and their rows have the numbers.
     """
-    looks = styles(groups)
+    looks = styles(groups, colours)
     values = [group.values(lambda numbers: numbers.robustness_mean) for group in groups]
     shown = window(values)
-    for place, seeds in enumerate(values):
-        _points(axes, place, seeds, shown)
+    for place, (seeds, style) in enumerate(zip(values, looks, strict=True)):
+        _points(axes, place, seeds, shown, style.colour)
     axes.axvline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)
     axes.set_yticks(range(len(groups)), [style.label.replace(": ", "\n") for style in looks])
     axes.set_ylim(len(groups) - 0.5, -0.5)
@@ -57,7 +54,7 @@ def draw_robustness(axes: Axes, groups: Sequence[Group], unit: str) -> list[Arti
     return _keys(shown)
 
 
-def _points(axes: Axes, place: int, values: Sequence[float], shown: Window | None) -> None:
+def _points(axes: Axes, place: int, values: Sequence[float], shown: Window | None, colour: str) -> None:
     if not values:
         where = axes.get_yaxis_transform()
         axes.text(0.5, place, "no result", transform=where, ha="center", va="center", color="0.4", backgroundcolor="w")
@@ -65,17 +62,18 @@ def _points(axes: Axes, place: int, values: Sequence[float], shown: Window | Non
     far = [value for value in values if shown is not None and value < shown.low]
     near = [value for value in values if value not in far]
     if near:
-        axes.plot(near, np.full(len(near), place - 0.14), "o", color=SEED, alpha=0.6, markersize=4.5, mew=0)
+        axes.plot(near, np.full(len(near), place - 0.14), "o", color=colour, alpha=0.6, markersize=4.5, mew=0)
     centre, ends = median(values), median_interval(values)
     below = shown is not None and centre < shown.low
-    if ends is not None:
-        axes.plot(ends, (place + 0.16, place + 0.16), "-", color=MIDDLE, linewidth=2, solid_capstyle="butt")
+    if ends is not None and not below:
+        axes.plot(ends, (place + 0.16, place + 0.16), "-", color=colour, linewidth=2, solid_capstyle="butt")
     if not below:
-        axes.plot([centre], [place + 0.16], "D", color=MIDDLE, markersize=5, markeredgecolor="white", mew=0.6)
+        axes.plot([centre], [place + 0.16], "D", color=colour, markersize=5, markeredgecolor="white", mew=0.6)
     if far:
-        beside(axes, place - 0.14, [(_far(far), SEED)])
+        beside(axes, place - (0.34 if near else 0.14), [(_far(far), colour)])  # above the seeds that are shown
     if below:
-        beside(axes, place + 0.2, [(number(centre), MIDDLE)])
+        said = "" if ends is None else f" [{number(ends.low)}, {number(ends.high)}]"
+        beside(axes, place + 0.2, [(f"median {number(centre)}{said}", colour)])
 
 
 def _far(values: Sequence[float]) -> str:
@@ -87,8 +85,8 @@ def _far(values: Sequence[float]) -> str:
 
 def _keys(shown: Window | None) -> list[Artist]:
     keys: list[Artist] = [
-        Line2D([], [], color=SEED, marker="o", linestyle="", alpha=0.6, markersize=4.5, label="one seed"),
-        Line2D([], [], color=MIDDLE, marker="D", linewidth=2, markersize=5, label="median seed, 95 % interval"),
+        Line2D([], [], color="0.3", marker="o", linestyle="", alpha=0.6, markersize=4.5, label="one seed"),
+        Line2D([], [], color="0.3", marker="D", linewidth=2, markersize=5, label="median seed, 95 % interval"),
         layout.level_key("0: satisfied above"),
     ]
     return keys if shown is None else [*keys, beyond_key("<", "beyond the axis")]

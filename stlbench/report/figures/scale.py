@@ -19,6 +19,8 @@ _DECADES = 4
 _LINEAR_PART = 1.0
 """From 0 to the threshold takes as much room as that many decades beyond."""
 _MARGIN = 0.04
+_ALONE = 0.25
+"""Of the threshold: values that reach so far have a number, though they stay within the linear part."""
 _APART = 2.5
 """How many times the threshold the next tick is at least, so that their numbers do not touch."""
 
@@ -46,6 +48,12 @@ def _round_up(value: float) -> float:
     exponent = math.floor(math.log10(value))
     candidates = [_decimal(digit, exponent) for digit in (1, 2, 5, 10)]
     return next((candidate for candidate in candidates if 1.01 * candidate >= value), candidates[-1])
+
+
+def _round_down(value: float) -> float:
+    """The last of 1, 2, 5, 10, 20, 50, ... that is no more."""
+    exponent = math.floor(math.log10(value))
+    return max(each for digit in (1, 2, 5) if (each := _decimal(digit, exponent)) <= value)
 
 
 def _decimal(digit: int, exponent: int) -> float:
@@ -77,12 +85,15 @@ def set_symlog(axes: Axes, which: Literal["x", "y"], threshold: float, low: floa
 def symlog_ticks(threshold: float, low: float, high: float) -> tuple[list[float], list[float]]:
     """Ticks with numbers, and those between them, of an axis from `low` <= 0 to `high` >= 0.
 
-    0 and the threshold have numbers, beyond it each power of ten; over one decade and a half or less 1, 2 and 5 times
+    0 and the threshold have numbers; an end that is nearer has the last round number before it. Beyond the threshold
+    each power of ten has one; over one decade and a half or less 1, 2 and 5 times
     each.
     """
     major, minor = {0.0}, set[float]()
     for sign, end in ((-1, -low), (1, high)):
         if end < threshold:
+            if end > _ALONE * threshold:
+                major.add(sign * _round_down(end))
             continue
         digits: Sequence[int] = (1,) if end > 10**1.5 * threshold else (1, 2, 5)
         nearest = _APART * threshold if len(digits) == 1 else threshold

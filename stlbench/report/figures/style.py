@@ -2,44 +2,98 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
-import matplotlib as mpl
+from stlbench.report.tables.table import Width
 
-__all__ = ["DOUBLE", "RC", "SINGLE", "SMALL", "TINY", "styled"]
+__all__ = ["DOUBLE", "SINGLE", "Format", "fitting", "format_now", "rc", "small", "styled", "tiny", "width"]
 
 SINGLE, DOUBLE = 3.5, 7.16
 """Inches: the width of one column and of two, in journals and proceedings of IEEE."""
-SMALL, TINY = 7.0, 6.0
-"""Points: of ticks and legends, and of what would not fit in these."""
-RC: dict[Any, Any] = {
-    "font.family": ["DejaVu Sans"],  # comes with matplotlib, so that figures are the same on every machine
-    "font.size": 8,
-    "figure.titlesize": 9,
-    "axes.titlesize": 8,
-    "axes.labelsize": 8,
-    "xtick.labelsize": SMALL,
-    "ytick.labelsize": SMALL,
-    "legend.fontsize": SMALL,
-    "legend.frameon": False,
-    "axes.linewidth": 0.6,
-    "axes.unicode_minus": False,  # so that a number can be copied
-    "axes.titlepad": 4,
-    "grid.linewidth": 0.4,
-    "hatch.linewidth": 0.5,
-    "lines.linewidth": 1.2,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "xtick.minor.size": 1.5,
-    "ytick.minor.size": 1.5,
-    "svg.fonttype": "none",  # text stays text: it can be searched and edited
-    "svg.hashsalt": "stlbench",
-    "pdf.fonttype": 42,
-}
+
+
+class Format(NamedTuple):
+    """How wide figures are, and how large their text is."""
+
+    width: float
+    """Inches."""
+    text: float
+    """Points: of labels and titles of axes."""
+    small: float
+    """Of ticks and legends."""
+    tiny: float
+    """Of what would not fit in these."""
+
+
+_FORMATS: dict[Width, Format] = {"page": Format(DOUBLE, 8, 7, 6), "column": Format(SINGLE, 8, 8, 7)}
+_now: ContextVar[Format] = ContextVar("format", default=_FORMATS["page"])
+
+
+@contextmanager
+def fitting(wanted: Width) -> Iterator[None]:
+    """What is drawn within fits a column of a paper, or the page."""
+    before = _now.set(_FORMATS[wanted])
+    try:
+        yield
+    finally:
+        _now.reset(before)
+
+
+def format_now() -> Format:
+    """The format of what is drawn now."""
+    return _now.get()
+
+
+def width() -> float:
+    """Inches of a figure."""
+    return _now.get().width
+
+
+def small() -> float:
+    """Points of ticks and legends."""
+    return _now.get().small
+
+
+def tiny() -> float:
+    """Points of what would not fit in `small`."""
+    return _now.get().tiny
+
+
+def rc() -> dict[Any, Any]:
+    """What matplotlib is told, for the format of now."""
+    sizes = _now.get()
+    return {
+        "font.family": ["DejaVu Sans"],  # comes with matplotlib, so that figures are the same on every machine
+        "font.size": sizes.text,
+        "figure.titlesize": sizes.text + 1,
+        "axes.titlesize": sizes.text,
+        "axes.labelsize": sizes.text,
+        "xtick.labelsize": sizes.small,
+        "ytick.labelsize": sizes.small,
+        "legend.fontsize": sizes.small,
+        "legend.frameon": False,
+        "axes.linewidth": 0.6,
+        "axes.unicode_minus": False,  # so that a number can be copied
+        "axes.titlepad": 4,
+        "grid.linewidth": 0.4,
+        "hatch.linewidth": 0.5,
+        "lines.linewidth": 1.2,
+        "xtick.major.width": 0.6,
+        "ytick.major.width": 0.6,
+        "xtick.major.size": 2.5,
+        "ytick.major.size": 2.5,
+        "xtick.minor.size": 1.5,
+        "ytick.minor.size": 1.5,
+        "svg.fonttype": "none",  # text stays text: it can be searched and edited
+        "svg.hashsalt": "stlbench",
+        "pdf.fonttype": 42,
+    }
+
+
 Words = ParamSpec("Words")
 Drawn = TypeVar("Drawn")
 
@@ -49,7 +103,9 @@ def styled(draw: Callable[Words, Drawn]) -> Callable[Words, Drawn]:
 
     @wraps(draw)
     def drawing(*args: Words.args, **words: Words.kwargs) -> Drawn:
-        with mpl.rc_context(RC):
+        import matplotlib as mpl
+
+        with mpl.rc_context(rc()):
             return draw(*args, **words)
 
     return drawing

@@ -18,7 +18,7 @@ from stlbench.report.bands import bands_of
 from stlbench.report.figures.files import file_name, save
 from stlbench.report.figures.margins import robustness_in_time
 from stlbench.report.figures.overview import METHODS_PER_OVERVIEW, overview
-from stlbench.report.figures.palette import pages
+from stlbench.report.figures.palette import Colours, pages
 from stlbench.report.figures.planned import PLANS_PER_FIGURE, Plan, planned
 from stlbench.report.figures.report_figures import draw_learning
 from stlbench.report.figures.trajectories import TRACES_PER_PANEL, trajectories
@@ -55,6 +55,8 @@ class Job:
     """Is told of each group that is drawn."""
     warn: Tell
     """Is told what could not be drawn, and why."""
+    colours: Colours
+    """Of the methods of the whole run, also of those that are not drawn."""
     only: Collection[str] = USUAL
     """Which of KINDS are drawn."""
 
@@ -81,7 +83,7 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
     for choice, members in groupby(groups, key=lambda member: member.setting.task):
         of_task, learned, shown, plans = list(members), list[Group](), list[Array | None](), list[Plan]()
         if "learning" in job.only:
-            paths += draw_learning([member for member in of_task if member.setting in learners], job.out)
+            paths += draw_learning([member for member in of_task if member.setting in learners], job.out, job.colours)
         task = _task(choice, job) if any(member.setting in finished for member in of_task) else None
         bands = _bands(task, of_task, job)
         for member in of_task:
@@ -147,14 +149,14 @@ def _draw_group(
     """The figures of one method on one task."""
     track = () if setting.track == "shared" else (setting.track,)
     title = f"{setting.task}, {setting.method} ({', '.join((str(setting.agent), setting.budget, *track))})"
-    bands = bounds.get(setting.method, ())
+    bands, colour = bounds.get(setting.method, ()), job.colours[str(setting.method)]
     figures = dict[str, Figure | None]()
     if "time" in job.only:
-        figures["time"] = robustness_in_time(task, recording, bands, title)
+        figures["time"] = robustness_in_time(task, recording, bands, title, colour=colour)
     if "trajectories" in job.only:
-        figures["trajectories"] = trajectories(task, recording, title)
+        figures["trajectories"] = trajectories(task, recording, title, colour)
     if "rewarded" in job.only and task.file.rewarded is not None:
-        figures["rewarded"] = robustness_in_time(task, recording, bands, title, rewarded=True)
+        figures["rewarded"] = robustness_in_time(task, recording, bands, title, rewarded=True, colour=colour)
     parts = (str(setting.task), str(setting.method), str(setting.agent), setting.budget, *track)
     return [
         path
@@ -173,7 +175,7 @@ def _draw_overview(task: Task | None, groups: Sequence[Group], traces: Sequence[
         of_page = traces[start : start + len(page)]
         start += len(page)
         if any(shown is not None for shown in of_page):
-            paths += save(overview(task, page, of_page), job.out, file_name("overview", task.name) + end)
+            paths += save(overview(task, page, of_page, job.colours), job.out, file_name("overview", task.name) + end)
     return paths
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
@@ -9,7 +12,7 @@ from stlbench.stl.language.traversal import walk
 from stlbench.study.asked import loaded
 from stlbench.task.task import Task
 
-__all__ = ["robustness_unit", "signal_label", "time_label", "unit_of_task"]
+__all__ = ["Scale", "robustness_unit", "scale_of_task", "signal_label", "time_label"]
 
 NO_UNIT = "-"
 """Where the task file names none."""
@@ -65,10 +68,37 @@ def _unit(task: Task, expression: stl.Expression) -> str | None:
     return named.pop() if len(named) == 1 else None if named else ""
 
 
-def unit_of_task(choice: Choice | str) -> str:
-    """The unit of the robustness of a task's formula; "unit of the predicates" where it is not installed here."""
+class Scale(NamedTuple):
+    """What an axis of a task's robustness says."""
+
+    unit: str
+    most: float
+    """No trace within the signals' ranges has more robustness; inf where nothing is known."""
+
+
+def scale_of_task(choice: Choice | str) -> Scale:
+    """Of the robustness of a task's formula; "unit of the predicates" where the task is not installed here."""
     try:
         task = loaded(choice)
     except UsageError:
-        return UNKNOWN
-    return robustness_unit(task, task.formula)
+        return Scale(UNKNOWN, math.inf)
+    return Scale(robustness_unit(task, task.formula), _most(task, task.formula))
+
+
+def _most(task: Task, formula: stl.Formula) -> float:
+    """An upper bound of the robustness, from the ranges of the signals: parts may be read at different times."""
+    if not stl.is_temporal(formula):
+        try:
+            return task.specification.range(formula)[1]
+        except stl.UndefinedError:
+            return math.inf
+    match formula:
+        case stl.And(args):
+            return min(_most(task, arg) for arg in args)
+        case stl.Or(args):
+            return max(_most(task, arg) for arg in args)
+        case stl.Always(_, _, arg) | stl.Eventually(_, _, arg) | stl.Until(_, _, _, arg):
+            return _most(task, arg)
+        case _ if (pushed := stl.negations_inside(formula)) != formula:
+            return _most(task, pushed)
+    return math.inf

@@ -10,7 +10,7 @@ import numpy as np
 from stlbench import stl
 from stlbench.presentation import Band
 from stlbench.report.figures.counterexample import margins_of
-from stlbench.report.figures.palette import COLOURS, term_style
+from stlbench.report.figures.palette import BOUNDS, term_style
 from stlbench.report.figures.regions import heading, terms
 from stlbench.report.figures.signals import readings
 from stlbench.report.figures.units import robustness_unit, signal_label, time_label
@@ -20,8 +20,6 @@ from stlbench.report.page.story import Story
 from stlbench.task.task import Task
 
 __all__ = ["evidence", "in_time", "margins"]
-
-_BOUNDS = COLOURS[3]
 
 
 def in_time(task: Task, story: Story, key: str) -> Chart:
@@ -97,9 +95,8 @@ def margins(task: Task, story: Story, bands: Sequence[Band], key: str) -> list[C
     titles = [f"{plain(heading(term))}<br>[{plain(robustness_unit(task, term.psi))}]" for term in rows]
     layout = _rows(titles, task)
     layout["shapes"] = shapes
-    bound = [shown("bounds", "the method's bounds", _BOUNDS, "--")] if by_term else []
-    said = [shown("", f"{heading(term)} {term.psi}", "") for term in rows]
-    legend = picks_of(story, *bound, shown("", "steps that the term reads", MUTED, "box"), *said)
+    bound = [shown("bounds", "the method's bounds", BOUNDS, "--")] if by_term else []
+    legend = picks_of(story, *bound, shown("", "steps that the term reads", MUTED, "box"))
     label = f"Margin of the {len(rows)} terms against time; a term holds above 0"
     return [Chart(f"{key}-margins", "Robustness in time", label, data, layout, _tall(len(rows)), legend)]
 
@@ -109,9 +106,9 @@ def _bounds(bounds: Band, row: int) -> list[Trace]:
     x = (bounds.start + at).tolist()
     more = {"legendgroup": "bounds", **_of_row(row)}
     edge = {"type": "scatter", "mode": "lines", "x": x, "hoverinfo": "skip", **more}
-    line = {"color": _BOUNDS, "width": 1.4, "dash": "dash"}
+    line = {"color": BOUNDS, "width": 1.4, "dash": "dash"}
     edges = [{**edge, "y": numbers(ends[at]), "line": line} for ends in (bounds.lower, bounds.upper)]
-    return [band(x, bounds.lower[at].tolist(), bounds.upper[at].tolist(), _BOUNDS, **more), *edges]
+    return [band(x, bounds.lower[at].tolist(), bounds.upper[at].tolist(), BOUNDS, **more), *edges]
 
 
 def evidence(task: Task, story: Story, key: str) -> list[Chart]:

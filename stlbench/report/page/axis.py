@@ -12,6 +12,10 @@ from stlbench.report.figures.scale import linear_threshold, symlog_ticks
 __all__ = ["Axis", "axis_of"]
 
 
+_NUMBERS = 10
+"""As many fit beside each other on the axis of a phone."""
+
+
 @dataclass(frozen=True)
 class Axis:
     """Where values stand."""
@@ -40,9 +44,17 @@ class Axis:
         common = {"range": list(self.range)}
         if self.threshold is None:
             return {"title": {"text": title}, **common}
-        ticks = symlog_ticks(self.threshold, self.low, self.high)[0]
+        ticks = self._apart(symlog_ticks(self.threshold, self.low, self.high)[0])
         places = {"tickvals": [self.at(tick) for tick in ticks], "ticktext": [f"{tick:g}" for tick in ticks]}
         return {"title": {"text": f"{title}<br>logarithmic beyond ±{self.threshold:g}"}, **common, **places}
+
+    def _apart(self, ticks: Sequence[float]) -> list[float]:
+        """Those whose numbers do not touch on a phone: the outermost first, and always 0."""
+        least, kept = (self.range[1] - self.range[0]) / _NUMBERS, [0.0]
+        for tick in sorted(ticks, key=abs, reverse=True):
+            if all(abs(self.at(tick) - self.at(other)) >= least for other in kept):
+                kept.append(tick)
+        return sorted(kept)
 
 
 def axis_of(groups: Sequence[Iterable[float]], ends: Iterable[float]) -> Axis:

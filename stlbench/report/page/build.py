@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from stlbench.errors import UsageError
 from stlbench.identity import CellId
 from stlbench.outputs import write
+from stlbench.report.figures.palette import Colours, colours_of
 from stlbench.report.page.bundle import packed, plotly, require
 from stlbench.report.page.cells import Tags, cells_listed, details, tags_of
 from stlbench.report.page.chart import Chart
@@ -102,7 +103,8 @@ def _page(
     told: Told,
 ) -> str:
     tables, found = _tables(groups, standards)
-    over = _across(found)
+    colours = colours_of(groups)
+    over = _across(found, colours)
     parts, count = list[TaskPart](), [0]
 
     def one_more() -> None:
@@ -110,7 +112,7 @@ def _page(
         told(count[0], len(groups))
 
     for number, (_, members) in enumerate(groupby(groups, key=lambda each: each.setting.task)):
-        parts.append(task_part(number, list(members), results, tables, folder, one_more))
+        parts.append(task_part(number, list(members), results, tables, colours, folder, one_more))
     ordered, left_out = _shown(groups)
     payloads = {part.key: _payload(part, ordered, results, folder) for part in parts}
     payloads["across"] = packed({"charts": {chart.key: chart.content() for chart in over.charts}})
@@ -170,9 +172,9 @@ def _rest(line: tuple[Any, ...]) -> tuple[str, str]:
     return str(line[3]), str(line[4])
 
 
-def _across(found: Sequence[Field]) -> _Across:
+def _across(found: Sequence[Field], colours: Colours) -> _Across:
     tables: list[Table] = [aggregates_table(found), improvement_table(found)]
-    charts = [chart for i, field in enumerate(found) for chart in across(field, f"field-{i}")]
+    charts = [chart for i, field in enumerate(found) for chart in across(field, f"field-{i}", colours)]
     return _Across([listed(table) for table in tables if table.rows], charts)
 
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import html
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from stlbench.contract_parts.texts import one_line
-from stlbench.report.figures.palette import COLOURS, Line
+from stlbench.report.figures.palette import SAFE, Line
 
 __all__ = [
     "INK",
     "MARK",
+    "METHOD",
     "MUTED",
     "Chart",
     "Trace",
@@ -21,6 +23,7 @@ __all__ = [
     "colour",
     "dash",
     "frame",
+    "in_colour",
     "numbers",
     "plain",
     "rounded",
@@ -31,10 +34,12 @@ __all__ = [
 Trace = dict[str, Any]
 """One of plotly's traces."""
 
+METHOD = "@method"
+"""Stands for the colour of the method of a story, until `in_colour` puts it in."""
 INK, MUTED, MARK = "@ink", "@muted", "@mark"
 """Colours that the page's script puts in, since they differ between light and dark."""
 _DASHES: dict[Line, str] = {"-": "solid", "--": "dash", ":": "dot"}
-_BLACK = COLOURS[-1]
+_BLACK = SAFE[-1]
 _LONGEST = 30
 """Letters of a name on an axis."""
 
@@ -58,6 +63,12 @@ class Chart:
     def content(self) -> dict[str, Any]:
         """What the script draws."""
         return {"data": self.data, "layout": self.layout, "legend": self.legend}
+
+
+def in_colour(chart: Chart, of: str) -> Chart:
+    """The chart with this colour for `METHOD`."""
+    content = json.loads(json.dumps(chart.content()).replace(f'"{METHOD}"', f'"{of}"'))
+    return replace(chart, **content)
 
 
 def plain(text: object) -> str:
@@ -91,8 +102,11 @@ def numbers(values: Iterable[float]) -> list[float | None]:
     return [rounded(float(value)) for value in values]
 
 
-def shown(group: str, label: str, colour: str, line: str = "solid") -> dict[str, str]:
-    """An entry of a legend; `label` is text, not markup."""
+def shown(group: str, label: str, colour: str, line: str = "-") -> dict[str, str]:
+    """An entry of a legend; `label` is text, not markup.
+
+    `line` is a style of lines, "box", or a mark: "o", "d", "s", "c" (a circle) or "x".
+    """
     return {"group": group, "label": one_line(label), "color": colour, "line": line}
 
 

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stlbench.contract import Array
-from stlbench.report.figures.palette import COLOURS
-from stlbench.report.page.chart import INK, MUTED, Trace, numbers, shown
+from stlbench.report.page.chart import INK, METHOD, MUTED, Trace, numbers, shown
 from stlbench.report.page.story import Pick, Story
 
 __all__ = ["LOOKS", "kept", "line_of", "mark_at", "picks_of"]
@@ -25,7 +24,7 @@ class Look(NamedTuple):
 
 
 LOOKS = {
-    "best": Look(COLOURS[0], "solid", "-", 1.6),
+    "best": Look(METHOD, "solid", "-", 1.6),
     "median": Look(MUTED, "dash", "--", 1.6),
     "worst": Look(INK, "solid", "-", 2.2),
 }

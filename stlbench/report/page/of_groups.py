@@ -7,10 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stlbench.report.figures.palette import GroupStyle, styles
+from stlbench.report.figures.palette import Colours, GroupStyle, styles
+from stlbench.report.figures.units import Scale
 from stlbench.report.page.axis import Axis, axis_of
 from stlbench.report.page.chart import (
     INK,
+    MUTED,
     Chart,
     Trace,
     band,
@@ -26,7 +28,7 @@ from stlbench.report.page.chart import (
 from stlbench.report.statistics.curves import MeanCurve, mean_curve
 from stlbench.report.statistics.intervals import Interval, median, median_interval
 from stlbench.report.tables.rows import Group
-from stlbench.report.tables.table import Table
+from stlbench.report.tables.times import seconds_interval
 
 __all__ = ["cost", "learning", "robustness"]
 
@@ -38,9 +40,9 @@ def _names(looks: Sequence[GroupStyle]) -> list[str]:
     return [short(style.label.partition(":")[0]) for style in looks]
 
 
-def robustness(groups: Sequence[Group], unit: str) -> Chart:
+def robustness(groups: Sequence[Group], unit: str, colours: Colours) -> Chart:
     """A point per seed, under it the median with its interval; one row per group."""
-    looks = styles(groups)
+    looks = styles(groups, colours)
     values = [group.values(lambda numbers: numbers.robustness_mean) for group in groups]
     axis = axis_of(values, [0.0, *(value for seeds in values for value in seeds if math.isfinite(value))])
     data = [
@@ -53,7 +55,8 @@ def robustness(groups: Sequence[Group], unit: str) -> Chart:
     layout = frame(axis.layout(f"mean robustness [{plain(unit)}]<br>over the report starts"), rows)
     layout["shapes"] = [_LEVEL | {"x0": 0, "x1": 0, "yref": "paper", "y0": 0, "y1": 1}]
     label = f"Robustness by seed of {len(groups)} methods; the table above has the numbers"
-    return Chart("robustness", "Robustness by seed", label, data, layout, 110 + 38 * len(groups))
+    legend = [shown("", "one seed", INK, "o"), shown("", "median seed, 95 % interval", INK, "d")]
+    return Chart("robustness", "Robustness by seed", label, data, layout, 110 + 38 * len(groups), legend)
 
 
 def _of_group(place: int, group: Group, seeds: Sequence[float], style: GroupStyle, axis: Axis) -> list[Trace]:
@@ -84,32 +87,57 @@ def _said(centre: float, ends: Interval | None) -> str:
     return f"median {centre:.4g}" + (f", 95 % interval [{ends.low:.4g}, {ends.high:.4g}]" if ends else "")
 
 
-def learning(groups: Sequence[Group], unit: str) -> list[Chart]:
-    """Satisfaction and mean robustness of the checkpoints: the mean over seeds and its interval; none without any."""
-    looks, lines = styles(groups), dict[int, tuple[MeanCurve, MeanCurve]]()
+def learning(groups: Sequence[Group], scale: Scale, colours: Colours) -> list[Chart]:
+    """Satisfaction and mean robustness of the checkpoints, two charts of each track; none without any checkpoint."""
+    tracks = dict.fromkeys(group.setting.track for group in groups)
+    return [
+        chart
+        for track in tracks
+        for chart in _of_track([group for group in groups if group.setting.track == track], scale, colours, len(tracks))
+    ]
+
+
+def _of_track(groups: Sequence[Group], scale: Scale, colours: Colours, tracks: int) -> list[Chart]:
+    """The mean over seeds and its interval."""
+    looks, lines = styles(groups, colours), dict[int, tuple[MeanCurve, MeanCurve]]()
     for i, group in enumerate(groups):
         curves = [each.curve for each in group.done if each.curve]
         if curves:
             lines[i] = (
-                mean_curve(curves, lambda point: 100 * point[1]),
-                mean_curve(curves, lambda point: point[2]),
+                mean_curve(curves, lambda point: 100 * point[1], (0, 100)),
+                mean_curve(curves, lambda point: point[2], (-math.inf, scale.most)),
             )
     if not lines:
         return []
     legend = [
-        shown(str(i), style.label, colour(style.colour), style.line if i in lines else "")
-        for i, style in enumerate(looks)
+        *(
+            shown(str(i), each.label, colour(each.colour), each.line if i in lines else "x")
+            for i, each in enumerate(looks)
+        ),
+        shown("", "shaded: 95 % interval of the mean, cut at what is possible", MUTED, "box"),
     ]
+    track = groups[0].setting.track
+    said = f", track {track}" if tracks > 1 else ""
+    end = "" if track == "shared" else f"-{track}"
     return [
-        _learning("learning-satisfaction", "starts that satisfy [%]", (lines, looks), 0, legend),
-        _learning("learning-robustness", f"mean robustness [{plain(unit)}]", (lines, looks), 1, legend),
+        _learning(
+            f"learning-satisfaction{end}", f"satisfaction{said}", "starts that satisfy [%]", (lines, looks), 0, legend
+        ),
+        _learning(
+            f"learning-robustness{end}",
+            f"robustness{said}",
+            f"mean robustness [{plain(scale.unit)}]",
+            (lines, looks),
+            1,
+            legend,
+        ),
     ]
 
 
 _Lines = tuple[dict[int, tuple[MeanCurve, MeanCurve]], Sequence[GroupStyle]]
 
 
-def _learning(key: str, title: str, drawn: _Lines, which: int, legend: list[dict[str, str]]) -> Chart:
+def _learning(key: str, what: str, title: str, drawn: _Lines, which: int, legend: list[dict[str, str]]) -> Chart:
     lines, looks = drawn
     curves = {i: both[which] for i, both in lines.items()}
     axis = Axis(None, 0, 100) if which == 0 else _axis(list(curves.values()))
@@ -117,7 +145,7 @@ def _learning(key: str, title: str, drawn: _Lines, which: int, legend: list[dict
     layout = frame({"title": {"text": "environment steps"}, "tickformat": "~s"}, axis.layout(title))
     if which:
         layout["shapes"] = [_LEVEL | {"y0": 0, "y1": 0, "xref": "paper", "x0": 0, "x1": 1}]
-    name = "Learning: " + ("robustness" if which else "satisfaction")
+    name = f"Learning: {what}"
     label = f"{name} of {len(curves)} methods against environment steps, on the selection starts, mean over seeds"
     return Chart(key, name, f"{label}, with 95 % intervals", data, layout, 340, legend)
 
@@ -143,14 +171,12 @@ def _line(i: int, curve: MeanCurve, style: GroupStyle, axis: Axis) -> list[Trace
     return [band(curve.steps[known].tolist(), low, high, of, legendgroup=str(i)), line]
 
 
-def cost(groups: Sequence[Group], times: Table) -> Chart | None:
-    """What training took, from the rows of these groups in the table of times; None where nothing finished."""
-    looks, place = styles(groups), [column.title for column in times.columns].index("training CPU")
-    data = list[Trace]()
-    for i, (row, style) in enumerate(zip(times.rows, looks, strict=True)):
-        mean, ends = row[place], row[place + 1]
-        if isinstance(mean, float) and math.isfinite(mean):
-            data.append(_bar(i, mean, ends if isinstance(ends, Interval) else None, style))
+def cost(groups: Sequence[Group], colours: Colours) -> Chart | None:
+    """What training took; None where nothing finished."""
+    looks, data = styles(groups, colours), list[Trace]()
+    for i, (group, style) in enumerate(zip(groups, looks, strict=True)):
+        if seconds := group.values(lambda numbers: numbers.training_cpu_seconds):
+            data.append(_bar(i, float(np.mean(seconds)), seconds_interval(seconds), style))
     if not data:
         return None
     rows = {"tickvals": list(range(len(groups))), "ticktext": _names(looks), "range": [len(groups) - 0.5, -0.5]}

@@ -15,7 +15,7 @@ from stlbench.report.figures.parts import parts
 from stlbench.report.figures.regions import region
 from stlbench.report.figures.units import signal_label
 from stlbench.report.page.against_time import evidence, in_time, margins
-from stlbench.report.page.chart import MARK, Chart, Trace, frame, numbers, plain, shown
+from stlbench.report.page.chart import INK, MARK, Chart, Trace, colour, frame, in_colour, numbers, plain, shown
 from stlbench.report.page.lines import LOOKS, kept, line_of, mark_at, picks_of
 from stlbench.report.page.story import Story
 from stlbench.task.task import Task
@@ -25,10 +25,11 @@ __all__ = ["charts_of"]
 _GRID = 121
 
 
-def charts_of(task: Task, story: Story, bands: Sequence[Band], key: str) -> list[Chart]:
-    """The charts; their keys begin with `key`. `bands` are the method's, on the terms that it sees."""
+def charts_of(task: Task, story: Story, bands: Sequence[Band], of: str, key: str) -> list[Chart]:
+    """The charts; their keys begin with `key`. `bands`, on terms that it sees, and the colour `of` are the method's."""
     moved = _in_plane(task, story, key) if task.file.plane else in_time(task, story, key)
-    return [moved, *margins(task, story, bands, key), *evidence(task, story, key)]
+    charts = [moved, *margins(task, story, bands, key), *evidence(task, story, key)]
+    return [in_colour(chart, colour(of)) for chart in charts]
 
 
 def _in_plane(task: Task, story: Story, key: str) -> Chart:
@@ -49,7 +50,8 @@ def _in_plane(task: Task, story: Story, key: str) -> Chart:
     if task.file.signals[names[0]].unit == task.file.signals[names[1]].unit:
         axes[1] |= {"scaleanchor": "x", "constrain": "domain"}
     label = f"Trajectories in the plane of {names[0]} and {names[1]}: {', '.join(pick.what for pick in story.picks)}"
-    legend = [*picks_of(story), *legend, shown("", "circle: start; square: end; cross: where the worst is decided", "")]
+    marks = [shown("", "start", INK, "c"), shown("", "end", INK, "s"), shown("", "what decides the worst", MARK, "x")]
+    legend = [*picks_of(story), *legend, *marks]
     return Chart(f"{key}-moved", "Trajectories", label, data, frame(*axes), 440, legend)
 
 

@@ -11,13 +11,15 @@ from stlbench.errors import UsageError
 from stlbench.identity import CellId, Setting
 from stlbench.registry.choices import Choice
 from stlbench.report.bands import bands_of
+from stlbench.report.figures.palette import Colours
 from stlbench.report.figures.regions import terms
-from stlbench.report.figures.units import unit_of_task
+from stlbench.report.figures.units import scale_of_task
 from stlbench.report.page.chart import Chart
 from stlbench.report.page.listed import Listed, listed, of_rows
 from stlbench.report.page.of_groups import cost, learning, robustness
 from stlbench.report.page.of_story import charts_of
 from stlbench.report.page.story import Story, tell_story
+from stlbench.report.tables.planned import maximised
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Column, Table
 from stlbench.result import Result
@@ -80,23 +82,28 @@ def task_part(
     groups: Sequence[Group],
     results: Mapping[CellId, Result],
     tables: Tables,
+    colours: Colours,
     folder: Path,
     told: Callable[[], None],
 ) -> TaskPart:
     """The part of the task of these groups, learned and planned; `told` is called after each of them."""
     choice, key = groups[0].setting.task, f"task-{number}"
-    learned = [group for group in groups if not any(each.planned for each in group.done)]
+    planners = maximised(groups)
+    learned = [group for group in groups if group.outside or group.setting.agent.name not in planners]
     task, lacks = _loaded(choice)
     found, unread = _stories(task, learned, results, folder, told)
-    unit = unit_of_task(choice)
-    times = of_rows(tables.times, lambda row: row[0] == str(choice))
-    charts = [robustness(learned, unit), *learning(learned, unit)] if any(group.done for group in learned) else []
-    took = cost(_timed(learned, times), times)
+    scale = scale_of_task(choice)
+    charts = list[Chart]()
+    if any(group.done for group in learned):
+        charts = [robustness(learned, scale.unit, colours), *learning(learned, scale, colours)]
+    took = cost([group for group in learned if not group.outside], colours)
     if not any(each.curve for group in learned for each in group.done):
         lacks.append("No checkpoint is recorded: there are no learning curves.")
     bands = bands_of(choice, (setting.method for setting in found))
     parts = [
-        StoryPart(_name(setting), charts_of(task, story, bands[setting.method], f"story-{i}"))
+        StoryPart(
+            _name(setting), charts_of(task, story, bands[setting.method], colours[str(setting.method)], f"story-{i}")
+        )
         for i, (setting, story) in enumerate(found.items())
         if task is not None
     ]
@@ -111,12 +118,6 @@ def task_part(
         stories=parts,
         lacks=[*lacks, *unread],
     )
-
-
-def _timed(groups: Sequence[Group], times: Table) -> list[Group]:
-    """Those that the table of times has a row of, in its order."""
-    assert len(times.rows) <= len(groups)
-    return list(groups)[: len(times.rows)]
 
 
 def _loaded(choice: Choice) -> tuple[Task | None, list[str]]:

@@ -30,11 +30,20 @@ class MeanCurve(NamedTuple):
     most: float
 
 
-def mean_curve(curves: Sequence[Sequence[Point]], value: Callable[[Point], float]) -> MeanCurve:
-    """The mean of the seeds' curves, with its 95 % t interval where there are two seeds or more."""
+def mean_curve(
+    curves: Sequence[Sequence[Point]],
+    value: Callable[[Point], float],
+    possible: tuple[float, float] = (-np.inf, np.inf),
+) -> MeanCurve:
+    """The mean of the seeds' curves, with its 95 % t interval where there are two seeds or more.
+
+    The interval ends at what is `possible`, and never between the seeds.
+    """
     steps, values = aligned(curves, value)
     ends = [mean_interval(column.tolist()) or (np.nan, np.nan) for column in values.T]
     low, high = np.array(ends, dtype=float).reshape(-1, 2).T
+    low = np.maximum(low, np.minimum(possible[0], values.min(axis=0)))
+    high = np.minimum(high, np.maximum(possible[1], values.max(axis=0)))
     return MeanCurve(steps, values.mean(axis=0), low, high, float(values.min()), float(values.max()))
 
 

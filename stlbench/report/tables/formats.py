@@ -5,15 +5,17 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Mapping, Sequence
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
+from typing import NamedTuple
 
 from rich import box
 from rich.console import Console
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from stlbench.report.tables.table import NOTHING, Column, Learned, Plain, Table, Value, learned_parts, show
+from stlbench.report.tables.table import NOTHING, Column, Learned, Plain, Table, Value, Width, learned_parts, show
 
 __all__ = ["to_csv", "to_latex", "to_markdown", "to_records", "to_screen"]
 
@@ -29,6 +31,15 @@ _LATEX = {
     "[": "{[}",
     "]": "{]}",
 } | {character: "\\" + character for character in "&%$#_{}"}
+
+_CHARACTERS: Mapping[Width, int] = {"column": 64, "page": 130}
+"""Of 3.95 points, as 8-point text takes them with the space between columns.
+
+A column of IEEE has 252 points, a page 516."""
+_LINES = 60
+"""Of 9.5 points, on a page of IEEE, with its caption."""
+_TEXT = 16
+"""Characters of a line of text in a column that is no wider than it has to be."""
 
 
 def _texts(table: Table) -> list[list[str]]:
@@ -87,26 +98,94 @@ def _plain(row: Sequence[Value], columns: Sequence[Column]) -> list[Plain]:
     return values
 
 
-def to_latex(table: Table) -> str:
-    r"""A tabular for `\usepackage{booktabs}`, to be put into a table environment; title and notes are comments."""
-    layout = "".join("r" if column.right else "l" for column in table.columns)
+def to_latex(table: Table, width: Width = "page") -> str:
+    r"""Tabulars for `\usepackage{booktabs}`, no wider than a column or a page of two columns, in text of 8 points.
+
+    What all rows share, the long texts, and the notes are comments. Columns are left out as on a screen of that width,
+    and a comment names them. What is still too wide comes in several tabulars, such as one of each task. So does what
+    is longer than a page.
+    """
+    columns = table.columns
+    rows = [[_stacked(value, column.digits) for value, column in zip(row, columns, strict=True)] for row in table.rows]
+    lines = [[_wrapped(text, column) for text, column in zip(row, columns, strict=True)] for row in rows]
+    widths = {i: _widest([_header(column), *(row[i] for row in lines)]) for i, column in enumerate(columns)}
+    fit = _fit(table, rows, widths, _CHARACTERS[width])
+    notes = [f"% {' '.join(note.split())}" for note in table.notes]
+    too_wide = any(sum(part.values()) + 2 * len(part) > _CHARACTERS[width] for part in fit.parts)
+    varying = [i for i, column in enumerate(columns) if column.shared and len({row[i] for row in rows}) > 1]
+    if too_wide and varying:
+        return "\n".join([*notes, *(to_latex(some, width) for some in _apart(table, varying[0]))])
+    said = (fit.title, *([f"Left out: {fit.left_out}."] if fit.left_out else []), *fit.remarks)
+    tabulars = [_tabular(columns, some, part) for part in fit.parts for some in _pages(lines, part)]
+    return "\n".join([*(f"% {' '.join(line.split())}" for line in said), *notes, "\n\n".join(tabulars), ""])
+
+
+def _apart(table: Table, place: int) -> Iterator[Table]:
+    """A table, without notes, for each value of a column."""
+    for value in dict.fromkeys(row[place] for row in table.rows):
+        yield Table(table.title, table.columns, tuple(row for row in table.rows if row[place] == value))
+
+
+def _stacked(value: Value, digits: int | None) -> str:
+    """A value: the interval of what was learned stands on a line of its own, and nothing else does."""
+    return _folded(value, digits) if isinstance(value, Learned) else " ".join(show(value, digits).split())
+
+
+def _wrapped(text: str, column: Column) -> list[str]:
+    """The lines of a value: words stay whole, and so do numbers."""
+    return text.splitlines() if column.right else textwrap.wrap(text, _TEXT, break_long_words=False) or [""]
+
+
+def _header(column: Column) -> list[str]:
+    return textwrap.wrap(column.header, 12, break_long_words=False, break_on_hyphens=False)
+
+
+def _widest(texts: Iterable[Sequence[str]]) -> int:
+    return max(len(line) for lines in texts for line in lines)
+
+
+def _pages(rows: Sequence[Sequence[Sequence[str]]], part: Mapping[int, int]) -> Iterator[list[Sequence[Sequence[str]]]]:
+    """The rows of each tabular, at most as many lines as a page takes."""
+    page, height = list[Sequence[Sequence[str]]](), 0
+    for row in rows:
+        needs = max(len(row[i]) for i in part)
+        if page and height + needs > _LINES:
+            yield page
+            page, height = [], 0
+        page.append(row)
+        height += needs
+    yield page
+
+
+def _tabular(columns: Sequence[Column], rows: Iterable[Sequence[Sequence[str]]], part: Mapping[int, int]) -> str:
+    sides = ["r" if columns[i].right else "l" for i in part]
+    heads = [_latex_lines(_header(columns[i]), side, "b") for i, side in zip(part, sides, strict=True)]
+    body = [[_latex_lines(row[i], side, "t") for i, side in zip(part, sides, strict=True)] for row in rows]
     return "\n".join(
         [
-            *(f"% {' '.join(line.split())}" for line in (table.title, *table.notes)),
-            rf"\begin{{tabular}}{{{layout}}}",
+            r"{\fontsize{8}{9.5}\selectfont\setlength{\tabcolsep}{3pt}%",
+            rf"\begin{{tabular}}{{@{{}}{''.join(sides)}@{{}}}}",
             r"\toprule",
-            _latex_row([column.heading for column in table.columns]),
+            _latex_row(heads),
             r"\midrule",
-            *(_latex_row(row) for row in _texts(table)),
+            *map(_latex_row, body),
             r"\bottomrule",
-            r"\end{tabular}",
-            "",
+            r"\end{tabular}}",
         ]
     )
 
 
+def _latex_lines(lines: Sequence[str], side: str, place: str) -> str:
+    """A value; where it has several lines, a tabular of its own, in line with the others at the top or the bottom."""
+    texts = [_latex_text(line) for line in lines]
+    if len(texts) == 1:
+        return texts[0]
+    stacked = r" \\ ".join(texts)
+    return rf"\begin{{tabular}}[{place}]{{@{{}}{side}@{{}}}}{stacked}\end{{tabular}}"
+
+
 def _latex_row(row: Sequence[str]) -> str:
-    return " & ".join(_latex_text(text) for text in row) + r" \\"
+    return " & ".join(row) + r" \\"
 
 
 def _latex_text(text: str) -> str:
@@ -116,31 +195,56 @@ def _latex_text(text: str) -> str:
     return _MINUS.sub("$-$", escaped)
 
 
-def to_screen(table: Table, console: Console) -> None:
+def to_screen(table: Table, console: Console, *, explain: bool = True) -> None:
     """Print the table as wide as the console: what all rows share goes into the title, long texts go below.
 
     Where that is still too wide, columns are left out, and a line says which; where none can be, the table comes in
-    parts, one below the other.
+    parts, one below the other. Its notes follow unless `explain` is off.
     """
     columns = table.columns
     rows = [[_folded(value, column.digits) for value, column in zip(row, columns, strict=True)] for row in table.rows]
+    widths = {i: _least(column, [row[i] for row in rows]) for i, column in enumerate(columns)}
+    fit = _fit(table, rows, widths, console.width)
+    console.print(Text(fit.title, style="bold"))
+    for part in fit.parts:
+        console.print(_laid_out(columns, rows, part))
+        console.print()
+    notes = [
+        *([f"Left out on this narrow screen: {fit.left_out}."] if fit.left_out else []),
+        *(table.notes if explain else ()),
+    ]
+    for line in [*(Text(remark) for remark in fit.remarks), *(Text(note, style="dim") for note in notes)]:
+        console.print(line)
+    if fit.remarks or notes:
+        console.print()
+
+
+class _Fit(NamedTuple):
+    """A table as it fits a width."""
+
+    title: str
+    """With what all rows share."""
+    parts: list[dict[int, int]]
+    """Columns that stand side by side, each with its width in characters."""
+    left_out: str
+    remarks: list[str]
+    """The long texts."""
+
+
+def _fit(table: Table, rows: Sequence[Sequence[str]], widths: Mapping[int, int], width: int) -> _Fit:
+    """Which columns of these widths fit into `width` characters; `rows` are the values as they are shown."""
+    columns = table.columns
     shared = [i for i, column in enumerate(columns) if column.shared and len({row[i] for row in rows}) == 1]
     below = [i for i, column in enumerate(columns) if column.below]
-    inside = [i for i in range(len(columns)) if i not in (*shared, *below)]
-    widths = {i: _least(columns[i], [row[i] for row in rows]) for i in inside}
-    shown = _fitting(columns, widths, console.width)
+    inside = {i: widths[i] for i in range(len(columns)) if i not in (*shared, *below)}
+    shown = _fitting(columns, inside, width)
     common = ", ".join(f"{columns[i].heading} {rows[0][i]}" for i in shared)
-    console.print(Text(f"{table.title}: {common}" if common else table.title, style="bold"))
-    for part in _parts(columns, {i: widths[i] for i in shown}, console.width):
-        console.print(_laid_out(columns, rows, {i: widths[i] for i in part}))
-        console.print()
-    left_out = ", ".join(columns[i].heading for i in inside if i not in shown)
-    remarks = _lines_below(columns, rows, below)
-    notes = [*([f"Left out on this narrow screen: {left_out}."] if left_out else []), *table.notes]
-    for line in [*(Text(remark) for remark in remarks), *(Text(note, style="dim") for note in notes)]:
-        console.print(line)
-    if remarks or notes:
-        console.print()
+    return _Fit(
+        title=f"{table.title}: {common}" if common else table.title,
+        parts=[{i: widths[i] for i in part} for part in _parts(columns, {i: widths[i] for i in shown}, width)],
+        left_out=", ".join(columns[i].heading for i in inside if i not in shown),
+        remarks=_lines_below(columns, rows, below),
+    )
 
 
 def _folded(value: Value, digits: int | None) -> str:
@@ -187,7 +291,7 @@ def _least(column: Column, texts: Sequence[str]) -> int:
     """The width at which a column still reads well: numbers unbroken, texts and headers broken between words."""
     header = max(len(word) for word in column.header.split())
     longest = max((len(line) for text in texts for line in text.splitlines()), default=0)
-    return max(header, longest if column.right else min(longest, 16))
+    return max(header, longest if column.right else min(longest, _TEXT))
 
 
 def _lines_below(columns: Sequence[Column], rows: Sequence[Sequence[str]], below: Sequence[int]) -> list[str]:

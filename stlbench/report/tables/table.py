@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from stlbench.report.statistics.intervals import Interval
 
@@ -17,10 +17,14 @@ __all__ = [
     "Seeds",
     "Table",
     "Value",
+    "Width",
     "decimal",
     "learned_parts",
     "show",
 ]
+
+Width = Literal["column", "page"]
+"""What a table or a figure of a paper fits: one column of two (3.5 inches), or the page (7.16 inches)."""
 
 NOTHING = "-"
 """What is shown where there is nothing to show."""

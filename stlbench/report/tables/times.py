@@ -11,7 +11,7 @@ from stlbench.report.tables.rows import Group
 from stlbench.report.tables.setting import SETTING, setting_values
 from stlbench.report.tables.table import Column, Table, Value
 
-__all__ = ["time_table"]
+__all__ = ["seconds_interval", "time_table"]
 
 
 def time_table(groups: Sequence[Group]) -> Table:
@@ -42,9 +42,9 @@ def _time_row(group: Group) -> tuple[Value, ...]:
     return (
         *setting_values(group),
         _mean(wall),
-        _seconds(wall),
+        seconds_interval(wall),
         _mean(cpu),
-        _seconds(cpu),
+        seconds_interval(cpu),
         _mean(group.values(lambda numbers: numbers.cpu_seconds)),
         _mean(group.values(lambda numbers: numbers.env_steps)),
         _mean(group.values(lambda numbers: numbers.reward_nanoseconds)),
@@ -54,7 +54,7 @@ def _time_row(group: Group) -> tuple[Value, ...]:
     )
 
 
-def _seconds(values: Sequence[float]) -> Interval | None:
+def seconds_interval(values: Sequence[float]) -> Interval | None:
     """Of the mean; it ends at 0, as nothing takes less: the intervals of two seeds are wide."""
     found = mean_interval(values)
     return None if found is None else Interval(max(found.low, 0.0), found.high)

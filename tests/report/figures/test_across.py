@@ -5,9 +5,11 @@ from __future__ import annotations
 import pytest
 
 from stlbench.report.figures import report_figures
-from stlbench.report.figures.across import across_tasks, place
+from stlbench.report.figures.across import across_tasks, place, ticks
+from stlbench.report.figures.palette import COLOURS
 from stlbench.report.tables.across import Entry, Field
 
+COLOURED = dict(zip(["bad", "good", *(f"method-{i}" for i in range(9))], COLOURS, strict=False))
 GOOD = Entry("good", ((0.99, 0.9), (0.9, 0.99), (0.9, 0.9)), "")
 BAD = Entry("bad", ((0.5, 0.5), (0.5, 0.5), ()), "2 intractable")
 EVERY = Field("quick", "shared", ("one", "two", "three"), "all 3", (BAD, GOOD))
@@ -22,8 +24,28 @@ def test_what_lacks_a_tenth_is_one_further():
     assert place(0.999) == place(1.0) == place(1.5) == pytest.approx(3)
 
 
+@pytest.mark.parametrize(
+    ("ends", "texts"),
+    [
+        ((0.32, 0.97), ["0.3", "0.6", "0.8", "0.9", "0.95", "0.98"]),
+        ((-1.2, 0.95), ["-3", "-1", "0", "0.5", "0.9", "0.99"]),
+        ((-40, 1.2), ["-100", "-10", "-1", "0", "0.5", "0.9", "0.99", "0.999"]),
+    ],
+)
+def test_the_numbers_on_the_axis_lie_around_the_data(ends, texts):
+    assert [text for _, text in ticks(*ends)] == texts
+
+
+def test_left_and_right_a_method_has_the_colour_that_it_is_given():
+    left, right = across_tasks([EVERY, COMMON], COLOURED).axes
+    marks = [line.get_color() for line in left.lines if line.get_marker() in "Ds"]
+    assert marks == 2 * [COLOURED["bad"], COLOURED["good"]]
+    assert [line.get_color() for line in right.lines] == [COLOURED["bad"], COLOURED["good"]]
+    assert "logarithmic" in left.get_xlabel()
+
+
 def test_each_method_has_its_aggregate_in_each_field():
-    left, _ = across_tasks([EVERY, COMMON]).axes
+    left, _ = across_tasks([EVERY, COMMON], COLOURED).axes
     assert [label.get_text() for label in left.get_yticklabels()] == ["bad\n(fits 2 of 3)", "good"]
     marked = {
         (line.get_marker(), round(line.get_ydata()[0], 2)): line for line in left.lines if line.get_marker() in "Ds"
@@ -33,7 +55,7 @@ def test_each_method_has_its_aggregate_in_each_field():
 
 
 def test_a_profile_falls_from_all_runs_to_none():
-    _, right = across_tasks([EVERY]).axes
+    _, right = across_tasks([EVERY], COLOURED).axes
     bad, good = (line.get_ydata() for line in right.lines)
     assert bad[1:].tolist() == sorted(bad[1:], reverse=True)
     assert good[0] == 100
@@ -42,7 +64,7 @@ def test_a_profile_falls_from_all_runs_to_none():
 
 
 def test_the_rows_say_what_a_method_does_not_fit():
-    figure = across_tasks([EVERY, COMMON])
+    figure = across_tasks([EVERY, COMMON], COLOURED)
     left, right = figure.axes
     assert [label.get_text() for label in left.get_yticklabels()] == ["bad\n(fits 2 of 3)", "good"]
     assert [text.get_text() for text in right.get_legend().get_texts()] == ["bad", "good"]
@@ -54,7 +76,7 @@ def test_the_rows_say_what_a_method_does_not_fit():
 
 def test_no_panel_of_profiles_has_a_colour_twice():
     entries = tuple(Entry(f"method-{i}", GOOD.scores, "") for i in range(9))
-    figure = across_tasks([Field("quick", "shared", EVERY.tasks, "all 3", entries)])
+    figure = across_tasks([Field("quick", "shared", EVERY.tasks, "all 3", entries)], COLOURED)
     _, *panels = figure.axes
     assert [len(axes.lines) for axes in panels] == [4, 5]
     assert all(len({line.get_color() for line in axes.lines}) == len(axes.lines) for axes in panels)
@@ -62,8 +84,8 @@ def test_no_panel_of_profiles_has_a_colour_twice():
 
 def test_one_figure_for_each_budget_and_track(tmp_path):
     plain = Field("quick", "plain", EVERY.tasks, "all 3", EVERY.entries)
-    paths = report_figures.draw_across((plain, EVERY, COMMON), tmp_path)
+    paths = report_figures.draw_across((plain, EVERY, COMMON), tmp_path, COLOURED)
     assert [path.name for path in paths] == [
         f"across-quick-{track}.{end}" for track in ("plain", "shared") for end in ("png", "svg", "pdf")
     ]
-    assert report_figures.draw_across((), tmp_path) == []
+    assert report_figures.draw_across((), tmp_path, COLOURED) == []

@@ -8,7 +8,8 @@ from helpers.pair_task import pair
 from matplotlib.figure import Figure
 
 from stlbench import stl
-from stlbench.report.figures.counterexample import _HERE, counterexample
+from stlbench.report.figures.counterexample import counterexample
+from stlbench.report.figures.palette import MARK
 
 TRACE = np.array([0, 0.5, 1, 1.5, 2, 1.5, 1, 0.5, 0])[:, None]
 
@@ -21,7 +22,7 @@ def drawn(formula: str = "G[0,4] (x <= 1)", trace: np.ndarray = TRACE) -> Figure
 def test_the_signal_and_the_step_that_decides() -> None:
     signal, margin = drawn().axes
     assert TRACE[:, 0].tolist() in [list(entry.get_ydata()) for entry in signal.lines]
-    marks = [entry for entry in signal.lines if entry.get_color() == _HERE and entry.get_marker() == "o"]
+    marks = [entry for entry in signal.lines if entry.get_color() == MARK and entry.get_marker() == "o"]
     assert [(*entry.get_xdata(), *entry.get_ydata()) for entry in marks] == [(4, 2)]
     assert margin.get_title(loc="left") == "margin of x <= 1"
 
@@ -52,7 +53,7 @@ def test_a_plane_and_a_formula_outside_the_fragment() -> None:
     assert len(figure.axes) == 4
     plane = figure.axes[-1]
     assert (plane.get_xlabel(), plane.get_ylabel()) == ("a [-]", "b [-]")
-    assert [tuple(entry.get_xydata()[0]) for entry in plane.lines if entry.get_color() == _HERE] == [tuple(trace[4])]
+    assert [tuple(entry.get_xydata()[0]) for entry in plane.lines if entry.get_color() == MARK] == [tuple(trace[4])]
 
 
 def test_a_formula_that_reads_no_signal() -> None:

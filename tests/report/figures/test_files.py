@@ -12,7 +12,7 @@ from PIL import Image
 from stlbench.errors import UsageError
 from stlbench.report.figures import files
 from stlbench.report.figures.files import drawn, file_name, save, source_of
-from stlbench.report.figures.style import RC
+from stlbench.report.figures.style import rc
 
 
 def test_parts_of_a_name():
@@ -102,7 +102,7 @@ def test_a_colour_of_few_pixels_is_kept_among_thousands_of_shades(tmp_path):
         for alpha in (0.18, 0.35):
             box = Rectangle(corner, 0.02, 0.02, transform=figure.transFigure, facecolor=colour, alpha=alpha)
             figure.add_artist(box)
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rc()):
         figure.savefig(tmp_path / "true.png", dpi=200)
     png, *_ = save(figure, tmp_path, "name")
     true, few = (np.asarray(Image.open(path).convert("RGB")).astype(int) for path in (tmp_path / "true.png", png))

@@ -13,6 +13,7 @@ from stlbench.report import condense
 from stlbench.report.figures.learning import learning_curves
 from stlbench.report.figures.margins import robustness_in_time
 from stlbench.report.figures.overview import overview
+from stlbench.report.figures.palette import colours_of
 from stlbench.report.figures.robustness import robustness_by_method
 from stlbench.report.figures.trajectories import trajectories
 from stlbench.rollout.traces import Recording
@@ -50,14 +51,14 @@ def in_plane(name):
 
 def at_a_glance(name):
     task = load_task(name)
-    return overview(task, GROUPS, [recording(task).traces] * len(GROUPS))
+    return overview(task, GROUPS, [recording(task).traces] * len(GROUPS), colours_of(GROUPS))
 
 
 FIGURES = {
-    "robustness": lambda: robustness_by_method(GROUPS, "m or rad or rad/s"),
+    "robustness": lambda: robustness_by_method(GROUPS, "m or rad or rad/s", colours_of(GROUPS)),
     "rewarded-formation": lambda: in_time("formation", rewarded=True),
     "overview-robot-nav": lambda: at_a_glance("robot-nav"),
-    "learning": lambda: learning_curves(GROUPS, "m or rad or rad/s"),
+    "learning": lambda: learning_curves(GROUPS, "m or rad or rad/s", colours_of(GROUPS)),
     **{f"time-{name}": lambda name=name: in_time(name) for name in ("formation", "pendulum")},
     **{f"trajectories-{name}": lambda name=name: in_plane(name) for name in ("formation", "overlap")},
 }

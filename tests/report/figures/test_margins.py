@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 
 from stlbench.presentation import Band
 from stlbench.report.figures.layout import LEVEL
-from stlbench.report.figures.margins import BAND, BAND_ELSEWHERE, SINGLE, robustness_in_time
-from stlbench.report.figures.palette import TRACE
+from stlbench.report.figures.margins import BAND_ELSEWHERE, SINGLE, robustness_in_time
+from stlbench.report.figures.palette import BOUNDS, TRACE
 from stlbench.rollout.traces import Recording
 
 TWO = "F[1,3] x >= 2 & G[5,7] x <= 1"
@@ -79,9 +79,9 @@ def test_the_bounds_of_a_method_are_in_the_row_of_their_term():
     _, term = line(formula=TWO).specification.terms
     banded = figure(bands=[Band(term, 4, np.array([-3.0, -1, 0, 0.5]), np.ones(4))])
     first, second = banded.axes
-    assert drawn(first, BAND) == []
-    assert drawn(second, BAND) == [[-3, -1, 0, 0.5], [1, 1, 1, 1]]
-    assert [list(entry.get_xdata()) for entry in second.lines if entry.get_color() == BAND] == 2 * [[4, 5, 6, 7]]
+    assert drawn(first, BOUNDS) == []
+    assert drawn(second, BOUNDS) == [[-3, -1, 0, 0.5], [1, 1, 1, 1]]
+    assert [list(entry.get_xdata()) for entry in second.lines if entry.get_color() == BOUNDS] == 2 * [[4, 5, 6, 7]]
     assert legend(banded)[-1] == "the method's bounds"
     assert "the method's bounds" not in legend(figure())
 
@@ -112,13 +112,13 @@ def test_the_rewarded_form_is_drawn_where_it_is_asked_for_and_said():
     assert drawn(axes, TRACE) == [[2.0 - 4.0] * 9]
     assert axes.get_ylabel() == "robustness of psi\n[rewarded form, no unit]"
     assert "of the rewarded form" in form.get_suptitle()
-    assert drawn(axes, BAND) == [[0] * 5, [1] * 5]
+    assert drawn(axes, BOUNDS) == [[0] * 5, [1] * 5]
     assert BAND_ELSEWHERE not in legend(form)
 
 
 def test_bounds_on_the_rewarded_form_are_not_drawn_over_the_own_predicate_and_it_is_said():
     own = figure(OWN, bands=rewarded_band(), rewarded=REWARDED)
-    assert drawn(own.axes[0], BAND) == []
+    assert drawn(own.axes[0], BOUNDS) == []
     assert BAND_ELSEWHERE in legend(own)
     assert "the method's bounds" not in legend(own)
     assert BAND_ELSEWHERE not in legend(figure(OWN, rewarded=REWARDED))  # a method without bounds
@@ -130,7 +130,7 @@ def test_a_term_that_both_forms_share_has_no_bounds_of_the_rewarded_form_either(
     shared = task.specification.terms[1]
     bands = [Band(shared, 0, np.zeros(5), np.ones(5))]
     for axes in robustness_in_time(task, recording(ZEROS), bands, "line").axes:
-        assert drawn(axes, BAND) == []
+        assert drawn(axes, BOUNDS) == []
 
 
 def test_a_range_that_is_long_below_zero_is_logarithmic_there():

@@ -8,6 +8,7 @@ from helpers.synthetic_results import result
 
 from stlbench.report import condense
 from stlbench.report.figures.overview import METHODS_PER_OVERVIEW, overview
+from stlbench.report.figures.palette import colours_of
 from stlbench.report.figures.style import DOUBLE
 from stlbench.task import load_task
 
@@ -25,7 +26,7 @@ def drawn(*ends):
     """An overview with one straight trace per group from (0, 0) to (end, end); None for a group without."""
     task = line(signals=PLANE, plane=["x", "y"], formula="G[0,4] x <= 1")
     traces = [None if end is None else np.linspace(0, end, 9)[None, :, None] * np.ones(2) for end in ends]
-    return overview(task, GROUPS, traces)
+    return overview(task, GROUPS, traces, colours_of(GROUPS))
 
 
 def test_a_row_per_group_above_and_a_panel_per_group_with_traces_below():
@@ -55,7 +56,7 @@ def test_an_overview_is_as_wide_as_a_page_of_a_paper():
     task = load_task("hold-disc")
     traces = np.full((16, task.file.steps + 1, 2), 2.0)
     groups = condense(result(method) for method in ("flag", "funnel", "raw"))
-    width, height = overview(task, groups, [traces] * 3).get_size_inches()
+    width, height = overview(task, groups, [traces] * 3, colours_of(groups)).get_size_inches()
     assert width == DOUBLE
     assert height < 0.8 * width
 
@@ -63,5 +64,5 @@ def test_an_overview_is_as_wide_as_a_page_of_a_paper():
 def test_as_many_methods_as_fit():
     groups = condense(result(f"method-{i}") for i in range(METHODS_PER_OVERVIEW))
     task = load_task("hold-disc")
-    figure = overview(task, groups, [np.full((1, task.file.steps + 1, 2), 2.0)] * len(groups))
+    figure = overview(task, groups, [np.full((1, task.file.steps + 1, 2), 2.0)] * len(groups), colours_of(groups))
     assert len(figure.axes) == 1 + METHODS_PER_OVERVIEW + 1

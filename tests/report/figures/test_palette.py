@@ -9,17 +9,52 @@ from matplotlib import colormaps
 from matplotlib.colors import to_rgb
 
 from stlbench.report import condense
-from stlbench.report.figures.palette import COLOURS, GROUPS_PER_FIGURE, TIME, TRACE, pages, styles, term_style
+from stlbench.report.figures.palette import (
+    BOUNDS,
+    COLOURS,
+    GROUPS_PER_FIGURE,
+    INK,
+    MARK,
+    SAFE,
+    TIME,
+    TRACE,
+    colours_of,
+    pages,
+    styles,
+    term_style,
+)
+from stlbench.result import Planned
 
 
-def test_all_groups_of_a_figure_have_colours_of_their_own():
-    looks = styles(condense(result(f"method-{i:02}") for i in range(GROUPS_PER_FIGURE)))
-    assert len({style.colour for style in looks}) == GROUPS_PER_FIGURE
+def test_a_method_has_one_colour_and_its_agents_differ_in_their_lines():
+    groups = condense(result(method, agent=agent) for method in ("flag", "raw") for agent in ("dqn", "td3"))
+    colours = colours_of(groups)
+    looks = [(style.colour, style.line) for style in styles(groups, colours)]
+    flag, raw = colours["flag"], colours["raw"]
+    assert flag != raw
+    assert looks == [(flag, "-"), (flag, "--"), (raw, "-"), (raw, "--")]
 
 
-def test_more_groups_than_colours_differ_in_their_lines():
-    looks = styles(condense(result(f"method-{i:02}") for i in range(2 * GROUPS_PER_FIGURE)))
-    assert len({(style.colour, style.line) for style in looks}) == 2 * GROUPS_PER_FIGURE
+def test_planned_methods_do_not_change_the_colours_of_those_that_learned():
+    learned = [result(method) for method in ("funnel", "raw")]
+    planned = [result(method, agent="planner", planned=Planned("reward", 1.0)) for method in ("a", "raw", "verdict")]
+    every = colours_of(condense([*learned, *planned]))
+    assert every.items() >= colours_of(condense(learned)).items()
+    assert len(set(every.values())) == len(every) == 4
+
+
+def test_as_many_methods_as_there_are_have_colours_of_their_own():
+    groups = condense(result(f"method-{i:02}") for i in range(len(COLOURS)))
+    assert len(set(colours_of(groups).values())) == len(COLOURS) == 2 * GROUPS_PER_FIGURE
+
+
+def test_methods_of_one_colour_differ_in_their_lines():
+    groups = condense(result(f"method-{i:02}") for i in range(2 * len(COLOURS)))
+    assert len({(style.colour, style.line) for style in styles(groups, colours_of(groups))}) == 2 * len(COLOURS)
+
+
+def test_what_belongs_to_no_method_has_no_colour_of_a_method():
+    assert not {INK, TRACE, MARK, BOUNDS} & {*COLOURS}
 
 
 def test_twenty_terms_all_look_different():
@@ -43,9 +78,9 @@ DEUTAN = [[0.29275, 0.70725, 0.0], [0.29275, 0.70725, 0.0], [-0.02234, 0.02234, 
 
 @pytest.mark.parametrize("seen", [PROTAN, DEUTAN], ids=["protan", "deutan"])
 def test_a_colour_blind_reader_tells_the_colours_apart(seen):
-    linear = np.array([to_rgb(colour) for colour in COLOURS]) ** 2.2
+    linear = np.array([to_rgb(colour) for colour in SAFE]) ** 2.2
     shown = np.clip(linear @ np.transpose(seen), 0, 1) ** (1 / 2.2)
-    apart = np.linalg.norm(shown[:, None] - shown, axis=-1)[np.triu_indices(len(COLOURS), 1)]
+    apart = np.linalg.norm(shown[:, None] - shown, axis=-1)[np.triu_indices(len(SAFE), 1)]
     assert apart.min() > 0.14
 
 

@@ -7,6 +7,7 @@ from helpers.synthetic_results import result
 
 from stlbench.report import condense
 from stlbench.report.figures.learning import learning_curves
+from stlbench.report.figures.palette import colours_of
 from stlbench.report.figures.robustness import robustness_by_method
 from stlbench.result import CurvePoint
 
@@ -26,7 +27,7 @@ GROUPS = condense(
 
 
 def test_every_seed_is_a_point_and_the_median_stands_under_it():
-    (axes,) = robustness_by_method(GROUPS, "m").axes
+    (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
     drawn = [sorted(map(float, line.get_xdata())) for line in axes.lines]
     assert [-0.2] in drawn
     assert [0.1, 0.3] in drawn
@@ -34,19 +35,19 @@ def test_every_seed_is_a_point_and_the_median_stands_under_it():
 
 
 def test_a_method_without_a_result_keeps_its_place():
-    (axes,) = robustness_by_method(GROUPS, "m").axes
+    (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert labels == ["flag\n1 of 1 seeds", "funnel\n2 of 2 seeds", "tau-mdp\nintractable"]
     assert [(text.get_text(), text.get_position()[1]) for text in axes.texts] == [("no result", 2)]
 
 
-def test_no_two_things_have_one_colour():
-    """Seeds have one, and what is said of all of them another; methods have a row each."""
-    (axes,) = robustness_by_method(GROUPS, "m").axes
-    seeds = {line.get_color() for line in axes.lines if line.get_marker() == "o"}
-    middles = {line.get_color() for line in axes.lines if line.get_marker() == "D"}
-    assert len(seeds) == len(middles) == 1
-    assert seeds != middles
+def test_seeds_and_what_is_said_of_all_of_them_have_the_colour_of_the_method():
+    (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
+    for marker in "oD":
+        rows = {round(line.get_ydata()[0]): line.get_color() for line in axes.lines if line.get_marker() == marker}
+        assert rows
+        for row, colour in rows.items():
+            assert colour == colours_of(GROUPS)[str(GROUPS[row].setting.method)]
 
 
 PENDULUM = {
@@ -67,7 +68,7 @@ def pendulum(**curves):
 
 
 def test_methods_near_zero_are_told_apart_beside_one_at_minus_100():
-    (axes,) = robustness_by_method(pendulum(), "rad or rad/s").axes
+    (axes,) = robustness_by_method(pendulum(), "rad or rad/s", colours_of(pendulum())).axes
     assert axes.get_xlabel() == "mean robustness over the report starts [rad or rad/s]"
     assert axes.get_xscale() == "linear"
     low, high = axes.get_xlim()
@@ -79,17 +80,17 @@ def test_methods_near_zero_are_told_apart_beside_one_at_minus_100():
 
 
 def test_what_lies_beyond_the_axis_is_an_arrow_with_its_numbers():
-    figure = robustness_by_method(pendulum(), "rad or rad/s")
+    figure = robustness_by_method(pendulum(), "rad or rad/s", colours_of(pendulum()))
     (axes,) = figure.axes
     told = {text.get_text(): text.xy[1] for text in axes.texts}
-    assert told == {"5 seeds, -29.5 to -102": -0.14, "-35.7": 0.2}
+    assert told == {"5 seeds, -29.5 to -102": -0.14, "median -35.7 [-102, -29.5]": 0.2}
     arrows = [line for line in axes.lines if line.get_marker() == "<"]
     assert [(line.get_xdata()[0], line.get_ydata()[0]) for line in arrows] == [(0.0, -0.14), (0.0, 0.2)]
     assert "beyond the axis" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 def test_values_of_one_size_have_a_linear_axis_in_the_unit_that_is_given():
-    (axes,) = robustness_by_method(GROUPS, "m").axes
+    (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
     assert axes.get_xscale() == "linear"
     assert axes.get_xlabel() == "mean robustness over the report starts [m]"
 
@@ -97,7 +98,7 @@ def test_values_of_one_size_have_a_linear_axis_in_the_unit_that_is_given():
 def test_the_axis_has_all_seeds_and_no_interval_goes_beyond_them():
     values = (0.3, 0.4, 0.5, -0.3, 0.45)
     five = condense(result("raw", seed, robustness=(value,)) for seed, value in enumerate(values))
-    (axes,) = robustness_by_method(five, "m").axes
+    (axes,) = robustness_by_method(five, "m", colours_of(five)).axes
     assert axes.get_xlim() == pytest.approx((-0.34, 0.54))
     assert [-0.3, 0.5] in [[*map(float, line.get_xdata())] for line in axes.lines if line.get_linewidth() == 2]
 
@@ -111,7 +112,7 @@ def test_learning_curves_of_methods_near_zero_are_told_apart():
     groups = pendulum(
         **{name: curve(*((100 * i, 0.0, value) for i, value in enumerate(values))) for name, values in rising.items()}
     )
-    _, right = learning_curves(groups, "rad").axes
+    _, right = learning_curves(groups, "rad", colours_of(groups)).axes
     assert right.get_ylabel() == "mean robustness [rad]"
     low, high = right.get_ylim()
     assert -0.1 < low < 0

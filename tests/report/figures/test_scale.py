@@ -78,3 +78,8 @@ def test_an_axis_shows_all_values_and_says_what_it_does():
     assert high > 0.1  # the end of the linear part has a number
     assert [label.get_text() for label in axes.get_xticklabels()] == ["-100", "-10", "-1", "-0.1", "0", "0.1"]
     assert axes.get_yscale() == "linear"
+
+
+def test_an_end_within_the_linear_part_has_a_number():
+    assert symlog_ticks(5.0, -33, 2.3)[0] == [-20, -10, -5, 0, 2]
+    assert symlog_ticks(5.0, -33, 0.3)[0] == [-20, -10, -5, 0]

@@ -7,10 +7,14 @@ from pathlib import Path
 
 import matplotlib as mpl
 import pytest
+from helpers.synthetic_results import result
 from matplotlib.figure import Figure
 
+from stlbench.report import condense
 from stlbench.report.figures import style
-from stlbench.report.figures.style import DOUBLE, RC, SINGLE, styled
+from stlbench.report.figures.learning import learning_curves
+from stlbench.report.figures.palette import colours_of
+from stlbench.report.figures.style import DOUBLE, SINGLE, fitting, rc, styled
 
 FOLDER = Path(style.__file__).parent
 
@@ -24,12 +28,23 @@ def test_what_is_drawn_has_the_style_and_leaves_none_behind():
 
     before = mpl.rcParams["axes.titlesize"], mpl.rcParams["font.size"]
     (axes,) = draw().axes
-    assert axes.title.get_fontsize() == RC["axes.titlesize"]
+    assert axes.title.get_fontsize() == rc()["axes.titlesize"]
     assert (mpl.rcParams["axes.titlesize"], mpl.rcParams["font.size"]) == before
 
 
 def test_columns_are_those_of_ieee():
     assert 2 * SINGLE < DOUBLE < 7.2
+
+
+def test_a_figure_for_a_column_is_as_wide_as_one_and_has_text_of_a_paper():
+    groups = condense(result(method, seed) for method in ("flag", "raw") for seed in (0, 1))
+    with fitting("column"):
+        figure = learning_curves(groups, "m", colours_of(groups))
+    assert figure.get_figwidth() == SINGLE
+    sizes = [text.get_fontsize() for text in figure.legends[0].get_texts()]
+    sizes += [text.get_fontsize() for axes in figure.axes for text in (axes.xaxis.label, *axes.get_xticklabels())]
+    assert set(sizes) == {8}
+    assert learning_curves(groups, "m", colours_of(groups)).get_figwidth() == DOUBLE
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)

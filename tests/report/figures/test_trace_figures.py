@@ -10,8 +10,9 @@ from helpers import synthetic_results
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
+from stlbench.report import condense
 from stlbench.report.figures import trace_figures
-from stlbench.report.figures.palette import GROUPS_PER_FIGURE
+from stlbench.report.figures.palette import GROUPS_PER_FIGURE, colours_of
 from stlbench.rollout.saved_traces import trace_file
 from stlbench.task import load_task
 
@@ -32,7 +33,10 @@ class Run:
         return result
 
     def draw(self, *results, kinds=trace_figures.USUAL):
-        job = trace_figures.Job(self.folder, self.folder / "out", self.told.append, self.warnings.append, kinds)
+        colours = colours_of(condense(results))
+        job = trace_figures.Job(
+            self.folder, self.folder / "out", self.told.append, self.warnings.append, colours, kinds
+        )
         paths = trace_figures.draw(results, job)
         assert all(path.stat().st_size > 1000 for path in paths)
         return {path.name for path in paths}

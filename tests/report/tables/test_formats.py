@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from dataclasses import replace
 
 import pytest
 from helpers.synthetic_results import by_hand, result
@@ -12,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from stlbench.registry.choices import Choice
 from stlbench.report import (
     Column,
     Table,
@@ -29,6 +31,7 @@ from stlbench.report.statistics.intervals import Interval
 from stlbench.report.tables.overview import overview
 from stlbench.report.tables.table import FirstFailed, Learned, Seeds
 
+OTHER = Choice("another-task")
 TABLE = Table(
     "Scores",
     (Column("method", right=False), Column("share", unit="%", digits=1), Column("gain", digits=3, kind=Interval)),
@@ -66,20 +69,35 @@ def test_latex():
     assert to_latex(TABLE).splitlines() == [
         "% Scores",
         "% One note.",
-        r"\begin{tabular}{lrr}",
+        r"{\fontsize{8}{9.5}\selectfont\setlength{\tabcolsep}{3pt}%",
+        r"\begin{tabular}{@{}lrr@{}}",
         r"\toprule",
         r"method & share {[}\%{]} & gain \\",
         r"\midrule",
         r"funnel{[}ginf=0.02{]} & 98.0 & {[}$-$0.100, 0.200{]} \\",
         r"a\textbar{}b\_c*d \& \textless{}e\textgreater{} & -- & -- \\",
         r"\bottomrule",
-        r"\end{tabular}",
+        r"\end{tabular}}",
     ]
+
+
+@pytest.mark.parametrize(("width", "most"), [("column", 64), ("page", 130)])
+def test_latex_fits_the_width_and_says_what_it_left_out(width, most):
+    tables = summary(condense([*RESULTS, *(replace(each, id=replace(each.id, task=OTHER)) for each in RESULTS)]), {})
+    for table in tables[1:3]:
+        text = to_latex(table, width)
+        nested = re.compile(r"\\begin\{tabular\}\[[tb]\]\{@\{\}[lr]@\{\}\}(.*?)\\end\{tabular\}")
+        plain = nested.sub(lambda found: max(found[1].split(r" \\ "), key=len), text)
+        rows = [line.removesuffix(r" \\").split(" & ") for line in plain.splitlines() if line.endswith(r" \\")]
+        shown = [[re.sub(r"\\text\w+\{\}|[\\{}$]", "", each) for each in row] for row in rows]
+        assert max(sum(len(each) + 2 for each in row) for row in shown) <= most
+        assert text.count(r"\begin{tabular}{@") == text.count(r"\end{tabular}}")
+    assert "% Left out: " in to_latex(tables[1], "column")
 
 
 @pytest.mark.parametrize("text", ["\\", "100 %", "#1 {x} $y$ ~z^2", "line\nbreak", "x > -1"])
 def test_latex_leaves_no_special_character(text):
-    body = to_latex(Table("t", (Column("c"),), ((text,),))).splitlines()[5]
+    body = to_latex(Table("t", (Column("c"),), ((text,),))).splitlines()[6]
     bare = re.sub(r"\\(textbackslash|textasciicircum|textasciitilde|textgreater)\{\}|\\[&%$#_{}]|\$-\$", "", body)
     assert not re.search(r"[\\%#&$_^~{}<>|]", bare.removesuffix(r" \\"))
 
@@ -199,3 +217,10 @@ def test_reasons_are_printed_as_they_are():
 def test_reasons_stand_below_the_table():
     text = screen(summary(condense(RESULTS), {})[0], 120)
     assert "remarks: hold-disc/tau-mdp/dqn/quick/shared: intractable: needs 6003 inputs, limit 512" in text.splitlines()
+
+
+def test_notes_are_left_out_where_nobody_asks():
+    console = Console(width=120, file=io.StringIO(), color_system=None)
+    to_screen(TABLE, console, explain=False)
+    assert "98.0" in console.file.getvalue()
+    assert "One note." not in console.file.getvalue()

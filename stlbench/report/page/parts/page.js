@@ -101,15 +101,15 @@ function legend(Plotly, place, chart) {
 }
 
 function swatch(entry) {
-  if (!entry.color) return "";
-  if (entry.line === "x") return element("span", "\u2715", { class: "swatch cross", style: `color:${real(entry.color)}`, "aria-hidden": "true" });
+  const glyph = { x: "\u2715", o: "\u25cf", d: "\u25c6", s: "\u25a0", c: "\u25cb" }[entry.line];
+  if (glyph) return element("span", glyph, { class: "swatch mark", style: `color:${real(entry.color)}`, "aria-hidden": "true" });
   const mark = element("span", undefined, { class: "swatch", "aria-hidden": "true" });
   if (entry.line === "box") {
     mark.classList.add("box");
     mark.style.background = real(entry.color);
   } else {
     mark.style.borderTopColor = real(entry.color);
-    mark.style.borderTopStyle = { "--": "dashed", ":": "dotted", "": "none" }[entry.line] ?? "solid";
+    mark.style.borderTopStyle = { "--": "dashed", ":": "dotted" }[entry.line] ?? "solid";
   }
   return mark;
 }

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from helpers.synthetic_results import result
 
-from stlbench.cli import progress
-from stlbench.cli.progress import Progress
+from stlbench.study import progress
+from stlbench.study.progress import Progress
 
 
 @pytest.fixture

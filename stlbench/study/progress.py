@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Self
 from rich.console import Console, RenderableType
 from rich.text import Text
 
-from stlbench.cli.live import MOST, Sight, draws, line_of
-from stlbench.cli.pace import LATEST, Ended, Pace, reward_of, unfit
 from stlbench.identity import CellId
 from stlbench.registry.choices import Choice
 from stlbench.result import Result, reported
 from stlbench.status import ACCIDENTS
+from stlbench.study.live import MOST, Sight, draws, line_of
+from stlbench.study.pace import LATEST, Ended, Pace, reward_of, unfit
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar

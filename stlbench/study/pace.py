@@ -8,10 +8,10 @@ from itertools import accumulate
 from statistics import fmean
 from typing import NamedTuple
 
-from stlbench.cli.live import duration
 from stlbench.identity import CellId, Setting
 from stlbench.registry.choices import Choice
 from stlbench.result import Result
+from stlbench.study.live import duration
 from stlbench.study.outlook import Begun, Took, time_left
 from stlbench.study.running import Running
 

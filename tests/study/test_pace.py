@@ -7,10 +7,10 @@ import pytest
 from helpers.simulated_runs import Idle, Seen, simulate
 from helpers.synthetic_results import result
 
-from stlbench.cli import pace
-from stlbench.cli.pace import Ended, Pace, reward_of, unfit
 from stlbench.identity import CellId
+from stlbench.study import pace
 from stlbench.study.outlook import Took
+from stlbench.study.pace import Ended, Pace, reward_of, unfit
 from stlbench.study.running import Running
 
 SECONDS = {
