@@ -9,7 +9,7 @@ from stlbench.report import condense
 from stlbench.report.figures.layout import LEVEL
 from stlbench.report.figures.learning import learning_curves
 from stlbench.report.figures.palette import colours_of
-from stlbench.report.statistics.intervals import interval
+from stlbench.report.statistics.intervals import mean_interval
 from stlbench.result import CurvePoint
 
 
@@ -49,7 +49,7 @@ def test_the_interval_is_that_of_the_mean_cut_at_what_is_possible_and_one_seed_h
     corners = band.get_paths()[0].vertices
     for steps, values in ((100, [0.0, 20.0]), (200, [60.0, 100.0])):
         ends = [y for x, y in corners if x == steps]
-        low, high = interval(values, cut=0)
+        low, high = mean_interval(values)
         assert (low, high) != (max(low, 0), min(high, 100))
         assert (min(ends), max(ends)) == pytest.approx((max(low, 0), min(high, 100)))
 

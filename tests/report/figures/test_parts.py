@@ -21,7 +21,7 @@ from stlbench.report.figures.parts import parts
         ("x >= 0 U[2,4] x >= 3", [("until U[2,4] x >= 0", 0, 4), ("U[2,4] x >= 3", 2, 4)]),
         ("!F[1,2] x >= 0", [("G[1,2] !x >= 0", 1, 2)]),
         ("F[0,1] x >= 2 -> G[0,3] x >= 1", [("G[0,1] !x >= 2", 0, 1), ("G[0,3] x >= 1", 0, 3)]),
-        ("!(x >= 0 U[2,4] x >= 3)", []),
+        ("!(x >= 0 U[2,4] x >= 3)", [("releases R[2,4] !x >= 0", 0, 4), ("R[2,4] !x >= 3", 2, 4)]),
     ],
 )
 def test_parts(formula, expected):
