@@ -148,5 +148,5 @@ def test_of_very_many_cells_it_has_the_first_of_each_setting_and_says_so(
 
 def test_without_the_extra_a_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bundle, "find_spec", lambda name: None)
-    with pytest.raises(UsageError, match=r"pip install stlbench-rl\[page\]"):
+    with pytest.raises(UsageError, match=r"pip install \"stlbench-rl\[page\]\""):
         write([result()], (), {}, tmp_path)
