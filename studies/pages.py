@@ -275,9 +275,9 @@ def baselines() -> str:
         trivial = max(parts.zero.satisfied, parts.constant.satisfied) >= LEARNED
         shown = [f"{each.robustness:.3f}, {100 * each.satisfied:.0f} %" for each in _each(parts)]
         shown.append(f"{number(hand['mean robustness'])}, {float(hand['satisfied [%]']):.0f} %" if hand else "")
-        bound = "" if known.upper_bound is None else f"{known.upper_bound:.4g}"
+        bound = "" if known.upper_bound is None else f"{known.upper_bound:.5g}"
         title = f"`{name}` **trivial**" if trivial else f"`{name}`"
-        body.append([title, *shown, f"{known.robustness:.4g}", bound, known.how])
+        body.append([title, *shown, f"{known.robustness:.5g}", bound, known.how])
     header = ["task", "zero action", "best constant", "random", "by hand", "best known", "upper bound", "known by"]
     return table(header, body, right=6)
 

@@ -84,10 +84,10 @@ def _scored(score: dict[str, Any]) -> str:
 
 def _best(best: dict[str, Any]) -> str:
     """Best known robustness and its bound, each with how one knows."""
-    reached = f"robustness {best['robustness']:.4g} is known" + (f", by {best['how']}" if best["how"] else "")
+    reached = f"robustness {best['robustness']:.5g} is known" + (f", by {best['how']}" if best["how"] else "")
     if best["upper_bound"] is None:
         return reached
-    return f"{reached}; at most {best['upper_bound']:.4g}" + (f", as {best['why']}" if best["why"] else "")
+    return f"{reached}; at most {best['upper_bound']:.5g}" + (f", as {best['why']}" if best["why"] else "")
 
 
 def _tables(content: dict[str, Any]) -> list[Table]:
