@@ -28,8 +28,6 @@ def report(
     width: Fitting = "page",
     explain: Explain = False,
     task_folders: TaskFolders = None,
-    width: Fitting = "page",
-    explain: Explain = False,
     as_json: Json = False,
 ) -> None:
     """Rebuild the tables and figures from a ledger.
