@@ -68,12 +68,17 @@ def entry(row: Row | None, seeds: int = SEEDS) -> str:
 def study() -> str:
     """One row per task, one column per method."""
     found = learned_by("shared")
-    by_hand = {row["task"]: row["mean robustness"] for row in rows("controllers")}
+    standards = {row["task"]: row for row in rows("controllers")}
     body = [
-        [f"`{task}`", number(by_hand[task]), *(entry(found.get((task, method))) for method in METHODS)]
+        [
+            f"`{task}`",
+            number(standards[task]["zero action"]) + (", trivial" if standards[task]["trivial"] else ""),
+            number(standards[task]["mean robustness"]),
+            *(entry(found.get((task, method))) for method in METHODS),
+        ]
         for task in dict.fromkeys(task for task, _ in found)
     ]
-    return table(["task", "by hand", *(f"`{method}`" for method in METHODS)], body)
+    return table(["task", "zero", "by hand", *(f"`{method}`" for method in METHODS)], body, right=2)
 
 
 def tracks() -> str:
