@@ -14,8 +14,8 @@ from stlbench.contract import Array
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.palette import Colours, styles
 from stlbench.report.figures.parts import parts
-from stlbench.report.figures.robustness import draw_robustness
-from stlbench.report.figures.style import styled, tiny, width
+from stlbench.report.figures.robustness import ROW, draw_robustness
+from stlbench.report.figures.style import small, styled, tiny, width
 from stlbench.report.figures.trajectories import part_keys
 from stlbench.report.figures.units import robustness_unit, time_label
 from stlbench.report.tables.rows import Group, Numbers
@@ -48,13 +48,14 @@ def overview(task: Task, groups: Sequence[Group], traces: Sequence[Array | None]
     ]
     columns = min(3, int(width() / _PANEL))
     rows = math.ceil(len(panels) / columns)
-    heights = [0.45 + 0.32 * len(groups), *[2.2] * rows]
+    heights = [0.45 + ROW * small() * len(groups), *[2.2] * rows]
     figure = Figure(figsize=(width(), sum(heights) + 0.7 + 0.11 * len(parts(task))), layout="constrained")
     grid = figure.add_gridspec(1 + rows, columns, height_ratios=heights)
     keys = draw_robustness(figure.add_subplot(grid[0, :]), groups, robustness_unit(task, task.formula), colours)
     below = [figure.add_subplot(grid[1 + i // columns, i % columns]) for i in range(len(panels))]
     keys += _draw_panels(below, task, panels)
-    figure.colorbar(below[0].collections[-1], ax=below, label=time_label(task), aspect=30)
+    side = "right" if columns > 1 else "bottom"
+    figure.colorbar(below[0].collections[-1], ax=below, label=time_label(task), aspect=30, location=side)
     layout.title(figure, f"{task.name}: {task.file.title}")
     layout.legend(figure, keys, 2, tiny())
     return figure

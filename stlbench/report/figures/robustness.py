@@ -13,17 +13,20 @@ from matplotlib.lines import Line2D
 from stlbench.report.figures import layout
 from stlbench.report.figures.beyond import Window, beside, beyond_key, number, window
 from stlbench.report.figures.palette import Colours, styles
-from stlbench.report.figures.style import styled, width
+from stlbench.report.figures.style import small, styled, width
 from stlbench.report.statistics.intervals import median, median_interval
 from stlbench.report.tables.rows import Group
 
-__all__ = ["draw_robustness", "robustness_by_method"]
+__all__ = ["ROW", "draw_robustness", "robustness_by_method"]
+
+ROW = 0.048
+"""Inches of a row, whose label has two lines, for each point of its text."""
 
 
 @styled
 def robustness_by_method(groups: Sequence[Group], unit: str, colours: Colours) -> Figure:
     """A point per seed, the median with its interval under it; groups of one task."""
-    figure = Figure(figsize=(width(), 1.1 + 0.34 * len(groups)), layout="constrained")
+    figure = Figure(figsize=(width(), 1.1 + ROW * small() * len(groups)), layout="constrained")
     keys = draw_robustness(figure.subplots(), groups, unit, colours)
     layout.title(figure, f"{groups[0].setting.task}: robustness by method")
     layout.legend(figure, keys, 4)
