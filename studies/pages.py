@@ -279,7 +279,11 @@ def baselines() -> str:
         assert known is not None
         trivial = max(parts.zero.satisfied, parts.constant.satisfied) >= LEARNED
         shown = [f"{each.robustness:.3f}, {100 * each.satisfied:.0f} %" for each in _each(parts)]
-        shown.append(f"{number(hand['mean robustness'])}, {float(hand['satisfied [%]']):.0f} %" if hand and hand["mean robustness"] else "")
+        shown.append(
+            f"{number(hand['mean robustness'])}, {float(hand['satisfied [%]']):.0f} %"
+            if hand and hand["mean robustness"]
+            else ""
+        )
         bound = "" if known.upper_bound is None else f"{known.upper_bound:.5g}"
         title = f"`{name}` **trivial**" if trivial else f"`{name}`"
         body.append([title, *shown, f"{known.robustness:.5g}", bound, known.how])
