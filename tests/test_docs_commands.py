@@ -8,6 +8,7 @@ from __future__ import annotations
 import doctest
 import re
 import shlex
+import shutil
 from collections.abc import Callable, Iterator
 from itertools import takewhile
 from pathlib import Path
@@ -64,7 +65,8 @@ def parsed(words: list[str]) -> dict[str, object]:
     while hasattr(command, "commands") and not words[0].startswith("-"):
         assert words[0] in command.commands, f"no command '{words[0]}'"
         command, path, words = command.commands[words[0]], [*path, words[0]], words[1:]
-    return dict(command.make_context(" ".join(path), list(words)).params)
+    with command.make_context(" ".join(path), list(words)) as context:  # which leaves stdout as it was
+        return dict(context.params)
 
 
 def test_there_are_commands() -> None:
@@ -72,7 +74,11 @@ def test_there_are_commands() -> None:
 
 
 @pytest.mark.parametrize(("page", "line"), sorted(set(commands())), ids=lambda text: text.partition("#")[0].strip())
-def test_a_command_parses(page: str, line: str) -> None:
+def test_a_command_parses(page: str, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copytree(
+        FROM_OTHERS["gym-pendulum"], tmp_path / "my-task"
+    )  # the name that all pages give to a task's folder
+    monkeypatch.chdir(tmp_path)
     words = shlex.split(line, comments=True)[1:]
     options = parsed(words)
     if words[0] == "run":
