@@ -77,7 +77,7 @@ def test_there_are_commands() -> None:
 def test_a_command_parses(page: str, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(
         FROM_OTHERS["gym-pendulum"], tmp_path / "my-task"
-    )  # the name that all pages give to a task's folder
+    )  # what pages call it
     monkeypatch.chdir(tmp_path)
     words = shlex.split(line, comments=True)[1:]
     options = parsed(words)
