@@ -75,9 +75,7 @@ def test_there_are_commands() -> None:
 
 @pytest.mark.parametrize(("page", "line"), sorted(set(commands())), ids=lambda text: text.partition("#")[0].strip())
 def test_a_command_parses(page: str, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shutil.copytree(
-        FROM_OTHERS["gym-pendulum"], tmp_path / "my-task"
-    )  # what pages call it
+    shutil.copytree(FROM_OTHERS["gym-pendulum"], tmp_path / "my-task")  # what pages call it
     monkeypatch.chdir(tmp_path)
     words = shlex.split(line, comments=True)[1:]
     options = parsed(words)
