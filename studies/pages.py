@@ -17,7 +17,7 @@ from recorded import Row, estimate, number
 
 from stlbench import Results
 from stlbench.registry import plugins
-from stlbench.result import LEARNED
+from stlbench.rollout.baselines import constants
 from stlbench.task import load_task
 from stlbench.task.file import Baseline, Baselines
 
@@ -274,10 +274,10 @@ def baselines() -> str:
     by_hand = {row["task"]: row for folder in ("field", "reference") for row in recorded.table(folder, "controllers")}
     body = []
     for name in plugins.available("tasks"):
-        parts, known, hand = load_task(name).file.baselines, load_task(name).file.best_known, by_hand.get(name)
-        assert parts is not None
+        task, hand = load_task(name), by_hand.get(name)
+        parts, known = task.file.baselines, task.file.best_known
+        assert parts is not None  # so that nothing is measured here
         assert known is not None
-        trivial = max(parts.zero.satisfied, parts.constant.satisfied) >= LEARNED
         shown = [f"{each.robustness:.3f}, {100 * each.satisfied:.0f} %" for each in _each(parts)]
         shown.append(
             f"{number(hand['mean robustness'])}, {float(hand['satisfied [%]']):.0f} %"
@@ -285,7 +285,7 @@ def baselines() -> str:
             else ""
         )
         bound = "" if known.upper_bound is None else f"{known.upper_bound:.5g}"
-        title = f"`{name}` **trivial**" if trivial else f"`{name}`"
+        title = f"`{name}` **trivial**" if constants(task).trivial else f"`{name}`"
         body.append([title, *shown, f"{known.robustness:.5g}", bound, known.how])
     header = ["task", "zero action", "best constant", "random", "by hand", "best known", "upper bound", "known by"]
     return table(header, body, right=6)
