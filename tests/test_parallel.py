@@ -170,9 +170,8 @@ def test_without_pettingzoo_it_is_one_clear_line() -> None:
     program = "import sys; sys.modules['pettingzoo'] = None\nimport stlbench.parallel"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     last = ran.stderr.strip().splitlines()[-1]
-    assert last.startswith(
-        "stlbench.errors.UsageError: stlbench.parallel needs the extra multi: pip install 'stlbench-r"
-    )
+    said = 'stlbench.errors.UsageError: stlbench.parallel needs the extra multi: pip install "stlbench-rl[multi]"'
+    assert last.startswith(said)
 
 
 def test_the_robots_of_a_grid() -> None:

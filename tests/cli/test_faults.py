@@ -192,8 +192,9 @@ class Hurries(Raw):
         (HURRIES, "its clocks cannot be right: training and all took "),
     ],
 )
-def test_a_method_that_changes_the_referee_or_the_clock_has_no_score(site, toy, tmp_path, text, said):
+def test_a_method_that_changes_the_referee_or_the_clock_has_no_score(site, toy, tmp_path, monkeypatch, text, said):
     """The harness itself imports the method, to check its parameters. So another process looks at the result."""
+    monkeypatch.chdir(tmp_path)
     name = "Hurries" if text == HURRIES else "Bribes"
     site("bad-judge", f"[stlbench.methods]\nbad-judge = bad_judge:{name}\n", {"bad_judge.py": text})
     words = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--seeds", "1", "--methods", "bad-judge,toy-raw")

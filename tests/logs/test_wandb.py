@@ -91,7 +91,7 @@ def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyP
     from stlbench_logs import packages, wandb
 
     monkeypatch.setattr(packages, "find_spec", lambda name: None)
-    with pytest.raises(Unsuitable, match=r"pip install stlbench-rl\[wandb\]"):
+    with pytest.raises(Unsuitable, match=r'pip install "stlbench-rl\[wandb\]"'):
         wandb.WandB()
 
 

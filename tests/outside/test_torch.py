@@ -248,7 +248,7 @@ def test_without_torch_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.Mo
     path = written(tmp_path / "q.pt", weights())
     monkeypatch.setattr(builtins, "__import__", without)
     for read in (lambda: load_torchscript(path), lambda: load_state_dict(path, FORM, 4)):
-        with pytest.raises(UsageError, match=r"q.pt needs PyTorch: pip install 'stlbench-rl\[sb3\]'"):
+        with pytest.raises(UsageError, match=r"q.pt needs PyTorch: pip install \"stlbench-rl\[sb3\]\""):
             read()
 
 

@@ -99,7 +99,7 @@ def test_the_contract() -> None:
 def test_without_the_extra_one_line_says_what_to_install(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
     with pytest.raises(
-        (UsageError, ImportError), match=r"it needs the extra mujoco: pip install 'stlbench-rl\[mujoco\]'"
+        (UsageError, ImportError), match=r"it needs the extra mujoco: pip install \"stlbench-rl\[mujoco\]\""
     ):
         load_task("cartpole")
 

@@ -67,7 +67,7 @@ def test_no_more_is_possible_than_half_a_target_and_the_controller_reaches_it() 
     assert best is not None
     score = referee.score(TASK, trace(TASK, all_starts(TASK)))
     assert score.robustness == pytest.approx([0.5] * 128)
-    assert (best.reached, best.value) == (0.5, 0.5)
+    assert (best.robustness, best.upper_bound) == (0.5, 0.5)
 
 
 def test_the_rewarded_form_is_in_the_fragment_and_differs_only_for_jumps() -> None:

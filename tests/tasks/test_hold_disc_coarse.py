@@ -12,7 +12,7 @@ FINE, COARSE = load_task("hold-disc"), load_task("hold-disc-coarse")
 
 
 def test_only_the_sampling_time_and_the_turning_rates_differ() -> None:
-    words = {"title", "notes", "agents", "best_known", "budgets"}
+    words = {"title", "notes", "agents", "best_known", "baselines", "budgets"}
     fine, coarse = (task.file.model_dump(exclude=words) for task in (FINE, COARSE))
     assert {key for key in fine if fine[key] != coarse[key]} == {"sampling_time", "actions"}
     assert FINE.budget("quick") == COARSE.budget("quick")

@@ -28,13 +28,14 @@ from stlbench.stl.language.syntax import (
     Not,
     Once,
     Or,
+    Predicate,
     Release,
     Since,
     TrueFormula,
     Until,
 )
-from stlbench.stl.language.traversal import is_temporal, signals
-from stlbench.stl.predicates.compiler import Compiled
+from stlbench.stl.language.traversal import is_temporal, signals, walk
+from stlbench.stl.predicates.compiler import Compiled, compile_signed
 from stlbench.stl.recorded.windows import Values, slide, until
 
 #: what a trace that ends before the horizon means; "interval": its end is unknown, and values are bounds
@@ -123,7 +124,13 @@ def _pointwise(psi: Formula, names: tuple[str, ...], compile_: Compile, checked:
 
 
 def cause(psi: Formula, names: tuple[str, ...], sample: NDArray[np.float64]) -> str:
-    """Why `psi`, without temporal operators, has no value at `sample` (k,)."""
+    """Why `psi`, without temporal operators, has no value at `sample` (k,), by the first predicate that has none."""
+    with np.errstate(all="ignore"):
+        for node in walk(psi):
+            margin = compile_signed(node, names) if isinstance(node, Predicate) else None
+            if callable(margin) and np.isnan(margin(sample[np.newaxis])).any():
+                psi = node
+                break
     values = {name: float(sample[names.index(name)]) for name in signals(psi)}
     for name, value in values.items():
         if math.isnan(value):
