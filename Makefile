@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test quick lint types imports unit coverage lowest docs gate bench soak reference tuning alignment ablation agents survey field leaderboard paper-figures clean
+.PHONY: run test test-all quick lint types imports unit coverage lowest docs gate bench soak reference tuning alignment ablation agents survey field leaderboard paper-figures clean
 
 ## Compare funnel and flag on the task reach-stay; tables on screen and under results/.
 run: $(VENV)/ready
@@ -13,6 +13,10 @@ run: $(VENV)/ready
 
 ## Everything that CI checks.
 test: lint types imports unit docs
+
+## The same, and the slow tests: browser, notebooks, the site, whole studies. CI runs it every night.
+test-all: lint types imports docs $(VENV)/ready-dev
+	$(BIN)/python -m pytest -q -n auto --dist loadfile -m "not long" --durations 10
 
 ## The tests that take less than half a minute together, while you write.
 QUICK := tests/stl tests/methods tests/task --ignore=tests/stl/recorded/test_rtamt.py \

@@ -128,7 +128,7 @@ def cause(psi: Formula, names: tuple[str, ...], sample: NDArray[np.float64]) -> 
     with np.errstate(all="ignore"):
         for node in walk(psi):
             margin = compile_signed(node, names) if isinstance(node, Predicate) else None
-            if callable(margin) and np.isnan(margin(sample[np.newaxis])).any():
+            if isinstance(node, Predicate) and callable(margin) and np.isnan(margin(sample[np.newaxis])).any():
                 psi = node
                 break
     values = {name: float(sample[names.index(name)]) for name in signals(psi)}
