@@ -1,4 +1,4 @@
-"""The tables of parameters in the documentation, as mkdocs makes them."""
+"""The tables of parameters and of options in the documentation, as mkdocs makes them."""
 
 from __future__ import annotations
 
@@ -16,14 +16,35 @@ from stlbench.registry.choices import parse_choice
 DOCS = Path(__file__).parents[1] / "docs"
 
 
-@pytest.fixture(scope="module")
-def hook() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("parameter_tables", DOCS / "hooks/parameter_tables.py")
+def load(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"hooks/{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def hook() -> ModuleType:
+    return load("parameter_tables")
+
+
+def test_a_command_has_its_description_and_its_options() -> None:
+    page = load("option_tables").on_page_markdown("# Here\n<!-- command: results remove -->\n", page=None)
+    title, *lines = page.splitlines()
+    assert (title, lines[1]) == ("# Here", "")
+    assert "| `RESULTS` | required |" in page
+    assert "| `--json` |  | Print JSON" in page
+    assert "Example" not in page
+    with pytest.raises(KeyError, match="fly"):
+        load("option_tables").section("fly")
+
+
+def test_options_of_which_one_is_chosen_have_default_and_range() -> None:
+    rows = load("option_tables").section("score")
+    assert "| `--policy <selected|final>` | selected |" in rows
+    assert re.search(r"^\| `--seed N` \| 0 \| .+ `x>=0` \|$", rows, re.MULTILINE)
 
 
 def test_a_row_by_hand(hook: ModuleType) -> None:

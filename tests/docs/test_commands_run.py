@@ -26,7 +26,6 @@ NOT_RUN = {
     "python studies/paper_figures.py": "draws policies that are not in the repository",
     "python -m pytest plugins/example": "tests/test_example_plugin.py runs these tests",
     "stlbench render results/paper": "films what `make paper-figures` trains",
-    "stlbench watch results --page": "serves until ctrl-C; tests/cli/test_watch_page.py opens the page",
 }
 """How lines begin that no test types, and why."""
 
