@@ -3,9 +3,9 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from stlbench.rollout.wrapping.wrap import wrap
     from stlbench.study.results import Results
     from stlbench.study.run import run_study
-    from stlbench.wrapper import wrap
 
 __all__ = ["DISTRIBUTION", "Results", "__version__", "run_study", "wrap"]
 
@@ -14,7 +14,11 @@ __version__ = "0.1.0"
 DISTRIBUTION = "stlbench-rl"
 """The distribution that this package comes from; `stlbench` on the package index is another project."""
 
-_HOMES = {"Results": "stlbench.study.results", "run_study": "stlbench.study.run", "wrap": "stlbench.wrapper"}
+_HOMES = {
+    "Results": "stlbench.study.results",
+    "run_study": "stlbench.study.run",
+    "wrap": "stlbench.rollout.wrapping.wrap",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -34,8 +34,8 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid, Array, GymTask, Integers
+from stlbench.contract.presentation import Drawn, Pixels
 from stlbench.errors import UsageError, did_you_mean
-from stlbench.presentation import Drawn, Pixels
 from stlbench.registry import plugins
 from stlbench.registry.choices import choice_of
 from stlbench.rollout.early_ends import standing_still

@@ -13,8 +13,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from stlbench.records.result import Score
 from stlbench.registry import plugins
-from stlbench.result import Score
 from stlbench.rollout import baselines
 from stlbench.task import load_task
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import ActionGrid, Actions, Array, Environment, Integers, StatePolicy, Training
-from stlbench.result import Score
+from stlbench.records.result import Score
 from stlbench.rollout import baselines, referee
 from stlbench.rollout.controller import Unpaid, nearest
 from stlbench.rollout.early_ends import judge, without_end

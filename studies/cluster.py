@@ -25,12 +25,12 @@ from pathlib import Path
 import psutil
 from matplotlib.figure import Figure
 
+from stlbench.records import stored
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.result import Result, from_json, to_json
 from stlbench.report.figures.files import save_svg
 from stlbench.report.figures.palette import COLOURS
 from stlbench.report.figures.style import styled
-from stlbench.result import Result, from_json, to_json
-from stlbench.study import stored
-from stlbench.study.ledger import FILE, Ledger
 
 CELLS = 300
 WORKERS = (1, 3, 10, 30, 100, 300, 1000, 3000, 10_000)

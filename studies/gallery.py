@@ -17,15 +17,15 @@ import numpy as np
 from PIL import Image
 
 from stlbench.contract import ActionGrid, Array, GymTask, Integers, RewardMethod
-from stlbench.presentation import Drawn, Pixels
+from stlbench.contract.presentation import Drawn, Pixels
+from stlbench.records.result import reported
+from stlbench.records.saved_traces import Film
 from stlbench.registry import plugins
 from stlbench.report.film import film
 from stlbench.report.film.video import FRAMES_A_SECOND
-from stlbench.result import reported
 from stlbench.rollout.controller import Unpaid, nearest
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.referee import follow, score
-from stlbench.rollout.saved_traces import Film
 from stlbench.rollout.traces import Recording
 from stlbench.study.kept import load_policy
 from stlbench.study.results import Results

@@ -74,7 +74,7 @@ NEIGHBOUR = "import numpy as np\na = np.ones((300, 300))\nwhile True: a @ a"
 PATCHES: Mapping[str, tuple[str, str]] = {
     "equal": ("README.md", ""),
     "slower": ("plugins/stlbench_agents/dqn.py", SLOWER),
-    "worse": ("stlbench/result.py", WORSE),
+    "worse": ("stlbench/records/result.py", WORSE),
 }
 
 

@@ -15,11 +15,11 @@ from typing import Literal, NamedTuple
 from matplotlib.figure import Figure
 
 from stlbench import Results
-from stlbench.presentation import Band, Banded
+from stlbench.contract.presentation import Band, Banded
+from stlbench.records.result import Result
 from stlbench.report.figures.files import save
 from stlbench.report.figures.margins import robustness_in_time
 from stlbench.report.figures.trajectories import trajectories
-from stlbench.result import Result
 from stlbench.rollout.traces import Recording, gather, load
 from stlbench.study.replay import Start, replay
 from stlbench.task import build_method, load_task

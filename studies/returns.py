@@ -17,11 +17,11 @@ import numpy as np
 
 from stlbench.contract import Array, RewardMethod
 from stlbench.errors import UsageError
+from stlbench.records import stored
+from stlbench.records.result import Result
+from stlbench.records.saved_traces import read_cell
 from stlbench.registry.choices import Choice
-from stlbench.result import Result
 from stlbench.rollout.endings import ends_of, first_end
-from stlbench.rollout.saved_traces import read_cell
-from stlbench.study import stored
 from stlbench.task import build_method, load_task
 from stlbench.task.task import Task
 from stlbench_agents.planning.ends import forever

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench.errors import UsageError
-from stlbench.identity import CellId, Setting, find_cell
+from stlbench.records.identity import CellId, Setting, find_cell
+from stlbench.records.result import from_json, to_json
 from stlbench.registry.choices import Choice
-from stlbench.result import from_json, to_json
 
 CELL = CellId(
     Choice("overlap", (("without", "cuts"),)), Choice("funnel", (("ginf", "0.02"),)), Choice("dqn"), 3, "smoke"

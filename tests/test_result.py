@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 from helpers.synthetic_results import result
 
-from stlbench.result import MAIN, Planned, Score, from_json, to_json
+from stlbench.records.result import MAIN, Planned, Score, from_json, to_json
 
 
 def test_json_has_the_parts_of_the_identity_beside_the_rest_as_it_always_had():

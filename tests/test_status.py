@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from stlbench.errors import UsageError
-from stlbench.status import ACCIDENTS, accidents_of
+from stlbench.records.status import ACCIDENTS, accidents_of
 
 
 def test_failures_to_try_again() -> None:

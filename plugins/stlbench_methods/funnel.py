@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
-from stlbench.presentation import Band
+from stlbench.contract.presentation import Band
 from stlbench.stl import Term
 from stlbench_methods.schedule import Activity, Value, active_from, active_table, least_active, least_paid
 from stlbench_methods.windows import bounded_range

@@ -33,7 +33,7 @@ from stlbench.cli.show import app as show
 from stlbench.cli.tune import tune
 from stlbench.cli.verify import verify
 from stlbench.cli.watch import watch
-from stlbench.contract_parts import origin
+from stlbench.contract import origin
 
 __all__ = ["app", "main"]
 

@@ -126,8 +126,8 @@ def _rank(known: Mapping[str, Any] | None) -> tuple[float, float]:
 
 def _known(task: Task, folder: Path) -> dict[str, dict[str, Any]]:
     """Method -> what it reached; of several budgets that with the most steps. Raises `UsageError` without any."""
+    from stlbench.records import stored
     from stlbench.report import condense
-    from stlbench.study import stored
 
     found = dict[str, dict[str, Any]]()
     groups = [group for group in condense(stored.read(folder)) if _matches(task, group)]

@@ -40,8 +40,8 @@ def bundle(
     """
     from datetime import UTC, datetime
 
-    from stlbench.sharing.bundle import pack
-    from stlbench.sharing.crate import About
+    from stlbench.share.bundle import pack
+    from stlbench.share.crate import About
 
     name = folder.resolve().name
     path = Path(f"{name}.zip") if target is None else target

@@ -19,10 +19,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 import typer
 from typer.core import TyperGroup
 
-from stlbench.contract_parts import exits
-from stlbench.contract_parts.exits import exits_raise
-from stlbench.contract_parts.texts import cause, one_line, printable
-from stlbench.errors import NO_SPACE, DiskFull, UsageError, in_words
+from stlbench.contract import exits
+from stlbench.contract.exits import exits_raise
+from stlbench.errors import NO_SPACE, DiskFull, UsageError, cause, in_words, one_line, printable
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from stlbench.contract_parts.texts import one_line
+from stlbench.errors import one_line
 
 if TYPE_CHECKING:
     from stlbench.search.subject import Subject

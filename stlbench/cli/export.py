@@ -40,8 +40,8 @@ def export(
       stlbench export results --format csv
       stlbench export results/reference --format jsonl
     """
-    from stlbench.outputs import inside
-    from stlbench.study import stored
+    from stlbench.records import stored
+    from stlbench.records.outputs import inside
     from stlbench.study.results import Results
 
     if form == "jsonl":
@@ -59,7 +59,7 @@ def export(
 
 
 def _write(results: Results, folder: Path, form: Literal["csv", "parquet"]) -> list[Path]:
-    from stlbench.outputs import write
+    from stlbench.records.outputs import write
 
     paths = [folder / f"{name}.{form}" for name in TABLES]
     for name, path in zip(TABLES, paths, strict=True):

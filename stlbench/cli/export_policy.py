@@ -36,7 +36,7 @@ def export_policy(
     Example:
       stlbench export-policy hold-disc/funnel/dqn/0 policy.onnx
     """
-    from stlbench.outside.onnx_export import Export
+    from stlbench.share.onnx_export import Export
     from stlbench.study.asked import of_one
     from stlbench.study.results import Results
 

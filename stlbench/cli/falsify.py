@@ -74,7 +74,7 @@ def falsify(
       stlbench falsify --task pendulum my_controllers:energy --on state
     """
     from stlbench.cli.counter import one_by_one
-    from stlbench.outputs import inside
+    from stlbench.records.outputs import inside
     from stlbench.search import falsify as search
     from stlbench.search.files import write
 

@@ -6,8 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from stlbench.contract_parts.texts import cause, one_line
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, cause, one_line
 
 if TYPE_CHECKING:
     from stlbench.contract import RewardMethod

@@ -148,7 +148,7 @@ def _end(
 def _update(reference: Path, snapshot: Snapshot, as_json: bool) -> None:
     """Write the reference, unless a cell ended by accident."""
     from stlbench.gate import files
-    from stlbench.status import ACCIDENTS
+    from stlbench.records.status import ACCIDENTS
 
     failed = [sample for sample in snapshot.samples.values() if sample.status in ACCIDENTS]
     if failed:

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stlbench.errors import UsageError
-from stlbench.identity import CellId
-from stlbench.result import Result
-from stlbench.study import lock, stored
-from stlbench.study.ledger import FILE, Ledger
+from stlbench.records import lock, stored
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.result import Result
 from stlbench.study.live import MOST, line_of
 from stlbench.study.outlook import Took
 from stlbench.study.pace import LATEST, Ended, Pace, reward_of, unfit

@@ -12,7 +12,7 @@ from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
     from stlbench import stl
-    from stlbench.rollout.saved_traces import SavedTraces
+    from stlbench.records.saved_traces import SavedTraces
 
 ShortTraces = Literal["strict", "clip"]
 
@@ -136,7 +136,7 @@ def _parsed(source: Source, dt: float | None) -> stl.Formula:
 
 def _traces(path: Path, used: set[str], dt: float | None, start: int | None) -> tuple[SavedTraces, list[int | None]]:
     """The traces that are judged, and which starts they are from, None for a table."""
-    from stlbench.rollout.saved_traces import SavedTraces, read_saved
+    from stlbench.records.saved_traces import SavedTraces, read_saved
     from stlbench.rollout.trace_table import read_table
 
     if path.suffix == ".npz":

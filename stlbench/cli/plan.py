@@ -15,7 +15,7 @@ from stlbench.cli.run import interruptible, report_cells
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stlbench.identity import CellId
+    from stlbench.records.identity import CellId
     from stlbench.registry.choices import Choice
 
 
@@ -64,8 +64,8 @@ def plan(
       stlbench plan overlap --methods raw,funnel --resolution 0.6
       stlbench plan hold-disc --settings "recipe,gamma=1,without=cuts gamma=1"
     """
+    from stlbench.records.status import accidents_of
     from stlbench.registry.folders import task_of
-    from stlbench.status import accidents_of
     from stlbench.study.alignment import parse_settings, plan_alignment
     from stlbench.study.progress import Progress
     from stlbench.study.run import build_executor, run_cells

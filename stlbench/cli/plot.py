@@ -52,12 +52,12 @@ def plot(
       stlbench plot results
       stlbench plot results --tasks robot-nav --methods "funnel,funnel[variant=code]" --out pictures
     """
-    from stlbench.outputs import inside
+    from stlbench.records import stored
+    from stlbench.records.outputs import inside
     from stlbench.report import condense
     from stlbench.report.figures import trace_figures
     from stlbench.report.figures.palette import colours_of
     from stlbench.report.figures.style import fitting
-    from stlbench.study import stored
 
     groups = condense(stored.read(run), stored.missing(run))
     settings = [group.setting for group in groups if group.tried]

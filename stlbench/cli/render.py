@@ -48,7 +48,7 @@ def render(
       stlbench render results hold-disc/funnel/dqn/0 --start 0.3,1.2
       stlbench render results "robot-nav/funnel[variant=code]/dqn/0" --format mp4 --out films
     """
-    from stlbench.outputs import inside
+    from stlbench.records.outputs import inside
     from stlbench.report.film import video
     from stlbench.report.film.of_cell import Filming
     from stlbench.study.asked import of_one

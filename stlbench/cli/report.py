@@ -54,8 +54,8 @@ def report(
         return
     if out is not None:
         raise UsageError("--out is the file of the page that --html writes; add --html")
+    from stlbench.records import stored
     from stlbench.report import condense
-    from stlbench.study import stored
 
     groups = condense(stored.read(folder), stored.missing(folder))
     if not groups:

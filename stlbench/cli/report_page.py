@@ -11,17 +11,17 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from stlbench.cli.common import print_json
 from stlbench.cli.report import standards_of
 from stlbench.errors import UsageError
-from stlbench.status import NOT_RUN
+from stlbench.records.status import NOT_RUN
 
 __all__ = ["report_page"]
 
 
 def report_page(folder: Path, out: Path | None, as_json: bool) -> None:
     """Write the page, with a bar on stderr where that is a terminal, and say where it is."""
+    from stlbench.records import stored
     from stlbench.report import condense
     from stlbench.report.page.build import write_page
     from stlbench.report.page.bundle import require
-    from stlbench.study import stored
 
     require()
     groups = condense(stored.read(folder), stored.missing(folder))

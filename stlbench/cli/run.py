@@ -16,7 +16,7 @@ from stlbench.cli.report import show_report
 from stlbench.errors import DiskFull, UsageError
 
 if TYPE_CHECKING:
-    from stlbench.identity import CellId
+    from stlbench.records.identity import CellId
     from stlbench.study.cell import Cell
 
 
@@ -170,7 +170,7 @@ def interruptible(cells: Callable[[], Sequence[Cell]], folder: Path) -> Iterator
 
 
 def _recorded(cells: Sequence[Cell], folder: Path) -> str:
-    from stlbench.study.ledger import FILE, Ledger
+    from stlbench.records.ledger import FILE, Ledger
 
     with Ledger(folder / FILE) as ledger:
         count = len(ledger.finished(cell.key for cell in cells))
@@ -183,9 +183,9 @@ def report_cells(cells: Container[CellId], folder: Path, explain: bool) -> None:
     Raises:
         UsageError: all of these cells ended as unsuitable.
     """
+    from stlbench.records import stored
+    from stlbench.records.status import ACCIDENTS
     from stlbench.report import condense, only
-    from stlbench.status import ACCIDENTS
-    from stlbench.study import stored
 
     recorded = condense(stored.read(folder), stored.missing(folder))
     shown = only(recorded, cells)

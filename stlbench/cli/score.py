@@ -12,10 +12,10 @@ from stlbench.cli.common import Json, console, print_json, warn
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
-    from stlbench.outside.again import Again
-    from stlbench.outside.source import Source
+    from stlbench.records.result import Result, Score
     from stlbench.registry.choices import Choice
-    from stlbench.result import Result, Score
+    from stlbench.share.again import Again
+    from stlbench.share.source import Source
 
 
 def score(
@@ -83,8 +83,8 @@ def score(
       stlbench score hold-disc-coarse q.pt --architecture "mlp[6,64,64,189;relu]"
       stlbench score hold-disc hold-disc/funnel/dqn/0
     """
-    from stlbench.outside.source import find_source
     from stlbench.registry.folders import task_of
+    from stlbench.share.source import find_source
 
     source, choice = find_source(policy, architecture, actions), task_of(task)
     if source.kind == "cell":
@@ -107,9 +107,9 @@ def _stored(
     task: Choice, source: Source, results: Path, budget: str | None, which: Literal["selected", "final"], as_json: bool
 ) -> None:
     """A stored cell: its score is shown beside the recorded one, and nothing is written."""
-    from stlbench.outside.again import ScoreAgain
     from stlbench.report import to_screen
     from stlbench.report.tables.cell import scores_table
+    from stlbench.share.again import ScoreAgain
     from stlbench.study.asked import of_one
     from stlbench.study.results import Results
 
@@ -125,8 +125,8 @@ def _stored(
 
 def _usual(results: Path, task: Choice) -> str | None:
     """The budget of the task's cells in a folder, so that a row is from their starts; None without one budget."""
-    from stlbench.identity import OUTSIDE
-    from stlbench.study import stored
+    from stlbench.records import stored
+    from stlbench.records.identity import OUTSIDE
 
     if stored.locate(results) is None:
         return None
@@ -137,7 +137,7 @@ def _usual(results: Path, task: Choice) -> str | None:
 
 def _facts(again: Again, which: str, task: str) -> dict[str, Any]:
     """All that is said of a stored cell, as plain values; its scores in the form that `show cell --json` has."""
-    from stlbench.result import plain_scores
+    from stlbench.records.result import plain_scores
 
     said = {"cell": again.cell.name, "policy": which, "task": task, "as_recorded": again.as_recorded}
     return {**said, "scores": plain_scores(again.scores)}
@@ -154,9 +154,9 @@ def _outside(
     seed: int,
 ) -> Result:
     """Score it and record the row."""
-    from stlbench.outside.record import ScoreOutside, record
-    from stlbench.outside.scoring import UNKNOWN, Shown
     from stlbench.registry.choices import parse_choice
+    from stlbench.share.record import ScoreOutside, record
+    from stlbench.share.scoring import UNKNOWN, Shown
     from stlbench.study.asked import of_one
 
     shown = Shown(on, UNKNOWN if method is None else parse_choice(method))
@@ -169,7 +169,7 @@ def _outside(
 
 def _warn_of_ends(scores: Mapping[str, Score]) -> None:
     """Say that episodes ended before their formula was decided."""
-    from stlbench.result import reported
+    from stlbench.records.result import reported
 
     if share := reported(scores).ended_early:
         warn(
@@ -180,10 +180,10 @@ def _warn_of_ends(scores: Mapping[str, Score]) -> None:
 def _show(result: Result, results: Path, as_json: bool) -> None:
     """The score, and the row beside the cells of its task."""
     from stlbench.cli.show_cell import facts
+    from stlbench.records import stored
+    from stlbench.records.logs import log_file
     from stlbench.report import condense, outside, robustness_table, split, to_screen
     from stlbench.report.tables.cell import scores_table
-    from stlbench.study import stored
-    from stlbench.study.logs import log_file
 
     if as_json:
         print_json(facts(result, log_file(results, result.id, result.key)))

@@ -10,7 +10,7 @@ import typer
 from stlbench.cli.common import Json, console, print_json
 
 if TYPE_CHECKING:
-    from stlbench.result import Result
+    from stlbench.records.result import Result
 
 
 def cell(
@@ -30,10 +30,10 @@ def cell(
       stlbench show cell hold-disc/funnel/dqn/0
       stlbench show cell "overlap[without=cuts]/funnel/dqn/1" results/ablation --json
     """
-    from stlbench.identity import OUTSIDE
+    from stlbench.records.identity import OUTSIDE
+    from stlbench.records.logs import log_file
     from stlbench.report import to_screen
     from stlbench.report.tables.cell import cost_table, scores_table
-    from stlbench.study.logs import log_file
     from stlbench.study.results import Results
 
     results = Results.load(folder)
@@ -58,7 +58,7 @@ def facts(result: Result, log: Path) -> dict[str, Any]:
     """All that is recorded of a cell, as plain values; `log` is the file of what it wrote, where there is one."""
     import json
 
-    from stlbench.result import to_json
+    from stlbench.records.result import to_json
 
     content: dict[str, Any] = json.loads(to_json(result))
     return {"name": result.id.name, **content, "log": str(log) if log.is_file() else None}
@@ -66,8 +66,8 @@ def facts(result: Result, log: Path) -> dict[str, Any]:
 
 def _lines(result: Result, log: Path) -> list[str]:
     """What is recorded; of a cell that failed also the end of its log."""
-    from stlbench.status import ACCIDENTS
-    from stlbench.study.logs import end_of
+    from stlbench.records.logs import end_of
+    from stlbench.records.status import ACCIDENTS
 
     parts = {
         "cell": result.id.name,

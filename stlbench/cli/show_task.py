@@ -10,10 +10,10 @@ from stlbench.cli.common import Json, print_json, warn
 from stlbench.cli.completion import names
 from stlbench.cli.fit import fit
 from stlbench.cli.show_task_text import print_task
-from stlbench.contract_parts.texts import cause, one_line
+from stlbench.errors import cause, one_line
 
 if TYPE_CHECKING:
-    from stlbench.result import Score
+    from stlbench.records.result import Score
     from stlbench.rollout.questions import Question
     from stlbench.task.task import Task
 
@@ -177,7 +177,7 @@ def _methods(task: Task) -> dict[str, Any]:
 
 def _method(task: Task, name: str) -> dict[str, Any]:
     """What a method with its default parameters makes of the task; status and reason where it does not fit."""
-    from stlbench.presentation import Described
+    from stlbench.contract.presentation import Described
 
     found = fit(task, name)
     if (method := found.method) is None:

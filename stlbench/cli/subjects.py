@@ -11,9 +11,9 @@ from stlbench.cli.common import warn
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
-    from stlbench.outside.scoring import Shown
-    from stlbench.result import Result
+    from stlbench.records.result import Result
     from stlbench.search.subject import Subject
+    from stlbench.share.scoring import Shown
     from stlbench.study.results import Results
     from stlbench.task import Task
 
@@ -91,10 +91,10 @@ def _by_hand(controllers: str) -> list[Subject]:
 
 def _outside(named: Named, name: str) -> list[Subject]:
     """The policies from outside, each on the task."""
-    from stlbench.outside.scoring import UNKNOWN, Shown
     from stlbench.registry.choices import parse_choice
     from stlbench.registry.folders import task_of
     from stlbench.search.subject import foreign
+    from stlbench.share.scoring import UNKNOWN, Shown
     from stlbench.task import load_task
 
     if not named.policies:
@@ -106,9 +106,9 @@ def _outside(named: Named, name: str) -> list[Subject]:
 
 
 def _from_outside(task: Task, policy: str, shown: Shown) -> Subject:
-    from stlbench.outside.scoring import acting
-    from stlbench.outside.source import find_source
     from stlbench.search.subject import foreign, of_policy
+    from stlbench.share.scoring import acting
+    from stlbench.share.source import find_source
 
     source = find_source(policy)
     if source.kind in ("cell", "traces"):

@@ -15,9 +15,9 @@ from stlbench.study.progress import Progress
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from stlbench.identity import CellId
+    from stlbench.records.identity import CellId
+    from stlbench.records.result import Result
     from stlbench.report import Table
-    from stlbench.result import Result
     from stlbench.study.cell import Cell
     from stlbench.study.study import Study
     from stlbench.study.tuning import Entrant
@@ -114,7 +114,7 @@ def _run(
     cells: Sequence[Cell], study: Study, planned: dict[CellId, Cell], progress: Progress
 ) -> Mapping[CellId, Result]:
     """Run those of a round that are missing, and read the results of all of them."""
-    from stlbench.study.ledger import FILE, Ledger
+    from stlbench.records.ledger import FILE, Ledger
     from stlbench.study.run import build_executor, run_cells
 
     planned.update((cell.id, cell) for cell in cells)
@@ -126,7 +126,7 @@ def _run(
 
 def _write(found: Sequence[Entrant], study: Study, trials: int) -> None:
     """Recipes and trials, into the folder of results."""
-    from stlbench.outputs import write
+    from stlbench.records.outputs import write
     from stlbench.report import to_csv
     from stlbench.study.tracks import Recipe, write_recipes
 

@@ -55,8 +55,8 @@ def verify(
         return
     if rescore:
         raise UsageError("--rescore is for bundles; `stlbench score TASK CELL` scores a stored cell again")
+    from stlbench.records.ledger import LedgerWarning
     from stlbench.study import verify as verifying
-    from stlbench.study.ledger import LedgerWarning
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LedgerWarning)  # all of it is said below

@@ -12,14 +12,14 @@ from stlbench.cli.common import console, print_json
 
 if TYPE_CHECKING:
     from stlbench.report import Table, Value
-    from stlbench.sharing.checked import Checked
-    from stlbench.sharing.rescored import Rescored
+    from stlbench.share.checked import Checked
+    from stlbench.share.rescored import Rescored
 
 
 def verify_bundle(path: Path, rescore: bool, as_json: bool) -> None:
     """Print what was found; exit code 1 where anything is not as the bundle says."""
-    from stlbench.sharing.checked import check
-    from stlbench.sharing.rescored import rescore as score
+    from stlbench.share.checked import check
+    from stlbench.share.rescored import rescore as score
 
     found = check(path)
     scored = list(_shown(score(path), found.policies, as_json)) if rescore and not found.problems else []
@@ -68,7 +68,7 @@ def _table(scored: list[Rescored]) -> Table:
 
 
 def _row(each: Rescored) -> tuple[Value, ...]:
-    from stlbench.result import reported
+    from stlbench.records.result import reported
 
     said = reported(each.recorded)
     found = None if each.found is None else reported(each.found)

@@ -9,9 +9,9 @@ from typing import Any
 
 from stlbench.cli.looker import Looker, View
 from stlbench.errors import UsageError
+from stlbench.records.result import Result, reported
+from stlbench.records.status import ACCIDENTS
 from stlbench.report.page.now import Cell, Ended, policy, rendered, require
-from stlbench.result import Result, reported
-from stlbench.status import ACCIDENTS
 from stlbench.study.live import duration
 from stlbench.study.running import Running
 

@@ -17,7 +17,7 @@ from scipy import special
 from stlbench.gate.judge import Comparison, Judgement, Verdict, judge
 from stlbench.gate.metrics import COSTS, QUALITIES, Metric
 from stlbench.gate.snapshot import Sample, Snapshot, pair
-from stlbench.identity import CellId, Setting
+from stlbench.records.identity import CellId, Setting
 
 __all__ = ["MOST", "Turn", "interval", "judge_costs", "judge_turns", "unclear"]
 

@@ -20,13 +20,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from stlbench.errors import UsageError, in_words
 from stlbench.gate.snapshot import Sample, Snapshot, gather
-from stlbench.identity import IDENTITY, OUTSIDE, CellId
-from stlbench.outputs import write
-from stlbench.sharing.checked import unpacked
-from stlbench.status import NOT_RUN
-from stlbench.study import stored
-from stlbench.study.ledger import FILE
-from stlbench.study.schema import is_sqlite
+from stlbench.records import stored
+from stlbench.records.identity import IDENTITY, OUTSIDE, CellId
+from stlbench.records.ledger import FILE
+from stlbench.records.outputs import write
+from stlbench.records.schema import is_sqlite
+from stlbench.records.status import NOT_RUN
+from stlbench.share.checked import unpacked
 
 __all__ = ["load", "save"]
 

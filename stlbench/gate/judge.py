@@ -24,9 +24,9 @@ from scipy import special
 
 from stlbench.gate.metrics import COSTS, QUALITIES, Metric
 from stlbench.gate.snapshot import Pair, Sample
-from stlbench.identity import CellId, Setting
+from stlbench.records.identity import CellId, Setting
+from stlbench.records.status import ACCIDENTS
 from stlbench.report.statistics.holm import holm
-from stlbench.status import ACCIDENTS
 
 __all__ = ["EXIT", "Comparison", "Finding", "Judgement", "Verdict", "judge"]
 

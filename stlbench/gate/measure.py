@@ -10,10 +10,10 @@ from stlbench.contract import Executor
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.gate import files
 from stlbench.gate.snapshot import Sample, Snapshot, gather
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.status import ACCIDENTS
 from stlbench.registry.choices import Choice
-from stlbench.status import ACCIDENTS
 from stlbench.study.cell import Cell
-from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.plan import plan_cells
 from stlbench.study.run import Progress, run_cells
 

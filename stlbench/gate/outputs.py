@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from stlbench import outputs
 from stlbench.gate.comment import comment
 from stlbench.gate.judge import Judgement
 from stlbench.gate.junit import junit
 from stlbench.gate.summary import Named, facts, markdown
+from stlbench.records import outputs
 
 __all__ = ["write"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from stlbench.identity import OUTSIDE, CellId
-from stlbench.result import TASK_FOLDER, Result, reported
-from stlbench.status import Status
+from stlbench.records.identity import OUTSIDE, CellId
+from stlbench.records.result import TASK_FOLDER, Result, reported
+from stlbench.records.status import Status
 from stlbench.study.provenance import CODE
 
 __all__ = ["Pair", "Sample", "Snapshot", "gather", "pair", "sample"]

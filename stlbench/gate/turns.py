@@ -14,12 +14,11 @@ from tempfile import TemporaryFile
 from types import TracebackType
 from typing import Any, Self
 
-from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, one_line
 from stlbench.gate.cost import Turn, unclear
 from stlbench.gate.revision import Tree
 from stlbench.gate.snapshot import Sample
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
 
 __all__ = ["Trainer", "take_turns"]
 

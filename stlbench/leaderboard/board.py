@@ -12,7 +12,7 @@ from stlbench.leaderboard import entry
 from stlbench.leaderboard.entry import Entry, Refused, Scores
 from stlbench.leaderboard.scoring import Told, score
 from stlbench.leaderboard.tables import bundles, in_markup, results
-from stlbench.outputs import write
+from stlbench.records.outputs import write
 from stlbench.report import to_csv, to_markdown
 
 __all__ = ["PAGE", "TABLE", "build", "page"]

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from stlbench import outputs
 from stlbench.errors import UsageError
-from stlbench.identity import CellId
-from stlbench.status import Status
+from stlbench.records import outputs
+from stlbench.records.identity import CellId
+from stlbench.records.status import Status
 
 __all__ = ["FILE", "Entry", "Numbers", "Refused", "Scored", "Scores", "read", "write"]
 

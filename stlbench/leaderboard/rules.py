@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from stlbench.identity import OUTSIDE, Setting
-from stlbench.result import Result
-from stlbench.sharing.crate import About
+from stlbench.records.identity import OUTSIDE, Setting
+from stlbench.records.result import Result
+from stlbench.share.crate import About
 
 __all__ = ["FIRST_SEED", "LEAST_SEEDS", "NOT_REPORTED", "broken"]
 

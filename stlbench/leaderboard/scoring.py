@@ -13,13 +13,13 @@ import numpy as np
 from stlbench.errors import UsageError
 from stlbench.leaderboard.entry import Entry, Numbers, Refused, Scored
 from stlbench.leaderboard.rules import broken
-from stlbench.result import Result, reported
+from stlbench.records.result import Result, reported
 from stlbench.rollout.questions import Unanswered, plugins_of
 from stlbench.search.space import space_of
 from stlbench.search.subject import of_policy
-from stlbench.sharing.checked import check, results_in, unpacked
-from stlbench.sharing.crate import METADATA, about
-from stlbench.sharing.rescored import Rescored, score_cell
+from stlbench.share.checked import check, results_in, unpacked
+from stlbench.share.crate import METADATA, about
+from stlbench.share.rescored import Rescored, score_cell
 from stlbench.study.asked import LONG, ask
 from stlbench.study.cell import derive_seed
 from stlbench.study.kept import load_policy

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stlbench.identity import Setting
 from stlbench.leaderboard.entry import Entry, Scored, Scores
+from stlbench.records.identity import Setting
 from stlbench.report import Column, Table, Value
 from stlbench.report.statistics.differences import Pair, differences
 from stlbench.report.statistics.intervals import Interval, median, median_interval, share_interval

@@ -15,10 +15,9 @@ from types import ModuleType
 from typing import Any
 
 from stlbench import contract
-from stlbench.contract_parts import origin
-from stlbench.contract_parts.exits import exits_raise
-from stlbench.contract_parts.texts import cause, one_line
-from stlbench.errors import UsageError, did_you_mean
+from stlbench.contract import origin
+from stlbench.contract.exits import exits_raise
+from stlbench.errors import UsageError, cause, did_you_mean, one_line
 from stlbench.registry import choices
 from stlbench.registry.choices import Choice
 

@@ -1,4 +1,4 @@
-"""Results, shown: tables (Markdown, CSV, LaTeX, terminal) and figures, from `stlbench.result` alone."""
+"""Results, shown: tables (Markdown, CSV, LaTeX, terminal) and figures, from `stlbench.records.result` alone."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stlbench import outputs
-from stlbench.identity import CellId
+from stlbench.records import outputs
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result
 from stlbench.report.tables.across import aggregates_table, fields, improvement_table
 from stlbench.report.tables.alignment import Aligned, align, alignment_table
 from stlbench.report.tables.cells import cells_table, unfinished_table
@@ -23,7 +24,6 @@ from stlbench.report.tables.rows import Group, Row, group, missing_row, row
 from stlbench.report.tables.summary import summary
 from stlbench.report.tables.table import Column, Table, Value, Width, show
 from stlbench.report.tables.times import time_table
-from stlbench.result import Result
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stlbench.contract import Intractable, Unsuitable
-from stlbench.presentation import Band, Banded
+from stlbench.contract.presentation import Band, Banded
 from stlbench.registry.choices import Choice
 from stlbench.rollout.questions import answers
 from stlbench.study.asked import ask

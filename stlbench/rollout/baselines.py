@@ -13,7 +13,7 @@ from math import nan
 import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers, Policy, System
-from stlbench.result import LEARNED, Score, Summary
+from stlbench.records.result import LEARNED, Score, Summary
 from stlbench.rollout import referee
 from stlbench.rollout.controller import Unpaid, nearest
 from stlbench.rollout.referee import Referee

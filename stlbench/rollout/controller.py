@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, System
-from stlbench.result import Score
+from stlbench.records.result import Score
 from stlbench.rollout import referee
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.faults import PluginFault, out_of_range

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Array, Integers, RewardMethod, Truth
-from stlbench.contract_parts.arrays import are_numbers, kind_of
+from stlbench.contract.arrays import are_numbers, kind_of
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.task.task import Task

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 
 from stlbench.contract import cause
 from stlbench.errors import UsageError
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
 from stlbench.registry.plugins import PluginWarning
 from stlbench.rollout.faults import PluginFault
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stlbench.contract import Array, Policy, RewardMethod
-from stlbench.presentation import Pixels
+from stlbench.contract.presentation import Pixels
 from stlbench.rollout.environment import Simulator
 from stlbench.task.task import Task
 

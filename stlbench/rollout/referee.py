@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from stlbench import stl
 from stlbench.contract import Array, GymTask, Integers, Policy, RewardMethod, StatePolicy, Truth
-from stlbench.result import MAIN, RANDOM, Score
+from stlbench.records.result import MAIN, RANDOM, Score
+from stlbench.records.saved_traces import Assessment
 from stlbench.rollout.early_ends import judge, last_steps, without_end
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.selection import Race, race
@@ -154,17 +155,6 @@ class Evaluation:
 
     formula: stl.Formula
     starts: Array
-
-
-class Assessment(NamedTuple):
-    """What the referee says of one policy."""
-
-    scores: dict[str, Score]
-    """Protocol -> score."""
-    traces: Array
-    """(N, T + 1, k): the traces behind the main score."""
-    states: Array
-    """(N, decisions + 1, n): the states behind them, at each decision and at the end."""
 
 
 @dataclass(frozen=True)

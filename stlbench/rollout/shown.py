@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from stlbench.contract import GymTask, RewardMethod, System
-from stlbench.observation import Observation
+from stlbench.records.observation import Observation
 from stlbench.rollout.worlds import make_world
 from stlbench.task.task import Task
 

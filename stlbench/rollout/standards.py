@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError
-from stlbench.identity import Setting, Track
+from stlbench.records.identity import Setting, Track
+from stlbench.records.result import Score
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.result import Score
 from stlbench.rollout import baselines, controller
 from stlbench.rollout.questions import Ask, answers, ask_here
 from stlbench.task import build_method, load_task

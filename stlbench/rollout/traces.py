@@ -10,8 +10,8 @@ import numpy as np
 
 from stlbench.contract import Array
 from stlbench.errors import UsageError
-from stlbench.result import Result
-from stlbench.rollout.saved_traces import Film, read_cell
+from stlbench.records.result import Result
+from stlbench.records.saved_traces import Film, read_cell
 from stlbench.task.task import Task
 
 __all__ = ["Recording", "gather", "load"]

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stlbench import outputs
+from stlbench.records import npz, outputs
 from stlbench.report.figures.counterexample import counterexample
 from stlbench.report.figures.files import file_name, save
-from stlbench.rollout import npz
 from stlbench.search.falsify import Falsification
 
 __all__ = ["write"]

@@ -12,8 +12,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, Policy, RewardMethod, StatePolicy, System, Truth
-from stlbench.contract_parts.texts import cause
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, cause
 from stlbench.rollout import controller, referee
 from stlbench.rollout.early_ends import judge
 from stlbench.search.space import space_of

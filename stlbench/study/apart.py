@@ -11,10 +11,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from stlbench.contract_parts.texts import cause, one_line
+from stlbench.errors import cause, one_line
+from stlbench.records.beside import files_beside
+from stlbench.records.result import Result
 from stlbench.registry import plugins
-from stlbench.result import Result
-from stlbench.study.beside import files_beside
 from stlbench.study.cell import Cell
 from stlbench.study.credible import contradiction
 

@@ -8,10 +8,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
+from stlbench.records.result import Measurement, Result
+from stlbench.records.status import Status
 from stlbench.registry.fingerprint import Code
-from stlbench.result import Measurement, Result
-from stlbench.status import Status
 from stlbench.study.tracks import Recipe
 
 __all__ = ["Cell", "derive_seed", "digest"]

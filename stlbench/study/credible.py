@@ -16,10 +16,10 @@ import numpy as np
 
 from stlbench.contract import System
 from stlbench.errors import UsageError
+from stlbench.records.result import MAIN, Measurement, Result, Score
+from stlbench.records.saved_traces import read_cell
 from stlbench.registry import folders
-from stlbench.result import MAIN, Measurement, Result, Score
 from stlbench.rollout import referee
-from stlbench.rollout.saved_traces import read_cell
 from stlbench.study.cell import Cell
 from stlbench.study.tracks import on_track
 from stlbench.task import Task, load_task

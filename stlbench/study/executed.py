@@ -7,8 +7,7 @@ from contextlib import contextmanager
 from typing import Any, NoReturn
 
 from stlbench.contract import Executor, Outcome, Unsuitable, cause
-from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, one_line
 from stlbench.registry import plugins
 
 __all__ = ["failing", "outcomes"]

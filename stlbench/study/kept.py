@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import NamedTuple, cast
 
 from stlbench.contract import Agent, Arrays, Intractable, Policy, RewardMethod, Unsuitable
-from stlbench.contract_parts.texts import cause
-from stlbench.errors import UsageError
-from stlbench.identity import CellId
+from stlbench.errors import UsageError, cause
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result, StoredPolicies
+from stlbench.records.saved_policies import Which, read
 from stlbench.registry import plugins
-from stlbench.result import Result, StoredPolicies
-from stlbench.rollout.saved_policies import Which, read
 from stlbench.rollout.shown import observation_of
 from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_method, load_task

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from statistics import fmean
 from typing import NamedTuple
 
-from stlbench.identity import CellId, Setting
+from stlbench.records.identity import CellId, Setting
 
 __all__ = ["Begun", "Took", "time_left"]
 

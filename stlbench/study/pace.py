@@ -8,9 +8,9 @@ from itertools import accumulate
 from statistics import fmean
 from typing import NamedTuple
 
-from stlbench.identity import CellId, Setting
+from stlbench.records.identity import CellId, Setting
+from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
-from stlbench.result import Result
 from stlbench.study.live import duration
 from stlbench.study.outlook import Begun, Took, time_left
 from stlbench.study.running import Running

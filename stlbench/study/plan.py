@@ -9,9 +9,8 @@ from itertools import product
 from typing import Any
 
 from stlbench.contract import Unsuitable, cause
-from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError
-from stlbench.identity import CellId, Track
+from stlbench.errors import UsageError, one_line
+from stlbench.records.identity import CellId, Track
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import Code

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Self
 from rich.console import Console, RenderableType
 from rich.text import Text
 
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result, reported
+from stlbench.records.status import ACCIDENTS
 from stlbench.registry.choices import Choice
-from stlbench.result import Result, reported
-from stlbench.status import ACCIDENTS
 from stlbench.study.live import MOST, Sight, draws, line_of
 from stlbench.study.pace import LATEST, Ended, Pace, reward_of, unfit
 

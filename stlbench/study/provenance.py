@@ -45,7 +45,9 @@ def elsewhere(provenance: Mapping[str, str], facts: Mapping[str, str]) -> dict[s
 
 def of_cell(cell: Cell) -> dict[str, str]:
     """What is beside them in the provenance of one cell."""
-    from stlbench.result import TASK_FOLDER  # imports NumPy, which `here` is asked for before anything is loaded
+    from stlbench.records.result import (
+        TASK_FOLDER,  # imports NumPy, which `here` is asked for before anything is loaded
+    )
 
     code = ", ".join(f"{name} {said[:8]}" for name, said in cell.parts)
     place = {} if cell.folder is None else {TASK_FOLDER: str(cell.folder)}

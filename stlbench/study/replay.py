@@ -11,11 +11,11 @@ import numpy as np
 
 from stlbench.contract import Array, GymTask, RewardMethod
 from stlbench.errors import UsageError
-from stlbench.result import Result
+from stlbench.records.result import Result
+from stlbench.records.saved_policies import Which
+from stlbench.records.saved_traces import Film
 from stlbench.rollout import referee
 from stlbench.rollout.reenactment import Reenactment
-from stlbench.rollout.saved_policies import Which
-from stlbench.rollout.saved_traces import Film
 from stlbench.rollout.traces import Recording
 from stlbench.study.kept import load_policy
 from stlbench.task import Task

@@ -8,12 +8,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from stlbench.identity import IDENTITY, CellId, find_cell
-from stlbench.result import Measurement, Result, Score
-from stlbench.rollout.saved_policies import Which
-from stlbench.rollout.saved_traces import SavedTraces, read_cell
-from stlbench.status import ACCIDENTS, NOT_RUN
-from stlbench.study import stored
+from stlbench.records import stored
+from stlbench.records.identity import IDENTITY, CellId, find_cell
+from stlbench.records.result import Measurement, Result, Score
+from stlbench.records.saved_policies import Which
+from stlbench.records.saved_traces import SavedTraces, read_cell
+from stlbench.records.status import ACCIDENTS, NOT_RUN
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,20 +9,19 @@ from pathlib import Path
 from typing import Protocol, cast, runtime_checkable
 
 from stlbench.contract import Executor, Unsuitable, Work
-from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError
-from stlbench.identity import CellId
+from stlbench.errors import UsageError, one_line
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.lock import writing
+from stlbench.records.logs import log_file
+from stlbench.records.result import Result
+from stlbench.records.status import Status
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, executor_of
-from stlbench.result import Result
-from stlbench.status import Status
 from stlbench.study import running, scheduler, trial
 from stlbench.study.apart import Examiner
 from stlbench.study.cell import Cell
 from stlbench.study.executed import failing
-from stlbench.study.ledger import FILE, Ledger
-from stlbench.study.lock import writing
-from stlbench.study.logs import log_of
 from stlbench.study.plan import check_cells, uncompiled
 from stlbench.study.provenance import collect, here
 from stlbench.study.results import Results
@@ -148,7 +147,7 @@ def run_study(
         agents: names; each task's own where left out.
         seeds: a number n for 0..n-1, or a list of seeds; as many as the budget says where left out.
         budget: how much training: `quick` where left out.
-        track: by which rules: `shared` where left out, `plain` or `tuned` (`stlbench.identity.Track`).
+        track: by which rules: `shared` where left out, `plain` or `tuned` (`stlbench.records.identity.Track`).
         recipes: file of recipes of the track `tuned`, as `stlbench tune` writes it.
         jobs: cells at a time; where left out, as many as the executor thinks right, two for `local`.
         memory: the most that a cell's processes may take together, as in "4G"; the cells' share of nine tenths of the
@@ -264,7 +263,7 @@ def run_cells(
             work()
         place = folder.absolute()  # a worker elsewhere has another working directory
         in_folder = partial(run_unchanged, run_cell=run_cell or trial.run_cell, folder=place)
-        work_on = Work(in_folder, partial(warm, examples(missing)), partial(log_of, place), here)
+        work_on = Work(in_folder, partial(warm, examples(missing)), partial(_log_of, place), here)
         with (
             _refusals(),
             Examiner(missing, place) as examined,
@@ -298,3 +297,7 @@ def _missing(cells: Iterable[Cell], ledger: Ledger, retry: Collection[Status], a
     known = {cell.key: cell for cell in cells}
     finished = ledger.finished(known, retry, attempts)
     return [cell for key, cell in known.items() if key not in finished]
+
+
+def _log_of(results: Path, cell: Cell) -> Path:
+    return log_file(results, cell.id, cell.key)

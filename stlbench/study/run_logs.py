@@ -12,12 +12,11 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self, cast
 
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, Unsuitable, cause
-from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError
-from stlbench.identity import CellId
+from stlbench.errors import UsageError, one_line
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result, reported
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.result import Result, reported
 from stlbench.study.running import running
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from stlbench.errors import UsageError
-from stlbench.identity import CellId
-from stlbench.outputs import inside, write
+from stlbench.records.identity import CellId
+from stlbench.records.outputs import inside, write
 
 __all__ = ["FOLDER", "Glance", "Notice", "Running", "announce", "clear", "ended", "running"]
 

@@ -8,12 +8,11 @@ from contextlib import closing
 from dataclasses import replace
 
 from stlbench.contract import Executor, Outcome, cause
-from stlbench.contract_parts.texts import one_line
-from stlbench.errors import DiskFull
-from stlbench.result import Result, from_json, to_json
+from stlbench.errors import DiskFull, one_line
+from stlbench.records.ledger import Ledger
+from stlbench.records.result import Result, from_json, to_json
 from stlbench.study.cell import Cell
 from stlbench.study.executed import outcomes
-from stlbench.study.ledger import Ledger
 from stlbench.study.provenance import elsewhere, of_cell
 from stlbench.study.unchanged import NoSpace, key_without_code
 

@@ -9,11 +9,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError, did_you_mean, in_words
+from stlbench.errors import UsageError, did_you_mean, in_words, one_line
+from stlbench.records.status import Status, accidents_of
 from stlbench.registry import folders
 from stlbench.registry.choices import Choice, choice_of, executor_of, parse_choices, split
-from stlbench.status import Status, accidents_of
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
 from stlbench.study.tracks import read_recipes

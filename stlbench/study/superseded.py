@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from itertools import islice
 
-from stlbench.result import Result
+from stlbench.records.ledger import Ledger
+from stlbench.records.result import Result
 from stlbench.study.cell import Cell
-from stlbench.study.ledger import Ledger
 from stlbench.study.provenance import code_of
 
 __all__ = ["note", "superseded"]

@@ -10,10 +10,9 @@ from typing import Any
 import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError, in_words
-from stlbench.identity import Track
-from stlbench.outputs import write
+from stlbench.errors import UsageError, in_words, one_line
+from stlbench.records.identity import Track
+from stlbench.records.outputs import write
 from stlbench.registry.choices import Choice
 from stlbench.task.entry import Count
 from stlbench.task.task import Task

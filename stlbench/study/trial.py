@@ -12,14 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, StatePolicy, Training, Unsuitable
-from stlbench.contract_parts.texts import one_line
-from stlbench.outputs import inside
+from stlbench.errors import one_line
+from stlbench.records import saved_policies, saved_traces
+from stlbench.records.outputs import inside
+from stlbench.records.result import CurvePoint, Measurement, Planned, Result, StoredPolicies
+from stlbench.records.saved_traces import Assessment
 from stlbench.registry import folders
-from stlbench.result import CurvePoint, Measurement, Planned, Result, StoredPolicies
-from stlbench.rollout import saved_policies, saved_traces
 from stlbench.rollout.cost import refuse_dear
 from stlbench.rollout.model import model_of
-from stlbench.rollout.referee import Assessment, Referee
+from stlbench.rollout.referee import Referee
 from stlbench.rollout.rehearsal import rehearse
 from stlbench.rollout.shown import observation_of
 from stlbench.rollout.worlds import make_world

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from stlbench.contract import Agent
 from stlbench.errors import UsageError
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.result import Result
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
 from stlbench.study.study import Study

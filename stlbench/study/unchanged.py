@@ -6,12 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from stlbench.contract_parts.texts import one_line
-from stlbench.errors import DiskFull
-from stlbench.outputs import inside
+from stlbench.errors import DiskFull, one_line
+from stlbench.records.beside import files_beside
+from stlbench.records.outputs import inside
+from stlbench.records.result import Result
 from stlbench.registry import folders
-from stlbench.result import Result
-from stlbench.study.beside import files_beside
 from stlbench.study.cell import Cell, digest
 
 __all__ = ["NoSpace", "changed", "key_without_code", "run_unchanged"]

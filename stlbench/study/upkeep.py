@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean
-from stlbench.identity import CellId
-from stlbench.outputs import inside, opened
-from stlbench.result import Result
-from stlbench.status import ACCIDENTS, Status
-from stlbench.study import stored
-from stlbench.study.beside import files_beside
-from stlbench.study.ledger import FILE, Ledger
-from stlbench.study.lock import writing
+from stlbench.records import stored
+from stlbench.records.beside import files_beside
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.lock import writing
+from stlbench.records.outputs import inside, opened
+from stlbench.records.result import Result
+from stlbench.records.status import ACCIDENTS, Status
 from stlbench.study.results import Results
 from stlbench.study.verify import verify
 

@@ -7,18 +7,16 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError, unwritable
-from stlbench.identity import CellId
-from stlbench.outputs import inside
-from stlbench.result import Result
-from stlbench.rollout import npz, saved_policies, saved_traces
-from stlbench.study import stored
-from stlbench.study.beside import files_beside
-from stlbench.study.ledger import FILE, Ledger
-from stlbench.study.lock import writing
-from stlbench.study.records import Recorded
-from stlbench.study.rows import checksums_beside
+from stlbench.errors import UsageError, one_line, unwritable
+from stlbench.records import npz, saved_policies, saved_traces, stored
+from stlbench.records.beside import files_beside
+from stlbench.records.damaged import Recorded
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.lock import writing
+from stlbench.records.outputs import inside
+from stlbench.records.result import Result
+from stlbench.records.rows import checksums_beside
 
 __all__ = ["Damage", "Verified", "repair", "verify"]
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 
 from stlbench import stl
 from stlbench.errors import did_you_mean
-from stlbench.result import MAIN, RANDOM
+from stlbench.records.result import MAIN, RANDOM
 from stlbench.task.entry import Timing
 from stlbench.task.parts import Parts
 from stlbench.task.training import VIOLATION

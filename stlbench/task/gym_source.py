@@ -8,12 +8,12 @@ from copy import copy
 from functools import lru_cache, partial
 
 from stlbench.contract import GymTask
-from stlbench.environments.acting import ActionAxis
-from stlbench.environments.joint import parallel
-from stlbench.environments.making import Gym, failed, made
-from stlbench.environments.source import GymSource, RenderMode
 from stlbench.errors import UsageError
+from stlbench.task.acting import ActionAxis
 from stlbench.task.file import Axis, Environment, TaskFile
+from stlbench.task.joint import parallel
+from stlbench.task.making import Gym, failed, made
+from stlbench.task.source import GymSource, RenderMode
 
 __all__ = ["source_of"]
 

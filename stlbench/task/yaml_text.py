@@ -7,8 +7,7 @@ from typing import Any
 
 import yaml
 
-from stlbench.contract_parts.texts import cause, one_line
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, cause, one_line
 
 __all__ = ["load_yaml"]
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array, Intractable, RewardMethod, Specification, Unsuitable
-from stlbench.contract_parts.arrays import are_numbers, kind_of
-from stlbench.presentation import Described
+from stlbench.contract.arrays import are_numbers, kind_of
+from stlbench.contract.presentation import Described
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
 from stlbench.task import load_task

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from stlbench.contract import Array, Integers, Truth
-from stlbench.contract_parts.texts import one_line
+from stlbench.errors import one_line
 
 __all__ = ["RuleBroken", "Rules"]
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array, System, Training, Unsuitable
-from stlbench.contract_parts.texts import one_line
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, one_line
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.rollout import baselines

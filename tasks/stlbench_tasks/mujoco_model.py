@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from stlbench.contract import Array, System
-from stlbench.presentation import Pixels
+from stlbench.contract.presentation import Pixels
 
 __all__ = ["MujocoSystem", "columns"]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stlbench.contract import Actions, Agent, Policy, Training, Unsuitable
-from stlbench.rollout import npz
+from stlbench.records import npz
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.testing.line import FORMS, Nearness, line_task
 from stlbench_agents.dqn import DQN

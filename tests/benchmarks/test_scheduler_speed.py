@@ -17,10 +17,10 @@ import pytest
 from helpers.synthetic_results import measurement
 
 from benchmarks.conftest import Race, ratios
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.result import CurvePoint, Result
 from stlbench.registry.choices import parse_choices
-from stlbench.result import CurvePoint, Result
 from stlbench.study.cell import Cell
-from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.plan import plan_cells
 
 SEEDS = 2500
@@ -158,7 +158,7 @@ assert len(cells) == {CELLS}
 
 _RESUME = f"""
 from pathlib import Path
-from stlbench.study.ledger import FILE, Ledger
+from stlbench.records.ledger import FILE, Ledger
 with Ledger(Path(sys.argv[1]), create=False) as ledger:
     assert len(ledger.finished(cell.key for cell in cells)) == {CELLS}
 """

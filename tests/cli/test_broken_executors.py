@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from stlbench.study.ledger import FILE, Ledger
+from stlbench.records.ledger import FILE, Ledger
 
 PLAN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--methods", "toy-raw")
 BROKEN = '''

@@ -9,7 +9,7 @@ from zipfile import ZipFile
 import pytest
 from helpers.bundles import changed
 
-from stlbench.sharing.checked import check
+from stlbench.share.checked import check
 
 RUN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here", "--methods", "toy-raw")
 

@@ -153,7 +153,7 @@ def test_texts_that_nothing_can_show_are_rows_and_the_next_run_goes_on(bad, say)
 
 
 BRIBES = '''
-from stlbench.result import Score
+from stlbench.records.result import Score
 from stlbench.rollout import referee
 from toy_plugins.methods import Raw
 

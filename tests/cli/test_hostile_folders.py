@@ -14,13 +14,13 @@ from helpers.kept_policies import trained
 from typer.testing import CliRunner
 
 from stlbench.cli import app
+from stlbench.records.beside import files_beside
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.result import Result
+from stlbench.records.stored import write_lines
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.result import Result
-from stlbench.study.beside import files_beside
-from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.results import Results
-from stlbench.study.stored import write_lines
 
 CELL = "zz-evil/raw/zz-kept/0"
 READ = (

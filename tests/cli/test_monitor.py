@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from helpers.line_task import Probe, Rule, line
 
-from stlbench.result import MAIN
+from stlbench.records.result import MAIN
+from stlbench.records.saved_traces import save
 from stlbench.rollout.referee import Referee
-from stlbench.rollout.saved_traces import save
 
 TRACE = "x,y\n0,1\n1,3\n2,-1\n"
 

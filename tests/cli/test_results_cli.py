@@ -13,8 +13,8 @@ from helpers.synthetic_results import result
 
 import stlbench
 from stlbench.errors import UsageError
-from stlbench.study import stored
-from stlbench.study.ledger import FILE, Ledger
+from stlbench.records import stored
+from stlbench.records.ledger import FILE, Ledger
 
 STUDY = "tasks: toy-line\nmethods: [toy-raw, toy-wrong]\nagents: [toy-agent]\nexecutor: toy-here\nseeds: 1\n"
 

@@ -17,8 +17,8 @@ from helpers.imports import HEAVY, imported
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
+from stlbench.records.ledger import FILE, Ledger
 from stlbench.registry import plugins
-from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.provenance import PACKAGES
 from stlbench.study.study import Study, parse_seeds
 

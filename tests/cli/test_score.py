@@ -16,8 +16,8 @@ from onnx import TensorProto, helper
 from PIL import Image
 
 from stlbench.gate.files import load
+from stlbench.records.lock import writing
 from stlbench.registry import plugins
-from stlbench.study.lock import writing
 from stlbench.study.results import Results
 from stlbench.task import load_task
 

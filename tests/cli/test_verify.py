@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from stlbench.cli import app
 from stlbench.errors import DiskFull
-from stlbench.study.ledger import FILE, Ledger
+from stlbench.records.ledger import FILE, Ledger
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ from helpers.planned_ledger import planned
 from helpers.synthetic_results import result
 
 from stlbench.cli.looker import Looker, View
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.lock import writer, writing
 from stlbench.study import progress
-from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.live import sparkline
-from stlbench.study.lock import writer, writing
 from stlbench.study.progress import Progress
 from stlbench.study.running import announce
 

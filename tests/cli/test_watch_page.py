@@ -16,10 +16,10 @@ from helpers.synthetic_results import result
 
 from stlbench.cli.looker import Looker
 from stlbench.cli.watch_page import handler
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.lock import writing
 from stlbench.report.page.now import points
-from stlbench.study.ledger import FILE, Ledger
-from stlbench.study.lock import writing
 from stlbench.study.running import announce
 
 HOSTILE = "<script>alert(1)</script> & \"quoted\" 'too'"

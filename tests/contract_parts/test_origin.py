@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 import stlbench
-from stlbench.contract_parts import origin
+from stlbench.contract import origin
 
 OTHER = '"""STL files for resin printers."""\n__version__ = "1.3.4"\n'
 

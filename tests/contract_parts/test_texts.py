@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stlbench.contract_parts.texts import LINE, PAGE, cause, one_line, printable
+from stlbench.errors import LINE, PAGE, cause, one_line, printable
 
 
 class Sly(str):

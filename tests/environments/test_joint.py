@@ -10,10 +10,10 @@ from gymnasium.spaces import Box, Discrete, MultiDiscrete
 from helpers.walk_task import walk
 
 from stlbench.contract import GymTask
-from stlbench.environments.joint import JointEnv, parallel
 from stlbench.errors import UsageError
 from stlbench.parallel import parallel_env
 from stlbench.rollout.worlds import make_world
+from stlbench.task.joint import JointEnv, parallel
 
 
 def test_the_robots_of_formation_are_one_environment() -> None:

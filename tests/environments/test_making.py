@@ -9,9 +9,9 @@ from importlib.metadata import version
 
 import pytest
 
-from stlbench.environments.joint import parallel
-from stlbench.environments.making import made, software
 from stlbench.errors import UsageError
+from stlbench.task.joint import parallel
+from stlbench.task.making import made, software
 
 
 def test_the_software_of_an_environment_is_what_its_modules_import() -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from stlbench.contract_parts.texts import printable
+from stlbench.errors import printable
 
 __all__ = ["HANG", "answer", "fuzz", "sizes", "soon"]
 

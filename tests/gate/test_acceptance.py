@@ -11,7 +11,7 @@ import numpy as np
 from stlbench.gate.files import load
 from stlbench.gate.judge import Judgement, judge
 from stlbench.gate.snapshot import Sample, Snapshot, pair
-from stlbench.identity import Setting
+from stlbench.records.identity import Setting
 
 BASE = load(Path(__file__).parents[2] / "results" / "gate-reference")
 SETTINGS = sorted({cell.setting for cell in BASE.samples})

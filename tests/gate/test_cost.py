@@ -17,7 +17,7 @@ from stlbench.gate.cost import MOST, Turn, interval, judge_costs, judge_turns, u
 from stlbench.gate.judge import Comparison, Verdict
 from stlbench.gate.metrics import COSTS
 from stlbench.gate.snapshot import Sample, Snapshot
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
 
 CPU, REWARD = COSTS
 RECORDED = Path(__file__).parents[2] / "results" / "gate-pairs" / "turns.csv"

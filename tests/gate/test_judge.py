@@ -14,9 +14,9 @@ import pytest
 from stlbench.gate.judge import EXIT, Comparison, Judgement, judge
 from stlbench.gate.metrics import METRICS, absolute, relative, speed
 from stlbench.gate.snapshot import Sample, Snapshot, pair
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
+from stlbench.records.status import Status
 from stlbench.registry.choices import Choice
-from stlbench.status import Status
 
 ROBUSTNESS, SATISFACTION, CPU, REWARD = METRICS
 TASKS = ("disc", "disc-coarse", "line", "nav")

@@ -16,7 +16,7 @@ from stlbench.gate.judge import Comparison, Finding, Judgement
 from stlbench.gate.junit import junit
 from stlbench.gate.metrics import METRICS
 from stlbench.gate.snapshot import Snapshot
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
 
 CELL = CellId.parse("disc/funnel/dqn/0", "smoke")
 ROBUSTNESS = METRICS[0]

@@ -12,9 +12,9 @@ from stlbench import report
 from stlbench.errors import UsageError
 from stlbench.gate.files import load, save
 from stlbench.gate.snapshot import Sample, Snapshot, gather, pair, sample
-from stlbench.identity import CellId
-from stlbench.result import Result
-from stlbench.study.ledger import Ledger
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import Ledger
+from stlbench.records.result import Result
 
 HEADER = "task,method,agent,seed,budget,track,status,reason,robustness_mean,satisfaction,training_cpu_seconds"
 HEADER += ",reward_nanoseconds\n"

@@ -10,13 +10,13 @@ from pathlib import Path
 
 from helpers import line_task
 from helpers.kept_policies import install, trained
-from stlbench.identity import CellId
-from stlbench.result import Result, from_json, to_json
-from stlbench.sharing.bundle import Packed, pack
-from stlbench.sharing.crate import METADATA, About
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.result import Result, from_json, to_json
+from stlbench.share.bundle import Packed, pack
+from stlbench.share.crate import METADATA, About
 from stlbench.study import trial
 from stlbench.study.cell import Cell
-from stlbench.study.ledger import FILE, Ledger
 
 ABOUT = About('A study: of "lines"', "One cell.", ("Ada Lovelace", "O'Neil & Sons"), "CC0-1.0", "2026-01-31")
 

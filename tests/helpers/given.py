@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from helpers.reader import ROOT, stlbench
-from stlbench.study import stored
+from stlbench.records import stored
 from stlbench.task import load_task
 
 TITLED = re.compile(r'^```(?:yaml|python) title="([^"]+)"\n(.*?)^```$', re.MULTILINE | re.DOTALL)

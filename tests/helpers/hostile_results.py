@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from helpers.synthetic_results import result
-from stlbench.result import Result
-from stlbench.rollout.saved_traces import FOLDER, save_samples, trace_file
+from stlbench.records.result import Result
+from stlbench.records.saved_traces import FOLDER, save_samples, trace_file
 
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)> </script> \"'& </td> <b>bold</b>"
 DISTANCES = {"flag": (0.25, 1.5, 0.75), "funnel": (0.125, 0.25, 0.5)}

@@ -9,8 +9,8 @@ from typing import Any
 
 from helpers import line_task
 from helpers.line_task import SYSTEM
-from stlbench.identity import CellId
-from stlbench.result import Result
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result
 from stlbench.study import trial
 from stlbench.study.cell import Cell
 

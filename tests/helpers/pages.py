@@ -10,10 +10,10 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result
 from stlbench.report import condense
 from stlbench.report.page.build import write_page
-from stlbench.result import Result
 from stlbench.rollout.standards import Standard
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}

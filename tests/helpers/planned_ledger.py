@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from helpers.synthetic_results import result
-from stlbench.identity import CellId
-from stlbench.study.ledger import FILE, Ledger
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import FILE, Ledger
 
 
 def planned(folder: Path, reason: str = "ValueError: no") -> list[CellId]:

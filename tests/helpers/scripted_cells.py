@@ -7,8 +7,8 @@ import signal
 import time
 from pathlib import Path
 
-from stlbench.identity import CellId
-from stlbench.result import Result
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result
 from stlbench.study.cell import Cell
 
 

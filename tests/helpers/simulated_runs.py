@@ -6,7 +6,7 @@ import heapq
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
 from stlbench.study.outlook import Begun, Took
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
-from stlbench.identity import CellId, Track
+from stlbench.records.identity import CellId, Track
+from stlbench.records.result import MAIN, CurvePoint, Measurement, Planned, Result, Score
+from stlbench.records.status import Status
 from stlbench.registry.choices import Choice
-from stlbench.result import MAIN, CurvePoint, Measurement, Planned, Result, Score
 from stlbench.rollout.standards import Likeness, Standard
-from stlbench.status import Status
 
 
 def score(robustness: Sequence[float], first_failed: Mapping[str, int] | None = None) -> Score:

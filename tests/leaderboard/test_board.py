@@ -15,7 +15,7 @@ from stlbench.errors import UsageError
 from stlbench.leaderboard import entry
 from stlbench.leaderboard.board import PAGE, TABLE, build, page
 from stlbench.leaderboard.entry import Refused
-from stlbench.result import MAIN, RANDOM
+from stlbench.records.result import MAIN, RANDOM
 
 
 def test_policies_are_scored_on_starts_that_the_draw_alone_says(mine, tmp_path) -> None:

@@ -9,7 +9,7 @@ from helpers.bundles import ABOUT
 from helpers.synthetic_results import result
 
 from stlbench.leaderboard.rules import broken
-from stlbench.result import StoredPolicies
+from stlbench.records.result import StoredPolicies
 
 
 def cells(seeds=range(10, 15), **changes):

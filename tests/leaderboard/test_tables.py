@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from stlbench.identity import CellId
 from stlbench.leaderboard.entry import Entry, Numbers, Refused, Scored, Scores
 from stlbench.leaderboard.tables import bundles, results
+from stlbench.records.identity import CellId
 
 
 def entry(name, values, method="raw", claimed=0.0, **changes):

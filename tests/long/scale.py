@@ -21,13 +21,13 @@ from pathlib import Path
 import numpy as np
 
 from stlbench.cli.report import report
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import FILE, Ledger, _insert
+from stlbench.records.result import MAIN, RANDOM, CurvePoint, Measurement, Result, Score
+from stlbench.records.rows import values
 from stlbench.registry.choices import parse_choices
-from stlbench.result import MAIN, RANDOM, CurvePoint, Measurement, Result, Score
 from stlbench.study.cell import Cell
-from stlbench.study.ledger import FILE, Ledger, _insert
 from stlbench.study.plan import plan_cells
-from stlbench.study.rows import values
 from stlbench.study.run import build_executor, run_cells
 
 __all__ = ["main"]

@@ -28,8 +28,8 @@ import psutil
 from long.faults import KINDS, install
 from long.soaked import ANNOUNCED, RESULTS, kinds
 
-from stlbench.result import MAIN, Result
-from stlbench.study.ledger import FILE, Ledger
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.result import MAIN, Result
 
 __all__ = ["Soak", "main"]
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from long.faults import INNOCENT, KINDS, LIMIT
 
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
-from stlbench.result import Result
 from stlbench.study.plan import Cell, plan_cells
 from stlbench.study.run import build_executor, run_cells
 

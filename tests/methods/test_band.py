@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.episodes import specification
 
-from stlbench.presentation import Banded
+from stlbench.contract.presentation import Banded
 from stlbench_methods.flag import Flag
 from stlbench_methods.funnel import Funnel
 from stlbench_methods.raw import Raw

@@ -9,8 +9,8 @@ import pytest
 
 from stlbench.contract import ActionBox, ActionGrid, Actions
 from stlbench.errors import UsageError
-from stlbench.outside.actions import Moved, OnObservation, OnState, actions_of
-from stlbench.outside.table import read_actions
+from stlbench.share.actions import Moved, OnObservation, OnState, actions_of
+from stlbench.share.table import read_actions
 
 GRID = ActionGrid(("v", "w"), ((-1.0, 0.0, 1.0), (0.0, 2.0)))
 BOX = ActionBox(("v", "w"), (-1.0, 0.0), (1.0, 2.0))

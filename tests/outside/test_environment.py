@@ -14,10 +14,10 @@ import torch
 from stlbench import stl
 from stlbench.contract import Array
 from stlbench.errors import UsageError
-from stlbench.outside.scoring import Shown, score
-from stlbench.outside.source import find_source
+from stlbench.records.result import MAIN
 from stlbench.registry.choices import Choice
-from stlbench.result import MAIN
+from stlbench.share.scoring import Shown, score
+from stlbench.share.source import find_source
 from stlbench.task import Task, load_task
 
 TASK = """

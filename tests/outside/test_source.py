@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from stlbench.errors import UsageError
-from stlbench.outside.function import digest, load_function
-from stlbench.outside.source import find_source
+from stlbench.share.function import digest, load_function
+from stlbench.share.source import find_source
 
 
 @pytest.fixture

@@ -14,13 +14,13 @@ import torch
 
 from stlbench.contract import Policy
 from stlbench.errors import UsageError
-from stlbench.outside.scoring import Shown, score
-from stlbench.outside.source import find_source
-from stlbench.outside.state_dict import load_state_dict
-from stlbench.outside.torchscript import load_torchscript
-from stlbench.result import MAIN
+from stlbench.records.result import MAIN
 from stlbench.rollout.controller import Unpaid
 from stlbench.rollout.referee import Referee
+from stlbench.share.scoring import Shown, score
+from stlbench.share.source import find_source
+from stlbench.share.state_dict import load_state_dict
+from stlbench.share.torchscript import load_torchscript
 from stlbench.task import load_task
 
 SEEN = np.random.default_rng(0).normal(size=(200, 4))

@@ -11,12 +11,12 @@ from helpers.walk_task import WalkTask, walk
 
 from stlbench.contract import Array
 from stlbench.errors import UsageError
-from stlbench.outside.scoring import Shown, score
-from stlbench.outside.source import find_source
-from stlbench.outside.traces import load_traces
-from stlbench.result import MAIN
-from stlbench.rollout.referee import Assessment, Referee
-from stlbench.rollout.saved_traces import save
+from stlbench.records.result import MAIN
+from stlbench.records.saved_traces import Assessment, save
+from stlbench.rollout.referee import Referee
+from stlbench.share.scoring import Shown, score
+from stlbench.share.source import find_source
+from stlbench.share.traces import load_traces
 from stlbench.task import Task
 
 RULES = ("hold", "violated", "interval")

@@ -21,12 +21,12 @@ import stlbench
 import stlbench.gym
 from stlbench.contract import Array
 from stlbench.errors import UsageError
-from stlbench.outside.scoring import Shown, score
-from stlbench.outside.source import find_source
+from stlbench.records.result import MAIN
 from stlbench.registry.choices import Choice
-from stlbench.result import MAIN
+from stlbench.rollout.wrapping.wrap import StlWrapper
+from stlbench.share.scoring import Shown, score
+from stlbench.share.source import find_source
 from stlbench.task import Task, load_task
-from stlbench.wrapper import StlWrapper
 
 FORMULA = "F[0,25] G[0,14] c >= 0 & G[0,40] abs(omega) <= 7"
 TASK = f"""

@@ -12,7 +12,7 @@ from helpers.line_task import Line, Probe, Rule, line, steered
 from helpers.walk_task import WalkTask, walk
 
 from stlbench.contract import Array, Integers
-from stlbench.result import MAIN
+from stlbench.records.result import MAIN
 from stlbench.rollout import controller
 from stlbench.rollout.faults import PluginFault
 from stlbench.rollout.referee import Referee

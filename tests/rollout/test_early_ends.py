@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from stlbench import stl
 from stlbench.contract import Specification
-from stlbench.result import MAIN, RANDOM
+from stlbench.records.result import MAIN, RANDOM
 from stlbench.rollout.early_ends import greatest_and_least, judge, remainder, without_end
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee

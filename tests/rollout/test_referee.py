@@ -12,7 +12,7 @@ from hypothesis import given, settings
 
 from stlbench import stl
 from stlbench.contract import Array, Integers
-from stlbench.result import MAIN, RANDOM, Score, Summary, reported
+from stlbench.records.result import MAIN, RANDOM, Score, Summary, reported
 from stlbench.rollout.referee import Referee, lost_at, record, score
 from stlbench.task import starts
 

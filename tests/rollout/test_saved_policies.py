@@ -12,9 +12,9 @@ from helpers import synthetic_results
 
 from stlbench.contract import Array, Arrays, Integers, Policy, StatePolicy
 from stlbench.errors import UsageError
-from stlbench.result import Result, StoredPolicies
-from stlbench.rollout import npz
-from stlbench.rollout.saved_policies import digest, policy_file, read, save
+from stlbench.records import npz
+from stlbench.records.result import Result, StoredPolicies
+from stlbench.records.saved_policies import digest, policy_file, read, save
 
 SELECTED = {"weights": np.array([[1.5, -0.0], [np.nan, np.inf]], np.float32), "kind": np.array("additive")}
 FINAL = {"weights": np.zeros((0, 3)), "kind": np.array("joint")}

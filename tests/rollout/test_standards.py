@@ -9,7 +9,7 @@ import pytest
 from helpers.line_task import line, steered
 
 from stlbench.contract import Array, Integers
-from stlbench.identity import Setting, Track
+from stlbench.records.identity import Setting, Track
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choices
 from stlbench.rollout import standards

@@ -10,8 +10,8 @@ from helpers import synthetic_results
 from helpers.line_task import Probe, Rule, line
 
 from stlbench.errors import UsageError
+from stlbench.records.saved_traces import read_saved, trace_file
 from stlbench.rollout.referee import Referee
-from stlbench.rollout.saved_traces import read_saved, trace_file
 from stlbench.rollout.traces import Recording, gather, load
 
 RESULT = synthetic_results.result(task="line")

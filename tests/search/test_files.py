@@ -10,7 +10,7 @@ from helpers.made_subjects import still
 
 from stlbench import stl
 from stlbench.errors import UsageError
-from stlbench.rollout.saved_traces import read_saved
+from stlbench.records.saved_traces import read_saved
 from stlbench.rollout.trace_table import read_table
 from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.files import write

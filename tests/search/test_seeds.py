@@ -12,8 +12,8 @@ from helpers.made_subjects import still
 
 from stlbench.contract import Array, Integers, RewardMethod
 from stlbench.errors import UsageError
+from stlbench.records.saved_traces import read_saved
 from stlbench.report.figures.counterexample import place_of
-from stlbench.rollout.saved_traces import read_saved
 from stlbench.search.certify import Claim, certify
 from stlbench.search.falsify import How, falsify
 from stlbench.search.files import write

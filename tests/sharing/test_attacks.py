@@ -14,12 +14,12 @@ import pytest
 from helpers import bundles, line_task
 
 from stlbench.errors import UsageError
-from stlbench.result import TASK_FOLDER
-from stlbench.rollout import npz, saved_policies
-from stlbench.sharing import checked
-from stlbench.sharing.checked import check, results_in, unpacked
-from stlbench.sharing.rescored import rescore
-from stlbench.study.ledger import FILE, Ledger
+from stlbench.records import npz, saved_policies
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.result import TASK_FOLDER
+from stlbench.share import checked
+from stlbench.share.checked import check, results_in, unpacked
+from stlbench.share.rescored import rescore
 
 
 @pytest.fixture

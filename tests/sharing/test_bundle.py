@@ -12,8 +12,8 @@ import yaml
 from helpers import bundles
 
 from stlbench.errors import UsageError
-from stlbench.sharing.bundle import pack
-from stlbench.study import stored
+from stlbench.records import stored
+from stlbench.share.bundle import pack
 from stlbench.study.results import Results
 
 

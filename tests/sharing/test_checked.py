@@ -9,10 +9,10 @@ import pytest
 from helpers import bundles
 
 from stlbench.errors import UsageError
-from stlbench.rollout import npz
-from stlbench.sharing import checked
-from stlbench.sharing.checked import check, unpacked
-from stlbench.sharing.crate import METADATA
+from stlbench.records import npz
+from stlbench.share import checked
+from stlbench.share.checked import check, unpacked
+from stlbench.share.crate import METADATA
 
 LINES = "cells.jsonl"
 

@@ -8,9 +8,9 @@ import pytest
 from helpers import bundles
 
 from stlbench.errors import UsageError
-from stlbench.result import MAIN, Score
+from stlbench.records.result import MAIN, Score
 from stlbench.rollout.questions import ask_here
-from stlbench.sharing.rescored import Rescored, rescore
+from stlbench.share.rescored import Rescored, rescore
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def bundle(site, tmp_path):
 
 def here(monkeypatch):
     """Score in this process, whose functions a test can exchange."""
-    monkeypatch.setattr("stlbench.sharing.rescored.ask", lambda questions, _: ask_here(questions))
+    monkeypatch.setattr("stlbench.share.rescored.ask", lambda questions, _: ask_here(questions))
 
 
 def main_score(change):
@@ -52,7 +52,7 @@ def test_a_task_that_is_not_installed_is_said(bundle, monkeypatch) -> None:
         raise UsageError("there is no task 'zz-line'")
 
     here(monkeypatch)
-    monkeypatch.setattr("stlbench.outside.again.load_task", nowhere)
+    monkeypatch.setattr("stlbench.share.again.load_task", nowhere)
     (found,) = rescore(bundle)
     assert (found.found, found.verdict, found.why) == (None, "not scored", "there is no task 'zz-line'")
 
@@ -62,7 +62,7 @@ def test_whatever_a_policy_does_the_next_is_scored(bundle, monkeypatch) -> None:
         raise IndexError("no such layer")
 
     here(monkeypatch)
-    monkeypatch.setattr("stlbench.outside.again.score_again", fails)
+    monkeypatch.setattr("stlbench.share.again.score_again", fails)
     (found,) = rescore(bundle)
     assert (found.verdict, found.why) == ("not scored", "IndexError: no such layer")
 

@@ -10,7 +10,7 @@ import pytest
 from helpers.line_task import SYSTEM, text
 
 from stlbench.errors import UsageError
-from stlbench.identity import Setting
+from stlbench.records.identity import Setting
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.report.bands import bands_of

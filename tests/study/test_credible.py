@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from helpers.synthetic_results import result, score
 
+from stlbench.records.beside import files_beside
+from stlbench.records.result import MAIN, RANDOM, Measurement, Result, Score, Summary
+from stlbench.records.saved_traces import save_samples
 from stlbench.registry.choices import parse_choices
-from stlbench.result import MAIN, RANDOM, Measurement, Result, Score, Summary
-from stlbench.rollout.saved_traces import save_samples
 from stlbench.study import trial
 from stlbench.study.apart import Examiner
-from stlbench.study.beside import files_beside
 from stlbench.study.cell import Cell
 from stlbench.study.credible import contradiction
 from stlbench.study.plan import plan_cells

@@ -12,9 +12,9 @@ import pytest
 from helpers import scripted_cells
 
 from stlbench.errors import DiskFull, UsageError, unwritable
-from stlbench.rollout import npz
+from stlbench.records import npz
+from stlbench.records.ledger import FILE, Ledger
 from stlbench.study import run
-from stlbench.study.ledger import FILE, Ledger
 
 
 @pytest.fixture(autouse=True)

@@ -14,9 +14,8 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.rollout import npz, saved_traces
-from stlbench.study import schema, stored
-from stlbench.study.ledger import FILE, Ledger, LedgerWarning
+from stlbench.records import npz, saved_traces, schema, stored
+from stlbench.records.ledger import FILE, Ledger, LedgerWarning
 from stlbench.study.results import Results
 from stlbench.study.verify import repair, verify
 

@@ -11,13 +11,13 @@ import pytest
 from helpers import kept_policies
 
 from stlbench.errors import UsageError
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.result import MAIN, Result, from_json, to_json
 from stlbench.registry.choices import parse_choices
-from stlbench.result import MAIN, Result, from_json, to_json
 from stlbench.rollout import referee
 from stlbench.study import trial
 from stlbench.study.cell import Cell
 from stlbench.study.kept import load_policy
-from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.plan import plan_cells
 from stlbench.study.results import Results
 from stlbench.study.tracks import Recipe, Recipes

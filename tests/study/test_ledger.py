@@ -15,9 +15,9 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.status import ACCIDENTS
-from stlbench.study.ledger import Ledger, LedgerWarning
-from stlbench.study.schema import VERSION
+from stlbench.records.ledger import Ledger, LedgerWarning
+from stlbench.records.schema import VERSION
+from stlbench.records.status import ACCIDENTS
 
 
 @pytest.fixture
@@ -100,7 +100,7 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 from helpers.synthetic_results import result
-from stlbench.study.ledger import Ledger
+from stlbench.records.ledger import Ledger
 ledger = Ledger(Path(sys.argv[1]))
 for seed in range(20):
     ledger.record(result(seed=seed))
@@ -347,7 +347,7 @@ def test_what_a_killed_run_had_half_written_is_taken_back_by_who_reads(path):
 UNPRIVILEGED = """
 import os, sys
 from pathlib import Path
-from stlbench.study.ledger import Ledger
+from stlbench.records.ledger import Ledger
 def read(path):
     with Ledger(Path(path), create=False) as ledger:
         return len(list(ledger.results())), len(ledger.missing())

@@ -13,14 +13,14 @@ import pytest
 from helpers import scripted_cells
 
 from stlbench.errors import UsageError
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.lock import writing
 from stlbench.study import run, upkeep
-from stlbench.study.ledger import FILE, Ledger
-from stlbench.study.lock import writing
 
 HOLDS = """
 import sys, time
 from pathlib import Path
-from stlbench.study.lock import writing
+from stlbench.records.lock import writing
 with writing(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(600)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.simulated_runs import simulate
 
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
 from stlbench.study.outlook import Begun, Took, time_left
 
 SECONDS = {"hold-disc": 12.0, "overlap": 25.0, "pendulum": 18.0, "robot-nav": 60.0}

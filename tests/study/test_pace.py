@@ -7,7 +7,7 @@ import pytest
 from helpers.simulated_runs import Idle, Seen, simulate
 from helpers.synthetic_results import result
 
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
 from stlbench.study import pace
 from stlbench.study.outlook import Took
 from stlbench.study.pace import Ended, Pace, reward_of, unfit

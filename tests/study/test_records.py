@@ -10,8 +10,8 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.status import ACCIDENTS
-from stlbench.study.ledger import Ledger, LedgerWarning
+from stlbench.records.ledger import Ledger, LedgerWarning
+from stlbench.records.status import ACCIDENTS
 
 COUNT = 14
 

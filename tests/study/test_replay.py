@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from helpers import kept_policies
 
-from stlbench.result import MAIN, Result
-from stlbench.rollout.saved_traces import FOLDER, read_saved, trace_file
+from stlbench.records.result import MAIN, Result
+from stlbench.records.saved_traces import FOLDER, read_saved, trace_file
 from stlbench.study.replay import Start, parse_start, replay
 
 

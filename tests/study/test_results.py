@@ -15,11 +15,11 @@ from helpers.synthetic_results import result
 
 import stlbench
 from stlbench.errors import UsageError
-from stlbench.identity import CellId
-from stlbench.result import Planned
-from stlbench.rollout.saved_traces import FOLDER, trace_file
-from stlbench.study import stored
-from stlbench.study.ledger import FILE, Ledger
+from stlbench.records import stored
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.result import Planned
+from stlbench.records.saved_traces import FOLDER, trace_file
 from stlbench.study.results import Results
 
 THIRD = 1 / 3

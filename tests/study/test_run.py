@@ -7,10 +7,10 @@ from helpers import scripted_cells
 
 from stlbench.contract import Executor, Outcome
 from stlbench.errors import UsageError
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.status import ACCIDENTS
 from stlbench.registry.choices import choice_of
-from stlbench.status import ACCIDENTS
 from stlbench.study import run, trial
-from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.run import build_executor, run_cells
 from stlbench.study.unchanged import run_unchanged
 from stlbench.study.warm import warm

@@ -11,9 +11,9 @@ from helpers.waiting import wait_for
 
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
 from stlbench.errors import UsageError
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.result import Result
 from stlbench.study import run_logs, running
 from stlbench.study.run import run_described
 from stlbench.study.run_logs import Logged, build_logs, logged

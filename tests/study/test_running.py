@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
 from stlbench.study import running as room
 from stlbench.study.running import FOLDER, announce, clear, ended, running
 

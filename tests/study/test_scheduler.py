@@ -13,8 +13,8 @@ import pytest
 from helpers import scripted_cells
 
 from stlbench.contract import Executor, Outcome
+from stlbench.records.ledger import Ledger
 from stlbench.study import scheduler
-from stlbench.study.ledger import Ledger
 from stlbench.study.provenance import collect
 from stlbench_executors.local import LocalExecutor
 
@@ -96,7 +96,7 @@ import signal, sys
 from pathlib import Path
 from helpers import scripted_cells
 from stlbench.study import scheduler
-from stlbench.study.ledger import Ledger
+from stlbench.records.ledger import Ledger
 from stlbench.study.provenance import collect
 from stlbench_executors.local import LocalExecutor
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background has it ignored

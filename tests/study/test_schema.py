@@ -10,11 +10,11 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.result import to_json
-from stlbench.study import schema
-from stlbench.study.ledger import Ledger
-from stlbench.study.rows import LISTED
-from stlbench.study.schema import VERSION
+from stlbench.records import schema
+from stlbench.records.ledger import Ledger
+from stlbench.records.result import to_json
+from stlbench.records.rows import LISTED
+from stlbench.records.schema import VERSION
 
 CELLS = """
 CREATE TABLE cells (

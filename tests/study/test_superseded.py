@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 from helpers import scripted_cells
 
+from stlbench.records.ledger import FILE, Ledger
 from stlbench.study import run
 from stlbench.study.cell import Cell
-from stlbench.study.ledger import FILE, Ledger
 
 PARTS = {"harness": "a" * 32, "task": "b" * 32, "method": "c" * 32, "agent": "d" * 32, "packages": "e" * 32}
 

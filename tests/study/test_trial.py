@@ -20,10 +20,10 @@ from helpers.line_task import SYSTEM
 from stlbench import stl
 from stlbench.contract import Array, Integers, Policy, Training, Unsuitable
 from stlbench.errors import UsageError
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
+from stlbench.records.result import MAIN, Measurement, Planned, Result
+from stlbench.records.saved_traces import FOLDER, trace_file
 from stlbench.registry.choices import parse_choices
-from stlbench.result import MAIN, Measurement, Planned, Result
-from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import running, trial
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells

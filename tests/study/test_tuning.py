@@ -9,8 +9,8 @@ import pytest
 from helpers.synthetic_results import measurement
 
 from stlbench.errors import UsageError
-from stlbench.identity import CellId
-from stlbench.result import CurvePoint, Result
+from stlbench.records.identity import CellId
+from stlbench.records.result import CurvePoint, Result
 from stlbench.study.cell import Cell
 from stlbench.study.study import Study
 from stlbench.study.tracks import Recipe

@@ -7,10 +7,10 @@ from dataclasses import replace
 import pytest
 from helpers import scripted_cells
 
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.saved_traces import FOLDER, trace_file
 from stlbench.registry.fingerprint import code_of
-from stlbench.rollout.saved_traces import FOLDER, trace_file
 from stlbench.study import run
-from stlbench.study.ledger import FILE, Ledger
 from stlbench.study.unchanged import key_without_code, run_unchanged
 
 

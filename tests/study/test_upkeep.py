@@ -10,12 +10,11 @@ import pytest
 from helpers import synthetic_results
 
 from stlbench.errors import UsageError
-from stlbench.result import Result
-from stlbench.rollout import saved_policies
-from stlbench.rollout.saved_policies import policy_file
-from stlbench.rollout.saved_traces import FOLDER, trace_file
-from stlbench.study import stored
-from stlbench.study.ledger import FILE, Ledger
+from stlbench.records import saved_policies, stored
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.result import Result
+from stlbench.records.saved_policies import policy_file
+from stlbench.records.saved_traces import FOLDER, trace_file
 from stlbench.study.results import Results
 from stlbench.study.upkeep import Merged, choose, merge, remove
 

@@ -10,9 +10,10 @@ from helpers import scripted_cells
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.study import run, stored
-from stlbench.study.beside import files_beside
-from stlbench.study.ledger import FILE, Ledger
+from stlbench.records import stored
+from stlbench.records.beside import files_beside
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.study import run
 from stlbench.study.verify import DAMAGED, repair, verify
 
 
@@ -80,7 +81,7 @@ def test_a_row_that_is_not_as_it_was_recorded(folder):
         assert ledger.finished(keyed(seed).key for seed in range(3)) == {keyed(0).key, keyed(2).key}
 
 
-@pytest.mark.filterwarnings("ignore::stlbench.study.records.LedgerWarning")
+@pytest.mark.filterwarnings("ignore::stlbench.records.damaged.LedgerWarning")
 @pytest.mark.parametrize(
     "column", ["seed='x'", "seed=7", "track=''", "budget=''", "method='a/b'", "status='x'", "key='k'"]
 )
@@ -117,7 +118,7 @@ def test_the_next_run_measures_exactly_what_was_damaged(tmp_path, monkeypatch):
     assert verify(tmp_path).is_whole
 
 
-@pytest.mark.filterwarnings("ignore::stlbench.study.records.LedgerWarning")
+@pytest.mark.filterwarnings("ignore::stlbench.records.damaged.LedgerWarning")
 def test_a_ledger_with_a_damaged_structure_is_written_anew_with_all_that_can_be_read(tmp_path):
     entries = [keyed(seed) for seed in range(60)]
     with Ledger(tmp_path / FILE) as ledger:

@@ -13,9 +13,6 @@ from gymnasium.spaces import Box, Dict
 from helpers.walk_task import walk
 
 from stlbench.contract import ActionBox, ActionGrid, Unsuitable
-from stlbench.environments import making
-from stlbench.environments.entries import entries_of
-from stlbench.environments.observing import Observed
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
@@ -23,7 +20,9 @@ from stlbench.registry.fingerprint import code_of
 from stlbench.rollout.worlds import make_world
 from stlbench.study.keys import task_part
 from stlbench.study.plan import plan_cells
-from stlbench.task import load_task
+from stlbench.task import load_task, making
+from stlbench.task.entries import entries_of
+from stlbench.task.observing import Observed
 from stlbench.task.start_sets import SeedStarts
 from stlbench.testing import check_task
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stlbench.contract import Array
-from stlbench.presentation import Pixels
+from stlbench.contract.presentation import Pixels
 from stlbench.task import load_task, starts
 from stlbench.task.task import Task
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete
 
-from stlbench.environments.entries import entries_of
 from stlbench.errors import UsageError
-from stlbench.wrapping.reading import Expressions, Function
+from stlbench.rollout.wrapping.reading import Expressions, Function
+from stlbench.task.entries import entries_of
 
 LINE = Box(-1, 1, (2,), np.float32)
 BOTH = Dict({"arm": LINE, "gripper": Discrete(2), "camera": Box(0, 255, (8, 8, 3), np.uint8)})

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stlbench.contract import RewardMethod
-from stlbench.presentation import Band, Banded
+from stlbench.contract.presentation import Band, Banded
 from stlbench.report.figures.files import save
 from stlbench.report.figures.margins import robustness_in_time
 from stlbench.report.figures.trajectories import trajectories

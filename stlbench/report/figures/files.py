@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import stlbench
 from stlbench.errors import UsageError
-from stlbench.outputs import write
+from stlbench.records.outputs import write
 from stlbench.report.figures.style import format_now, rc
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from stlbench.contract import Array
-from stlbench.presentation import Band
+from stlbench.contract.presentation import Band
 from stlbench.report.figures import layout
 from stlbench.report.figures.palette import BOUNDS, TRACE
 from stlbench.report.figures.regions import rewarded_terms, terms

@@ -10,9 +10,11 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from stlbench.contract import Array
+from stlbench.contract.presentation import Band
 from stlbench.errors import UsageError
-from stlbench.identity import Setting
-from stlbench.presentation import Band
+from stlbench.records.identity import Setting
+from stlbench.records.result import Result
+from stlbench.records.saved_traces import FOLDER
 from stlbench.registry.choices import Choice
 from stlbench.report.bands import bands_of
 from stlbench.report.figures.files import file_name, save
@@ -25,8 +27,6 @@ from stlbench.report.figures.trajectories import TRACES_PER_PANEL, trajectories
 from stlbench.report.tables.alignment import RECIPE, setting_text
 from stlbench.report.tables.planned import RESOLUTION, Maximised, maximised, split
 from stlbench.report.tables.rows import Group, Row, group, row
-from stlbench.result import Result
-from stlbench.rollout.saved_traces import FOLDER
 from stlbench.rollout.traces import Recording, gather, load
 from stlbench.study.asked import loaded
 from stlbench.task.task import Task

@@ -17,7 +17,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from stlbench.contract import Array, Integers
-from stlbench.presentation import Drawn, Pixels
+from stlbench.contract.presentation import Drawn, Pixels
+from stlbench.records.saved_traces import Film
 from stlbench.report.figures import plane
 from stlbench.report.figures.layout import patch
 from stlbench.report.figures.palette import TRACE
@@ -27,7 +28,6 @@ from stlbench.report.figures.trajectories import part_keys
 from stlbench.report.figures.units import signal_label
 from stlbench.report.film.video import FRAMES_A_SECOND
 from stlbench.report.film.video import write as write_video
-from stlbench.rollout.saved_traces import Film
 from stlbench.rollout.traces import Recording
 from stlbench.task.file import Signal
 from stlbench.task.task import Task

@@ -8,13 +8,13 @@ from typing import Literal, NamedTuple
 
 from stlbench.contract import GymTask
 from stlbench.errors import UsageError
+from stlbench.records.result import MAIN, Result
+from stlbench.records.saved_policies import Which
 from stlbench.report.figures.cell_figures import draw_cell
 from stlbench.report.figures.files import file_name
 from stlbench.report.film import film
-from stlbench.result import MAIN, Result
 from stlbench.rollout.questions import plugins_of
 from stlbench.rollout.reenactment import Reenactment
-from stlbench.rollout.saved_policies import Which
 from stlbench.rollout.traces import load
 from stlbench.study.replay import Replay, Start, reenact, replay
 from stlbench.task import load_task

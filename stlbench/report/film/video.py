@@ -12,10 +12,10 @@ from typing import BinaryIO, Literal
 import numpy as np
 from PIL import Image
 
+from stlbench.contract.presentation import Pixels
 from stlbench.errors import UsageError
-from stlbench.outputs import opened
-from stlbench.outputs import write as write_file
-from stlbench.presentation import Pixels
+from stlbench.records.outputs import opened
+from stlbench.records.outputs import write as write_file
 
 __all__ = ["FRAMES_A_SECOND", "Format", "check_format", "write"]
 

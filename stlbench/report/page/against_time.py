@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from stlbench import stl
-from stlbench.presentation import Band
+from stlbench.contract.presentation import Band
 from stlbench.report.figures.counterexample import margins_of
 from stlbench.report.figures.palette import BOUNDS, term_style
 from stlbench.report.figures.regions import heading, terms

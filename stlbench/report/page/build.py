@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stlbench.errors import UsageError
-from stlbench.identity import CellId
-from stlbench.outputs import write
+from stlbench.records.identity import CellId
+from stlbench.records.outputs import write
+from stlbench.records.result import Result
 from stlbench.report.figures.palette import Colours, colours_of
 from stlbench.report.page.bundle import packed, plotly, require
 from stlbench.report.page.cells import Tags, cells_listed, details, tags_of
@@ -31,7 +32,6 @@ from stlbench.report.tables.robustness import robustness_table
 from stlbench.report.tables.rows import Group, Row
 from stlbench.report.tables.table import Table
 from stlbench.report.tables.times import time_table
-from stlbench.result import Result
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
+from stlbench.records.logs import end_of, log_file
+from stlbench.records.result import Result
+from stlbench.records.saved_policies import policy_file
 from stlbench.report.page.chart import numbers
 from stlbench.report.page.listed import Listed, listed
 from stlbench.report.tables.cell import ENDED_EARLY, cost_table, scores_table
 from stlbench.report.tables.rows import Row
 from stlbench.report.tables.table import Column, Table
-from stlbench.result import Result
-from stlbench.rollout.saved_policies import policy_file
-from stlbench.study.logs import end_of, log_file
 
 __all__ = ["Tags", "cells_listed", "details", "tags_of"]
 

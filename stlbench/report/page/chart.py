@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from stlbench.contract_parts.texts import one_line
+from stlbench.errors import one_line
 from stlbench.report.figures.palette import SAFE, Line
 
 __all__ = [

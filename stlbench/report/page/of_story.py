@@ -9,7 +9,7 @@ import numpy as np
 from contourpy import contour_generator
 
 from stlbench.contract import Array
-from stlbench.presentation import Band
+from stlbench.contract.presentation import Band
 from stlbench.report.figures.palette import term_style
 from stlbench.report.figures.parts import parts
 from stlbench.report.figures.regions import region

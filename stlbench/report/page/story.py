@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stlbench.contract import Array
+from stlbench.records.result import MAIN, Result
 from stlbench.report.figures.counterexample import Place, place_of
-from stlbench.result import MAIN, Result
 from stlbench.rollout.reasons import Loss, first_loss, lasted, reason
 from stlbench.rollout.traces import load
 from stlbench.task.task import Task

@@ -8,7 +8,9 @@ from pathlib import Path
 
 from stlbench import stl
 from stlbench.errors import UsageError
-from stlbench.identity import CellId, Setting
+from stlbench.records.identity import CellId, Setting
+from stlbench.records.result import Result
+from stlbench.records.saved_traces import FOLDER
 from stlbench.registry.choices import Choice
 from stlbench.report.bands import bands_of
 from stlbench.report.figures.palette import Colours
@@ -22,8 +24,6 @@ from stlbench.report.page.story import Story, tell_story
 from stlbench.report.tables.planned import maximised
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Column, Table
-from stlbench.result import Result
-from stlbench.rollout.saved_traces import FOLDER
 from stlbench.study.asked import loaded
 from stlbench.task.task import Task
 

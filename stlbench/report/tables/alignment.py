@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stlbench.records.status import NOT_RUN
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.planned import RESOLUTION, best_known, maximised, reached, split
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Column, Table, Value
-from stlbench.status import NOT_RUN
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard

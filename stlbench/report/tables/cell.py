@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from stlbench.records.result import Measurement, Score
 from stlbench.report.tables.table import Column, Table
-from stlbench.result import Measurement, Score
 
 __all__ = ["ENDED_EARLY", "cost_table", "scores_table"]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import fields
 
-from stlbench.identity import IDENTITY
+from stlbench.records.identity import IDENTITY
+from stlbench.records.status import ACCIDENTS
 from stlbench.report.statistics.intervals import Interval, share_interval
 from stlbench.report.tables.rows import Group, Numbers, Row
 from stlbench.report.tables.table import Column, Table, Value
-from stlbench.status import ACCIDENTS
 
 __all__ = ["cells_table", "unfinished_table"]
 

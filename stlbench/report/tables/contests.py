@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from stlbench.identity import Setting, Track
+from stlbench.records.identity import Setting, Track
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.rows import Group
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from stlbench.records.result import LEARNED, Score
 from stlbench.report.tables.table import Column, Table, Value
-from stlbench.result import LEARNED, Score
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stlbench.identity import Setting
+from stlbench.records.identity import Setting
 from stlbench.registry.choices import Choice
 from stlbench.report.statistics.intervals import FEWEST, Interval, median, median_interval, share_interval
 from stlbench.report.tables.cell import ENDED_EARLY

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Literal
 
-from stlbench.identity import OUTSIDE, CellId, Setting
+from stlbench.records.identity import OUTSIDE, CellId, Setting
+from stlbench.records.result import LEARNED, MAIN, RANDOM, Measurement, Planned, Result, reported
+from stlbench.records.status import NOT_RUN, Status
 from stlbench.report.tables.table import FirstFailed, Seeds
-from stlbench.result import LEARNED, MAIN, RANDOM, Measurement, Planned, Result, reported
-from stlbench.status import NOT_RUN, Status
 
 __all__ = ["LEARNED", "CurveRow", "Group", "Numbers", "Row", "group", "missing_row", "row"]
 

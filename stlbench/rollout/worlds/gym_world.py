@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from stlbench.contract import Array, GymTask, Integers, World
-from stlbench.contract_parts.texts import one_line
-from stlbench.environments.acting import as_action
-from stlbench.environments.entries import outside_space
-from stlbench.environments.expressions import unknown
-from stlbench.environments.source import GymSource, numbers
-from stlbench.errors import UsageError
-from stlbench.presentation import Pixels
+from stlbench.contract.presentation import Pixels
+from stlbench.errors import UsageError, one_line
+from stlbench.task.acting import as_action
+from stlbench.task.entries import outside_space
+from stlbench.task.expressions import unknown
+from stlbench.task.source import GymSource, numbers
 
 __all__ = ["GymWorld"]
 

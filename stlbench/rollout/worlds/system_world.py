@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from stlbench.contract import Array, Integers, System, World
-from stlbench.presentation import Drawn, Pixels
+from stlbench.contract.presentation import Drawn, Pixels
 
 __all__ = ["SystemWorld"]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 from helpers.synthetic_results import result
 
+from stlbench.records.result import CurvePoint
 from stlbench.report import condense
 from stlbench.report.figures.layout import LEVEL
 from stlbench.report.figures.learning import learning_curves
 from stlbench.report.figures.palette import colours_of
 from stlbench.report.statistics.intervals import mean_interval
-from stlbench.result import CurvePoint
 
 
 def curve(*points):

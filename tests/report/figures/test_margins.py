@@ -7,7 +7,7 @@ import pytest
 from helpers.line_task import line
 from matplotlib.axes import Axes
 
-from stlbench.presentation import Band
+from stlbench.contract.presentation import Band
 from stlbench.report.figures.layout import LEVEL
 from stlbench.report.figures.margins import BAND_ELSEWHERE, SINGLE, robustness_in_time
 from stlbench.report.figures.palette import BOUNDS, TRACE

@@ -8,6 +8,7 @@ from helpers.synthetic_results import result
 from matplotlib import colormaps
 from matplotlib.colors import to_rgb
 
+from stlbench.records.result import Planned
 from stlbench.report import condense
 from stlbench.report.figures.palette import (
     BOUNDS,
@@ -23,7 +24,6 @@ from stlbench.report.figures.palette import (
     styles,
     term_style,
 )
-from stlbench.result import Planned
 
 
 def test_a_method_has_one_colour_and_its_agents_differ_in_their_lines():

@@ -11,13 +11,13 @@ from helpers.synthetic_results import result
 from matplotlib.figure import Figure
 
 from stlbench.errors import UsageError
+from stlbench.records.result import CurvePoint, Result
 from stlbench.registry.choices import Choice
 from stlbench.report import Group, condense
 from stlbench.report.figures import report_figures
 from stlbench.report.figures.palette import Colours, colours_of
 from stlbench.report.figures.report_figures import ROWS_PER_FIGURE
 from stlbench.report.figures.units import Scale
-from stlbench.result import CurvePoint, Result
 
 CURVE = (CurvePoint(100, 0.0, 1.0, 0.1),)
 CELLS = [*(result(method, seed) for method in ("funnel", "flag") for seed in (0, 1)), result(task="other")]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from helpers.synthetic_results import result
 
+from stlbench.records.result import CurvePoint
 from stlbench.report import condense
 from stlbench.report.figures.learning import learning_curves
 from stlbench.report.figures.palette import colours_of
 from stlbench.report.figures.robustness import robustness_by_method
-from stlbench.result import CurvePoint
 
 
 def curve(*points):

@@ -9,11 +9,11 @@ import pytest
 from helpers import synthetic_results
 
 from stlbench.errors import UsageError
+from stlbench.records.saved_traces import trace_file
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.figures import trace_figures
 from stlbench.report.figures.palette import GROUPS_PER_FIGURE, colours_of
-from stlbench.rollout.saved_traces import trace_file
 from stlbench.task import load_task
 
 

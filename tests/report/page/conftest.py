@@ -9,7 +9,7 @@ from helpers.hostile_results import all_results
 from helpers.pages import write
 from helpers.synthetic_results import by_hand
 
-from stlbench.result import MAIN
+from stlbench.records.result import MAIN
 
 
 @pytest.fixture(scope="session")

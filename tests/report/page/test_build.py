@@ -11,7 +11,7 @@ from helpers.pages import Page, write
 from helpers.synthetic_results import by_hand, result
 
 from stlbench.errors import UsageError
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
 from stlbench.report import condense
 from stlbench.report.page import build, bundle
 from stlbench.report.tables.robustness import robustness_table

@@ -12,6 +12,7 @@ import pytest
 from helpers.pages import Page
 from helpers.synthetic_results import by_hand, result
 
+from stlbench.records.result import CurvePoint
 from stlbench.report import condense, fields
 from stlbench.report.figures.palette import colours_of
 from stlbench.report.figures.units import Scale
@@ -20,7 +21,6 @@ from stlbench.report.page.chart import INK, MARK, MUTED, plain
 from stlbench.report.page.of_fields import across
 from stlbench.report.page.of_groups import cost, learning, robustness
 from stlbench.report.statistics.intervals import median, median_interval
-from stlbench.result import CurvePoint
 from stlbench.rollout.standards import Standard
 
 SEEDS = (0.25, 0.5, 1.0, 0.75, 0.375)

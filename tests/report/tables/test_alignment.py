@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 from helpers.synthetic_results import plan, result
 
-from stlbench.identity import CellId
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result, Score
 from stlbench.registry.choices import Choice
 from stlbench.report import align, alignment_table, best_known, condense, split
 from stlbench.report.tables.alignment import Aligned
-from stlbench.result import Result, Score
 from stlbench.rollout.standards import Standard
 from stlbench.task.file import BestKnown
 

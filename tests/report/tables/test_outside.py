@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from helpers.synthetic_results import plan, result
 
+from stlbench.records.result import Result
 from stlbench.report import best_known, condense, robustness_table, split, summary, to_records
 from stlbench.report.tables.planned import maximised
-from stlbench.result import Result
 
 FACTS = {"source": "net.onnx", "sha256": 64 * "a", "begun_at": "starts of its own"}
 

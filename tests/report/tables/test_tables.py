@@ -9,6 +9,7 @@ import pytest
 from helpers.synthetic_results import alike, by_hand, plan, result, score
 from scipy import stats
 
+from stlbench.records.result import MAIN, RANDOM, Score, Summary
 from stlbench.registry.choices import Choice
 from stlbench.report import (
     cells_table,
@@ -24,7 +25,6 @@ from stlbench.report import (
 from stlbench.report.page.cells import cells_listed
 from stlbench.report.tables.cell import scores_table
 from stlbench.report.tables.table import FirstFailed, Seeds
-from stlbench.result import MAIN, RANDOM, Score, Summary
 from stlbench.rollout.standards import Standard
 from stlbench.task.file import BestKnown
 

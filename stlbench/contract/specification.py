@@ -1,0 +1,69 @@
+"""What a reward method knows about a task. Import it from `stlbench.contract`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+from stlbench import stl
+from stlbench.contract.arrays import Array, Truth
+from stlbench.contract.refusals import Unsuitable
+
+__all__ = ["Specification"]
+
+
+@dataclass(frozen=True)
+class Specification:
+    """What a reward method knows about a task: the formula, and the signals it is read from.
+
+    Intervals of the formulas are in steps. A method sees no system, no agent and no budget.
+    """
+
+    formula: stl.Formula
+    """The task. Its robustness at t = 0 is what the referee measures."""
+    signals: tuple[str, ...]
+    """Names of the k signals, in the order of the columns that `RewardMethod.step` is given."""
+    low: tuple[float, ...]
+    """Lower end of each signal's range; with `high` the box S of the paper's rho_max = max over S."""
+    high: tuple[float, ...]
+    steps: int
+    """T: transitions in an episode. T >= horizon of the formula."""
+    dt: float
+    """Sampling time in seconds."""
+    nested: stl.Formula | None = None
+    """The same task as one outer operator over a window, `G[0,190] G[0,10] psi`, where the task file gives one."""
+    can_end: bool = True
+    """Whether an episode may be ended before step T by its environment; False for a `System`."""
+
+    @cached_property
+    def terms(self) -> tuple[stl.Term, ...]:
+        """The conjunction of eq. 2 as terms F[a,b] psi, G[a,b] psi, F[a,c1] G[c2,b] psi.
+
+        Raises `Unsuitable` where the formula is outside that fragment, with the place and the reason.
+        """
+        try:
+            return stl.fragment(self.formula)
+        except stl.FragmentError as error:
+            raise Unsuitable(str(error)) from error
+
+    def margin(self, psi: stl.Formula) -> Callable[[Array], Array]:
+        """The robustness of `psi`, free of temporal operators, as a function of signals (..., k) -> (...)."""
+        return stl.margin(psi, self.signals)
+
+    def holds(self, psi: stl.Formula) -> Callable[[Array], Truth]:
+        """The truth of `psi`, free of temporal operators, as a function of signals (..., k) -> (...)."""
+        return stl.holds(psi, self.signals)
+
+    def range(self, psi: stl.Formula) -> tuple[float, float]:
+        """Sound bounds (rho_min, rho_max) of the robustness of `psi` over the box of the signals."""
+        if psi not in self._ranges:
+            box = {name: (low, high) for name, low, high in zip(self.signals, self.low, self.high, strict=True)}
+            proven = stl.bounds(psi, box)
+            self._ranges[psi] = proven.low, proven.high
+        return self._ranges[psi]
+
+    @cached_property
+    def _ranges(self) -> dict[stl.Formula, tuple[float, float]]:
+        """Those that were asked for, since every method asks for those of all terms."""
+        return {}

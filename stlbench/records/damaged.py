@@ -1,0 +1,203 @@
+"""What is in the file of a ledger, row by row; a part that is damaged is named and passed over."""
+
+from __future__ import annotations
+
+import sqlite3
+import warnings
+from collections.abc import Iterator, Mapping
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+from stlbench.errors import UsageError, one_line
+from stlbench.records.identity import IDENTITY, CellId
+from stlbench.records.result import Result, plain
+from stlbench.records.rows import LISTED, Row, cell_of, result_of, texts
+from stlbench.records.salvage import salvage
+from stlbench.records.schema import is_sqlite, open_to_read
+
+__all__ = ["LedgerWarning", "Recorded", "Records"]
+
+_IDENTITY = ", ".join(IDENTITY)
+
+
+class LedgerWarning(UserWarning):
+    """A part of a ledger is damaged; the others can be read."""
+
+
+class Recorded(NamedTuple):
+    """One row, and what is wrong with it."""
+
+    key: str
+    cell: CellId | None
+    """None where that cannot be read."""
+    files: Mapping[str, str] | None
+    """Checksums of the files beside it; None where an older stlbench recorded none."""
+    result: Result | str
+    """What is wrong with it in place of a result."""
+    again: bool = False
+    """Whether it is to be measured again."""
+    own_key: str = ""
+    """That of its result, where its columns are damaged."""
+
+
+class Records:
+    """The rows and the plan of a ledger, as a context manager.
+
+    Args:
+        path: the file.
+        create: whether there may be none; then there are no rows. Otherwise that is a `UsageError`.
+
+    Raises:
+        UsageError: the file is something else, or was written by a newer version.
+    """
+
+    def __init__(self, path: Path, *, create: bool = True) -> None:
+        self.path = path
+        self._database: sqlite3.Connection | None = None
+        if (path.exists() and not path.is_file()) or (_has_content(path) and not is_sqlite(path)):
+            raise UsageError(f"{path} is no ledger of stlbench; it is left as it is")
+        if path.exists():
+            self._database = open_to_read(path)
+        elif not create:
+            raise UsageError(f"there is no ledger at {path}; `stlbench run` writes one")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file. All that was recorded is there already."""
+        if self._database is not None:
+            self._database.close()
+
+    def planned(self) -> dict[str, CellId]:
+        """The cells that were planned, by key."""
+        if self._database is None:
+            return {}
+        found, planned = salvage(self._database, "planned", f"key, {_IDENTITY}"), dict[str, CellId]()
+        for _, key, *identity in found.rows:
+            try:
+                planned[key] = cell_of(*identity)
+            except ValueError as error:
+                self._warn("a part of the plan", str(error))
+        if found.problem:
+            self._warn("a part of the plan", found.problem)
+        return planned
+
+    def problems(self) -> list[str]:
+        """What SQLite says of the file's structure; nothing where that is whole."""
+        if self._database is None:
+            return []
+        try:
+            said = [str(row[0]) for row in self._database.execute("PRAGMA integrity_check(20)")]
+        except sqlite3.DatabaseError as error:
+            return [str(error)]
+        return [line for text in said for line in text.splitlines() if line != "ok"]
+
+    def recorded(self) -> Iterator[Recorded]:
+        """Every row that can be found, whatever is in it, one at a time."""
+        if self._database is not None:
+            for columns in salvage(self._database, "cells", LISTED).rows:
+                yield self._recorded(*columns)
+
+    def _recorded(self, number: int, key: str, *columns: Any) -> Recorded:
+        again = bool(columns[2])
+        try:
+            result, files = self._content(number, key)
+        except (sqlite3.DatabaseError, ValueError) as error:
+            said = one_line(str(error).splitlines()[0])
+            return Recorded(key, _cell(number, key, *columns), None, said, again=again)
+        if (key, *columns) != (result.key, result.status, *columns[1:3], *texts(result.id)):
+            return Recorded(key, result.id, None, "its columns do not say what its result says", again, result.key)
+        return Recorded(key, result.id, files, result, again)
+
+    def recorded_since(self, begin: datetime) -> dict[str, float]:
+        """Of rows that were recorded from then on: their keys, and when that was, in seconds since 1970."""
+        if self._database is None:
+            return {}
+        times = {key: _moment(text) for _, key, text in salvage(self._database, "cells", "key, recorded_at").rows}
+        return {key: at for key, at in times.items() if at is not None and at >= begin.timestamp()}
+
+    def lost(self) -> dict[str, CellId | None]:
+        """The keys of rows of which no more is known, with their cells where the plan has them."""
+        if self._database is None:
+            return {}
+        planned = self.planned()
+        return {key: planned.get(key) for key in salvage(self._database, "cells", LISTED).lost.values()}
+
+    def listed(self, *, from_index: bool = True) -> list[Row]:
+        """All rows in the order in which they were recorded; where a page is damaged, those that can be read.
+
+        `from_index` reads the index, which is far shorter than the table; what is damaged of the table alone is seen
+        when a result is read.
+        """
+        if self._database is None:
+            return []
+        found, rows = salvage(self._database, "cells", LISTED, from_index=from_index), list[Row]()
+        for columns in found.rows:
+            try:
+                rows.append(Row.of(*columns))
+            except ValueError as error:
+                self._warn(f"the row of the cell with key {columns[1]}", str(error))
+        planned = self.planned() if found.lost else {}
+        for key in found.lost.values():
+            name = planned[key].name if key in planned else f"the cell with key {key}"
+            self._warn(f"the row of {name}", found.problem)
+        if found.problem and not found.lost:
+            self._warn("a part of its rows", found.problem)
+        return rows
+
+    def read(self, row: Row) -> Result | None:
+        """The result of a row; None, with a warning, where it is damaged."""
+        try:
+            return self._content(row.number, row.key)[0]
+        except (sqlite3.DatabaseError, ValueError) as error:
+            self._warn(f"the row of {row.cell.name}", str(error))
+            return None
+
+    def _content(self, number: int, key: str) -> tuple[Result, Mapping[str, str] | None]:
+        """Its result and the checksums of its files. Raises `DatabaseError` or `ValueError` where it is damaged."""
+        assert self._database is not None
+        query = "SELECT result, checksum, files FROM cells WHERE rowid = ? AND key = ?"
+        ((text, checksum, files),) = self._database.execute(query, (number, key)).fetchall()
+        checksums = plain(files) if files else None
+        if not isinstance(checksums, dict | None):
+            raise ValueError(f"checksums of its files are an object, got {files!r:.80}")
+        return result_of(text, checksum), checksums
+
+    def columns(self, row: Row) -> dict[str, Any]:
+        """All columns of a row; none where they cannot be read."""
+        assert self._database is not None
+        try:
+            found = self._database.execute("SELECT * FROM cells WHERE rowid = ?", (row.number,))
+            return dict(zip([column[0] for column in found.description], found.fetchone(), strict=True))
+        except sqlite3.DatabaseError:
+            return {}
+
+    def _warn(self, what: str, problem: str) -> None:
+        way = f"`stlbench verify {self.path.parent} --repair` has it measured again"
+        said = f"{self.path}: {what} is damaged and passed over; {way} ({one_line(problem.splitlines()[0])})"
+        warnings.warn(said, LedgerWarning, stacklevel=3)
+
+
+def _cell(number: int, key: str, *columns: Any) -> CellId | None:
+    try:
+        return Row.of(number, key, *columns).cell
+    except ValueError:
+        return None
+
+
+def _has_content(path: Path) -> bool:
+    return path.is_file() and path.stat().st_size > 0
+
+
+def _moment(text: Any) -> float | None:
+    """Seconds since 1970 of a time that was recorded; None where it is damaged."""
+    try:
+        return datetime.fromisoformat(text).timestamp()
+    except (TypeError, ValueError):
+        return None

@@ -1,0 +1,73 @@
+"""Files of arrays (.npz), without any pickle: those of a cell, written whole or not at all."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stlbench.errors import cause
+from stlbench.records.identity import CellId
+from stlbench.records.outputs import opened
+
+__all__ = ["cell_file", "end_of", "read", "unpacked_size", "write"]
+
+
+LARGEST = 2**31
+"""Bytes that the arrays of a file may take: an archive of some MB can say that it holds a TB of zeros."""
+
+
+def cell_file(folder: Path, cell: CellId, key: str) -> Path:
+    """Where, in such a folder, a cell's arrays are: named after the cell and the beginning of its key."""
+    return folder / (cell.name.replace("/", "_") + end_of(key))
+
+
+def end_of(key: str) -> str:
+    """How the names of all files of arrays end that belong to a result. A stranger's key may look like a path."""
+    return f"_{key[:12]}.npz".replace("/", "_")
+
+
+def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays, compressed, in place of the file of before; its folder is made. Whoever reads finds no half a file.
+
+    Raises `TypeError` for an array of objects, and `UsageError` as `outputs.opened`.
+    """
+    for name, array in arrays.items():
+        if array.dtype.hasobject:
+            raise TypeError(f"array '{name}' has objects; numbers and texts can be kept")
+    with opened(path) as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+def read(path: Path, prefix: str = "") -> dict[str, NDArray[Any]]:
+    """The arrays of a file whose names begin so.
+
+    Raises:
+        ValueError: in a line; it cannot be read, is damaged or encrypted, has objects, or is no .npz at all.
+    """
+    if zipfile.is_zipfile(path) and (size := unpacked_size(path)) > LARGEST:
+        raise ValueError(f"its arrays would take {size >> 20} MiB, at most {LARGEST >> 20} are read")
+    try:
+        with np.load(path) as saved:
+            found = {name: saved[name] for name in saved.files if name.startswith(prefix)}
+    except Exception as error:  # damage lets zipfile and NumPy raise nearly anything, even a tokenize.TokenError
+        pickled = "pickle" in str(error)  # NumPy takes what it does not know for one
+        said = "it is no file of arrays (.npz), or has objects in it" if pickled else cause(error)[:200]
+        raise ValueError(said) from error
+    for name, array in found.items():
+        if not isinstance(array, np.ndarray):  # bytes, where NumPy does not know the beginning
+            raise ValueError(f"'{name}' is no array")
+    return found
+
+
+def unpacked_size(path: Path) -> int:
+    """Bytes that the arrays of a file have by its own list, which no reader goes beyond. Raises `ValueError`."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return sum(info.file_size for info in archive.infolist())
+    except Exception as error:
+        raise ValueError(cause(error)[:200]) from error

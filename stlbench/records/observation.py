@@ -1,0 +1,194 @@
+"""What the numbers of an observation mean. The record travels with a policy, so that it is never shown another one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from math import isclose
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from stlbench import __version__
+from stlbench.errors import UsageError, one_line
+
+__all__ = ["KEY", "MOST", "Observation"]
+
+KEY = "stlbench_observation"
+"""Under which a file of a policy, or a space of Gymnasium, has the record."""
+
+MOST = 1000
+"""Numbers of an environment that a record describes one by one. Of pictures, which have more, only the size is kept."""
+
+_SAID = 12
+"""Numbers that a message names."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The numbers that a policy is shown: those of the task, the time, and the inputs of a method, in this order."""
+
+    size: int
+    """Numbers of the task."""
+    names: tuple[str, ...] = ()
+    """Of an environment one for each number, empty where it has none; of a system the quantities that the task
+    computes its numbers from. Empty where nothing has a name."""
+    middle: tuple[float, ...] = ()
+    """Of an environment, for each number: a policy sees (number - middle) / reach. Empty of a system, whose class
+    scales by itself."""
+    reach: tuple[float, ...] = ()
+    steps: int | None = None
+    """The time runs from -1 to 1 in so many steps. None where the time is not shown."""
+    inputs: int = 0
+    """Inputs of the method."""
+    method: str = ""
+    """The method whose inputs they are; empty where that is not known, or there are none."""
+    task: str = ""
+    """Where it was recorded: a task, or the id of an environment under `stlbench.wrap`."""
+    version: str = ""
+    """Of stlbench, when it was recorded."""
+
+    @classmethod
+    def beside(cls, steps: int, inputs: int, method: str, task: str) -> Observation:
+        """What is shown beside the numbers of a task, by this version of stlbench."""
+        return cls(0, steps=steps, inputs=inputs, method=method if inputs else "", task=task, version=__version__)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Observation]) -> Observation:
+        """Of the parts of an observation, one after the other. The time and the inputs are those of the first."""
+        described = all(part.middle for part in parts)
+        return replace(
+            parts[0],
+            size=sum(part.size for part in parts),
+            names=tuple(chain.from_iterable(part.names for part in parts)) if described else (),
+            middle=tuple(chain.from_iterable(part.middle for part in parts)) if described else (),
+            reach=tuple(chain.from_iterable(part.reach for part in parts)) if described else (),
+        )
+
+    @property
+    def total(self) -> int:
+        """D, the length of an observation."""
+        return self.size + (self.steps is not None) + self.inputs
+
+    def within(self, place: int) -> bool:
+        """Whether a number is known to be from -1 to 1: the time, and what is scaled by its ends or its magnitude."""
+        if place >= self.size:
+            return place == self.size and self.steps is not None
+        return bool(self.middle) and self._scales[place] != (0.0, 1.0)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """As plain values, for JSON."""
+        plain: dict[str, Any] = TypeAdapter(Observation).dump_python(self, mode="json")
+        return plain
+
+    def save_in(self, space: object) -> None:
+        """Have a space of Gymnasium carry the record. Stable-Baselines3 writes what a space has into its files."""
+        setattr(space, KEY, self.facts)
+
+    @property
+    def unscaled(self) -> Observation:
+        """What the environment itself shows: its numbers as they are, and nothing beside them."""
+        middle, reach = (0.0,) * self.size, (1.0,) * self.size
+        return replace(self, middle=middle, reach=reach, steps=None, inputs=0, method="")
+
+    @classmethod
+    def of_facts(cls, source: str, facts: object) -> Observation:
+        """The record that a file has, which anybody may have written.
+
+        Raises:
+            UsageError: it is no record. The message begins with `source`.
+        """
+        try:
+            adapter = TypeAdapter(Observation)
+            found = adapter.validate_json(facts) if isinstance(facts, str | bytes) else adapter.validate_python(facts)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(map(str, first["loc"])) or "the whole"
+            raise UsageError(one_line(f"{source}: its {KEY} is no record: {where}: {first['msg']}")) from error
+        if len(found.middle) != len(found.reach) or (found.middle and len(found.middle) != found.size):
+            raise UsageError(f"{source}: its {KEY} is no record: middle and reach have one number for each of size")
+        return found
+
+    def check(self, source: str, shown: Observation) -> None:
+        """Refuse what a policy with this record would be shown, unless it is what the record says.
+
+        Raises:
+            UsageError: in one line, the first difference. The message begins with `source`.
+        """
+        if wrong := next(self._differences(shown), None):
+            where = f" on {self.task}" if self.task else ""
+            raise UsageError(one_line(f"{source}: it was trained{where} to observe {wrong}"))
+
+    def _differences(self, shown: Observation) -> Iterator[str]:
+        """Each as the end of "it was trained to observe"."""
+        yield from _of_names(self, shown)
+        if self.size != shown.size:
+            yield f"{self.size} numbers beside the time; here are {shown.size}"
+        if bool(self.middle) != bool(shown.middle):
+            yield f"{self.numbers}; here are {shown.numbers}"
+        for place, (own, other) in enumerate(zip(self._scales, shown._scales, strict=False)):
+            if not all(isclose(a, b, rel_tol=1e-6, abs_tol=1e-9) for a, b in zip(own, other, strict=True)):
+                yield f"{self._number(place)}; here is {shown._number(place)}"
+        if self.steps != shown.steps:
+            yield f"{_time(self.steps)}; here is {_time(shown.steps)}"
+        if self.inputs and self.method and shown.method != self.method:
+            yield f"inputs of method {self.method}; say --method '{self.method}'"
+        if self.inputs != shown.inputs:
+            yield f"{self.inputs} inputs of a method; here are {shown.inputs}"
+
+    @property
+    def _scales(self) -> tuple[tuple[float, float], ...]:
+        return tuple(zip(self.middle, self.reach, strict=True))
+
+    def _number(self, place: int) -> str:
+        """How a number is made: omega / 8."""
+        name = (self.names[place] if place < len(self.names) else "") or f"number {place}"
+        middle, reach = self._scales[place]
+        shifted = f"{name} {'-' if middle > 0 else '+'} {abs(middle):g}" if middle else name
+        if reach == 1:
+            return shifted
+        return f"({shifted}) / {reach:g}" if middle else f"{shifted} / {reach:g}"
+
+    @property
+    def numbers(self) -> str:
+        """Those of the task, in words: "x, y, omega / 8"."""
+        if not self.middle:
+            of = f" of {', '.join(self.names)}" if self.names else ""
+            return f"{self.size} feature{'s' * (self.size != 1)}{of}"
+        more = f" and {self.size - _SAID} more numbers" if self.size > _SAID else ""
+        return ", ".join(self._number(place) for place in range(min(self.size, _SAID))) + more
+
+    def __str__(self) -> str:
+        parts = [self.numbers]
+        if self.steps is not None:
+            parts.append(_time(self.steps))
+        if self.inputs:
+            parts.append(f"{self.inputs} input{'s' * (self.inputs > 1)} of {self.method or 'a method'}")
+        return one_line("; ".join(parts))
+
+
+def _of_names(own: Observation, shown: Observation) -> Iterator[str]:
+    """Where both name what they show, the names agree."""
+    if not any(own.names) or not any(shown.names):
+        return
+    if bool(own.middle) and len(own.names) == len(shown.names):
+        pairs = zip(own.names, shown.names, strict=True)
+        wrong = [(a, b) for a, b in pairs if a and b and a != b]
+        missing = [a for a, _ in wrong if a not in shown.names]
+    else:
+        wrong = [] if own.names == shown.names else [(own.names[0], "")]
+        missing = [name for name in own.names if name and name not in shown.names]
+    if missing:
+        yield f"{', '.join(missing)}, which {_place(shown)} does not show"
+    elif wrong:
+        yield f"the same in another order than {_place(shown)} shows it"
+
+
+def _place(shown: Observation) -> str:
+    return f"task {shown.task}" if shown.task else "the environment"
+
+
+def _time(steps: int | None) -> str:
+    return "no time" if steps is None else f"the time from -1 to 1 in {steps} steps"

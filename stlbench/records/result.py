@@ -1,0 +1,244 @@
+"""What a cell leaves behind: frozen values that go to the ledger as JSON and come back equal."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import ConfigDict, TypeAdapter
+
+from stlbench.errors import one_line, printable
+from stlbench.records.identity import IDENTITY, CellId
+from stlbench.records.observation import Observation
+from stlbench.records.status import Status
+
+__all__ = [
+    "LEARNED",
+    "MAIN",
+    "RANDOM",
+    "TASK_FOLDER",
+    "CurvePoint",
+    "Measurement",
+    "Planned",
+    "Result",
+    "Score",
+    "StoredPolicies",
+    "Summary",
+    "from_json",
+    "plain",
+    "plain_scores",
+    "reported",
+    "to_json",
+]
+
+TASK_FOLDER = "task_folder"
+"""Among the facts of a result's provenance, where its task is a folder: where that was."""
+LEARNED = 0.95
+"""A policy that satisfies the formula from this share of the starts has learned the task."""
+MAIN = "formula"
+"""Name of the protocol that every task has: the task's own formula, from the grid of starts that figures show."""
+
+RANDOM = "random"
+"""Name of the protocol that budgets may ask for: the task's own formula, from many starts drawn at random."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What is left of a score whose single starts were not kept."""
+
+    mean: float
+    minimum: float
+    """NaN where it was not kept either."""
+    satisfaction: float
+    starts: int | None = None
+    """How many they were; None where that was not kept."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """What the referee found under one protocol, one value per start."""
+
+    __pydantic_config__ = ConfigDict(ser_json_inf_nan="constants")
+
+    robustness: tuple[float, ...]
+    """Robustness of the protocol's formula at t = 0, in the unit of its predicates."""
+    satisfied: tuple[bool, ...]
+    """Boolean satisfaction, its own verdict: at robustness 0 the two need not agree."""
+    first_failed: Mapping[str, int]
+    """How many starts failed, by the conjunct that failed first."""
+    summary: Summary | None = None
+    """Instead of the values per start, which are empty then: of many starts no more is kept."""
+    ended_early: float | None = field(default=None, compare=False)
+    """Share of the starts, in [0, 1], from which the environment ended the episode before the formula's horizon; None
+    in records of before it was counted. It is no part of the verdict, so that older scores compare equal."""
+
+    @property
+    def mean(self) -> float:
+        """Mean robustness over the starts."""
+        return self.summary.mean if self.summary else float(np.mean(self.robustness))
+
+    @property
+    def minimum(self) -> float:
+        """Robustness from the worst start."""
+        return self.summary.minimum if self.summary else float(np.min(self.robustness))
+
+    @property
+    def satisfaction(self) -> float:
+        """Share of the starts that satisfy, in [0, 1]."""
+        return self.summary.satisfaction if self.summary else float(np.mean(self.satisfied))
+
+    @property
+    def starts(self) -> int | None:
+        """How many starts; None where that was not kept."""
+        return self.summary.starts if self.summary else len(self.robustness)
+
+    def summarised(self) -> Score:
+        """The same without the values per start."""
+        kept = Summary(self.mean, self.minimum, self.satisfaction, self.starts)
+        return Score((), (), self.first_failed, kept, self.ended_early)
+
+
+def reported(scores: Mapping[str, Score]) -> Score:
+    """Of the scores of one policy, protocol -> score, the one that counts: from random starts where there is one."""
+    return scores.get(RANDOM, scores[MAIN])
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """One checkpoint, scored on the starts kept for selection."""
+
+    steps: int
+    """Environment steps of one sampling time so far, all copies together."""
+    cpu_seconds: float
+    """CPU seconds of training so far."""
+    satisfaction: float
+    robustness_mean: float
+    starts: int | None = None
+    """From how many of these starts: a checkpoint that is clearly behind is scored from fewer than a good one. None in
+    records that do not say it; there it is all."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """What a policy that was planned, not learned, makes the most of (`Agent.plans`)."""
+
+    __pydantic_config__ = ConfigDict(ser_json_inf_nan="constants")
+
+    maximised: Literal["reward", "formula"]
+    """The method's reward, or the formula's robustness."""
+    value: float
+    """What the plan expects, mean over the report's starts, in the unit of what is maximised; NaN where it does not
+    say."""
+
+
+@dataclass(frozen=True)
+class StoredPolicies:
+    """That a cell's policies are stored, by which hashes they are known, and what it takes to use them."""
+
+    selected: str
+    """SHA-256 of the arrays (`saved_policies.digest`), 64 hex digits."""
+    final: str
+    observation_size: int
+    """D: numbers in the observations that they act on."""
+    agent: Mapping[str, str | int | float | bool] = field(default_factory=dict)
+    """On the track `tuned`, what the recipe says of the agent; empty on others, as the task says it."""
+    hold: int | None = None
+    """On the track `tuned`, the steps for which the recipe holds an action; None where that is the task's own."""
+    observation: Observation | None = None
+    """What the numbers of their observations mean; None in records of before this was recorded."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """All that one finished cell measured."""
+
+    selected: Mapping[str, Score]
+    """Protocol -> score of the best checkpoint, chosen on other starts than these. `MAIN` is always there."""
+    final: Mapping[str, Score]
+    """The same for the policy at the end of training."""
+    selected_steps: int
+    """Environment steps at which the selected checkpoint was taken."""
+    curve: tuple[CurvePoint, ...]
+    training_cpu_seconds: float
+    """CPU seconds of training alone, without evaluations."""
+    training_wall_seconds: float
+    cpu_seconds: float
+    """CPU seconds of the whole cell: training, checkpoints, evaluation."""
+    wall_seconds: float
+    env_steps: int
+    """Environment steps of one sampling time that training used."""
+    reward_nanoseconds: float
+    """CPU time of the method's reward per step and copy, in nanoseconds, measured apart on a batch of 1024."""
+    inputs_added: int
+    """Inputs that the method added to the policy's observation."""
+    planned: Planned | None = None
+    """None for policies that were learned, and so in all records of before there were others."""
+    extension: str = ""
+    """Why the task is outside the form that the method's source was published for; empty inside it."""
+    policies: StoredPolicies | None = None
+    """None where no policy is stored: a planner's, an agent's that keeps none, and those of older records."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "extension", one_line(self.extension))
+
+
+@dataclass(frozen=True)
+class Result:
+    """One row of the ledger. Its texts, which plugins wrote, are safe for any file and any terminal."""
+
+    id: CellId
+    key: str
+    """Hash of what can change the result (see `plan.Cell`)."""
+    status: Status
+    reason: str = ""
+    """One line, where status is not `done`."""
+    details: str = field(default="", repr=False)
+    """Traceback, where there is one."""
+    measurement: Measurement | None = None
+    """Present exactly where status is `done`."""
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    """Versions, machine, jobs beside it, time: what might explain a result without being part of its key."""
+
+    def __post_init__(self) -> None:
+        provenance = {printable(name): printable(text) for name, text in self.provenance.items()}
+        safe = {"reason": one_line(self.reason), "details": printable(self.details), "provenance": provenance}
+        for name, value in safe.items():
+            object.__setattr__(self, name, value)
+
+
+@lru_cache
+def _adapter() -> TypeAdapter[Result]:
+    return TypeAdapter(Result)
+
+
+def to_json(result: Result) -> str:
+    """The result as one line of JSON, the parts of its identity beside the rest."""
+    content = _adapter().dump_python(result, mode="json")
+    return json.dumps({**content.pop("id"), **content})
+
+
+def plain_scores(scores: Mapping[str, Score]) -> dict[str, Any]:
+    """Protocol -> score as `to_json` writes it within a measurement."""
+    plain: dict[str, Any] = TypeAdapter(dict[str, Score]).dump_python(dict(scores), mode="json")
+    return plain
+
+
+def plain(text: str | bytes) -> Any:
+    """The value of a text of JSON that may be of a stranger. Raises `ValueError`."""
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError("brackets inside brackets, too deep to read") from error
+
+
+def from_json(text: str | bytes) -> Result:
+    """The inverse of `to_json`. Raises `ValueError` on anything else."""
+    content = plain(text)
+    if not isinstance(content, dict):
+        raise ValueError(f"expected an object, got {text!r:.80}")
+    identity = {name: content.pop(name) for name in IDENTITY if name in content}
+    return _adapter().validate_python({"id": identity, **content})

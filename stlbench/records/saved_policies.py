@@ -1,0 +1,91 @@
+"""The file of a cell's policies: the selected and the final one, as the arrays of which their agent restores them."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from stlbench.contract import Arrays, Policy, StatePolicy
+from stlbench.errors import UsageError
+from stlbench.records import npz
+from stlbench.records.identity import OUTSIDE, CellId
+from stlbench.records.result import TASK_FOLDER, Result
+
+__all__ = ["FOLDER", "Which", "digest", "policy_file", "read", "save"]
+
+FOLDER = "policies"
+"""Name of the folder of policies in a folder of results."""
+
+Which = Literal["selected", "final"]
+"""Of a cell's policies: the checkpoint that did best on the starts for selection, or the one at the end of training."""
+
+
+def policy_file(results: Path, cell: CellId, key: str) -> Path:
+    """Where a cell's policies are: an .npz with `selected/NAME` and `final/NAME` for each of a policy's arrays.
+
+    Where the two are the same there is only the first.
+    """
+    return npz.cell_file(results / FOLDER, cell, key)
+
+
+def save(path: Path, selected: Policy | StatePolicy, final: Policy | StatePolicy) -> tuple[str, str] | None:
+    """Write both policies of a cell; their digests. None, and no file, where one of them cannot be kept."""
+    kept = {"selected": _arrays(selected), "final": _arrays(final)}
+    found = {which: arrays for which, arrays in kept.items() if arrays is not None}
+    if len(found) < len(kept):
+        return None
+    digests = digest(found["selected"]), digest(found["final"])
+    if len(set(digests)) == 1:
+        del found["final"]
+    npz.write(path, {f"{which}/{name}": array for which, arrays in found.items() for name, array in arrays.items()})
+    return digests
+
+
+def _arrays(policy: Policy | StatePolicy) -> Arrays | None:
+    arrays = policy.arrays() if isinstance(policy, Policy) else None
+    return None if arrays is None else {name: np.asarray(array) for name, array in arrays.items()}
+
+
+def digest(arrays: Arrays) -> str:
+    """A hash (64 hex digits) of the arrays: of their names, types, shapes and bytes, and of no order of theirs."""
+    found = hashlib.sha256()
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        found.update(f"{name} {array.dtype.str} {arrays[name].shape}\n".encode() + array.tobytes())
+    return found.hexdigest()
+
+
+def _why_none(result: Result) -> str:
+    if result.id.track == OUTSIDE:
+        task, source = result.provenance.get(TASK_FOLDER, result.id.task), result.provenance.get("source", "FILE")
+        how = f"falsify and certify take it as --task {task} {source}"
+        return f"it is from outside, and only its score is kept; {how}"
+    return "its agent keeps none, or an older stlbench trained it"
+
+
+def read(results: Path, result: Result, which: Which) -> Arrays:
+    """The arrays of a cell's policy, as they were when it was recorded.
+
+    Raises:
+        UsageError: the cell has no policy, the file is not there, is damaged, or has another content.
+    """
+    name, measured = result.id.name, result.measurement
+    if measured is None:
+        raise UsageError(f"{name} has no policy: {': '.join(filter(None, (result.status, result.reason)))}")
+    if measured.policies is None:
+        raise UsageError(f"{name} has no stored policy: {_why_none(result)}")
+    path, policies = policy_file(results, result.id, result.key), measured.policies
+    there = "selected" if policies.selected == policies.final else which
+    if not path.is_file():
+        raise UsageError(f"{name} has no policy at {path}; `stlbench run` stores it when it trains a cell")
+    prefix = f"{there}/"
+    try:
+        arrays = {entry.removeprefix(prefix): array for entry, array in npz.read(path, prefix).items()}
+    except ValueError as error:
+        raise UsageError(f"cannot read {path} as policies of stlbench: {error}") from error
+    if digest(arrays) != getattr(policies, which):
+        raise UsageError(f"{path} does not have the {which} policy of {name}: its hash is not the recorded one")
+    return arrays

@@ -1,0 +1,107 @@
+"""The file of a cell's traces: what the referee recorded, saved by a trial and read by everything that shows it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from stlbench.contract import Array, Integers
+from stlbench.errors import UsageError, one_line
+from stlbench.records import npz
+from stlbench.records.identity import CellId
+from stlbench.records.result import MAIN, Result, Score
+
+__all__ = [
+    "FOLDER",
+    "Assessment",
+    "Film",
+    "SavedTraces",
+    "read_cell",
+    "read_saved",
+    "save",
+    "save_samples",
+    "trace_file",
+]
+
+FOLDER = "traces"
+"""Name of the folder of traces in a folder of results."""
+
+
+class Assessment(NamedTuple):
+    """What the referee says of one policy."""
+
+    scores: dict[str, Score]
+    """Protocol -> score."""
+    traces: Array
+    """(N, T + 1, k): the traces behind the main score."""
+    states: Array
+    """(N, decisions + 1, n): the states behind them, at each decision and at the end."""
+
+
+class Film(NamedTuple):
+    """The states that the best and the worst start of a cell went through, or those of the only one."""
+
+    starts: Integers
+    """(2,) or (1,): which starts they are."""
+    states: Array
+    """(2 or 1, decisions + 1, n): at each decision and at the end."""
+
+
+class SavedTraces(NamedTuple):
+    """Samples (N, T + 1, k) of k named signals from N starts."""
+
+    names: tuple[str, ...]
+    samples: Array
+    film: Film | None = None
+    """None where the file has no states."""
+
+
+def trace_file(folder: Path, cell: CellId, key: str) -> Path:
+    """Where a cell's traces are saved: an .npz with `traces` (N, T + 1, k) and `signals` (k,), their names.
+
+    For films, `extremes` (2,) says which starts were the best and the worst, and `states` (2, decisions + 1, n) what
+    states these went through.
+    """
+    return npz.cell_file(folder, cell, key)
+
+
+def save(path: Path, assessment: Assessment, signals: tuple[str, ...]) -> None:
+    """Write what the referee recorded of a policy."""
+    robustness = assessment.scores[MAIN].robustness
+    extremes = np.array([np.argmax(robustness), np.argmin(robustness)])
+    named = {"traces": assessment.traces, "signals": np.array(signals)}
+    npz.write(path, {**named, "extremes": extremes, "states": assessment.states[extremes]})
+
+
+def save_samples(path: Path, samples: Array, signals: tuple[str, ...]) -> None:
+    """Write traces (N, T + 1, k) of which no more is known."""
+    npz.write(path, {"traces": samples, "signals": np.array(signals)})
+
+
+def read_cell(results: Path, result: Result) -> SavedTraces:
+    """The traces of a cell in a folder of results. Raises `UsageError` where there is no file, and as `read_saved`."""
+    path = trace_file(results / FOLDER, result.id, result.key)
+    if not path.is_file():
+        raise UsageError(f"{result.id.name} has no traces at {path}; `stlbench run` records them when it trains a cell")
+    return read_saved(path)
+
+
+def read_saved(path: Path) -> SavedTraces:
+    """Read the traces that `stlbench run` saved of one cell.
+
+    Raises:
+        UsageError: no such file, or none with `traces` (N, T + 1, k) and the names of k `signals`.
+    """
+    try:
+        arrays = npz.read(path)
+        samples, names = np.asarray(arrays["traces"], dtype=np.float64), tuple(map(str, arrays["signals"].tolist()))
+        film = Film(arrays["extremes"], arrays["states"]) if "states" in arrays else None
+    except KeyError as error:
+        raise UsageError(f"cannot read {path} as traces of stlbench: it has no {error}") from error
+    except (ValueError, TypeError) as error:
+        raise UsageError(f"cannot read {path} as traces of stlbench: {one_line(error)}") from error
+    if samples.ndim != 3 or 0 in samples.shape or samples.shape[2] != len(names):
+        raise UsageError(f"{path}: traces have shape (starts, steps, {len(names)} signals), got {samples.shape}")
+    return SavedTraces(names, samples, film)

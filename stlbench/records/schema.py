@@ -1,0 +1,255 @@
+"""The tables of a ledger, and how its file is opened: to read without a right to write, to write in one file."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from contextlib import ExitStack, closing
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from stlbench.errors import UsageError, one_line, unwritable
+from stlbench.records.outputs import inside
+from stlbench.records.rows import LISTED
+
+__all__ = ["LONGEST", "VERSION", "is_sqlite", "open_to_read", "open_to_write"]
+
+VERSION = 5
+"""Of the tables below, in `PRAGMA user_version`. Version 1 had no plan, version 2 no tracks, version 3 no checksums,
+no count of failures, and no mark of what is to be measured again; version 4 had no index of what rows say without their
+results."""
+
+_ALIKE = 4
+"""From this version on, all tables have the same columns, so that a file is read as it is."""
+
+LONGEST = 2**26
+"""Bytes that a value in a ledger may have. A result with 10,000 starts has about 1 MB."""
+
+_OPENING, _READING, _LOOK = 10**6, 10**8, 10**5
+"""Steps of SQLite's machine: that reading the schema may take, that all long queries may take beside one for each byte
+of the file, and after how many they are counted. To read a ledger of 100,000 cells, 1 GB, takes 10 million."""
+
+_ASKED = "SELECT count(*) FROM sqlite_schema"
+"""The least that makes SQLite look at a file."""
+
+APPLICATION = int.from_bytes(b"STLB", "big")
+"""In `PRAGMA application_id`: tells a ledger from any other SQLite file."""
+
+_FIRST = (
+    """CREATE TABLE IF NOT EXISTS cells (
+    key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL, seed INTEGER NOT NULL,
+    budget TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL, robustness_mean REAL, satisfaction REAL,
+    training_cpu_seconds REAL, training_wall_seconds REAL, recorded_at TEXT NOT NULL, result TEXT NOT NULL
+    )""",
+    """CREATE TABLE IF NOT EXISTS planned (
+    key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL, seed INTEGER NOT NULL,
+    budget TEXT NOT NULL
+    )""",
+)
+
+_ADDED = {
+    "cells": {
+        "track": "TEXT NOT NULL DEFAULT 'shared'",
+        "checksum": "TEXT NOT NULL DEFAULT ''",
+        "files": "TEXT NOT NULL DEFAULT ''",
+        "failures": "INTEGER NOT NULL DEFAULT 0",
+        "again": "INTEGER NOT NULL DEFAULT 0",
+    },
+    "planned": {"track": "TEXT NOT NULL DEFAULT 'shared'"},
+}
+"""Columns that came later: `checksum` of the text `result`, and `files`, those of the files beside it, as JSON; how
+often in a row the cell has failed; whether it is to be measured again, though it has a result."""
+
+
+_INDEX = f"CREATE INDEX IF NOT EXISTS listed ON cells ({LISTED})"
+"""With it, what is missing of a study is found without a look at the pages that results are in: for 100,000 cells 10 MB
+in place of a GB."""
+
+
+def open_to_read(path: Path) -> sqlite3.Connection:
+    """The file, or a copy in memory of one of an older version; also in a folder that cannot be written.
+
+    Raises:
+        UsageError: it cannot be opened, is no ledger, or one of a newer version.
+    """
+    return _opened(path, lambda: _connect_to_read(path), lambda database: _to_read(path, database))
+
+
+def open_to_write(path: Path) -> sqlite3.Connection:
+    """The file, which is made where there is none, with its folder; one of an older version becomes one of this.
+
+    Raises:
+        UsageError: as `open_to_read`, or it cannot be made.
+    """
+    return _opened(path, lambda: _connect_to_write(path), lambda database: _to_write(path, database))
+
+
+def is_sqlite(path: Path) -> bool:
+    """Whether a file begins as SQLite's do; one of a byte or two looks empty to SQLite, which would write over it."""
+    with path.open("rb") as file:
+        return file.read(16) == b"SQLite format 3\0"
+
+
+def _opened(
+    path: Path,
+    connect: Callable[[], sqlite3.Connection],
+    prepared: Callable[[sqlite3.Connection], sqlite3.Connection],
+) -> sqlite3.Connection:
+    try:
+        with ExitStack() as undone:
+            database = connect()
+            undone.callback(database.close)
+            ready = prepared(database)
+            undone.pop_all()
+            return ready
+    except (OSError, sqlite3.Error) as error:
+        can = "open" if isinstance(error, OSError | sqlite3.OperationalError) else "read"
+        raise unwritable(f"cannot {can} the ledger {path}", error) from error
+
+
+# ----------------------------------------------------------------------------------------------------------- guarding
+
+
+def _guarded(uri: str) -> sqlite3.Connection:
+    """A connection on which a file from a stranger can cost only so much memory and time.
+
+    SQLite then calls a longer value "too big", and a query that takes more steps "interrupted".
+    """
+    database = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None)
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST)
+    _allow(database, _OPENING)
+    database.execute("PRAGMA trusted_schema = OFF")
+    return database
+
+
+def _allow(database: sqlite3.Connection, steps: int) -> None:
+    """So many from now on, of SQLite's machine."""
+    left = iter(range(steps // _LOOK))
+    database.set_progress_handler(lambda: next(left, None) is None, _LOOK)
+
+
+def _strange(database: sqlite3.Connection) -> str | None:
+    """What of a file's schema no ledger has, such as a view or a trigger, which are code; None where there is none."""
+    tables, indices = _own()
+    for kind, name, sql in database.execute("SELECT type, name, sql FROM sqlite_schema"):
+        if kind == "index" and (name, sql) in indices:
+            continue
+        if kind != "table" or name not in tables or not str(sql).startswith("CREATE TABLE "):
+            return f"the {one_line(kind)} '{one_line(name)}'"
+        for _, column, *_, hidden in database.execute(f"PRAGMA table_xinfo({name})"):
+            if hidden or column not in tables[name]:
+                return f"the column '{one_line(column)}' in the table '{name}'"
+    return None
+
+
+@cache
+def _own() -> tuple[dict[str, set[str]], set[tuple[str, str | None]]]:
+    """The columns of each table, and the indices, that a ledger of this version has."""
+    with closing(sqlite3.connect(":memory:", isolation_level=None)) as empty:
+        _migrate(empty)
+        named = empty.execute("SELECT type, name, sql FROM sqlite_schema").fetchall()
+        columns = {
+            name: {str(row[1]) for row in empty.execute(f"PRAGMA table_info({name})")}
+            for kind, name, _ in named
+            if kind == "table"
+        }
+    return columns, {(name, sql) for kind, name, sql in named if kind == "index"}
+
+
+# ------------------------------------------------------------------------------------------------------------ reading
+
+
+def _connect_to_read(path: Path) -> sqlite3.Connection:
+    uri = f"{path.absolute().as_uri()}?mode=ro"
+    database = _guarded(uri)
+    try:
+        database.execute(_ASKED)
+    except sqlite3.OperationalError as error:
+        database.close()
+        if error.sqlite_errorcode == sqlite3.SQLITE_READONLY_ROLLBACK:
+            return _taken_back(path)
+        # in WAL mode, of before, SQLite wants to write beside it
+        beside = path.with_name(f"{path.name}-wal")
+        if beside.is_file() and beside.stat().st_size > 0:
+            raise
+        database = _guarded(f"{uri}&immutable=1")
+    return database
+
+
+def _taken_back(path: Path) -> sqlite3.Connection:
+    """The file of a run that was killed within a transaction, without what it had written of that one.
+
+    The journal beside the file says what was there before. Where the folder cannot be written, it is undone in a copy.
+    """
+    database = _guarded(f"{path.absolute().as_uri()}?mode=rw")
+    try:
+        database.execute(_ASKED)
+    except sqlite3.OperationalError:
+        database.close()
+        database = sqlite3.connect(":memory:", isolation_level=None)
+        with TemporaryDirectory() as folder:
+            for file in (path, path.with_name(f"{path.name}-journal")):
+                Path(folder, file.name).write_bytes(file.read_bytes())
+            with closing(sqlite3.connect(Path(folder, path.name))) as whole:
+                whole.backup(database)
+    return database
+
+
+def _to_read(path: Path, database: sqlite3.Connection) -> sqlite3.Connection:
+    if _version(path, database) >= _ALIKE:
+        return database
+    copy = sqlite3.connect(":memory:", isolation_level=None)
+    database.backup(copy)
+    database.close()
+    _migrate(copy)
+    return copy
+
+
+# ------------------------------------------------------------------------------------------------------------ writing
+
+
+def _connect_to_write(path: Path) -> sqlite3.Connection:
+    inside(path, path.parent).parent.mkdir(parents=True, exist_ok=True)
+    return _guarded(f"{path.absolute().as_uri()}?mode=rwc")
+
+
+def _to_write(path: Path, database: sqlite3.Connection) -> sqlite3.Connection:
+    version = _version(path, database)
+    # not WAL, in which what was recorded lies in another file until some time later
+    database.execute("PRAGMA journal_mode = DELETE")
+    if version < VERSION:
+        _migrate(database)
+    return database
+
+
+def _version(path: Path, database: sqlite3.Connection) -> int:
+    """0 of a file that is empty. Raises `UsageError` where it is no ledger, or one of a newer version."""
+    application, version, tables = (
+        int(database.execute(query).fetchone()[0]) for query in ("PRAGMA application_id", "PRAGMA user_version", _ASKED)
+    )
+    if (application, version, tables) == (0, 0, 0):
+        return 0
+    if application != APPLICATION:
+        raise UsageError(f"{path} is no ledger of stlbench")
+    if version > VERSION:
+        raise UsageError(f"{path} is a ledger of version {version}; this stlbench reads version {VERSION}")
+    if (strange := _strange(database)) is not None:
+        raise UsageError(f"the ledger {path} has {strange}, which stlbench does not write; it is not read")
+    _allow(database, _READING + path.stat().st_size)
+    return version
+
+
+def _migrate(database: sqlite3.Connection) -> None:
+    """Make what is not there, in a file of any older version or an empty one: all of it or nothing."""
+    with database:
+        database.execute("BEGIN IMMEDIATE")
+        for statement in _FIRST:
+            database.execute(statement)
+        for table, columns in _ADDED.items():
+            present = {row[1] for row in database.execute(f"PRAGMA table_info({table})")}
+            for name in columns.keys() - present:
+                database.execute(f"ALTER TABLE {table} ADD COLUMN {name} {columns[name]}")
+        database.execute(_INDEX)
+        database.execute(f"PRAGMA application_id = {APPLICATION}")
+        database.execute(f"PRAGMA user_version = {VERSION}")

@@ -1,0 +1,194 @@
+"""Where a folder has its results: in its ledger, else in `cells.jsonl`, which holds the same as text for git."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Self, TypeVar
+
+from pydantic import TypeAdapter
+
+from stlbench.errors import UsageError
+from stlbench.records.identity import CellId
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.outputs import write
+from stlbench.records.result import TASK_FOLDER, Result, from_json, plain, to_json
+from stlbench.records.schema import LONGEST
+from stlbench.records.status import NOT_RUN
+
+__all__ = ["LINES", "SUFFIX", "OneByOne", "lines", "locate", "missing", "missing_by_key", "read", "write_lines"]
+
+_T = TypeVar("_T")
+
+SUFFIX = ".jsonl"
+"""Of files of lines."""
+
+LINES = "cells" + SUFFIX
+"""Name of the text file in a folder of results: one cell per line, ordered, nothing rounded and nothing left out but
+the paths of tasks that are folders. A cell that was planned and has no result is there with the status `not run`."""
+
+
+def locate(path: Path) -> Path | None:
+    """The file that has the results: `path` itself, or the ledger, else `cells.jsonl` of a folder. None without one."""
+    candidates = (path / FILE, path / LINES) if path.is_dir() else (path,)
+    return next((file for file in candidates if file.is_file()), None)
+
+
+def read(path: Path) -> Iterator[Result]:
+    """One result of every cell in a folder, a ledger or a file of lines, one at a time.
+
+    Nothing that a result names is imported. A task that is a folder is known only where the user named the folder.
+
+    Raises:
+        UsageError: there is none of these, or a file is not as it should be; the message says where.
+    """
+    file = _existing(path)
+    if file.suffix == SUFFIX:
+        yield from _read_lines(file)
+        return
+    with Ledger(file, create=False) as ledger:
+        yield from ledger.results()
+
+
+class OneByOne(Mapping[CellId, Result]):
+    """The results of `read`, each read when it is asked for: of a ledger no more than one is in memory.
+
+    A context manager. Raises `UsageError` as `read`; a row that is damaged is not there, with a `LedgerWarning`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        file = _existing(path)
+        self._lines = {result.id: result for result in _read_lines(file)} if file.suffix == SUFFIX else None
+        self._ledger = None if self._lines is not None else Ledger(file, create=False)
+        self._rows = self._ledger.present() if self._ledger else {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        if self._ledger is not None:
+            self._ledger.close()
+
+    def __getitem__(self, cell: CellId) -> Result:
+        if self._lines is not None:
+            return self._lines[cell]
+        assert self._ledger is not None
+        result = self._ledger.read(self._rows[cell])
+        if result is None:
+            raise KeyError(cell)
+        return result
+
+    def __iter__(self) -> Iterator[CellId]:
+        return iter(self._rows if self._lines is None else self._lines)
+
+    def __len__(self) -> int:
+        return len(self._rows if self._lines is None else self._lines)
+
+
+def missing(path: Path) -> list[CellId]:
+    """The cells that were planned and have no result. Raises `UsageError` as `read`."""
+    return list(missing_by_key(path).values())
+
+
+def missing_by_key(path: Path) -> dict[str, CellId]:
+    """The same, by the keys that they were planned with."""
+    file = _existing(path)
+    if file.suffix == SUFFIX:
+        found = (_checked(_Planned.of, text, where) for text, where in _texts(file))
+        return {planned.key: planned.cell for planned in found if planned}
+    with Ledger(file, create=False) as ledger:
+        lacking = set(ledger.missing())
+        return {key: cell for key, cell in ledger.planned().items() if cell in lacking}
+
+
+def write_lines(results: Iterable[Result], path: Path, planned: Mapping[str, CellId] | None = None) -> int:
+    """Write results as text, over the file of before, and by key what was `planned` and has none; how many lines.
+
+    Raises `UsageError` where it cannot.
+    """
+    text = lines(results, planned)
+    write(path, text)
+    return text.count("\n")
+
+
+def lines(results: Iterable[Result], planned: Mapping[str, CellId] | None = None) -> str:
+    """The text of `cells.jsonl`: one line per result, and per cell that was `planned` and has none, ordered by cell."""
+    texts = [(result.id, to_json(_without_path(result))) for result in results]
+    texts += [(cell, _Planned(cell, key).text) for key, cell in (planned or {}).items()]
+    return "".join(text + "\n" for _, text in sorted(texts))
+
+
+@dataclass(frozen=True)
+class _Planned:
+    """A line of a cell without a result."""
+
+    cell: CellId
+    key: str
+
+    @property
+    def text(self) -> str:
+        identity = _identity().dump_python(self.cell, mode="json")
+        return json.dumps({**identity, "key": self.key, "status": NOT_RUN})
+
+    @classmethod
+    def of(cls, text: str) -> Self | None:
+        """What a line says; None where it is of a result. Raises `ValueError` where a part is missing or wrong."""
+        if NOT_RUN not in text:
+            return None
+        content = plain(text)
+        if not isinstance(content, dict) or content.pop("status", "") != NOT_RUN:
+            return None
+        return cls(key=str(content.pop("key", "")), cell=_identity().validate_python(content))
+
+
+@cache
+def _identity() -> TypeAdapter[CellId]:
+    return TypeAdapter(CellId)
+
+
+def _without_path(result: Result) -> Result:
+    """A path of this machine is nobody else's, and lines that others wrote should not say where code is."""
+    facts = {name: value for name, value in result.provenance.items() if name != TASK_FOLDER}
+    return replace(result, provenance=facts)
+
+
+def _existing(path: Path) -> Path:
+    file = locate(path)
+    if file is None:
+        where = f"there is neither {path / FILE} nor {LINES}"
+        raise UsageError(f"{where}; `stlbench run` writes the one, `stlbench export` the other")
+    return file
+
+
+def _read_lines(path: Path) -> Iterator[Result]:
+    lines = dict[CellId, int]()
+    for number, (text, where) in enumerate(_texts(path), 1):
+        entry = _checked(_Planned.of, text, where) or _checked(from_json, text, where)
+        cell = entry.id if isinstance(entry, Result) else entry.cell
+        if (first := lines.setdefault(cell, number)) != number:
+            raise UsageError(f"{where}: {cell.name} is in line {first} already")
+        if isinstance(entry, Result):
+            yield entry
+
+
+def _texts(path: Path) -> Iterator[tuple[str, str]]:
+    """The lines of a file, and where each is."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            for number, text in enumerate(iter(partial(file.readline, LONGEST + 1), ""), 1):
+                if len(text) > LONGEST:
+                    raise UsageError(f"{path}, line {number}: it has more than {LONGEST >> 20} MiB")
+                yield text, f"{path}, line {number}"
+    except (OSError, UnicodeError) as error:
+        raise UsageError(f"cannot read {path}: {error}") from error
+
+
+def _checked(parse: Callable[[str], _T], text: str, where: str) -> _T:
+    try:
+        return parse(text)
+    except ValueError as error:
+        cause = str(error).splitlines()[0]
+        raise UsageError(f"{where}: not a result as `stlbench export --format jsonl` writes it: {cause}") from error

@@ -1,0 +1,115 @@
+"""What a user asked for, checked: formula, signals, method, and what an early end means."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any, TypeAlias, cast
+
+from stlbench import stl
+from stlbench.contract import Intractable, RewardMethod, Specification, Unsuitable
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.registry import plugins
+from stlbench.registry.choices import choice_of
+from stlbench.rollout.wrapping.reading import Reader
+from stlbench.task.file import EarlyEnd
+
+__all__ = ["MethodOf", "Ranges", "Scoring", "specify"]
+
+MethodOf: TypeAlias = str | Callable[[Specification], RewardMethod]
+"""A method by name, or a class, or anything else that makes one for a specification."""
+Ranges: TypeAlias = Mapping[str, tuple[float, float]]
+"""Signal -> the least and the greatest value that it takes, about."""
+
+
+@dataclass(frozen=True)
+class Scoring:
+    """How the episodes of an environment are paid and judged."""
+
+    reader: Reader
+    made_by: MethodOf
+    specification: Specification
+    """What the method knows; it has the formula, in steps."""
+    scaled: bool
+    terminated: EarlyEnd
+    discount: float
+    """With which the rewards that an early end leaves out are added up, in 0..1."""
+
+    @cached_property
+    def method(self) -> RewardMethod:
+        """The reward method. Raises `UsageError`, see `_make_method`."""
+        return _make_method(self.made_by, self.specification)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Without the method: what it has compiled cannot be pickled. It is pure, and is made again."""
+        return Scoring, tuple(getattr(self, each.name) for each in fields(self))
+
+    @property
+    def inputs(self) -> int:
+        """Numbers of the method's that the policy is shown."""
+        return self.method.input_size if self.method.memory_size else 0
+
+    @property
+    def scale(self) -> float:
+        """What rewards are divided by."""
+        return self.method.scale if self.scaled else 1.0
+
+
+def specify(
+    formula: str | stl.Formula, names: tuple[str, ...], ranges: Ranges, steps: int, dt: float | None
+) -> Specification:
+    """What a method is told. Raises `UsageError`: no formula, an unknown signal, a missing range, a long horizon."""
+    low, high = _ends(names, ranges)
+    try:
+        parsed = stl.parse(formula, dt) if isinstance(formula, str) else formula
+        resolved = stl.resolve_end(parsed, steps)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"formula: {error}") from error
+    for name in stl.signals(resolved):
+        if name not in names:
+            raise UsageError(f"formula: no signal '{name}'{did_you_mean(name, names)}")
+    if (horizon := stl.horizon(resolved)) > steps:
+        raise UsageError(f"formula: its horizon of {horizon} steps exceeds the {steps} steps of an episode")
+    return Specification(resolved, names, low, high, steps, 1.0 if dt is None else float(dt))
+
+
+def _make_method(method: MethodOf, specification: Specification) -> RewardMethod:
+    """The method. Raises `UsageError`: no such method, a wrong parameter, or one that does not fit."""
+    try:
+        if isinstance(method, str):
+            return cast(RewardMethod, plugins.build("methods", choice_of(method), specification))
+        made = None if not callable(method) or _no_method(method) else method(specification)
+    except (Intractable, Unsuitable) as error:
+        name = method if isinstance(method, str) else getattr(method, "__name__", method)
+        raise UsageError(f"method {name} does not fit: {error}") from error
+    if not isinstance(made, RewardMethod):
+        raise UsageError(f"method: expected a name or a class of reward methods, got {method!r}")
+    return made
+
+
+def _no_method(made_by: object) -> bool:
+    """Whether it is a class of something else, which a specification may not make."""
+    return isinstance(made_by, type) and not issubclass(made_by, RewardMethod)
+
+
+def _ends(names: Sequence[str], ranges: Ranges) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Lower and upper ends of the ranges."""
+    for name in names:
+        if name not in ranges:
+            raise UsageError(f"ranges: none for the signal '{name}'; give its least and greatest value, (low, high)")
+    for name in ranges:
+        if name not in names:
+            raise UsageError(f"ranges: no signal '{name}'{did_you_mean(name, names)}")
+    pairs = [_pair(name, ranges[name]) for name in names]
+    return tuple(low for low, _ in pairs), tuple(high for _, high in pairs)
+
+
+def _pair(name: str, ends: object) -> tuple[float, float]:
+    with suppress(TypeError, ValueError):
+        low, high = map(float, ends)  # type: ignore[call-overload]
+        if -math.inf < low < high < math.inf:
+            return low, high
+    raise UsageError(f"ranges: '{name}' has (low, high), finite and low < high, got {ends!r}")

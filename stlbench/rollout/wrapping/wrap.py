@@ -1,0 +1,172 @@
+"""Any Gymnasium environment, paid and judged by an STL formula: `stlbench.wrap`, without the harness.
+
+>>> import gymnasium, stlbench
+>>> env = stlbench.wrap(
+...     gymnasium.make("Pendulum-v1"),
+...     "G[100,200] abs(theta) <= 0.2",
+...     signals={"theta": "atan2(y, x)"},
+...     names=("x", "y", "omega"),
+...     ranges={"theta": (-3.2, 3.2)},
+...     method="funnel",
+... )
+>>> observation, info = env.reset(seed=0)
+>>> observation.shape, info["t"], env.specification.steps
+((4,), 0, 200)
+
+The reward is the method's, as `stlbench.gym` pays it for stlbench's own tasks; what the environment itself pays is
+`info["env_reward"]`. The policy is shown the time and the method's memory. At the end of an episode the info has the
+robustness of its trace, and whether it satisfies the formula.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from numbers import Real
+from typing import Any, get_args, overload
+
+import gymnasium
+from gymnasium.spaces import Space
+from gymnasium.vector import VectorEnv
+
+from stlbench import stl
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.records.observation import Observation
+from stlbench.registry.choices import choice_of
+from stlbench.rollout.wrapping.limits import steps_of, steps_of_copies
+from stlbench.rollout.wrapping.reading import Expressions, Function, Reader, SignalsOf
+from stlbench.rollout.wrapping.scoring import MethodOf, Ranges, Scoring, specify
+from stlbench.rollout.wrapping.single import StlWrapper
+from stlbench.rollout.wrapping.spaces import Observing
+from stlbench.rollout.wrapping.vector import StlVectorWrapper, autoreset_of
+from stlbench.task.entries import Entries, Names, entries_of
+from stlbench.task.file import EarlyEnd
+
+__all__ = ["StlVectorWrapper", "StlWrapper", "wrap"]
+
+
+@overload
+def wrap(
+    env: gymnasium.Env[Any, Any],
+    formula: str | stl.Formula,
+    *,
+    method: MethodOf,
+    ranges: Ranges,
+    signals: SignalsOf | Mapping[str, str] | None = ...,
+    names: Names | None = ...,
+    scale: Mapping[str, float] | None = ...,
+    steps: int | None = ...,
+    dt: float | None = ...,
+    scaled: bool = ...,
+    terminated: EarlyEnd = ...,
+    discount: float = ...,
+) -> StlWrapper: ...
+@overload
+def wrap(
+    env: VectorEnv[Any, Any, Any],
+    formula: str | stl.Formula,
+    *,
+    method: MethodOf,
+    ranges: Ranges,
+    signals: SignalsOf | Mapping[str, str] | None = ...,
+    names: Names | None = ...,
+    scale: Mapping[str, float] | None = ...,
+    steps: int | None = ...,
+    dt: float | None = ...,
+    scaled: bool = ...,
+    terminated: EarlyEnd = ...,
+    discount: float = ...,
+) -> StlVectorWrapper: ...
+def wrap(
+    env: gymnasium.Env[Any, Any] | VectorEnv[Any, Any, Any],
+    formula: str | stl.Formula,
+    *,
+    method: MethodOf,
+    ranges: Ranges,
+    signals: SignalsOf | Mapping[str, str] | None = None,
+    names: Names | None = None,
+    scale: Mapping[str, float] | None = None,
+    steps: int | None = None,
+    dt: float | None = None,
+    scaled: bool = False,
+    terminated: EarlyEnd = "hold",
+    discount: float = 1.0,
+) -> StlWrapper | StlVectorWrapper:
+    """Have an environment paid by a reward method, and its episodes judged by a formula.
+
+    Args:
+        env: an environment, or a vector environment, under any of Gymnasium's autoreset modes. Actions are numbers: a
+            Box, Discrete, MultiDiscrete or MultiBinary. One step of it is one step of the formula.
+        formula: STL over the signals; its operators without an interval reach to the end of the episode.
+        method: a reward method by name, with or without parameters, "funnel" or "flag[beta=10]"; or a class, or any
+            other callable from a `stlbench.contract.Specification` to a `RewardMethod`.
+        ranges: signal -> (low, high), about what it takes, in its unit. What methods scale their rewards by.
+        signals: signal -> expression over entries of the observation that have `names`, and over entries of the info,
+            in the grammar that formulas have: {"theta": "atan2(y, x)"}. Or a function from observation and info of one
+            environment to signal -> number, which a vector environment calls for each copy. Where left out, each signal
+            is the entry of its own name.
+        names: of the entries of the observation, in their order; of a Dict observation {key: names of its entries}.
+        scale: named entry -> about its largest magnitude, where its space has no ends; the same as in a task file.
+        steps: T, transitions in an episode; where left out, the environment's time limit.
+        dt: sampling time in seconds; with it the intervals of the formula are seconds, without it they are steps.
+        scaled: divide rewards by the method's `scale`, as training in stlbench does.
+        terminated: what it means that the environment ends an episode before step T, by either flag:
+
+            - "hold": the last sample stays to the end. The last reward has what the method would pay meanwhile.
+            - "violated": the formula counts as violated; the robustness is a lower bound over all traces within the
+              ranges, or less, where a signal has left its range and the recorded samples make that sure. The last
+              reward has the method's `floor` for each step that is left.
+            - "interval": nothing is known but the ranges. `robustness` and `satisfied` are two numbers, over all
+              continuations: least and greatest robustness; whether all satisfy the formula, and whether some do.
+              Nothing more is paid, so a method whose rewards are negative then pays for ending early.
+        discount: with which rewards that an early end leaves out are added up; that of the learner makes them worth
+            what they would have been worth one by one.
+
+    Returns:
+        The wrapped environment. It shows what a task of stlbench on this environment shows: entries with ends in the
+        observation space from -1 to 1, others divided by their scale. A vector observation has the time in [-1, 1] and
+        the method's inputs at its end; a Dict has them as `stl`; any other becomes a Dict of `observation`, as it is,
+        and `stl`. An early end is reported as terminated, the end at T as truncated.
+
+    Raises:
+        UsageError: in one line, what does not fit: names, scale, signals, ranges, formula, its horizon, method, steps.
+            Later, with the step, signals, observations or rewards that are no finite numbers, and signals of other
+            names.
+    """
+    _check(ranges, terminated, discount)
+    if isinstance(env, VectorEnv):
+        single, batched = env.single_observation_space, env.observation_space
+        length = steps_of_copies(env, steps, autoreset_of(env))
+    elif isinstance(env, gymnasium.Env):
+        single = batched = env.observation_space
+        length = steps_of(env, steps)
+    else:
+        raise UsageError(f"wrap takes an environment of Gymnasium, as gymnasium.make gives it, got {env!r}")
+    entries = entries_of(single, names)
+    reader = _reader(signals, ranges, entries, batched)
+    scoring = Scoring(reader, method, specify(formula, reader.names, ranges, length, dt), scaled, terminated, discount)
+    called = str(choice_of(method)) if isinstance(method, str) else ""
+    beside = Observation.beside(length, scoring.inputs, called, env.spec.id if env.spec else "")
+    observing = Observing(single, entries, scale or {}, beside)
+    if isinstance(env, VectorEnv):
+        return StlVectorWrapper(env, scoring, observing)
+    return StlWrapper(env, scoring, observing)
+
+
+def _check(ranges: Ranges, terminated: str, discount: float) -> None:
+    if not isinstance(ranges, Mapping):
+        raise UsageError(f"ranges: expected a mapping, signal -> (low, high), got {ranges!r}")
+    if terminated not in get_args(EarlyEnd):
+        raise UsageError(f"terminated: no '{terminated}'{did_you_mean(str(terminated), get_args(EarlyEnd))}")
+    if not isinstance(discount, Real) or not 0 <= discount <= 1:
+        raise UsageError(f"discount is a number in 0..1, got {discount!r}")
+
+
+def _reader(
+    signals: SignalsOf | Mapping[str, str] | None, ranges: Ranges, entries: Entries, space: Space[Any]
+) -> Reader:
+    """What reads the signals. Args: `space` that of the observations, of a vector environment the batched one."""
+    if callable(signals):
+        return Function(signals, tuple(ranges), space)
+    if signals is not None and not isinstance(signals, Mapping):
+        raise UsageError(f"signals: expected a mapping, signal -> expression, or a function, got {signals!r}")
+    return Expressions({name: name for name in ranges} if signals is None else signals, entries)

@@ -1,0 +1,1 @@
+"""Runs and policies given away and taken in: bundles, policies from outside, and their scores."""

@@ -1,0 +1,81 @@
+"""The score of a stored policy, once more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result, Score
+from stlbench.records.saved_policies import Which
+from stlbench.registry.choices import Choice
+from stlbench.rollout.questions import plugins_of
+from stlbench.rollout.referee import Referee
+from stlbench.study.kept import load_policy
+from stlbench.task import Task, load_task
+
+__all__ = ["Again", "ScoreAgain", "score_again"]
+
+
+class Again(NamedTuple):
+    """What the referee says of a stored policy now."""
+
+    cell: CellId
+    scores: Mapping[str, Score]
+    as_recorded: bool | None
+    """Whether that is what it said when the cell was trained, exactly; None on another task."""
+
+    @property
+    def said(self) -> str:
+        """In words."""
+        words = {True: "as recorded", False: "not as recorded", None: "another task than its own"}
+        return words[self.as_recorded]
+
+
+@dataclass(frozen=True)
+class ScoreAgain:
+    """What does a stored policy get, on a task? See `score_again`."""
+
+    task: Choice
+    result: Result
+    folder: Path
+    which: Which
+
+    @property
+    def plugins(self) -> tuple[tuple[str, str], ...]:
+        """See `Question`."""
+        return ("tasks", self.task.name), *plugins_of(self.result.id)
+
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"{self.result.id.name} cannot be scored on {self.task}"
+
+    def answer(self) -> Again:
+        """See `Question`."""
+        return score_again(load_task(self.task), self.result, self.folder, self.which)
+
+
+def score_again(task: Task, result: Result, folder: Path, which: Which) -> Again:
+    """Score a cell's policy on its own task, or on another with the same observation and actions.
+
+    Args:
+        task: where.
+        result: of the cell.
+        folder: of results, where its policy is stored.
+        which: of its policies.
+
+    Raises:
+        UsageError: no policy of it can be used on the task, or the task shows other things than its own.
+    """
+    own = task.choice == result.id.task
+    kept = load_policy(folder, result, which, on=None if own else task)
+    starts = kept.task.file.budgets[result.id.budget].random_starts if result.id.budget in kept.task.file.budgets else 0
+    scores = Referee(kept.task, kept.method, starts).assess(kept.policy).scores
+    if not own:
+        return Again(result.id, scores, None)
+    assert result.measurement is not None
+    recorded = result.measurement.selected if which == "selected" else result.measurement.final
+    return Again(result.id, scores, scores == recorded)

@@ -1,0 +1,159 @@
+"""Is a bundle what it says? Names, sizes, checksums, results, policies, on any machine and without its plugins."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+
+from stlbench.errors import UsageError, one_line
+from stlbench.records import npz, saved_policies, stored
+from stlbench.records.result import Result
+from stlbench.share.bundle import may_hold
+from stlbench.share.crate import METADATA, Content, listed
+from stlbench.study.results import Results
+
+__all__ = ["LARGEST", "Checked", "check", "results_in", "unpacked"]
+
+LARGEST = 8 * 2**30
+"""Bytes that a bundle may have unpacked. More is taken for a zip that was made to fill a disk."""
+LARGEST_POLICIES = 2**28
+"""Bytes that the policies of a cell may have in memory: their file is a zip inside the zip."""
+_LIST = 2**26
+"""Bytes that the metadata may have."""
+_PIECE = 2**20
+_KEY = re.compile(r"[0-9a-f]{1,64}")
+_DAMAGED = (OSError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, UnicodeError)
+"""What `zipfile` raises on damaged, encrypted or unknown content."""
+
+
+class Checked(NamedTuple):
+    """What was found."""
+
+    cells: int
+    """0 where its results cannot be read."""
+    policies: int
+    """Cells that have policies in the bundle."""
+    problems: tuple[str, ...]
+    """One line each; none where all is as the bundle says."""
+
+
+def check(path: Path, largest: int | None = None) -> Checked:
+    """Check a bundle, which may have so many bytes unpacked. Raises `UsageError` where it is none at all."""
+    with unpacked(path, largest) as (folder, problems):
+        found = list(problems)
+        if problems and not (folder / stored.LINES).is_file():
+            return Checked(0, 0, problems)
+        try:
+            results = tuple(results_in(folder))
+        except UsageError as error:
+            return Checked(0, 0, (*found, _inside(error, folder)))
+        found += [f"{result.id.name}: its key is none" for result in results if not _KEY.fullmatch(result.key)]
+        kept = [result for result in results if _KEY.fullmatch(result.key) and _file(folder, result).is_file()]
+        for result in kept:
+            found += _policies(folder, result)
+        return Checked(len(results), len(kept), tuple(found))
+
+
+def results_in(folder: Path) -> Results:
+    """The results of an unpacked bundle, from its lines alone: a ledger might name code of this machine.
+
+    Raises `UsageError` as `stored.read`.
+    """
+    return Results.of(stored.read(folder / stored.LINES), folder)
+
+
+def _file(folder: Path, result: Result) -> Path:
+    return saved_policies.policy_file(folder, result.id, result.key)
+
+
+def _policies(folder: Path, result: Result) -> Iterator[str]:
+    """Where the stored policies of a cell are not those that its result is of."""
+    try:
+        if npz.unpacked_size(_file(folder, result)) > LARGEST_POLICIES:
+            yield f"{result.id.name}: its policies would be more than {LARGEST_POLICIES >> 20} MiB in memory"
+            return
+        for which in ("selected", "final"):
+            saved_policies.read(folder, result, which)
+    except (UsageError, ValueError) as error:
+        yield _inside(error, folder)
+
+
+def _inside(error: ValueError, folder: Path) -> str:
+    """The paths of a message as they are inside the bundle."""
+    return one_line(str(error).replace(f"{folder}/", ""))
+
+
+@contextmanager
+def unpacked(path: Path, largest: int | None = None) -> Iterator[tuple[Path, tuple[str, ...]]]:
+    """A bundle's files in a folder that is gone afterwards, and what is wrong with them.
+
+    Only what the bundle lists and a bundle may hold is unpacked, and only under names that stay inside the folder.
+
+    Args:
+        path: of the bundle.
+        largest: bytes that it may have unpacked; `LARGEST` where None.
+
+    Raises:
+        UsageError: the file is no zip, has no metadata of a bundle, or is too large.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory(prefix="stlbench-") as name:
+            problems = tuple(map(one_line, _unpack(archive, Path(name), LARGEST if largest is None else largest)))
+            yield Path(name), problems
+    except _DAMAGED as error:
+        raise UsageError(f"{path} is no bundle that `stlbench bundle` wrote: {error}") from error
+
+
+def _unpack(archive: zipfile.ZipFile, folder: Path, largest: int) -> Iterator[str]:
+    members = {info.filename: info for info in archive.infolist()}
+    if METADATA not in members:
+        raise UsageError(f"{archive.filename} is no bundle: it has no {METADATA}")
+    if sum(info.file_size for info in archive.infolist()) > largest or members[METADATA].file_size > _LIST:
+        raise UsageError(f"{archive.filename} would be more than {largest >> 20} MiB unpacked, or its list of files is")
+    text = archive.read(METADATA)
+    (folder / METADATA).write_bytes(text)
+    wanted = listed(text.decode())
+    if len(members) < len(archive.infolist()):
+        yield "a name is in the zip more than once"
+    yield from (f"{name}: not in the list of {METADATA}" for name in sorted(members.keys() - wanted - {METADATA}))
+    for name, content in sorted(wanted.items()):
+        if name not in members:
+            yield f"{name}: missing"
+        elif not _stays_inside(name):
+            yield f"{name}: not a path inside the bundle"
+        elif not may_hold(name):
+            yield f"{name}: no file of a bundle"
+        elif problem := _extract(archive, members[name], content, folder / name):
+            yield f"{name}: {problem}"
+
+
+def _stays_inside(name: str) -> bool:
+    path = PurePosixPath(name)
+    return not (path.is_absolute() or ".." in path.parts or "\\" in name or ":" in name or "\0" in name)
+
+
+def _extract(archive: zipfile.ZipFile, member: zipfile.ZipInfo, content: Content, target: Path) -> str:
+    """Write a file if it is as it should be; else what is wrong. A link is a file with a path in it here."""
+    if member.file_size != content.size:
+        return f"{member.file_size} bytes, and {METADATA} says {content.size}"
+    found = hashlib.sha256()
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with archive.open(member) as source, target.open("wb") as copy:
+            while piece := source.read(_PIECE):
+                found.update(piece)
+                copy.write(piece)
+    except _DAMAGED as error:
+        target.unlink(missing_ok=True)
+        return f"damaged: {error}"
+    if found.hexdigest() == content.sha256:
+        return ""
+    target.unlink()
+    return "its content is another than when it was packed"

@@ -1,0 +1,138 @@
+"""A stored policy as an ONNX file: observation in, action out, in the task's units."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stlbench.contract import ActionGrid, Array, Policy, Unsuitable
+from stlbench.errors import UsageError
+from stlbench.records.observation import KEY, Observation
+from stlbench.records.outputs import write
+from stlbench.records.result import Result
+from stlbench.records.saved_policies import Which
+from stlbench.rollout.questions import plugins_of
+from stlbench.rollout.referee import Referee
+from stlbench.rollout.shown import observation_of
+from stlbench.share.actions import actions_of
+from stlbench.share.onnx_file import load_onnx
+from stlbench.study.kept import Kept, load_policy
+
+__all__ = ["Export", "Exported", "export"]
+
+_ROUNDING = 1e-6
+"""Share of an action's span: what single precision makes of another order of sums."""
+
+
+class Exported(NamedTuple):
+    """What was written, and how it compares with the policy itself."""
+
+    observations: int
+    """Of the report's episodes: all that the policy saw there."""
+    same: float
+    """Share of them at which the file, run by onnxruntime, gives the same action, to a millionth of its span."""
+    largest: float
+    """The largest difference of an action, as a share of its axis' span."""
+    observation: str
+    """What it is to be shown, in words."""
+
+
+@dataclass(frozen=True)
+class Export:
+    """How does a stored policy compare with its ONNX file? The answer writes the file, see `export`."""
+
+    folder: Path
+    result: Result
+    which: Which
+    path: Path
+
+    @property
+    def plugins(self) -> tuple[tuple[str, str], ...]:
+        """See `Question`."""
+        return plugins_of(self.result.id)
+
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"{self.result.id.name} cannot be exported"
+
+    def answer(self) -> Exported:
+        """See `Question`."""
+        return export(self.folder, self.result, self.which, self.path)
+
+
+def export(folder: Path, result: Result, which: Which, path: Path) -> Exported:
+    """Compare it with the policy in the episodes of the report, and write it.
+
+    The file has the input `observation`, float32 (N, D), and the output `action`, float64 (N, axes), in the actions'
+    units; for a grid of actions also `index`, int64 (N,). Its metadata say which cell it is, and what it observes.
+
+    Raises:
+        UsageError: there is no stored policy, it has no ONNX form, onnx or onnxruntime is not installed, or the file
+            cannot be written.
+    """
+    kept = load_policy(folder, result, which)
+    try:
+        content = kept.policy.onnx()
+    except Unsuitable as error:
+        raise UsageError(f"{result.id.name}: {error}") from error
+    if content is None:
+        raise UsageError(f"{result.id.name}: policies of agent {result.id.agent.name} have no ONNX form")
+    facts = {"cell": result.id.name, "budget": result.id.budget, "policy": which, "task": kept.task.name}
+    shown = observation_of(kept.task, kept.method, str(result.id.method))
+    facts |= {"hold": str(kept.task.file.hold), KEY: json.dumps(shown.facts)}
+    complete = _complete(content, kept, facts)
+    with TemporaryDirectory(prefix="stlbench-onnx-") as place:
+        tried = Path(place, path.name)
+        tried.write_bytes(complete)
+        found = _compared(kept, tried, shown)
+    write(path, complete)
+    return found
+
+
+def _complete(content: bytes, kept: Kept, facts: dict[str, str]) -> bytes:
+    """With the vectors that a grid's indices stand for, and with facts."""
+    try:
+        import onnx
+        from onnx import TensorProto, helper, numpy_helper
+    except ImportError as error:
+        raise UsageError('an ONNX file needs the package onnx: pip install "stlbench-rl[onnx]"') from error
+    model, actions = onnx.load_model_from_string(content), kept.task.actions
+    if isinstance(actions, ActionGrid):
+        graph = model.graph
+        graph.initializer.append(numpy_helper.from_array(actions.vectors, "vectors"))
+        graph.node.append(helper.make_node("Gather", ["vectors", "index"], ["action"], axis=0))
+        graph.output.append(helper.make_tensor_value_info("action", TensorProto.DOUBLE, ["N", len(actions.names)]))
+    helper.set_model_props(model, facts | {"actions": ", ".join(actions.names)})
+    model.producer_name = "stlbench"
+    onnx.checker.check_model(model, full_check=True)
+    complete: bytes = model.SerializeToString()
+    return complete
+
+
+class _Seen(Policy):
+    """A policy, and all observations that it was given."""
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy, self.observations = policy, list[Array]()
+
+    def act(self, observation: Array) -> Any:
+        self.observations.append(observation)
+        return self.policy.act(observation)
+
+
+def _compared(kept: Kept, path: Path, shown: Observation) -> Exported:
+    seen = _Seen(kept.policy)
+    Referee(kept.task, kept.method).assess(seen)
+    observations, actions = np.concatenate(seen.observations), kept.task.actions
+    found = load_onnx(path, shown)(observations)
+    own, other = kept.policy.act(observations), actions_of(found, actions, len(observations), str(path))
+    if isinstance(actions, ActionGrid):
+        own, other = actions.vectors[own], actions.vectors[other]
+    away = np.abs(own - other) / (np.array(actions.high) - np.array(actions.low))
+    return Exported(len(observations), float((away <= _ROUNDING).all(axis=1).mean()), float(away.max()), str(shown))

@@ -1,0 +1,115 @@
+"""A score from outside as a row of a ledger, on the track `outside`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from stlbench.errors import UsageError
+from stlbench.records import saved_traces, stored
+from stlbench.records.identity import OUTSIDE, CellId
+from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.lock import writing
+from stlbench.records.outputs import inside
+from stlbench.records.result import TASK_FOLDER, Result
+from stlbench.records.saved_traces import Assessment
+from stlbench.registry import folders
+from stlbench.registry.choices import NAME, Choice
+from stlbench.share.scoring import UNKNOWN, Scored, Shown, score
+from stlbench.share.source import Source
+from stlbench.study import upkeep
+from stlbench.study.cell import digest
+from stlbench.study.keys import harness
+from stlbench.study.provenance import collect
+from stlbench.task import Task, load_task
+
+__all__ = ["Entry", "ScoreOutside", "record", "row"]
+
+
+class Entry(NamedTuple):
+    """What becomes a row."""
+
+    result: Result
+    scored: Scored
+    signals: tuple[str, ...]
+    """Of the task."""
+
+
+@dataclass(frozen=True)
+class ScoreOutside:
+    """What does a policy from outside get on a task? See `score` and `row`."""
+
+    task: Choice
+    source: Source
+    shown: Shown
+    budget: str | None
+    """None is the task's only one, else `quick`."""
+    name: str | None
+    seed: int
+
+    @property
+    def plugins(self) -> tuple[tuple[str, str], ...]:
+        """See `Question`."""
+        functions = [("functions", self.source.text)] if self.source.kind == "function" else []
+        methods = [("methods", self.shown.method.name)] if self.shown.method != UNKNOWN else []
+        return ("tasks", self.task.name), *methods, *functions
+
+    @property
+    def failed(self) -> str:
+        """See `Question`."""
+        return f"{self.source.text} cannot be scored on {self.task}"
+
+    def answer(self) -> Entry:
+        """See `Question`."""
+        task = load_task(self.task)
+        budgets = tuple(task.file.budgets)
+        budget = self.budget or (budgets[0] if len(budgets) == 1 else "quick")
+        scored = score(task, self.source, self.shown, task.budget(budget).random_starts)
+        return Entry(row(task, self.source, self.shown, scored, budget, self.name, self.seed), scored, task.signals)
+
+
+def row(task: Task, source: Source, shown: Shown, scored: Scored, budget: str, name: str | None, seed: int) -> Result:
+    """The row: the policy's name is in the place of the agent, its source and hash are in the provenance.
+
+    Raises:
+        UsageError: the name is none, or the source cannot be read.
+    """
+    if name is not None and not NAME.fullmatch(name):
+        raise UsageError(f"--name {name}: a name consists of a-z, 0-9 and -, and does not begin with -")
+    cell = CellId(task.choice, shown.method, Choice(name or source.name), seed, budget, OUTSIDE)
+    sha256, more, on = source.digest, source.more, shown.on or "observation"
+    key = digest([harness().digest, cell.name, budget, sha256, on, more])
+    said = {"observation": scored.observation, "moved": scored.moved}
+    facts = {"source": source.shown, "sha256": sha256, "on": on, "begun_at": scored.starts, **more}
+    facts |= {name: text for name, text in said.items() if text}
+    folder = folders.place_of(task.choice.name)
+    place = {} if folder is None else {TASK_FOLDER: str(folder)}
+    return Result(cell, key, "done", measurement=scored.measurement, provenance={**facts, **collect(1), **place})
+
+
+def record(folder: Path, entry: Entry) -> Result | None:
+    """Write a row and its traces to a folder of results, in place of one of the same name; that one, if there was any.
+
+    Raises:
+        UsageError: the folder has no ledger but lines of text, or cannot be written.
+    """
+    result = entry.result
+    if stored.locate(folder) and not (folder / FILE).is_file():
+        raise UsageError(f"{folder} has no {FILE} but {stored.LINES}; say another folder by --results")
+    path = saved_traces.trace_file(folder / saved_traces.FOLDER, result.id, result.key)
+    with writing(folder), Ledger(folder / FILE) as ledger:
+        before = next((each for each in ledger.results() if each.id == result.id), None)
+        if before is not None:
+            upkeep.take_out(folder, ledger, before.id)
+        _save(inside(path, folder), entry.scored, entry.signals)
+        ledger.record(result)
+    return before
+
+
+def _save(path: Path, scored: Scored, signals: tuple[str, ...]) -> None:
+    if scored.states is None:
+        saved_traces.save_samples(path, scored.traces, signals)
+    else:
+        scores = dict(scored.measurement.selected)
+        saved_traces.save(path, Assessment(scores, scored.traces, scored.states), signals)

@@ -1,0 +1,105 @@
+"""What a user names as a policy: a stored cell, a function, a model of SB3, ONNX or PyTorch, or recorded traces."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from stlbench.errors import UsageError
+from stlbench.share import function
+
+__all__ = ["Kind", "Source", "find_source"]
+
+Kind = Literal["cell", "function", "sb3", "onnx", "torch", "traces"]
+
+_ENDINGS: dict[str, Kind] = {
+    ".csv": "traces",
+    ".npz": "traces",
+    ".onnx": "onnx",
+    ".pt": "torch",
+    ".pth": "torch",
+    ".zip": "sb3",
+}
+_FUNCTION = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
+_CELL = re.compile(r"[^/]+/[^/]+/[^/]+/[0-9]+(/[a-z]+)?")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a policy comes from."""
+
+    kind: Kind
+    text: str
+    """As the user named it."""
+    architecture: str | None = None
+    """Of a state_dict: "mlp[4,64,64,21;relu]"."""
+    table: str | None = None
+    """The path of a table of actions, of which the policy answers numbers."""
+
+    @property
+    def path(self) -> Path:
+        """Of a file."""
+        return Path(self.text)
+
+    @property
+    def shown(self) -> str:
+        """For tables: the function, or the file's name; its folder is nobody else's."""
+        return self.text if self.kind == "function" else self.path.name
+
+    @property
+    def name(self) -> str:
+        """What it is called where the user says no name: my_policy:act is my-policy-act, x/net.onnx is net."""
+        text = self.text if self.kind == "function" else self.path.stem
+        return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-") or "policy"
+
+    @property
+    def digest(self) -> str:
+        """Of the file, 64 hex digits; of a function, of its module's source. Raises `UsageError`."""
+        if self.kind == "function":
+            return function.digest(self.text)
+        return _sha256(self.path)
+
+    @property
+    def more(self) -> dict[str, str]:
+        """What else it takes to have the same policy, for the provenance. Raises `UsageError`."""
+        found = {} if self.architecture is None else {"architecture": self.architecture}
+        return found if self.table is None else {**found, "actions": _sha256(Path(self.table))}
+
+
+def _sha256(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+def find_source(text: str, architecture: str | None = None, table: str | None = None) -> Source:
+    """What kind of policy a text names: a file by its ending, `module:function`, or a cell's name.
+
+    Raises:
+        UsageError: none of these, there is no such file, or the policy has no use for an architecture or a table.
+    """
+    found = _found(text)
+    if architecture is not None and found.kind != "torch":
+        raise UsageError(f"{text}: --architecture is for a state_dict of PyTorch, .pt or .pth; leave it out")
+    if table is not None and found.kind in ("cell", "traces"):
+        raise UsageError(f"{text}: --actions is for a policy from outside that acts; leave it out")
+    return replace(found, architecture=architecture, table=table)
+
+
+def _found(text: str) -> Source:
+    kind = _ENDINGS.get(Path(text).suffix.lower())
+    if kind is not None:
+        if not Path(text).is_file():
+            raise UsageError(f"there is no file {text}")
+        return Source(kind, text)
+    if _FUNCTION.fullmatch(text):
+        return Source("function", text)
+    if _CELL.fullmatch(text):
+        return Source("cell", text)
+    files = "a file .zip (SB3), .onnx, .pt or .pth (PyTorch), .csv or .npz (traces)"
+    kinds = f"a cell's name task/method/agent/seed, module:function, or {files}"
+    raise UsageError(f"'{text}' names no policy; one is {kinds}")

@@ -1,0 +1,88 @@
+"""Recorded traces in the place of a policy: of whatever acted, wherever it did."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from stlbench.contract import Array
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.records.saved_traces import read_saved
+from stlbench.rollout.recorded import last_recorded
+from stlbench.rollout.referee import Episodes
+from stlbench.rollout.trace_table import read_table
+from stlbench.rollout.worlds.make import make_world
+from stlbench.task import Task
+
+__all__ = ["from_the_reports_starts", "load_traces"]
+
+
+def load_traces(path: Path, task: Task) -> Episodes:
+    """The episodes of a task's signals in a file: a table of text with one, or an .npz with several.
+
+    Where the task's environment may end an episode, a trace may be shorter, or have NaN at its end. It then is as the
+    referee records such an episode: after its last sample this one stays, or there is NaN, as the task's `terminated`
+    says.
+
+    Raises:
+        UsageError: the file lacks a signal, is longer than an episode or shorter where none ends early, has another
+            sampling time, or a value that is no finite number.
+    """
+    traces = _table(path, task) if path.suffix.lower() == ".csv" else _arrays(path, task)
+    rows, early = task.file.steps + 1, task.specification.can_end
+    if traces.shape[1] > rows or (traces.shape[1] < rows and not early):
+        rule = f"an episode of {task.name} has {rows}, one at the start and one after each step"
+        raise UsageError(f"{path} has {traces.shape[1]} rows; {rule}")
+    missing = np.full((len(traces), rows - traces.shape[1], traces.shape[2]), np.nan)
+    return _ended(path, np.concatenate([traces, missing], axis=1), task)
+
+
+def _ended(path: Path, traces: Array, task: Task) -> Episodes:
+    """As the referee has them, from traces (N, T + 1, k) that have NaN after an early end."""
+    early, steps = task.specification.can_end, np.arange(traces.shape[1])
+    last = last_recorded(traces) if early else np.full(len(traces), steps[-1])
+    wrong = ~np.isfinite(traces) & (steps <= last[:, None])[..., None]
+    if wrong.any():
+        place = np.argwhere(wrong)[0]
+        where = f"trace {place[0]}, row {place[1]}, {task.signals[place[2]]}"
+        rule = "a finite number is expected" + (", or NaN in all signals from a row to the end" if early else "")
+        raise UsageError(f"{path}: {where} is {traces[tuple(place)]}; {rule}")
+    if task.file.terminated == "hold":
+        traces = traces[np.arange(len(traces))[:, None], np.minimum(steps, last[:, None])]
+    return Episodes(traces, last)
+
+
+def _table(path: Path, task: Task) -> Array:
+    table = read_table(path)
+    columns = _columns(path, table.names, task)
+    if task.specification.can_end:
+        table = table.without_end(task.signals)
+    if "time" in table.names and "time" not in task.signals:
+        table.check_times(task.file.sampling_time)
+    traces: Array = table.samples(task.signals)[None][..., columns]
+    return traces
+
+
+def _arrays(path: Path, task: Task) -> Array:
+    saved = read_saved(path)
+    traces: Array = saved.samples[..., _columns(path, saved.names, task)]
+    return traces
+
+
+def _columns(path: Path, names: tuple[str, ...], task: Task) -> list[int]:
+    """Where the task's signals are."""
+    for signal in task.signals:
+        if signal not in names:
+            raise UsageError(f"{path} has no signal '{signal}'{did_you_mean(signal, names)}")
+    return [names.index(signal) for signal in task.signals]
+
+
+def from_the_reports_starts(traces: Array, task: Task) -> bool:
+    """Whether traces begin where the report's do, so that their score can stand beside others."""
+    starts = task.starts.report_and_selection()[0]
+    if len(starts) != len(traces):
+        return False
+    world = make_world(task, len(starts))
+    world.restart(np.arange(len(starts)), starts)
+    return np.allclose(world.signals, traces[:, 0], rtol=0, atol=1e-6)

@@ -1,0 +1,160 @@
+"""The first draft of a task file for an environment: what can be known without knowing what is wanted of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import ceil, floor, log10, prod
+from typing import Any, TypeAlias
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box, Dict, Space
+
+from stlbench.contract import Array, cause
+from stlbench.errors import UsageError
+from stlbench.task.acting import action_axes
+from stlbench.task.entries import Names, entries_of
+from stlbench.task.making import Gym, made
+from stlbench.task.observing import LARGE
+
+__all__ = ["sketch"]
+
+_STEPS, _SECONDS = 200, 0.05
+"""Where the environment says nothing: steps of an episode, seconds of a step."""
+
+_EPISODES, _PLAYED = 20, 10_000
+"""Of random actions, that show the magnitude of entries without ends; the most steps of all of them together."""
+
+_KEPT = 10
+"""Steps for which every other episode keeps an action: noise that changes at each step hardly moves a body."""
+
+_FLOOR = 0.1
+"""No scale is less than this share of the median of all. Random actions hardly move some entries, such as the speed of
+an object that they never touch, and a trained policy moves them."""
+
+_MOST = 500
+"""Entries that a draft names. Of pictures, which have thousands, none has a meaning."""
+
+
+def sketch(identifier: str) -> dict[str, Any]:
+    """The content of a `task.yaml` on an environment, with a formula that is there to be changed.
+
+    Args:
+        identifier: as `gymnasium.make` takes it.
+
+    Entries without ends get a scale, and signals on them a range, by the magnitudes that random actions show. Entries
+    that these hardly move get a scale by the others.
+
+    Raises:
+        UsageError: it cannot be made or played, or its observation is no array of numbers, nor a Dict of some, or has
+            more numbers than anybody would name.
+    """
+    env = made(identifier, {})
+    names, known = _entries(env.observation_space)
+    without = [name for name, pair in known.items() if None in pair]
+    seen = _magnitudes(identifier, env, names) if without else {}
+    scale = {name: seen[name] for name in without}
+    ends = {name: _completed(pair, 2 * scale.get(name, 0)) for name, pair in known.items()}
+    first, (low, high) = next(iter(ends.items()))
+    steps, middle = _limit(identifier), (low + high) / 2
+    distance = f"abs({first} - {middle:g})" if middle else f"abs({first})"
+    return {
+        "title": f"A task on {identifier}",
+        "source": identifier,
+        "environment": {"id": identifier, "names": names} | ({"scale": scale} if scale else {}),
+        "formula": f"G[0,{steps}] {distance} <= {(high - low) / 4:g}",
+        "sampling_time": round(_seconds(env), 6),
+        "steps": steps,
+        "signals": {name: {"low": low, "high": high} for name, (low, high) in ends.items()},
+        "agents": {"dqn" if all(axis.values for axis in action_axes(env.action_space)) else "td3": {}},
+        "budgets": {
+            "smoke": {"steps": 16 * steps, "seeds": 1, "deadline": 300, "checkpoints": 2, "random_starts": 20},
+            "quick": {"steps": 100_000, "seeds": 3, "deadline": 900, "random_starts": 100},
+        },
+    }
+
+
+_Ends: TypeAlias = tuple[float | None, float | None]
+"""The least and the greatest value of an entry; None where its space does not say."""
+
+
+def _completed(ends: _Ends, most: float) -> tuple[float, float]:
+    """The ends, and in the place of one that is not known the magnitude `most`."""
+    low, high = ends
+    return -most if low is None else low, most if high is None else high
+
+
+def _entries(space: Space[Any]) -> tuple[Names, dict[str, _Ends]]:
+    """Names as a task file has them, and name -> ends."""
+    whole = isinstance(space, Box)
+    parts = {"o": space} if whole else dict(space.spaces) if isinstance(space, Dict) else {}
+    boxes = {key: part for key, part in parts.items() if isinstance(part, Box)}
+    count = sum(prod(part.shape) for part in boxes.values())
+    if not count:
+        raise UsageError(f"its observation is no Box, nor a Dict with one: {space}; write the task file by hand")
+    if count > _MOST:
+        by_hand = "write the task file by hand, with signals over entries of the info, or a class of GymTask"
+        raise UsageError(f"its observation has {count} numbers, more than the {_MOST} that are named here; {by_hand}")
+    named = {key: _numbered(key, box) for key, box in boxes.items()}
+    ends = {name: pair for key, box in boxes.items() for name, pair in zip(named[key], _ends(box), strict=True)}
+    return named["o"] if whole else named, ends
+
+
+def _numbered(name: str, space: Box) -> list[str]:
+    """`o0`, `o1`, ..., or the name itself where there is one entry."""
+    count, plain = prod(space.shape), "".join(each if each.isalnum() else "_" for each in name)
+    return [plain] if count == 1 else [f"{plain}{i}" for i in range(count)]
+
+
+def _ends(space: Box) -> list[_Ends]:
+    pairs = zip(space.low.ravel().tolist(), space.high.ravel().tolist(), strict=True)
+    return [(_said(low), _said(high)) if low < high else (None, None) for low, high in pairs]
+
+
+def _said(end: float) -> float | None:
+    """None of an end that is so large that it says nothing, as for what policies see."""
+    return float(f"{end:.4g}") if abs(end) <= LARGE else None
+
+
+def _magnitudes(identifier: str, env: Gym, names: Names) -> dict[str, float]:
+    """Name -> the largest magnitude of the entry in episodes of random actions, above the floor, rounded up."""
+    entries = entries_of(env.observation_space, names)
+    try:
+        seen = [np.abs(entries.read(each, 1)[0]) for each in _observations(env, _limit(identifier))]
+    except Exception as error:  # it is code of others
+        raise UsageError(f"environment {identifier} cannot be played: {cause(error)}") from error
+    most: Array = np.max(np.nan_to_num(seen, posinf=0.0), axis=0)
+    floor = _FLOOR * float(np.median(most[most > 0])) if most.any() else 1.0
+    return {name: _rounded_up(max(value, floor)) for name, value in zip(entries.names, most.tolist(), strict=True)}
+
+
+def _observations(env: Gym, steps: int) -> Iterator[Any]:
+    env.action_space.seed(0)
+    for seed in range(_EPISODES):
+        yield env.reset(seed=seed)[0]
+        for t in range(min(steps, _PLAYED // _EPISODES)):
+            if seed % 2 == 0 or t % _KEPT == 0:
+                action = env.action_space.sample()
+            observation, _, terminated, truncated, _ = env.step(action)
+            yield observation
+            if terminated or truncated:
+                break
+
+
+def _rounded_up(value: float) -> float:
+    """To 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** floor(log10(value))
+    digit = next(each for each in (1, 2, 5, 10) if ceil(value / power) <= each)
+    return float(f"{digit * power:.1g}")
+
+
+def _limit(identifier: str) -> int:
+    return gymnasium.spec(identifier.rpartition(":")[2]).max_episode_steps or _STEPS
+
+
+def _seconds(env: Gym) -> float:
+    """The environment's own, else by the rate at which it is drawn."""
+    own = getattr(env.unwrapped, "dt", None)
+    if isinstance(own, float | np.floating):
+        return float(own)
+    return 1 / env.metadata["render_fps"] if env.metadata.get("render_fps") else _SECONDS
