@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from stlbench.contract import ActionBox, ActionGrid, Actions, Unsuitable
 
-__all__ = ["box_of", "grid_of"]
-
 
 def grid_of(actions: Actions) -> ActionGrid:
     """A task's actions, which have to be a grid. Raises `Unsuitable` where its actions are continuous."""

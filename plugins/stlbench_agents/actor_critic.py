@@ -19,8 +19,6 @@ from stlbench_agents.matrices import flattened
 from stlbench_agents.products import inner_products
 from stlbench_agents.replay import Batch
 
-__all__ = ["Networks", "Noise", "Work", "actor_gradient", "critic_gradient", "targets"]
-
 Floats = NDArray[Any]
 Indices = NDArray[np.int64]
 

@@ -13,8 +13,6 @@ from stlbench.contract import ActionBox, Array, Arrays, Policy, Unsuitable
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["ActorPolicy", "linear_layers"]
-
 Single = NDArray[np.float32]
 Layer = tuple[Single, Single]
 

@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["aligned", "zeros"]
-
 _LINE = 64
 """Bytes of a line."""
 

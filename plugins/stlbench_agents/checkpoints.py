@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["report_rounds"]
-
 
 def report_rounds(rounds: int, checkpoints: int) -> set[int]:
     """The rounds, 1..rounds, after which a policy is reported: evenly spaced, the last among them."""

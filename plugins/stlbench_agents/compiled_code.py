@@ -15,8 +15,6 @@ from importlib.metadata import version
 from pathlib import Path
 from tempfile import gettempdir
 
-__all__ = ["folder", "is_ready", "note_ready"]
-
 
 @cache
 def folder() -> Path:

@@ -24,8 +24,6 @@ from numba.core.registry import CPUDispatcher
 
 from stlbench_agents.compiled_code import folder
 
-__all__ = ["OneKind", "compiled", "inlined", "named", "part"]
-
 config.CACHE_DIR = str(folder())  # type: ignore[attr-defined]
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
 compiled = partial(numba.njit, cache=True, **_OPTIONS)

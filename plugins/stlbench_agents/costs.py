@@ -7,8 +7,6 @@ from itertools import pairwise
 
 from stlbench.contract import Cost
 
-__all__ = ["cost_of"]
-
 _UNIT = 40
 """Multiplications that take as long as what a unit of a layer takes beside its products, in an update: fitted to times
 of `dqn` and `td3` with 16 to 6000 inputs (docs/performance.md), whose ratios are met within 30 %."""

@@ -33,8 +33,6 @@ from stlbench_agents.costs import cost_of
 from stlbench_agents.others import Others
 from stlbench_agents.parameter_types import Count, Head, Positive, Share, ShareBelow1, Whole, Widths
 
-__all__ = ["DQN", "Learner"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class DQN(Agent):

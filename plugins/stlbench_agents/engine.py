@@ -23,8 +23,6 @@ from stlbench_agents.matrices import flattened
 from stlbench_agents.products import START, inner_product
 from stlbench_agents.replay import Batch
 
-__all__ = ["Network", "Workspace", "actions", "additive_gradient", "greedy_actions", "joint_gradient"]
-
 Floats = NDArray[Any]
 Indices = NDArray[np.int64]
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from stlbench_agents.network import GreedyPolicy
     from stlbench_agents.q_learner import QLearner
 
-__all__ = ["DQNPerRobot", "Team", "TeamPolicy"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class DQNPerRobot(DQN):

@@ -13,8 +13,6 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-__all__ = ["BYTES", "SUMS", "TALL", "block_of", "partial_sums", "row_sums", "turned_block"]
-
 _HOST = llvmlite.binding.get_host_cpu_features()
 BYTES = 64 if _HOST.get("avx512f") else 32 if _HOST.get("avx") else 16
 """Of a vector."""

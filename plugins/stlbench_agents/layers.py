@@ -20,10 +20,6 @@ from stlbench_agents.compiler import inlined, part
 from stlbench_agents.matrices import Matrix, matrix, transposed
 from stlbench_agents.products import inner_product, product, turn
 
-__all__ = [
-    "Room", "Space", "back_hidden", "back_outputs", "hidden", "layout", "outputs", "outputs_at", "size_of", "views",
-]  # fmt: skip
-
 Floats = NDArray[Any]
 Indices = NDArray[np.int64]
 

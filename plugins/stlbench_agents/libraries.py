@@ -8,8 +8,6 @@ from typing import Any
 
 from stlbench.contract import Unsuitable
 
-__all__ = ["need_onnx", "need_sb3", "need_torch"]
-
 
 def need_torch() -> None:
     """Raise `Unsuitable` where PyTorch is not installed. Imports nothing, as PyTorch takes seconds."""

@@ -18,8 +18,6 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
-__all__ = ["Matrix", "flattened", "matrix", "transposed"]
-
 Floats = NDArray[Any]
 
 

@@ -26,8 +26,6 @@ from stlbench_agents.parameter_types import Head
 if TYPE_CHECKING:
     from stlbench_agents.onnx_graph import Graph
 
-__all__ = ["GreedyPolicy", "QNetwork"]
-
 Single = NDArray[np.float32]
 
 

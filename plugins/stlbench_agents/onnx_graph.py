@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from stlbench_agents.libraries import need_onnx
 
-__all__ = ["OPSET", "Graph", "double"]
-
 OPSET, _IR = 17, 8
 """Versions of ONNX of 2022, which all runtimes in use read."""
 _INPUT = "observation"

@@ -14,8 +14,6 @@ from stlbench_agents.aligned import aligned, zeros
 from stlbench_agents.compiler import inlined, part
 from stlbench_agents.products import START, inner_product
 
-__all__ = ["Weights", "adam", "blend", "clipping", "decay", "step"]
-
 Floats = NDArray[Any]
 
 _BLOCK = 1024

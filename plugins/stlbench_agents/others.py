@@ -9,8 +9,6 @@ import numpy as np
 
 from stlbench.contract import Array, Environment, Integers, Transition
 
-__all__ = ["Others"]
-
 
 class Others:
     """The counterfactual transitions of an environment: none, where it or the recipe has none."""

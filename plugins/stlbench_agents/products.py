@@ -21,8 +21,6 @@ from stlbench_agents.compiler import named, part
 from stlbench_agents.kernels import BYTES, SUMS, TALL, block_of, partial_sums, row_sums, turned_block
 from stlbench_agents.matrices import Matrix
 
-__all__ = ["START", "inner_product", "inner_products", "product", "turn"]
-
 Floats = NDArray[Any]
 
 START = np.int64(0)

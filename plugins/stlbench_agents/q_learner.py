@@ -18,8 +18,6 @@ from stlbench_agents.replay import Batch, Memory, Replay, gather
 if TYPE_CHECKING:
     from stlbench_agents.dqn import DQN
 
-__all__ = ["QLearner"]
-
 
 class Schedule(NamedTuple):
     """What the updates need of the recipe."""

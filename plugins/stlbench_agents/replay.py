@@ -12,8 +12,6 @@ from stlbench_agents.aligned import zeros
 from stlbench_agents.compiler import compiled
 from stlbench_agents.matrices import flattened
 
-__all__ = ["Batch", "Memory", "Replay", "gather", "weighted_rewards"]
-
 Single = NDArray[np.float32]
 
 _STOP, _END = 1, 2

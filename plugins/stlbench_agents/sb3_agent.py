@@ -19,8 +19,6 @@ from stlbench_agents.parameter_types import Count, Positive, Share, Whole, Width
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
 
-__all__ = ["SB3Agent", "SB3OffPolicy"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SB3Agent(Agent):

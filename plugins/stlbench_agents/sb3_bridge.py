@@ -16,8 +16,6 @@ from stlbench.contract import ActionGrid, Array, Environment, Integers
 from stlbench_agents.network import GreedyPolicy, QNetwork
 from stlbench_agents.replay import weighted_rewards
 
-__all__ = ["Checkpoints", "CopiesVecEnv", "greedy_policy"]
-
 Single = NDArray[np.float32]
 Info = dict[str, Any]
 

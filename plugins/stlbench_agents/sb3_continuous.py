@@ -17,8 +17,6 @@ from stlbench_agents.sb3_agent import SB3Agent, SB3OffPolicy
 if TYPE_CHECKING:
     from stable_baselines3 import PPO, SAC, TD3
 
-__all__ = ["SB3PPO", "SB3SAC", "SB3TD3"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SB3TD3(SB3OffPolicy):

@@ -13,8 +13,6 @@ from stlbench_agents.sb3_agent import SB3OffPolicy
 if TYPE_CHECKING:
     from stable_baselines3 import DQN
 
-__all__ = ["SB3DQN"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SB3DQN(SB3OffPolicy):

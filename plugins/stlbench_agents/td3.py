@@ -21,8 +21,6 @@ from stlbench_agents.compiled_code import is_ready, note_ready
 from stlbench_agents.costs import cost_of
 from stlbench_agents.parameter_types import Count, NotNegative, Positive, Share, ShareBelow1, Whole, Widths
 
-__all__ = ["TD3"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class TD3(Agent):

@@ -19,8 +19,6 @@ from stlbench_agents.replay import Batch, Memory, Replay, gather
 if TYPE_CHECKING:
     from stlbench_agents.td3 import TD3
 
-__all__ = ["TD3Learner"]
-
 Floats = NDArray[Any]
 Indices = NDArray[np.int64]
 

@@ -15,8 +15,6 @@ from typing import NamedTuple, TextIO
 from stlbench.contract import cause
 from stlbench_executors import tree
 
-__all__ = ["Answer", "run"]
-
 
 class Answer(NamedTuple):
     """What an item that came to an end says."""

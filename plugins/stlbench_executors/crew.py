@@ -11,8 +11,6 @@ from stlbench_executors import slot as slots
 from stlbench_executors.keeper import Ended, Task
 from stlbench_executors.slot import UNTAKEN, Site, Slot
 
-__all__ = ["Crew"]
-
 LOOK_SECONDS = 0.5
 """How often it is asked whether an item is still wanted."""
 

@@ -23,8 +23,6 @@ from stlbench_executors.order import Order
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["DaskExecutor"]
-
 CONNECT_SECONDS = 20.0
 _ADDRESS = re.compile(r"inproc://.+|\w+://.+:\d+")
 """Dask says what is wrong with others only after it has waited, and with a traceback beside it."""

@@ -17,8 +17,6 @@ from stlbench_executors.order import Order, outcome_of
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-__all__ = ["DaskRun"]
-
 LOOK_SECONDS = 1.0
 """How often, at most, it is looked at which workers there are."""
 

@@ -24,8 +24,6 @@ from stlbench_executors import cell, tree
 from stlbench_executors.log import Log
 from stlbench_executors.memory import text_of
 
-__all__ = ["Ended", "Task", "keep"]
-
 LOOK_SECONDS = 0.1
 """How often, at most, it is looked at how much memory is taken."""
 LOOK_SHARE = 0.02

@@ -17,8 +17,6 @@ from stlbench_executors.memory import Memory, share
 from stlbench_executors.order import Order, outcome_of
 from stlbench_executors.slot import UNTAKEN, Site, Slot
 
-__all__ = ["LocalExecutor"]
-
 
 class LocalExecutor(Executor):
     """Processes on this machine, each with one thread for linear algebra.

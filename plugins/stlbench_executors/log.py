@@ -6,8 +6,6 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["PART", "Log"]
-
 PART = 64 * 1024
 """Bytes that are kept of the beginning, and as many of the end."""
 

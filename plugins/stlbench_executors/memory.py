@@ -10,8 +10,6 @@ from typing import Annotated, Any
 import psutil
 from pydantic import BeforeValidator, Field
 
-__all__ = ["Memory", "allowed", "share", "text_of"]
-
 _GROUPS = Path("/sys/fs/cgroup")
 """Where Linux says what a container, or a job of a cluster, may take."""
 

@@ -13,8 +13,6 @@ from stlbench.contract import Outcome, Work, cause
 from stlbench_executors.cell import Answer
 from stlbench_executors.keeper import Ended, Task
 
-__all__ = ["Order", "outcome_of"]
-
 
 class Order:
     """The arguments of `Executor.run`, checked.

@@ -18,8 +18,6 @@ import psutil
 from stlbench_executors import tree
 from stlbench_executors.keeper import keep
 
-__all__ = ["Server"]
-
 
 class Server(SpawnProcess):
     """A fresh interpreter, which does not run the user's script again, as a spawned one does.

@@ -27,8 +27,6 @@ from multiprocessing.connection import Connection
 from stlbench_executors.keeper import Ended, Task
 from stlbench_executors.server import Server
 
-__all__ = ["LOOK_SECONDS", "UNTAKEN", "Site", "Slot", "start", "stop"]
-
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read when numpy or torch is imported, so a server must be born with them."""
 

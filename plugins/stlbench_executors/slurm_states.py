@@ -11,8 +11,6 @@ import getpass
 import subprocess
 from collections.abc import Collection
 
-__all__ = ["GONE", "LATE", "LOST", "OVER", "states"]
-
 GONE = "GONE"
 """Our word for a job that neither `squeue` nor `sacct` knows."""
 

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from submitit import LocalExecutor as Jobs
     from submitit import SlurmExecutor as SlurmJobs
 
-__all__ = ["SubmititExecutor"]
-
 ARRAY = 1000
 """Jobs of an array, at most; Slurm's own limit is 1001 where nobody has changed it."""
 

@@ -22,8 +22,6 @@ from stlbench_executors.keeper import Ended, Task
 from stlbench_executors.memory import share
 from stlbench_executors.versions import difference, installed
 
-__all__ = ["OFFERS", "Chunk", "Desk", "run_chunk"]
-
 OFFERS = 2
 """So often an item is begun, where the job before was lost."""
 

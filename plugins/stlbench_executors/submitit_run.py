@@ -22,8 +22,6 @@ from stlbench_executors.submitit_job import OFFERS, Chunk, Desk, lost
 if TYPE_CHECKING:
     from submitit import Job
 
-__all__ = ["SubmititRun", "beating", "ended_by_signals", "minutes_for"]
-
 LOOK_SECONDS = 0.5
 """How often it is looked at what has ended."""
 

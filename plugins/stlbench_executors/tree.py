@@ -16,8 +16,6 @@ from contextlib import suppress
 
 import psutil
 
-__all__ = ["adopt", "die_with", "end_below", "end_strays", "memory_below"]
-
 _PARENT_DEATH_SIGNAL, _CHILD_SUBREAPER = 1, 36
 """From <linux/prctl.h>."""
 

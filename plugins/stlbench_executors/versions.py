@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from importlib.metadata import distributions
 
-__all__ = ["difference", "installed"]
-
 PYTHON = "Python"
 
 

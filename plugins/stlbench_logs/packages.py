@@ -6,8 +6,6 @@ from importlib.util import find_spec
 
 from stlbench.contract import Unsuitable
 
-__all__ = ["require"]
-
 
 def require(package: str, extra: str) -> None:
     """Raises `Unsuitable` where a package is not installed, with the extra of stlbench that brings it."""

@@ -10,8 +10,6 @@ from typing import Any
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
 from stlbench_logs.packages import require
 
-__all__ = ["TensorBoard"]
-
 _SECONDS = 5
 """Between two writings at most."""
 

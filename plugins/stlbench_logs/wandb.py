@@ -10,8 +10,6 @@ from typing import Any, Literal
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
 from stlbench_logs.packages import require
 
-__all__ = ["WandB"]
-
 
 @dataclass(kw_only=True)
 class WandB(RunLog):

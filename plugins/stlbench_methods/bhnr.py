@@ -13,8 +13,6 @@ from stlbench_methods.newest_samples import NewestSamples
 from stlbench_methods.progress import certain, outer_windows
 from stlbench_methods.values import Margins, Sharpness, Truths, Values
 
-__all__ = ["Bhnr"]
-
 Reading: TypeAlias = Literal["classic", "lse", "gilpin", "agm", "gmsr", "filtering", "filtering-sum"]
 _SHORT = 2
 """A block of so many samples, or fewer, is paid nothing."""

@@ -13,8 +13,6 @@ from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
 from stlbench_methods.windows import bounded_range
 
-__all__ = ["Causation"]
-
 
 class Causation(RewardMethod):
     """The online violation causation distance where it is at most 0, else a bonus.

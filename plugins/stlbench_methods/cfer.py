@@ -11,8 +11,6 @@ from pydantic import Field
 from stlbench.contract import Array, Integers, Specification
 from stlbench_methods.flag import Flag
 
-__all__ = ["Cfer"]
-
 _Q = math.exp(-1)
 """By how much less likely a flag is that is farther by 1."""
 

@@ -10,8 +10,6 @@ from stlbench.contract import Array, Integers, RewardMethod, Specification
 from stlbench_methods.followed import Followed
 from stlbench_methods.values import SemanticsName, Sharpness
 
-__all__ = ["Dense"]
-
 
 class Dense(Followed, RewardMethod):
     """The formula's robustness on the samples so far, or the growth of what is certain of it.

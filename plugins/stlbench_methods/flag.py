@@ -11,8 +11,6 @@ from pydantic import Field
 from stlbench.contract import Array, Integers, RewardMethod, Specification
 from stlbench_methods.flag_counting import AbsoluteFlags, Flags, WindowFlags, is_windowed
 
-__all__ = ["Flag"]
-
 
 class Flag(RewardMethod):
     """One flag per term, updated from the predicate alone; the reward is for the truth of the flags.

@@ -17,8 +17,6 @@ from stlbench.contract import Array, Integers, Specification, Truth
 from stlbench_methods.predicates import truths
 from stlbench_methods.windows import EXTENSION, Window, from_first_read, leaves
 
-__all__ = ["FG", "AbsoluteFlags", "F", "Flags", "G", "Terms", "WindowFlags", "is_windowed"]
-
 F, G, FG = 0, 1, 2
 """Kinds of terms, for compiled code."""
 _KINDS = {"F": F, "G": G, "FG": FG}

@@ -8,8 +8,6 @@ from numba import njit
 from stlbench.contract import Array, Integers, Truth
 from stlbench_methods.flag_counting import FG, F, G, Terms
 
-__all__ = ["count", "latch"]
-
 
 @njit(cache=True)
 def count(truths: Truth, eventually: Truth, full: Array, flags: Array) -> None:

@@ -7,8 +7,6 @@ from stlbench.contract import Array, Integers, Specification
 from stlbench_methods.progress import Progress
 from stlbench_methods.values import Margins, SemanticsName
 
-__all__ = ["Followed"]
-
 
 class Followed:
     """Beside `RewardMethod`: the memory is how far the formula is, and the policy sees all of it."""

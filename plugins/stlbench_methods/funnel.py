@@ -16,8 +16,6 @@ from stlbench.stl import Term
 from stlbench_methods.schedule import Activity, Value, active_from, active_table, least_active, least_paid
 from stlbench_methods.windows import bounded_range
 
-__all__ = ["Curve", "Funnel"]
-
 Variant = Literal["paper", "code"]
 Shape = Literal["linear", "clipped", "normalised"]
 

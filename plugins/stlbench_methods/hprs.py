@@ -13,8 +13,6 @@ from stlbench.stl import Term
 from stlbench_methods.predicates import truths
 from stlbench_methods.windows import bounded_range
 
-__all__ = ["Hprs"]
-
 
 class Hprs(RewardMethod):
     """1 at each sample of the target, and potentials in which safety comes before the target.

@@ -11,8 +11,6 @@ from stlbench.contract import Array, Integers, RewardMethod, Specification, Trut
 from stlbench.stl import Term
 from stlbench_methods.predicates import truths
 
-__all__ = ["Machine"]
-
 
 class Machine(RewardMethod):
     """Each term waits, holds, and is done or failed; 1 is paid when all are done, -1 when one has failed.

@@ -7,8 +7,6 @@ from numba import njit
 
 from stlbench.contract import Array, Integers, Truth
 
-__all__ = ["run"]
-
 
 @njit(cache=True)
 def run(

@@ -11,8 +11,6 @@ from stlbench_methods.running_window import Outer
 from stlbench_methods.values import Values
 from stlbench_methods.windows import from_first_read
 
-__all__ = ["NewestSamples"]
-
 
 class NewestSamples:
     """The value of F phi or G phi on some of the last `count` samples, whose leaves are the memory (N, size).

@@ -8,8 +8,6 @@ import numpy as np
 
 from stlbench.contract import Array, Truth
 
-__all__ = ["truths"]
-
 
 def truths(predicates: Sequence[Callable[[Array], Truth]], samples: Array) -> Truth:
     """Which predicates hold at the samples (h, N, k): (number of predicates, h, N)."""

@@ -13,8 +13,6 @@ from stlbench_methods.running_window import Outer, RunningWindow
 from stlbench_methods.values import Values
 from stlbench_methods.windows import refuse_past
 
-__all__ = ["Join", "Known", "Progress", "certain", "outer_windows"]
-
 
 class Known(NamedTuple):
     """What is known of a part of a formula."""

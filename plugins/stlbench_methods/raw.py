@@ -8,8 +8,6 @@ from stlbench.contract import Array, Integers, RewardMethod, Specification
 from stlbench_methods.schedule import Activity, active_table, least_active, least_paid, timeless
 from stlbench_methods.windows import bounded_range
 
-__all__ = ["Raw"]
-
 
 class Raw(RewardMethod):
     """Robustness of the active terms, without funnel: r'(s, t) = rho_psi(s), the paper's ablation (eq. 18).

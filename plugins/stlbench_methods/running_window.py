@@ -15,8 +15,6 @@ from stlbench.contract import Array, Integers, Specification, Truth
 from stlbench_methods.values import Values
 from stlbench_methods.windows import from_first_read
 
-__all__ = ["Outer", "RunningWindow"]
-
 
 class Outer(NamedTuple):
     """An operator F[a,b] phi or G[a,b] phi that is read at step 0."""

@@ -10,8 +10,6 @@ import numpy as np
 from stlbench.contract import Array, Integers, Truth
 from stlbench.stl import Term
 
-__all__ = ["Activity", "Value", "active_from", "active_table", "least_active", "least_paid", "timeless"]
-
 Value = Callable[[Array, Integers], Array]
 """A function of signals (..., k) and sample indices (...), giving (...)."""
 

@@ -12,8 +12,6 @@ from stlbench_methods.flag_counting import AbsoluteFlags
 from stlbench_methods.progress import Progress
 from stlbench_methods.values import Truths
 
-__all__ = ["Sparse"]
-
 
 class Sparse(RewardMethod):
     """1 at the last transition of an episode that satisfies the formula, else 0.

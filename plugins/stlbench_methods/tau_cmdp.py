@@ -10,8 +10,6 @@ from pydantic import Field
 from stlbench.contract import Array, Integers, Specification
 from stlbench_methods.flag import Flag
 
-__all__ = ["TauCmdp"]
-
 
 class TauCmdp(Flag):
     """One flag per window, shown as f - 1/2; a transition is paid for the window before it.

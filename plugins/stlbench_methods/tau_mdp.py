@@ -12,8 +12,6 @@ from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
 from stlbench_methods.windows import EXTENSION, bounded_range, from_first_read, refuse_past
 
-__all__ = ["TauMdp"]
-
 
 class TauMdp(RewardMethod):
     """The policy sees the last tau samples, tau = horizon(phi) + 1, and is paid for the robustness of phi on them.

@@ -10,8 +10,6 @@ from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsu
 from stlbench_methods.followed import Followed
 from stlbench_methods.values import SemanticsName, Sharpness
 
-__all__ = ["Tltl"]
-
 
 class Tltl(Followed, RewardMethod):
     """The formula's robustness at the last transition of an episode, and 0 before it.

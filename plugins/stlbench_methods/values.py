@@ -12,8 +12,6 @@ from pydantic import Field
 from stlbench import stl
 from stlbench.contract import Array, Specification, Unsuitable
 
-__all__ = ["Margins", "SemanticsName", "Sharpness", "Truths", "Values"]
-
 SemanticsName: TypeAlias = Literal["classic", "lse", "gilpin", "agm", "gmsr"]
 Sharpness: TypeAlias = Annotated[float, Field(gt=0, le=100)]
 

@@ -9,8 +9,6 @@ from dataclasses import replace
 from stlbench import stl
 from stlbench.contract import Specification, Unsuitable
 
-__all__ = ["EXTENSION", "Window", "bounded_range", "from_first_read", "leaves", "refuse_past"]
-
 Window = stl.Always | stl.Eventually
 
 EXTENSION = "absolute intervals; its source has windows in F or G[0,T]"

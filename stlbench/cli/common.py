@@ -26,8 +26,6 @@ from stlbench.errors import NO_SPACE, DiskFull, UsageError, cause, in_words, one
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["DISK_FULL", "Commands", "Json", "console", "print_json", "refuse", "warn"]
-
 DISK_FULL = 74
 """The exit code where results cannot be written since the disk is full; that of an input/output error in sysexits.h."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 
-__all__ = ["names"]
-
 
 def names(kind: str) -> Callable[[str], list[str]]:
     """What completes the name of a plugin of one of `plugins.KINDS`, also the last one of a comma list."""

@@ -16,8 +16,6 @@ from stlbench.errors import one_line
 if TYPE_CHECKING:
     from stlbench.search.subject import Subject
 
-__all__ = ["one_by_one"]
-
 Found = TypeVar("Found")
 
 

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from stlbench.contract import RewardMethod
     from stlbench.task.task import Task
 
-__all__ = ["Fit", "fit"]
-
 
 @dataclass(frozen=True)
 class Fit:

@@ -20,8 +20,6 @@ from stlbench.study.outlook import Took
 from stlbench.study.pace import LATEST, Ended, Pace, reward_of, unfit
 from stlbench.study.running import Running, running
 
-__all__ = ["Looker", "View"]
-
 
 class View(NamedTuple):
     """What there was at one time."""

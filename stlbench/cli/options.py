@@ -10,8 +10,6 @@ import typer
 if TYPE_CHECKING:
     from stlbench.registry.choices import Choice
 
-__all__ = ["Executor", "Explain", "Fitting", "Jobs", "Retry", "TaskFolders", "names", "tasks_of"]
-
 Jobs = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Cells at a time.", show_default="2, or 1 on a single core")
 ]

@@ -13,8 +13,6 @@ from stlbench.cli.report import standards_of
 from stlbench.errors import UsageError
 from stlbench.records.status import NOT_RUN
 
-__all__ = ["report_page"]
-
 
 def report_page(folder: Path, out: Path | None, as_json: bool) -> None:
     """Write the page, with a bar on stderr where that is a terminal, and say where it is."""

@@ -11,8 +11,6 @@ from stlbench.cli.common import console
 if TYPE_CHECKING:
     from stlbench.report import Table, Value
 
-__all__ = ["print_task"]
-
 _TRAINING_NOTES = (
     "Cuts are steps. An end counts as if the least that the method pays for a step were paid for ever after.",
     "Exploring: this share of the episodes begins at a random time and lasts about length decisions, or to the end.",

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from stlbench.study.results import Results
     from stlbench.task import Task
 
-__all__ = ["Named", "subjects"]
-
 Policies = Annotated[
     list[str] | None,
     typer.Argument(metavar="[CELL]...", help="task/method/agent/seed, as the run's lines name it; with --task POLICY."),

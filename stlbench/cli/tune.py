@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from stlbench.study.study import Study
     from stlbench.study.tuning import Entrant
 
-__all__ = ["tune"]
-
 
 def tune(
     tasks: Annotated[

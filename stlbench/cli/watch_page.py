@@ -15,8 +15,6 @@ from stlbench.report.page.now import Cell, Ended, policy, rendered, require
 from stlbench.study.live import duration
 from stlbench.study.running import Running
 
-__all__ = ["handler", "page_of", "serve"]
-
 _HOST = "127.0.0.1"
 _LAST = 20
 """Cells that ended, of which so many are listed."""

@@ -10,8 +10,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ActionBox", "ActionGrid", "Actions"]
-
 
 @dataclass(frozen=True)
 class ActionGrid:

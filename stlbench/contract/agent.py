@@ -15,8 +15,6 @@ from stlbench.contract.model import Model
 from stlbench.contract.policy import Policy, StatePolicy
 from stlbench.contract.refusals import Unsuitable
 
-__all__ = ["Agent", "Cost", "Training"]
-
 
 @dataclass(frozen=True)
 class Training:

@@ -9,8 +9,6 @@ import numpy as np
 from stlbench.contract.actions import Actions
 from stlbench.contract.arrays import Array, Integers, Truth
 
-__all__ = ["Environment", "Transition"]
-
 
 class Transition(NamedTuple):
     """What `Environment.step` returns, for N copies. The policy knows the time, so its limit is no terminal state.

@@ -11,8 +11,6 @@ from stlbench.contract.world import World
 if TYPE_CHECKING:
     import gymnasium
 
-__all__ = ["GymTask", "WorldTask"]
-
 
 class GymTask:
     """A task on an environment of Gymnasium: what of it a `task.yaml` with `environment` cannot say.

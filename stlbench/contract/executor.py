@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-__all__ = ["Executor", "Outcome", "Work"]
-
 
 def _nothing() -> None:
     """Nothing is to be prepared."""

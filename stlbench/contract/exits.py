@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
-__all__ = ["exits_raise"]
-
 
 @contextmanager
 def exits_raise() -> Iterator[None]:

@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-__all__ = ["LoggedCell", "LoggedCheckpoint", "RunLog"]
-
 
 @dataclass(frozen=True)
 class LoggedCheckpoint:

@@ -10,8 +10,6 @@ from stlbench.contract.arrays import Array, Integers, Truth
 from stlbench.contract.specification import Specification
 from stlbench.contract.stepwise import along_by_steps, complete, refuse_circle
 
-__all__ = ["RewardMethod"]
-
 
 class RewardMethod:
     """Turns a formula into the reward of each transition. Pure: the same arguments give the same reward.

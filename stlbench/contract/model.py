@@ -12,8 +12,6 @@ from stlbench.contract.arrays import Array, Truth
 from stlbench.contract.method import RewardMethod
 from stlbench.contract.system import System
 
-__all__ = ["End", "Model"]
-
 
 class End(NamedTuple):
     """Where training episodes end early, as if `reward` were paid for ever after."""

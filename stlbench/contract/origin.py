@@ -11,8 +11,6 @@ from types import ModuleType
 
 import stlbench
 
-__all__ = ["DISTRIBUTION", "foreign"]
-
 DISTRIBUTION = "stlbench-rl"
 """What is installed to get this package; `stlbench.DISTRIBUTION` says so where the package is this one."""
 

@@ -9,8 +9,6 @@ import numpy as np
 
 from stlbench.contract.arrays import Array, Arrays, Integers
 
-__all__ = ["Policy", "StatePolicy"]
-
 
 class Policy(ABC):
     """A trained policy, frozen: later training does not change it."""

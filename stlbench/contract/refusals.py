@@ -1,7 +1,5 @@
 """How a plugin refuses what it cannot do. Import them from `stlbench.contract`."""
 
-__all__ = ["Intractable", "Unsuitable"]
-
 
 class Intractable(Exception):
     """A method would make training too dear; the message says what it would take. Ends a cell as `intractable`."""

@@ -10,8 +10,6 @@ from stlbench import stl
 from stlbench.contract.arrays import Array, Truth
 from stlbench.contract.refusals import Unsuitable
 
-__all__ = ["Specification"]
-
 
 @dataclass(frozen=True)
 class Specification:

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from stlbench.contract.arrays import are_numbers
 
-__all__ = ["along_by_steps", "complete", "refuse_circle"]
-
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 _ONE_OF = ("arrival", "step", "along")

@@ -7,8 +7,6 @@ from typing import ClassVar
 
 from stlbench.contract.arrays import Array, Integers
 
-__all__ = ["System"]
-
 
 class System(ABC):
     """The dynamics of a task, N copies at once. Pure: NumPy in, NumPy out, no random numbers, no hidden state.

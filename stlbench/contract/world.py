@@ -8,8 +8,6 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["World"]
-
 _Array = NDArray[np.float64]
 _Integers = NDArray[np.int64]
 

@@ -6,8 +6,6 @@ from stlbench.gate.judge import Judgement
 from stlbench.gate.summary import Named, head, settings, trouble
 from stlbench.report import to_markdown
 
-__all__ = ["LIMIT", "comment"]
-
 LIMIT = 60_000
 """Characters at most; GitHub refuses comments of more than 65,536."""
 LEFT_OUT = "\nThe rest is left out here; gate.md has all of it.\n"

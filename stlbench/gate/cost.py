@@ -19,8 +19,6 @@ from stlbench.gate.metrics import COSTS, QUALITIES, Metric
 from stlbench.gate.snapshot import Sample, Snapshot, pair
 from stlbench.records.identity import CellId, Setting
 
-__all__ = ["MOST", "Turn", "interval", "judge_costs", "judge_turns", "unclear"]
-
 MOST = 50
 """Turns of a setting after which it is left open."""
 ROUNDS = 2

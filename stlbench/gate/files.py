@@ -28,8 +28,6 @@ from stlbench.records.schema import is_sqlite
 from stlbench.records.status import NOT_RUN
 from stlbench.share.checked import unpacked
 
-__all__ = ["load", "save"]
-
 TABLE, PROVENANCE = "cells.csv", "provenance.json"
 NUMBERS = ("robustness_mean", "satisfaction", "training_cpu_seconds", "reward_nanoseconds")
 COLUMNS = (*IDENTITY, *(part.name for part in fields(Sample) if part.name != "id"))

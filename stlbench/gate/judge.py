@@ -28,8 +28,6 @@ from stlbench.records.identity import CellId, Setting
 from stlbench.records.status import ACCIDENTS
 from stlbench.report.statistics.holm import holm
 
-__all__ = ["EXIT", "Comparison", "Finding", "Judgement", "Verdict", "judge"]
-
 Floats = NDArray[np.float64]
 Verdict = Literal["no worse", "worse", "cannot tell", "missing", "not judged"]
 

@@ -7,8 +7,6 @@ from xml.etree import ElementTree
 
 from stlbench.gate.judge import Comparison, Finding, Judgement, Verdict
 
-__all__ = ["junit"]
-
 ELEMENTS: dict[Verdict, str] = {"worse": "failure", "missing": "error", "cannot tell": "skipped"}
 """What a test case holds; that of "no worse" holds nothing. "Cannot tell" fails no build: it asks for more seeds."""
 _CONTROL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -17,8 +17,6 @@ from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
 from stlbench.study.run import Progress, run_cells
 
-__all__ = ["Selection", "cells_of", "measure", "select"]
-
 
 @dataclass(frozen=True)
 class Selection:

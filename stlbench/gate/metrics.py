@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from stlbench.gate.snapshot import Sample
 
-__all__ = ["COSTS", "METRICS", "QUALITIES", "Metric", "absolute", "relative", "speed"]
-
 Floats = NDArray[np.float64]
 
 

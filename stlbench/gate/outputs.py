@@ -11,8 +11,6 @@ from stlbench.gate.junit import junit
 from stlbench.gate.summary import Named, facts, markdown
 from stlbench.records import outputs
 
-__all__ = ["write"]
-
 
 def write(folder: Path, title: str, judgement: Judgement, base: Named, new: Named) -> None:
     """Write gate.json, gate.md, gate.xml for CI servers, and comment.md for a pull request.

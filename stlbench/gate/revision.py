@@ -17,8 +17,6 @@ from tempfile import TemporaryDirectory
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 
-__all__ = ["Tree", "both_trees"]
-
 INSTALLED = {"site-packages", "dist-packages"}
 """Folders of what is installed: a virtual environment within a repository is none of its code."""
 

@@ -10,8 +10,6 @@ from stlbench.records.result import TASK_FOLDER, Result, reported
 from stlbench.records.status import Status
 from stlbench.study.provenance import CODE
 
-__all__ = ["Pair", "Sample", "Snapshot", "gather", "pair", "sample"]
-
 _PER_CELL = ("time", CODE, TASK_FOLDER)
 """What of a cell's provenance differs from cell to cell."""
 

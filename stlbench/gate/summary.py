@@ -11,8 +11,6 @@ from stlbench.gate.metrics import METRICS
 from stlbench.gate.snapshot import Snapshot
 from stlbench.report import Column, Table, Value, to_markdown
 
-__all__ = ["Named", "facts", "head", "markdown", "notes", "settings", "trouble"]
-
 Named = tuple[str, Snapshot]
 """Where a snapshot lies, and what it holds."""
 

@@ -20,8 +20,6 @@ from stlbench.gate.revision import Tree
 from stlbench.gate.snapshot import Sample
 from stlbench.records.identity import CellId
 
-__all__ = ["Trainer", "take_turns"]
-
 SCRIPT = Path(__file__).with_name("trainer.py")
 
 

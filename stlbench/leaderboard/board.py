@@ -15,8 +15,6 @@ from stlbench.leaderboard.tables import bundles, in_markup, results
 from stlbench.records.outputs import write
 from stlbench.report import to_csv, to_markdown
 
-__all__ = ["PAGE", "TABLE", "build", "page"]
-
 PAGE, TABLE = "table.md", "table.csv"
 """Names of the tables in the folder."""
 DRAWS = 2**31

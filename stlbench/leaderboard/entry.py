@@ -13,8 +13,6 @@ from stlbench.records import outputs
 from stlbench.records.identity import CellId
 from stlbench.records.status import Status
 
-__all__ = ["FILE", "Entry", "Numbers", "Refused", "Scored", "Scores", "read", "write"]
-
 FILE = "scores.json"
 """Its name in the folder of a leaderboard."""
 

@@ -8,8 +8,6 @@ from stlbench.records.identity import OUTSIDE, Setting
 from stlbench.records.result import Result
 from stlbench.share.crate import About
 
-__all__ = ["FIRST_SEED", "LEAST_SEEDS", "NOT_REPORTED", "broken"]
-
 FIRST_SEED = 10
 """The reference has seeds 0 to 9; a submission those from here on, without a gap, so that nobody picks."""
 LEAST_SEEDS = 5

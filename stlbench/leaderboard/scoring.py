@@ -24,8 +24,6 @@ from stlbench.study.asked import LONG, ask
 from stlbench.study.cell import derive_seed
 from stlbench.study.kept import load_policy
 
-__all__ = ["LARGEST", "STARTS", "Told", "score"]
-
 LARGEST = 2**28
 """Bytes that a submitted bundle may have unpacked."""
 STARTS = 1000

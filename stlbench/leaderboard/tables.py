@@ -16,9 +16,6 @@ from stlbench.report.statistics.intervals import Interval, median, median_interv
 from stlbench.report.tables.rows import LEARNED
 from stlbench.report.tables.table import Seeds
 
-__all__ = ["bundles", "in_markup", "results"]
-
-
 _PLAIN = re.compile(r"[^A-Za-z0-9 .,;:()%/+'-]")
 """Characters that may be more than themselves in Markdown or HTML."""
 

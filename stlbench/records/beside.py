@@ -10,8 +10,6 @@ from stlbench.records.logs import log_file
 from stlbench.records.saved_policies import policy_file
 from stlbench.records.saved_traces import FOLDER, trace_file
 
-__all__ = ["Beside", "files_beside"]
-
 
 class Beside(NamedTuple):
     """The files of one cell, whether they are there or not."""

@@ -17,8 +17,6 @@ from stlbench.records.rows import LISTED, Row, cell_of, result_of, texts
 from stlbench.records.salvage import salvage
 from stlbench.records.schema import is_sqlite, open_to_read
 
-__all__ = ["LedgerWarning", "Recorded", "Records"]
-
 _IDENTITY = ", ".join(IDENTITY)
 
 

@@ -14,8 +14,6 @@ from pathlib import Path
 from stlbench.errors import UsageError, one_line, unwritable
 from stlbench.records.outputs import inside
 
-__all__ = ["FILE", "writer", "writing"]
-
 FILE = ".lock"
 """Its name in a folder of results. It stays there; what counts is whether a process holds it."""
 

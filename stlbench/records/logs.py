@@ -8,8 +8,6 @@ from stlbench.errors import printable
 from stlbench.records import npz
 from stlbench.records.identity import CellId
 
-__all__ = ["FOLDER", "end_of", "log_file"]
-
 FOLDER = "logs"
 """Name of the folder of logs in a folder of results."""
 

@@ -14,9 +14,6 @@ from stlbench.errors import cause
 from stlbench.records.identity import CellId
 from stlbench.records.outputs import opened
 
-__all__ = ["cell_file", "end_of", "read", "unpacked_size", "write"]
-
-
 LARGEST = 2**31
 """Bytes that the arrays of a file may take: an archive of some MB can say that it holds a TB of zeros."""
 

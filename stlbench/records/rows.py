@@ -16,8 +16,6 @@ from stlbench.records.result import Result, from_json, reported, to_json
 from stlbench.records.status import Status
 from stlbench.registry.choices import parse_choice
 
-__all__ = ["LISTED", "Row", "checksum_of", "checksums_beside", "result_of", "texts", "values"]
-
 LISTED = f"key, status, failures, again, {', '.join(IDENTITY)}"
 """The columns of a `Row`."""
 

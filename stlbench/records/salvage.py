@@ -8,8 +8,6 @@ from contextlib import suppress
 from operator import itemgetter
 from typing import Any, NamedTuple
 
-__all__ = ["Salvaged", "salvage"]
-
 _BYTES = 200
 """A row takes at least so many, in all tables of a ledger."""
 _AGAIN = 10**6

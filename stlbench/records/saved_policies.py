@@ -14,8 +14,6 @@ from stlbench.records import npz
 from stlbench.records.identity import OUTSIDE, CellId
 from stlbench.records.result import TASK_FOLDER, Result
 
-__all__ = ["FOLDER", "Which", "digest", "policy_file", "read", "save"]
-
 FOLDER = "policies"
 """Name of the folder of policies in a folder of results."""
 

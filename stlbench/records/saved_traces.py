@@ -13,18 +13,6 @@ from stlbench.records import npz
 from stlbench.records.identity import CellId
 from stlbench.records.result import MAIN, Result, Score
 
-__all__ = [
-    "FOLDER",
-    "Assessment",
-    "Film",
-    "SavedTraces",
-    "read_cell",
-    "read_saved",
-    "save",
-    "save_samples",
-    "trace_file",
-]
-
 FOLDER = "traces"
 """Name of the folder of traces in a folder of results."""
 

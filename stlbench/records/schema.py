@@ -13,8 +13,6 @@ from stlbench.errors import UsageError, one_line, unwritable
 from stlbench.records.outputs import inside
 from stlbench.records.rows import LISTED
 
-__all__ = ["LONGEST", "VERSION", "is_sqlite", "open_to_read", "open_to_write"]
-
 VERSION = 5
 """Of the tables below, in `PRAGMA user_version`. Version 1 had no plan, version 2 no tracks, version 3 no checksums,
 no count of failures, and no mark of what is to be measured again; version 4 had no index of what rows say without their

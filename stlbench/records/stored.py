@@ -19,8 +19,6 @@ from stlbench.records.result import TASK_FOLDER, Result, from_json, plain, to_js
 from stlbench.records.schema import LONGEST
 from stlbench.records.status import NOT_RUN
 
-__all__ = ["LINES", "SUFFIX", "OneByOne", "lines", "locate", "missing", "missing_by_key", "read", "write_lines"]
-
 _T = TypeVar("_T")
 
 SUFFIX = ".jsonl"

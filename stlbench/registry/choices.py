@@ -15,19 +15,6 @@ from pydantic_core import ErrorDetails
 
 from stlbench.errors import UsageError, did_you_mean, in_words
 
-__all__ = [
-    "NAME",
-    "Choice",
-    "Parameter",
-    "check",
-    "choice_of",
-    "declared",
-    "executor_of",
-    "parse_choice",
-    "parse_choices",
-    "split",
-]
-
 NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
 """What a plugin may be called. Names become keys, paths and column heads, so nothing else is let in."""
 

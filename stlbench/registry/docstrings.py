@@ -8,8 +8,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from textwrap import dedent
 
-__all__ = ["Docstring", "read"]
-
 _SECTION = re.compile(r"^(Args|Raises):$", re.MULTILINE)
 _ITEM = re.compile(r"^(\w+): (.*(?:\n(?: .*|$))*)", re.MULTILINE)
 

@@ -7,8 +7,6 @@ import inspect
 from itertools import pairwise
 from textwrap import dedent
 
-__all__ = ["field_docs"]
-
 
 def field_docs(kind: type) -> dict[str, str]:
     """Field -> the text below it, in one line; those of a base class too, where a subclass says nothing new.

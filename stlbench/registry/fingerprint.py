@@ -14,8 +14,6 @@ from pathlib import Path
 
 from stlbench.registry.meaning import TASK_FILE, meaning_of
 
-__all__ = ["Code", "code_of", "fingerprint", "own_code"]
-
 _NO_DATA = (".py", ".pyc", ".pyi", ".md", ".rst", ".typed", "~")
 """How names end of files beside modules that are no data."""
 

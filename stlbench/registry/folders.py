@@ -24,8 +24,6 @@ from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import NAME, Choice, parse_choice, split
 
-__all__ = ["FolderTask", "is_path", "know", "parse_task", "parse_tasks", "place_of", "task_of"]
-
 _FILE, _MODULE = "task.yaml", "system"
 
 

@@ -14,8 +14,6 @@ from typing import NamedTuple
 
 import yaml
 
-__all__ = ["TASK_FILE", "WORDS", "Meaning", "meaning_of"]
-
 TASK_FILE = "task.yaml"
 """The name that a task's file always has."""
 

@@ -21,24 +21,6 @@ from stlbench.errors import UsageError, cause, did_you_mean, one_line
 from stlbench.registry import choices
 from stlbench.registry.choices import Choice
 
-__all__ = [
-    "KINDS",
-    "Plugin",
-    "PluginError",
-    "PluginWarning",
-    "add",
-    "available",
-    "build",
-    "check",
-    "damaged",
-    "find",
-    "loadable",
-    "name_of",
-    "not_initialised",
-    "parameters",
-    "written_alone",
-]
-
 _CONTRACTS: Mapping[str, tuple[type, ...]] = {
     "methods": (contract.RewardMethod,),
     "tasks": (contract.System, contract.GymTask, contract.WorldTask),

@@ -14,8 +14,6 @@ from stlbench.rollout.questions import answers
 from stlbench.study.asked import ask
 from stlbench.task import build_method, load_task
 
-__all__ = ["bands_of"]
-
 
 @dataclass(frozen=True)
 class _Bands:

@@ -20,8 +20,6 @@ from stlbench.rollout.referee import Referee
 from stlbench.task import Task
 from stlbench.task.file import Baseline
 
-__all__ = ["Constants", "at_random", "constants", "score", "zero"]
-
 _ALL = 512
 """A grid of no more actions is tried whole."""
 _TRIED, _TRIED_IN_WORLDS = 32, 16

@@ -6,8 +6,6 @@ import numpy as np
 
 from stlbench.contract import Array
 
-__all__ = ["scaled_times"]
-
 
 def scaled_times(steps: int) -> Array:
     """The times 0..steps, from -1 to 1: (steps + 1, 1)."""

@@ -18,8 +18,6 @@ from stlbench.rollout.faults import PluginFault, out_of_range
 from stlbench.rollout.referee import Episodes
 from stlbench.task import Task
 
-__all__ = ["Unpaid", "nearest", "record", "score"]
-
 
 def record(task: Task, begun: Array) -> Episodes | None:
     """The episodes when the controller acts from the starts (N, s); None where the task has none.

@@ -9,8 +9,6 @@ from stlbench.contract import Agent, Intractable, RewardMethod
 from stlbench.rollout.shown import size_without
 from stlbench.task.task import Task
 
-__all__ = ["REPLAY_LIMIT", "UPDATE_LIMIT", "refuse_dear"]
-
 REPLAY_LIMIT = 4.0
 """GiB that an agent's replay may take: two cells at a time then fit into a laptop of 16 GiB."""
 UPDATE_LIMIT = 10.0

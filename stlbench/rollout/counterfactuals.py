@@ -9,8 +9,6 @@ import numpy as np
 from stlbench.contract import Array, Integers, RewardMethod, Transition, Truth
 from stlbench.rollout import faults
 
-__all__ = ["Taken", "counterfactual"]
-
 
 class Taken(NamedTuple):
     """A step of N copies that was taken."""

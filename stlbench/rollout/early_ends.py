@@ -13,8 +13,6 @@ from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
 from stlbench.task.file import EarlyEnd
 
-__all__ = ["Verdicts", "greatest_and_least", "judge", "last_steps", "remainder", "standing_still", "without_end"]
-
 
 class Verdicts(NamedTuple):
     """Of n traces. The two ends of an interval are equal wherever a trace is complete."""

@@ -10,8 +10,6 @@ from stlbench import stl
 from stlbench.contract import Array, End, Integers, RewardMethod, Truth
 from stlbench.task.task import Task
 
-__all__ = ["ends_of", "first_end"]
-
 
 def ends_of(task: Task, method: RewardMethod) -> tuple[End, ...]:
     """The ends of a task in the order in which they count; one for each term where the task names violations.

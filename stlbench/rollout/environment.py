@@ -19,8 +19,6 @@ from stlbench.rollout.endings import ends_of, first_end
 from stlbench.rollout.worlds import make_world
 from stlbench.task.task import Task
 
-__all__ = ["BatchEnvironment", "Simulator", "Steps"]
-
 
 class Steps(NamedTuple):
     """What happened while one action was held."""

@@ -18,19 +18,6 @@ from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.task.task import Task
 
-__all__ = [
-    "PluginFault",
-    "check_action",
-    "check_inputs",
-    "check_memory",
-    "check_observation",
-    "check_over",
-    "check_rewards",
-    "check_samples",
-    "out_of_range",
-]
-
-
 _ROUNDING = 1e-6
 """Share of an axis' span by which an action may be beyond its ends: that of single precision."""
 

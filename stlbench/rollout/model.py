@@ -8,8 +8,6 @@ from stlbench.contract import Model, RewardMethod
 from stlbench.rollout.endings import ends_of
 from stlbench.task.task import Task
 
-__all__ = ["model_of"]
-
 _STARTS = 256
 
 

@@ -13,8 +13,6 @@ from stlbench.records.identity import CellId
 from stlbench.registry.plugins import PluginWarning
 from stlbench.rollout.faults import PluginFault
 
-__all__ = ["Ask", "Question", "Unanswered", "answered_here", "answers", "ask_here", "plugins_of"]
-
 _T = TypeVar("_T")
 _Answer = TypeVar("_Answer", covariant=True)
 _Q = TypeVar("_Q", bound="Question[Any]")

@@ -11,8 +11,6 @@ from stlbench.contract import Array
 from stlbench.rollout.referee import conjuncts, lost_at
 from stlbench.task.task import Task
 
-__all__ = ["Loss", "first_loss", "lasted", "reason"]
-
 
 class Loss(NamedTuple):
     """What a violating trace lost first."""

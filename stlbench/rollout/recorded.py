@@ -6,8 +6,6 @@ import numpy as np
 
 from stlbench.contract import Array, Integers, Truth
 
-__all__ = ["last_recorded"]
-
 
 def last_recorded(traces: Array) -> Integers:
     """The last row of each of traces (N, T + 1, k) that is not NaN in all signals, (N,); T where all rows are."""

@@ -11,8 +11,6 @@ from stlbench.contract.presentation import Pixels
 from stlbench.rollout.environment import Simulator
 from stlbench.task.task import Task
 
-__all__ = ["Reenactment"]
-
 
 class Reenactment:
     """Pictures of each copy in the order of time. The state of an environment cannot be set, so it is lived again."""

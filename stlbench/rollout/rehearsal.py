@@ -10,8 +10,6 @@ import numpy as np
 
 from stlbench.contract import Agent, Array, Environment, Integers, Training, Transition
 
-__all__ = ["rehearse"]
-
 _DECISIONS = 1000
 """Of all copies together, the most that are trained: agents begin to learn after some hundreds."""
 _STEPPED = 2

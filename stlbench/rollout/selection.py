@@ -15,8 +15,6 @@ import numpy as np
 
 from stlbench.contract import Array, Integers, Truth
 
-__all__ = ["Race", "race"]
-
 _FIRST = 8
 """Starts of the first round, or an eighth of them, whichever is more; each round doubles their number."""
 _SURE = 3.0

@@ -11,8 +11,6 @@ from stlbench.records.observation import Observation
 from stlbench.rollout.worlds import make_world
 from stlbench.task.task import Task
 
-__all__ = ["observation_of", "observation_size", "size_without"]
-
 
 def observation_of(task: Task, method: RewardMethod, name: str = "") -> Observation:
     """What policies see of a task, with the inputs of a method; `name` is what users call the method."""

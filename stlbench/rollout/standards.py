@@ -17,20 +17,6 @@ from stlbench.task import build_method, load_task
 from stlbench.task.equal_rewards import Difference, Paid, equal_payments, payments
 from stlbench.task.file import BestKnown
 
-__all__ = [
-    "About",
-    "AtRandom",
-    "ByHand",
-    "ConstantActions",
-    "Known",
-    "Likeness",
-    "Pays",
-    "Standard",
-    "differences",
-    "standards",
-]
-
-
 Likeness = Literal["=", "~"]
 """How two methods pay the same: up to a constant, or up to a function of time."""
 _Pair = tuple[Choice, Track, frozenset[str]]

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from stlbench.errors import UsageError
 
-__all__ = ["STDIN", "TraceTable", "read_table"]
-
 STDIN = Path("-")
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 #: how far a row's time may be from its place, in steps

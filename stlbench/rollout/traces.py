@@ -14,8 +14,6 @@ from stlbench.records.result import Result
 from stlbench.records.saved_traces import Film, read_cell
 from stlbench.task.task import Task
 
-__all__ = ["Recording", "gather", "load"]
-
 
 @dataclass(frozen=True)
 class Recording:

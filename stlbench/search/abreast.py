@@ -11,8 +11,6 @@ import numpy as np
 
 from stlbench.contract import Array
 
-__all__ = ["abreast"]
-
 Scalar = Callable[[Array], float]
 """From a point (d,) to its value."""
 

@@ -16,8 +16,6 @@ from stlbench.search.space import space_of
 from stlbench.search.subject import Subject, Unsearchable
 from stlbench.study.cell import derive_seed
 
-__all__ = ["Certificate", "Claim", "certify", "check", "plain"]
-
 STARTS = 1000
 """Starts of a certificate of a fixed number."""
 MOST = 100_000

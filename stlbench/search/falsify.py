@@ -19,8 +19,6 @@ from stlbench.search.space import Box, Seeds, space_of
 from stlbench.search.subject import Subject, Unsearchable
 from stlbench.study.cell import derive_seed
 
-__all__ = ["Falsification", "How", "check", "falsify"]
-
 EVALUATIONS = 10_000
 
 

@@ -13,8 +13,6 @@ from stlbench.report.figures.counterexample import counterexample
 from stlbench.report.figures.files import file_name, save
 from stlbench.search.falsify import Falsification
 
-__all__ = ["write"]
-
 
 def write(found: Falsification, folder: Path) -> list[Path]:
     """Write the least robust trace as .npz and .csv, and its picture as PNG, SVG and PDF; the paths.

@@ -11,8 +11,6 @@ from stlbench.contract import Array
 from stlbench.search.space import Box, Seeds
 from stlbench.search.subject import VERDICTS, Subject, Verdict
 
-__all__ = ["Enough", "Objective", "Worst"]
-
 FAR = 1e6
 """The value of a point outside the region of starts, to which comes how far outside it is: worse than all inside."""
 _OUTSIDE = 20

@@ -16,8 +16,6 @@ import numpy as np
 from stlbench.search.abreast import Scalar, abreast
 from stlbench.search.objective import Objective
 
-__all__ = ["DEFAULT", "OF_SEEDS", "OPTIMISERS", "Optimiser"]
-
 Optimiser = Callable[[Objective, int], None]
 """Minimises an objective until it raises `Enough`, or ends before; all that is random comes from the seed."""
 

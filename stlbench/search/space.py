@@ -15,8 +15,6 @@ from stlbench.task.region import Region
 from stlbench.task.start_sets import SeedStarts, StateStarts
 from stlbench.task.task import Task
 
-__all__ = ["Box", "Seeds", "Space", "space_of"]
-
 
 class Space(ABC):
     """Points (N, n), each of which says where an episode begins."""

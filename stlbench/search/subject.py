@@ -18,8 +18,6 @@ from stlbench.rollout.early_ends import judge
 from stlbench.search.space import space_of
 from stlbench.task.task import Task
 
-__all__ = ["VERDICTS", "Played", "Subject", "Unsearchable", "Verdict", "foreign", "of_controller", "of_policy"]
-
 Verdict = Literal["violated", "open", "satisfied"]
 """Of one episode; open where it ended early, and some continuations satisfy."""
 VERDICTS: tuple[Verdict, ...] = ("violated", "open", "satisfied")

@@ -9,8 +9,6 @@ from stlbench.report.tables.table import Column, Table
 from stlbench.search.certify import Certificate, plain
 from stlbench.search.falsify import Falsification
 
-__all__ = ["certificates", "falsifications"]
-
 
 def falsifications(found: Sequence[Falsification]) -> Table:
     """What was searched, how long, the least robustness, and the counterexample where there is one."""

@@ -15,8 +15,6 @@ from stlbench.rollout.controller import nearest
 from stlbench.rollout.faults import out_of_range
 from stlbench.share.table import ActionTable
 
-__all__ = ["Moved", "OnObservation", "OnState", "actions_of"]
-
 _ROUNDING = 1e-6
 """Share of an axis' span by which rounding may take an action off the grid."""
 

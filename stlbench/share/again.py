@@ -16,8 +16,6 @@ from stlbench.rollout.referee import Referee
 from stlbench.study.kept import load_policy
 from stlbench.task import Task, load_task
 
-__all__ = ["Again", "ScoreAgain", "score_again"]
-
 
 class Again(NamedTuple):
     """What the referee says of a stored policy now."""

@@ -21,8 +21,6 @@ from stlbench.records.saved_traces import trace_file
 from stlbench.share.crate import METADATA, About, Content, document
 from stlbench.study.results import Results
 
-__all__ = ["CITATION", "Packed", "may_hold", "pack"]
-
 CITATION = "CITATION.cff"
 _TABLES = (".csv", ".md", ".html")
 """Files of a folder of results that `stlbench report` writes, and that a bundle takes along."""

@@ -19,8 +19,6 @@ from stlbench.share.bundle import may_hold
 from stlbench.share.crate import METADATA, Content, listed
 from stlbench.study.results import Results
 
-__all__ = ["LARGEST", "Checked", "check", "results_in", "unpacked"]
-
 LARGEST = 8 * 2**30
 """Bytes that a bundle may have unpacked. More is taken for a zip that was made to fill a disk."""
 LARGEST_POLICIES = 2**28

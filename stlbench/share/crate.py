@@ -9,8 +9,6 @@ from typing import Any, NamedTuple
 
 from stlbench.errors import UsageError, one_line
 
-__all__ = ["METADATA", "About", "Content", "about", "document", "listed"]
-
 METADATA = "ro-crate-metadata.json"
 """The file that says all this, the only one that is not in its own list."""
 _VERSION = "https://w3id.org/ro/crate/1.2"

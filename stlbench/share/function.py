@@ -12,8 +12,6 @@ from typing import Any
 from stlbench.errors import UsageError, cause, did_you_mean
 from stlbench.registry.fingerprint import fingerprint
 
-__all__ = ["digest", "load_function"]
-
 
 def load_function(text: str) -> Callable[..., Any]:
     """Import a module, also from the working directory, and take what it calls `function`.

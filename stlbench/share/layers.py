@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from stlbench.contract import Array
 from stlbench.errors import UsageError
 
-__all__ = ["ACTIVATIONS", "Layers", "Weights", "check_size", "imported_torch", "read_weights"]
-
 Weights = NDArray[np.floating[Any]]
 
 ACTIVATIONS: Mapping[str, Callable[[Weights], Weights]] = {

@@ -23,8 +23,6 @@ from stlbench.share.actions import actions_of
 from stlbench.share.onnx_file import load_onnx
 from stlbench.study.kept import Kept, load_policy
 
-__all__ = ["Export", "Exported", "export"]
-
 _ROUNDING = 1e-6
 """Share of an action's span: what single precision makes of another order of sums."""
 

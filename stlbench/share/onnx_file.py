@@ -13,8 +13,6 @@ from stlbench.errors import UsageError
 from stlbench.records.observation import KEY, Observation
 from stlbench.share.layers import check_size
 
-__all__ = ["load_onnx"]
-
 _TYPES = {"tensor(float)": np.float32, "tensor(double)": np.float64}
 _PREFERRED = ("action", "index")
 """Outputs by name, where there are several; else the first is taken."""

@@ -22,8 +22,6 @@ from stlbench.share.layers import ACTIVATIONS, Layers, Weights, read_weights
 from stlbench.share.policy_outputs import meaning_of_outputs
 from stlbench.share.trained_on import check_observation, mapping
 
-__all__ = ["load_sb3"]
-
 
 @dataclass(frozen=True)
 class _Form:

@@ -12,8 +12,6 @@ import numpy as np
 from stlbench.contract import ActionBox, ActionGrid, Actions, Array, Integers
 from stlbench.errors import UsageError
 
-__all__ = ["meaning_of_outputs"]
-
 
 def meaning_of_outputs(
     path: Path, space: Mapping[str, Any], count: int, actions: Actions, squashed: bool

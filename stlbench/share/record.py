@@ -24,8 +24,6 @@ from stlbench.study.keys import harness
 from stlbench.study.provenance import collect
 from stlbench.task import Task, load_task
 
-__all__ = ["Entry", "ScoreOutside", "record", "row"]
-
 
 class Entry(NamedTuple):
     """What becomes a row."""

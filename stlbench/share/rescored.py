@@ -14,8 +14,6 @@ from stlbench.share.again import ScoreAgain
 from stlbench.share.checked import results_in, unpacked
 from stlbench.study.asked import LONG, ask
 
-__all__ = ["MORE", "Rescored", "rescore", "score_cell"]
-
 MORE = 0.01
 """What a bundle may claim beyond what the referee finds: share of the robustness, and of the starts. Another processor
 rounds otherwise, and a policy that is torn between two actions then takes the other one now and then."""

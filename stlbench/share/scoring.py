@@ -40,8 +40,6 @@ from stlbench.task import Task, build_method
 if TYPE_CHECKING:
     from stlbench.task.observing import Observed
 
-__all__ = ["UNKNOWN", "On", "Scored", "Shown", "acting", "score"]
-
 UNKNOWN = Choice("unknown")
 """In the place of a method: nobody said which reward the policy was trained by, and it is shown no inputs of one."""
 

@@ -11,8 +11,6 @@ from typing import Literal
 from stlbench.errors import UsageError
 from stlbench.share import function
 
-__all__ = ["Kind", "Source", "find_source"]
-
 Kind = Literal["cell", "function", "sb3", "onnx", "torch", "traces"]
 
 _ENDINGS: dict[str, Kind] = {

@@ -11,8 +11,6 @@ from stlbench.contract import Array
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.share.layers import ACTIVATIONS, Layers, Weights, read_weights
 
-__all__ = ["load_state_dict"]
-
 _FORM = re.compile(r"mlp\[\s*(\d+(?:\s*,\s*\d+)+)\s*;\s*(\w+)\s*\]")
 _EXAMPLE = "mlp[4,64,64,21;relu]"
 

@@ -13,8 +13,6 @@ from stlbench.errors import UsageError, did_you_mean
 from stlbench.rollout.faults import out_of_range
 from stlbench.rollout.trace_table import read_table
 
-__all__ = ["ActionTable", "read_actions"]
-
 
 @dataclass(frozen=True)
 class ActionTable:

@@ -14,8 +14,6 @@ from stlbench.contract import Array
 from stlbench.errors import UsageError, cause
 from stlbench.share.layers import imported_torch
 
-__all__ = ["load_torchscript"]
-
 _FORBIDDEN = frozenset({"aten::save", "aten::from_file", "prim::CallFunction", "prim::CallMethod", "prim::fork"})
 """What reads and writes files, and calls that cannot be looked into."""
 

@@ -15,8 +15,6 @@ from stlbench.rollout.trace_table import read_table
 from stlbench.rollout.worlds.make import make_world
 from stlbench.task import Task
 
-__all__ = ["from_the_reports_starts", "load_traces"]
-
 
 def load_traces(path: Path, task: Task) -> Episodes:
     """The episodes of a task's signals in a file: a table of text with one, or an .npz with several.

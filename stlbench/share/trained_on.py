@@ -11,8 +11,6 @@ from typing import Any
 from stlbench.errors import UsageError
 from stlbench.records.observation import KEY, Observation
 
-__all__ = ["check_observation", "mapping"]
-
 _NUMBER = re.compile(r"[-+]?(?:inf|nan|\d+\.?\d*(?:e[-+]?\d+)?)")
 _ROUNDING = 1e-6
 

@@ -15,8 +15,6 @@ from stlbench.study.plan import plan_cells
 from stlbench.task import fitting_methods, load_task
 from stlbench.task.task import Task
 
-__all__ = ["PlanSetting", "default_settings", "parse_settings", "plan_alignment"]
-
 _RECIPE = "recipe"
 _LEFT_OUT = ("cuts", "ends", "rewarded")
 """Parts of a task that change what a plan is for, each left out once where nothing else is said."""

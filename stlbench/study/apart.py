@@ -18,8 +18,6 @@ from stlbench.registry import plugins
 from stlbench.study.cell import Cell
 from stlbench.study.credible import contradiction
 
-__all__ = ["Examiner", "serve"]
-
 APART = True
 """Whether results of cells with plugins of others are looked at in another process."""
 

@@ -22,8 +22,6 @@ from stlbench.rollout.standards import About
 from stlbench.study.run import build_executor
 from stlbench.task import Task, load_task
 
-__all__ = ["LONG", "ask", "loaded", "of_one"]
-
 _T = TypeVar("_T")
 
 EXECUTOR = "local"

@@ -14,8 +14,6 @@ from stlbench.records.status import Status
 from stlbench.registry.fingerprint import Code
 from stlbench.study.tracks import Recipe
 
-__all__ = ["Cell", "derive_seed", "digest"]
-
 
 @dataclass(frozen=True)
 class Cell:

@@ -24,8 +24,6 @@ from stlbench.study.cell import Cell
 from stlbench.study.tracks import on_track
 from stlbench.task import Task, load_task
 
-__all__ = ["contradiction"]
-
 _CLOSE = 1e-9
 """Relative and absolute difference that is none: of the sums of several versions of a library."""
 

@@ -10,8 +10,6 @@ from stlbench.contract import Executor, Outcome, Unsuitable, cause
 from stlbench.errors import UsageError, one_line
 from stlbench.registry import plugins
 
-__all__ = ["failing", "outcomes"]
-
 
 def outcomes(
     executor: Executor, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]

@@ -15,8 +15,6 @@ from stlbench.rollout.shown import observation_of
 from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_method, load_task
 
-__all__ = ["Kept", "load_policy", "own_task"]
-
 
 class Kept(NamedTuple):
     """What the referee needs to let a stored policy act: `record(kept.task, kept.method, kept.policy, states)`."""

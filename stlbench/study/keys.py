@@ -14,8 +14,6 @@ from stlbench.registry.meaning import WORDS
 from stlbench.study.cell import digest
 from stlbench.task.task import Task
 
-__all__ = ["PARTS", "Ingredients", "Part", "agent_part", "harness", "method_part", "task_part"]
-
 PARTS = ("harness", "task", "method", "agent", "packages")
 """Their names: stlbench's own code, the task, the method, the agent with its recipe, and the versions of the installed
 distributions that the plugins import."""

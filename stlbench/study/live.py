@@ -14,8 +14,6 @@ from stlbench.study.running import Running
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["MOST", "Sight", "draws", "duration", "line_of", "sparkline"]
-
 MOST = 8
 """Cells that are listed; the others are counted."""
 _BARS = 20

@@ -10,8 +10,6 @@ from stlbench.contract import Array, Integers, RewardMethod, Transition
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.task import Task
 
-__all__ = ["Meter", "MeteredEnvironment"]
-
 
 class Meter:
     """Counts environment steps, against a budget once it has begun.

@@ -10,8 +10,6 @@ from typing import NamedTuple
 
 from stlbench.records.identity import CellId, Setting
 
-__all__ = ["Begun", "Took", "time_left"]
-
 
 class Took(NamedTuple):
     """A cell that ended, and how many seconds it took."""

@@ -15,8 +15,6 @@ from stlbench.study.live import duration
 from stlbench.study.outlook import Begun, Took, time_left
 from stlbench.study.running import Running
 
-__all__ = ["LATEST", "Ended", "Pace", "reward_of", "unfit"]
-
 LATEST = 2_000
 """Cells that ended, of which so many tell enough: more would make large studies slow."""
 

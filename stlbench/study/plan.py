@@ -20,8 +20,6 @@ from stlbench.study.tracks import Recipe, Recipes, on_track
 from stlbench.task import build_agent, load_task
 from stlbench.task.task import Task
 
-__all__ = ["check_cells", "plan_cells", "uncompiled"]
-
 
 def plan_cells(
     tasks: Iterable[Choice],

@@ -26,8 +26,6 @@ from stlbench.study.pace import LATEST, Ended, Pace, reward_of, unfit
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
-__all__ = ["Progress"]
-
 _MINUTE = 60.0
 _SHARE = 0.02
 """Of its time, a run spends so much at most on saying how long the rest takes."""

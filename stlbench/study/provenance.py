@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from stlbench.study.cell import Cell
 
-__all__ = ["CODE", "code_of", "collect", "elsewhere", "here", "of_cell"]
-
 CODE = "code"
 """Beside them: of which code a cell is, as the first digits of the hash of each part of its key (`keys.PARTS`)."""
 

@@ -21,8 +21,6 @@ from stlbench.study.kept import load_policy
 from stlbench.task import Task
 from stlbench.task.start_sets import StateStarts
 
-__all__ = ["EVERY", "Replay", "Start", "parse_start", "reenact", "replay"]
-
 
 @dataclass(frozen=True)
 class Start:

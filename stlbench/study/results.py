@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from stlbench.study.kept import Kept
 
-__all__ = ["Results"]
-
 _NUMBERS = tuple(
     part.name for part in fields(Measurement) if part.name not in ("selected", "final", "curve", "planned", "policies")
 )

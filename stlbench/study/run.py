@@ -31,8 +31,6 @@ from stlbench.study.superseded import note, superseded
 from stlbench.study.unchanged import run_unchanged
 from stlbench.study.warm import examples, warm
 
-__all__ = ["Progress", "build_executor", "run_cells", "run_described", "run_study"]
-
 
 @runtime_checkable
 class Progress(Protocol):

@@ -22,8 +22,6 @@ from stlbench.study.running import running
 if TYPE_CHECKING:
     from stlbench.study.run import Progress
 
-__all__ = ["Logged", "build_logs", "logged"]
-
 _LOOK = 1.0
 """Seconds between two looks at what runs."""
 _MOST_SECONDS = 30.0

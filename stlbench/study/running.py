@@ -13,8 +13,6 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.outputs import inside, write
 
-__all__ = ["FOLDER", "Glance", "Notice", "Running", "announce", "clear", "ended", "running"]
-
 FOLDER = "running"
 """Name of the folder, in a folder of results. It has a file for each cell that runs."""
 

@@ -16,8 +16,6 @@ from stlbench.study.executed import outcomes
 from stlbench.study.provenance import elsewhere, of_cell
 from stlbench.study.unchanged import NoSpace, key_without_code
 
-__all__ = ["run"]
-
 
 def run(
     cells: Sequence[Cell],

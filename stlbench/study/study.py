@@ -18,8 +18,6 @@ from stlbench.study.plan import plan_cells
 from stlbench.study.tracks import read_recipes
 from stlbench.task.yaml_text import load_yaml
 
-__all__ = ["MOST_SEEDS", "Study", "parse_seeds"]
-
 MOST_SEEDS = 10_000
 
 

@@ -10,8 +10,6 @@ from stlbench.records.result import Result
 from stlbench.study.cell import Cell
 from stlbench.study.provenance import code_of
 
-__all__ = ["note", "superseded"]
-
 _LOOKED_AT = 100
 """Results of which is said what has changed; to read all of a long study would take seconds."""
 

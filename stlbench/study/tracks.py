@@ -18,8 +18,6 @@ from stlbench.task.entry import Count
 from stlbench.task.task import Task
 from stlbench.task.yaml_text import load_yaml
 
-__all__ = ["Recipe", "Recipes", "on_track", "read_recipes", "write_recipes"]
-
 
 @dataclass(frozen=True)
 class Recipe:

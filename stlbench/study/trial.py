@@ -31,8 +31,6 @@ from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.task.file import Budget
 
-__all__ = ["Measured", "measure", "reward_time", "run_cell"]
-
 _REWARDED = 16
 """Copies that are stepped to measure the time of a reward."""
 

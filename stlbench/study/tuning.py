@@ -28,8 +28,6 @@ from stlbench.task.task import Task
 if TYPE_CHECKING:
     import optuna
 
-__all__ = ["FIRST_SEED", "HOLD", "Entrant", "Trial", "entrants", "search"]
-
 FIRST_SEED = 100
 """Of tuning. Those below are reported."""
 

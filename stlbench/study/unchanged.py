@@ -13,8 +13,6 @@ from stlbench.records.result import Result
 from stlbench.registry import folders
 from stlbench.study.cell import Cell, digest
 
-__all__ = ["NoSpace", "changed", "key_without_code", "run_unchanged"]
-
 
 @dataclass(frozen=True)
 class NoSpace:

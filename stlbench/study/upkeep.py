@@ -21,8 +21,6 @@ from stlbench.records.status import ACCIDENTS, Status
 from stlbench.study.results import Results
 from stlbench.study.verify import verify
 
-__all__ = ["Merged", "choose", "merge", "remove", "take_out"]
-
 
 def choose(
     folder: Path,

@@ -18,8 +18,6 @@ from stlbench.records.outputs import inside
 from stlbench.records.result import Result
 from stlbench.records.rows import checksums_beside
 
-__all__ = ["Damage", "Verified", "repair", "verify"]
-
 DAMAGED = FILE + ".damaged"
 """Where `repair` leaves a ledger of which a part cannot be read."""
 

@@ -19,8 +19,6 @@ from stlbench.study.tracks import on_track
 from stlbench.study.unchanged import changed
 from stlbench.task import Task, build_agent, build_method, load_task
 
-__all__ = ["examples", "warm"]
-
 
 def examples(cells: Iterable[Cell]) -> tuple[Cell, ...]:
     """A few of the cells, with each task, method and agent at least once."""

@@ -10,8 +10,6 @@ from gymnasium.spaces import Box, Discrete, MultiBinary, MultiDiscrete, Space
 from stlbench.contract import Array
 from stlbench.errors import UsageError
 
-__all__ = ["ActionAxis", "action_axes", "as_action"]
-
 
 class ActionAxis(NamedTuple):
     """One number of an action."""

@@ -13,8 +13,6 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, choice_of
 from stlbench.task.task import Task
 
-__all__ = ["build_agent", "build_method", "fitting_methods"]
-
 
 def build_method(task: Task, choice: Choice | str) -> RewardMethod:
     """The chosen method, with its parameters, for a task.

@@ -14,8 +14,6 @@ from stlbench.task.entry import Timing
 from stlbench.task.parts import Parts
 from stlbench.task.training import VIOLATION
 
-__all__ = ["check_entries", "check_regions", "regions"]
-
 
 def check_entries(parts: Parts, timing: Timing) -> Iterator[str]:
     """All rules between the entries of a file."""

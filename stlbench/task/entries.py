@@ -13,8 +13,6 @@ from gymnasium.spaces import Dict, Space
 from stlbench.contract import Array
 from stlbench.errors import UsageError, did_you_mean
 
-__all__ = ["Entries", "Names", "entries_of", "outside_space"]
-
 Names: TypeAlias = Sequence[str] | Mapping[str, Sequence[str]]
 """Of all entries of an array, in their order; of a Dict observation, key -> those of its array."""
 

@@ -11,8 +11,6 @@ from pydantic_core import CoreSchema, core_schema
 
 from stlbench import stl
 
-__all__ = ["Count", "Entry", "Finite", "Formula", "PointFormula", "Positive", "Read", "Timing", "read_point_formula"]
-
 Count = Annotated[int, Field(ge=1)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]

@@ -10,8 +10,6 @@ import numpy as np
 
 from stlbench.contract import Array, RewardMethod
 
-__all__ = ["Difference", "Paid", "equal_payments", "payments", "same_up_to_time"]
-
 _SAMPLES = 256
 _EXACT = 1e-9
 """In units of the larger scale of two methods: differences within it count as equal."""

@@ -10,8 +10,6 @@ from stlbench.contract import Array
 from stlbench.errors import UsageError
 from stlbench.task.entries import Entries
 
-__all__ = ["Compiled", "compiled", "parsed", "unknown"]
-
 
 class Compiled(NamedTuple):
     """What reads k signals."""

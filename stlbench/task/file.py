@@ -12,22 +12,6 @@ from stlbench.task.entry import Count, Entry, Finite, Formula, Positive
 from stlbench.task.region import Region
 from stlbench.task.training import TrainingEpisodes
 
-__all__ = [
-    "OPTIONAL",
-    "Axis",
-    "Baseline",
-    "Baselines",
-    "BestConstant",
-    "BestKnown",
-    "Budget",
-    "EarlyEnd",
-    "Environment",
-    "Protocol",
-    "Range",
-    "Signal",
-    "TaskFile",
-]
-
 
 class Range(Entry):
     """Where a signal lives: the state space over which rho_max and rho_min are taken."""

@@ -15,8 +15,6 @@ from stlbench.task.joint import parallel
 from stlbench.task.making import Gym, failed, made
 from stlbench.task.source import GymSource, RenderMode
 
-__all__ = ["source_of"]
-
 _NONE = "there is no environment: give its id in task.yaml, or a class of GymTask with make()"
 _WITHOUT_ID = {"kwargs", "drawn", "api"}
 """What of `environment` says nothing where a class makes the environment."""

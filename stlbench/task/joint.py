@@ -14,8 +14,6 @@ from stlbench.errors import UsageError
 from stlbench.task.acting import as_action
 from stlbench.task.making import failed
 
-__all__ = ["JointEnv", "parallel"]
-
 
 def parallel(module: str, keywords: Mapping[str, Any]) -> JointEnv:
     """The environment that `parallel_env` of a module makes, as in "mpe2.simple_spread_v3". Raises `UsageError`."""

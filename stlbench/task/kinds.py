@@ -10,8 +10,6 @@ from collections.abc import Iterator
 from stlbench.task.checks import regions
 from stlbench.task.parts import Parts
 
-__all__ = ["check_system", "check_world"]
-
 
 def check_system(parts: Parts) -> Iterator[str]:
     """A system has starts and actions of its own."""

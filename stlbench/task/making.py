@@ -16,8 +16,6 @@ import gymnasium
 from stlbench.contract import cause
 from stlbench.errors import UsageError, did_you_mean
 
-__all__ = ["Gym", "failed", "made", "modules", "software"]
-
 Gym: TypeAlias = gymnasium.Env[Any, Any]
 
 _EXTRAS = {

@@ -16,8 +16,6 @@ from stlbench.errors import UsageError, did_you_mean
 from stlbench.records.observation import MOST, Observation
 from stlbench.task.entries import Entries
 
-__all__ = ["LARGE", "Observed"]
-
 LARGE = 1e4
 """Ends of a space beyond this say nothing of what an entry is about: some environments write the largest float32."""
 

@@ -10,8 +10,6 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from stlbench.task.entry import Timing
 
-__all__ = ["Parts", "as_parts", "fields_at", "right_parts"]
-
 Parts = Mapping[str, Any]
 """Entry -> its value where it is right; of an entry of several, nested likewise. A wrong value is not there."""
 

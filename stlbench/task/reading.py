@@ -17,8 +17,6 @@ from stlbench.task.file import TaskFile
 from stlbench.task.parts import Parts, as_parts, fields_at, right_parts
 from stlbench.task.yaml_text import load_yaml
 
-__all__ = ["Reading", "errors_of", "read", "read_task_file"]
-
 
 @dataclass(frozen=True)
 class Reading:

@@ -13,8 +13,6 @@ from stlbench import stl
 from stlbench.contract import Array, Truth
 from stlbench.task.entry import Entry, Finite, PointFormula
 
-__all__ = ["Region"]
-
 
 def _both(value: Any) -> Any:
     """A number, where a state is fixed, as an interval."""

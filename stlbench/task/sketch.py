@@ -17,8 +17,6 @@ from stlbench.task.entries import Names, entries_of
 from stlbench.task.making import Gym, made
 from stlbench.task.observing import LARGE
 
-__all__ = ["sketch"]
-
 _STEPS, _SECONDS = 200, 0.05
 """Where the environment says nothing: steps of an episode, seconds of a step."""
 

@@ -19,8 +19,6 @@ from stlbench.task.expressions import compiled, parsed
 from stlbench.task.making import Gym, modules, software
 from stlbench.task.observing import Observed
 
-__all__ = ["GymSource", "RenderMode", "SignalsOf"]
-
 RenderMode: TypeAlias = Literal["rgb_array"] | None
 """What a copy is made with: whether it can be asked for pictures."""
 

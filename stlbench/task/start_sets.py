@@ -16,8 +16,6 @@ from stlbench.task import starts
 from stlbench.task.file import Protocol, TaskFile
 from stlbench.task.region import Region
 
-__all__ = ["SeedStarts", "StartSets", "StateStarts"]
-
 _REPORTED = 12031981
 """Seed of the report's random starts, and of nothing else."""
 

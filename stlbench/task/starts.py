@@ -13,8 +13,6 @@ from stlbench.contract import Array
 from stlbench.errors import UsageError
 from stlbench.task.region import Region
 
-__all__ = ["grid", "grid_apart", "sample"]
-
 _ROUNDS = 200
 _ROUNDS_APART = 20
 

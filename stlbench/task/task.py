@@ -32,8 +32,6 @@ from stlbench.task.start_sets import SeedStarts, StateStarts
 if TYPE_CHECKING:
     from stlbench.task.source import GymSource
 
-__all__ = ["Dynamics", "Task", "load_task"]
-
 Dynamics = System | GymTask | WorldTask
 
 

@@ -10,8 +10,6 @@ from stlbench import stl
 from stlbench.task.entry import Count, Entry, Read, read_point_formula
 from stlbench.task.region import Region
 
-__all__ = ["VIOLATION", "Ending", "Exploring", "TrainingEpisodes"]
-
 VIOLATION: Literal["violation"] = "violation"
 """Where a term G[a,b] psi of the formula is violated."""
 

@@ -9,8 +9,6 @@ import yaml
 
 from stlbench.errors import UsageError, cause, one_line
 
-__all__ = ["load_yaml"]
-
 _MERGE = "tag:yaml.org,2002:merge"
 
 MOST = 200_000

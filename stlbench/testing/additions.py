@@ -8,8 +8,6 @@ import numpy as np
 from stlbench.contract import Array, RewardMethod
 from stlbench.testing.rules import Rules
 
-__all__ = ["check_counterfactual", "check_ended_early", "check_over"]
-
 
 def check_over(method: RewardMethod, rules: Rules, memory: Array, reward: Array, after: Array) -> None:
     """Of one step of N copies: memories (N, m) before and after it, and what it was paid (N,)."""

@@ -32,8 +32,6 @@ from stlbench.task import Task
 from stlbench.testing.line import FORMS, Form, Nearness, line_task
 from stlbench.testing.rules import RuleBroken, Rules
 
-__all__ = ["check_agent"]
-
 _HOLD = "hold"
 """In a search space, of the task and no parameter of the agent."""
 

@@ -17,8 +17,6 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import executor_of
 from stlbench.testing.rules import Rules
 
-__all__ = ["check_executor"]
-
 _PATIENCE = 600.0
 """Deadline, in seconds, of items that are to end by themselves."""
 _SHORT = 3.0

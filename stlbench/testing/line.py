@@ -11,8 +11,6 @@ from stlbench.registry.choices import Choice
 from stlbench.task import Task
 from stlbench.task.reading import read_task_file
 
-__all__ = ["FORMS", "Form", "Nearness", "line_task"]
-
 _TEXT = """
 title: Go to the middle and stay there
 source: made for checks of agents

@@ -15,8 +15,6 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import executor_of
 from stlbench.testing.rules import Rules
 
-__all__ = ["check_log"]
-
 _LONG = 30.0
 """Seconds that one call may take."""
 _CELLS = ("hold-disc/funnel/dqn/0", "overlap[without=cuts]/funnel[ginf=0.02,t_star=1]/dqn/1/tuned", "a/b/c/2")

@@ -16,8 +16,6 @@ from stlbench.task import load_task
 from stlbench.testing.additions import check_counterfactual, check_ended_early, check_over
 from stlbench.testing.rules import Rules
 
-__all__ = ["check_method"]
-
 _ROWS = 6
 _SPECIFICATIONS = tuple(
     Specification(stl.parse(formula), ("x", "y"), (-2.0, -2.0), (2.0, 2.0), steps=15, dt=0.1, nested=nested)

@@ -10,8 +10,6 @@ import numpy as np
 from stlbench.contract import Array, Integers, Truth
 from stlbench.errors import one_line
 
-__all__ = ["RuleBroken", "Rules"]
-
 
 class RuleBroken(AssertionError):
     """The message names the rule and what there was instead."""

@@ -10,8 +10,6 @@ from stlbench.task import Task, starts
 from stlbench.task.start_sets import StateStarts
 from stlbench.testing.rules import Rules
 
-__all__ = ["check_controller", "random_traces"]
-
 
 def random_traces(task: Task, rules: Rules) -> Array:
     """Traces (N, T + 1, k) under random actions, along which the system's functions are checked."""

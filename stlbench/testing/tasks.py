@@ -17,8 +17,6 @@ from stlbench.task import Task, build_agent, load_task
 from stlbench.testing import systems, worlds
 from stlbench.testing.rules import Rules
 
-__all__ = ["check_task"]
-
 _ALIKE = 0.05
 """Of two shares of starts that satisfy: contacts differ between machines in their last bits, and grow."""
 

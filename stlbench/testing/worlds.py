@@ -12,8 +12,6 @@ from stlbench.rollout.worlds import make_world
 from stlbench.task import Task
 from stlbench.testing.rules import Rules
 
-__all__ = ["check_controller", "random_traces"]
-
 _COPIES = 4
 _STEPS = 200
 """The most of an episode that is run again to compare."""

@@ -8,8 +8,6 @@ import numpy as np
 
 from stlbench.contract import Array, System
 
-__all__ = ["DifferentialDrive"]
-
 
 class DifferentialDrive(System):
     """x' = x + dt v cos(heading), y' = y + dt v sin(heading), heading' = heading + dt omega.

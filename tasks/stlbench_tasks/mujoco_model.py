@@ -17,8 +17,6 @@ import numpy as np
 from stlbench.contract import Array, System
 from stlbench.contract.presentation import Pixels
 
-__all__ = ["MujocoSystem", "columns"]
-
 _WIDTH, _HEIGHT = 480, 360
 """Of a picture; the models draw into at most 640 by 480."""
 

@@ -8,8 +8,6 @@ from stlbench.contract import Array, Integers, System
 from stlbench_tasks.random_numbers import normal
 from stlbench_tasks.steering import Steering, polar
 
-__all__ = ["REGIONS", "NoisyUnicycle", "drive"]
-
 REGIONS = ((4.0, 4.0), (4.0, 2.0))
 """Centres of the regions A and B, squares with sides of 1 m."""
 drive = Steering(speed=1.0, speed_step=0.05, turn=1.55, turn_step=0.05, held=0.5)

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from stlbench.contract import Array
 
-__all__ = ["normal"]
-
 _Bits = NDArray[np.uint64]
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIXING = ((30, np.uint64(0xBF58476D1CE4E5B9)), (27, np.uint64(0x94D049BB133111EB)))

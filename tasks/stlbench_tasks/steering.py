@@ -8,8 +8,6 @@ import numpy as np
 
 from stlbench.contract import Array
 
-__all__ = ["Steering", "nearest", "polar"]
-
 _AIMED = 0.3
 """Radians of bearing below which the robot drives; above, it turns on the spot."""
 

@@ -11,8 +11,6 @@ from stlbench_agents.planning.kernels import mean_rewards
 from stlbench_agents.planning.memories import Memories
 from stlbench_agents.planning.moves import ActionSet
 
-__all__ = ["MOST_SIGNALS", "Arrivals", "refuse_nan"]
-
 MOST_SIGNALS = 4
 """The most dimensions of a grid, and so of one of signals."""
 

@@ -12,8 +12,6 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from stlbench.contract import Array, Model, Unsuitable
 
-__all__ = ["Axis", "AxisRecipe", "axes_of"]
-
 Indices = NDArray[np.int32]
 Floats = NDArray[np.float32]
 

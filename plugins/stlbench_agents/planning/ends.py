@@ -8,8 +8,6 @@ from stlbench.contract import Array, End, Model
 from stlbench_agents.planning.grid import Floats, Grid
 from stlbench_agents.planning.moves import ActionSet
 
-__all__ = ["Ends", "forever", "worth"]
-
 
 def worth(model: Model, end: End, gamma: float, decisions: int) -> float:
     """The return of an end's reward, which is paid for ever, and by a method that can end once."""

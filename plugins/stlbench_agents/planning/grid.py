@@ -13,8 +13,6 @@ from stlbench.contract import Array
 from stlbench_agents.planning.axes import Axis
 from stlbench_agents.planning.kernels import interpolate
 
-__all__ = ["Grid", "Places"]
-
 Floats = NDArray[Any]
 
 

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from stlbench_agents.compiler import compiled, inlined
 
-__all__ = ["compile_all", "extremes", "interpolate", "mean_rewards", "pay_best", "reach_best"]
-
 Floats = NDArray[Any]
 Indices = NDArray[np.int32]
 Strides = NDArray[np.int64]

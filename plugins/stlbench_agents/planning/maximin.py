@@ -15,8 +15,6 @@ from stlbench_agents.planning.moves import ActionSet, held, sweep
 from stlbench_agents.planning.setup import refuse_beyond
 from stlbench_agents.planning.stages import Part, Stages
 
-__all__ = ["MaximinPolicy", "plan"]
-
 _TIES = 1e-6
 """Of two actions whose robustness differs by less, in units of the widest margin, the smaller one is taken."""
 _KEPT = 8

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from stlbench.contract import Array, Model, Unsuitable
 from stlbench_agents.planning.moves import ActionSet, held
 
-__all__ = ["USUAL", "Limits", "Memories"]
-
 
 @dataclass(frozen=True)
 class Limits:

@@ -10,8 +10,6 @@ import numpy as np
 from stlbench.contract import ActionGrid, Actions, Array, Integers, Model
 from stlbench_agents.planning.grid import Grid, Places
 
-__all__ = ["ActionSet", "held", "sweep"]
-
 See = Callable[[int, Array], None]
 
 

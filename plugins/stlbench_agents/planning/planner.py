@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from stlbench_agents.planning.grid import Grid
     from stlbench_agents.planning.moves import ActionSet
 
-__all__ = ["BestPossible", "Planner"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class _OnGrid(Agent):

@@ -9,8 +9,6 @@ from stlbench_agents.planning.axes import AxisRecipe, axes_of
 from stlbench_agents.planning.grid import Grid
 from stlbench_agents.planning.moves import ActionSet
 
-__all__ = ["prepare", "refuse_beyond"]
-
 _GIGABYTES = 4.0
 
 

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from stlbench.stl import Term
 
-__all__ = ["Move", "Part", "Stages"]
-
 Truth = NDArray[np.bool_]
 
 

@@ -17,8 +17,6 @@ from stlbench_agents.planning.moves import ActionSet, held, sweep
 from stlbench_agents.planning.setup import refuse_beyond
 from stlbench_agents.planning.transitions import KEPT, Transitions
 
-__all__ = ["LOST", "SumPolicy", "plan"]
-
 LOST = -1e4
 """What a state is worth that left the grid, in units of the method's scale."""
 

@@ -15,8 +15,6 @@ from stlbench_agents.planning.grid import Floats, Grid
 from stlbench_agents.planning.memories import Limits, Memories
 from stlbench_agents.planning.moves import ActionSet, held
 
-__all__ = ["KEPT", "Transitions"]
-
 _PROBES = 4096
 """States, each with a random action, by which decisions are told apart."""
 KEPT = 2

@@ -19,8 +19,6 @@ from stlbench.report.figures.style import SINGLE, small, styled, tiny, width
 from stlbench.report.statistics.across import Estimate, profile
 from stlbench.report.tables.across import Entry, Field, aggregates
 
-__all__ = ["SCALE", "across_tasks", "place", "profiles", "ticks"]
-
 _COARSE = (0.0, 0.5, 0.9, 0.99, 0.999)
 _FINE = (0.0, 0.3, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999)
 """Scores with a number on the axis: of a wide axis, and of one that shows less than a decade and a half of them."""

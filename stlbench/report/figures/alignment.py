@@ -18,8 +18,6 @@ from stlbench.report.figures.palette import BOUNDS, INK, TRACE
 from stlbench.report.figures.style import SINGLE, styled, tiny, width
 from stlbench.report.tables.alignment import Aligned
 
-__all__ = ["alignment"]
-
 _ROW, _AROUND = 0.115, 0.6
 """Inches: of a row, and of what stands above and below the rows."""
 _MARKS: tuple[dict[str, Any], ...] = (

@@ -12,8 +12,6 @@ from matplotlib.lines import Line2D
 
 from stlbench.report.figures.style import tiny
 
-__all__ = ["Window", "below", "beside", "beyond_key", "number", "window"]
-
 _NEAR, _FAR = 5.0, 10.0
 """What lies so many times as far as the nearest group is shown with it; beyond the second number more is cut."""
 _LEAST, _LEAST_AT_ZERO = 1e-3, 2e-2

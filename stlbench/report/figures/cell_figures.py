@@ -13,8 +13,6 @@ from stlbench.report.figures.trajectories import trajectories
 from stlbench.rollout.traces import Recording
 from stlbench.task.task import Task
 
-__all__ = ["draw_cell"]
-
 
 def draw_cell(
     task: Task, method: RewardMethod | None, recording: Recording, title: str, folder: Path, name: str

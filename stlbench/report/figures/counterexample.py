@@ -23,8 +23,6 @@ from stlbench.report.figures.units import robustness_unit, signal_label, time_la
 from stlbench.rollout.reasons import first_loss
 from stlbench.task.task import Task
 
-__all__ = ["Place", "counterexample", "margins_of", "place_of"]
-
 _PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1}
 """Behind a text that would else be crossed by lines."""
 _LETTERS = 90

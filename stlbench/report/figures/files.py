@@ -18,8 +18,6 @@ from stlbench.report.figures.style import format_now, rc
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["drawn", "file_name", "save", "save_svg", "source_of"]
-
 _HEAD = 4096
 """Bytes of a file within which it says what it was drawn from."""
 _ENDS = ("png", "svg", "pdf")

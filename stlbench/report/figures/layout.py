@@ -14,8 +14,6 @@ from matplotlib.patches import Patch
 from stlbench.report.figures.palette import INK, term_style
 from stlbench.report.figures.style import small
 
-__all__ = ["LEVEL", "REGION_ALPHA", "absent_patch", "legend", "level_key", "patch", "term_patch", "title"]
-
 LEVEL = INK
 """The grey of the line at robustness 0."""
 REGION_ALPHA = 0.18

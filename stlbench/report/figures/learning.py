@@ -20,9 +20,6 @@ from stlbench.report.figures.style import SINGLE, styled, width
 from stlbench.report.statistics.curves import MeanCurve, mean_curve
 from stlbench.report.tables.rows import Group
 
-__all__ = ["learning_curves"]
-
-
 _LINE = 30
 """Characters of a line of an axis' label: as many as the axis is high."""
 

@@ -24,8 +24,6 @@ from stlbench.rollout.traces import Recording
 from stlbench.stl import Term
 from stlbench.task.task import Task
 
-__all__ = ["SINGLE", "robustness_in_time"]
-
 SINGLE, READ = "0.45", "0.88"
 _SINGLE_TRACES = 7
 """Traces that are drawn one by one, from the worst to the best of the term's interval."""

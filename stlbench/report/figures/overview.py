@@ -21,8 +21,6 @@ from stlbench.report.figures.units import robustness_unit, time_label
 from stlbench.report.tables.rows import Group, Numbers
 from stlbench.task.task import Task
 
-__all__ = ["METHODS_PER_OVERVIEW", "overview"]
-
 METHODS_PER_OVERVIEW = 6
 _PANEL = 2.2
 """Inches that a panel takes at least."""

@@ -11,25 +11,6 @@ from typing import Literal, NamedTuple, TypeVar
 from stlbench.report.tables.planned import split
 from stlbench.report.tables.rows import Group
 
-__all__ = [
-    "BOUNDS",
-    "COLOURS",
-    "GROUPS_PER_FIGURE",
-    "INK",
-    "MARK",
-    "SAFE",
-    "TIME",
-    "TRACE",
-    "Colours",
-    "GroupStyle",
-    "TermStyle",
-    "colours_of",
-    "lines_of",
-    "pages",
-    "styles",
-    "term_style",
-]
-
 Colours = Mapping[str, str]
 """Method -> its colour, on every chart of a folder of results."""
 SAFE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")

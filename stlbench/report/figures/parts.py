@@ -9,8 +9,6 @@ from stlbench import stl
 from stlbench.stl import Always, And, Eventually, Formula, Or, Release, Until
 from stlbench.task.task import Task
 
-__all__ = ["Part", "parts"]
-
 
 class Part(NamedTuple):
     """A part of a formula without temporal operators, as large as there is."""

@@ -20,8 +20,6 @@ from stlbench.report.figures.regions import region
 from stlbench.report.figures.units import signal_label
 from stlbench.task.task import Task
 
-__all__ = ["View", "draw_traces", "lay_out", "leaving", "mark_keys"]
-
 _POINTS = 150
 """Points that a trace is drawn with: each has a colour of its own."""
 _GRID = 201

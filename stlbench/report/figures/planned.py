@@ -21,8 +21,6 @@ from stlbench.report.figures.trajectories import part_keys, traces_in_time
 from stlbench.report.figures.units import time_label
 from stlbench.task.task import Task
 
-__all__ = ["PLANS_PER_FIGURE", "Plan", "planned"]
-
 PLANS_PER_FIGURE = 6
 _PANEL = 1.7
 """Inches that a panel takes at least."""

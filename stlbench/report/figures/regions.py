@@ -12,8 +12,6 @@ from stlbench.contract import Array, Truth, Unsuitable
 from stlbench.stl import Formula, Term
 from stlbench.task.task import Task
 
-__all__ = ["heading", "region", "rewarded_terms", "terms"]
-
 _MOST_OTHERS = 4
 """Signals of a term that a picture may leave out."""
 _SAMPLES, _MOST_VALUES = 2_000_000, 801

@@ -20,8 +20,6 @@ from stlbench.report.tables.rows import Group
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw", "draw_across", "draw_alignment", "draw_learning"]
-
 Kind = Literal["robustness", "learning"]
 ROWS_PER_FIGURE = 24
 """Groups that have a row each."""

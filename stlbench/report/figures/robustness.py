@@ -17,8 +17,6 @@ from stlbench.report.figures.style import small, styled, width
 from stlbench.report.statistics.intervals import median, median_interval
 from stlbench.report.tables.rows import Group
 
-__all__ = ["ROW", "draw_robustness", "robustness_by_method"]
-
 ROW = 0.048
 """Inches of a row, whose label has two lines, for each point of its text."""
 

@@ -8,8 +8,6 @@ from typing import Literal
 
 from matplotlib.axes import Axes
 
-__all__ = ["linear_threshold", "set_symlog", "symlog_ticks"]
-
 _LINEAR_ENOUGH = 10.0
 """Where the largest value is at most that many times a group's, a linear axis shows the group well."""
 _TOGETHER = 5.0

@@ -19,8 +19,6 @@ from stlbench.report.figures.regions import region
 from stlbench.report.figures.units import time_label
 from stlbench.task.task import Task
 
-__all__ = ["READ", "Read", "readings", "signals_in_time"]
-
 READ = "0.92"
 """The grey of the steps at which a part of the formula is read."""
 

@@ -10,8 +10,6 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from stlbench.report.tables.table import Width
 
-__all__ = ["DOUBLE", "SINGLE", "Format", "fitting", "format_now", "rc", "small", "styled", "tiny", "width"]
-
 SINGLE, DOUBLE = 3.5, 7.16
 """Inches: the width of one column and of two, in journals and proceedings of IEEE."""
 

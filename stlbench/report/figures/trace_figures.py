@@ -31,8 +31,6 @@ from stlbench.rollout.traces import Recording, gather, load
 from stlbench.study.asked import loaded
 from stlbench.task.task import Task
 
-__all__ = ["KINDS", "USUAL", "Job", "draw"]
-
 Tell = Callable[[str], None]
 
 USUAL = ("learning", "overview", "planned", "time", "trajectories")

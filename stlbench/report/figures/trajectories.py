@@ -20,8 +20,6 @@ from stlbench.report.figures.units import signal_label, time_label
 from stlbench.rollout.traces import Recording
 from stlbench.task.task import Task
 
-__all__ = ["TRACES_PER_PANEL", "part_keys", "traces_in_time", "trajectories"]
-
 TRACES_PER_PANEL = 16
 _PLANE = 4.6
 """Inches: wider than one column, since the formula stands under it."""

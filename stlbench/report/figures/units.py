@@ -12,8 +12,6 @@ from stlbench.stl.language.traversal import walk
 from stlbench.study.asked import loaded
 from stlbench.task.task import Task
 
-__all__ = ["Scale", "robustness_unit", "scale_of_task", "signal_label", "time_label"]
-
 NO_UNIT = "-"
 """Where the task file names none."""
 UNKNOWN = "unit of the predicates"

@@ -32,8 +32,6 @@ from stlbench.rollout.traces import Recording
 from stlbench.task.file import Signal
 from stlbench.task.task import Task
 
-__all__ = ["Pace", "Pictures", "Scene", "pace", "scene", "write"]
-
 SHORTEST, LONGEST = 4.0, 12.0
 """Seconds that a film lasts, whatever the episode does: 150 frames at most."""
 _DPI = 80

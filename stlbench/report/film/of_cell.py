@@ -19,8 +19,6 @@ from stlbench.rollout.traces import load
 from stlbench.study.replay import Replay, Start, reenact, replay
 from stlbench.task import load_task
 
-__all__ = ["Filmed", "Filming", "Form"]
-
 Form = Literal["gif", "webp", "mp4", "png"]
 
 

@@ -17,8 +17,6 @@ from stlbench.errors import UsageError
 from stlbench.records.outputs import opened
 from stlbench.records.outputs import write as write_file
 
-__all__ = ["FRAMES_A_SECOND", "Format", "check_format", "write"]
-
 Format = Literal["gif", "webp", "mp4"]
 
 FRAMES_A_SECOND = 12.5

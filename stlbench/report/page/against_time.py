@@ -19,8 +19,6 @@ from stlbench.report.page.lines import kept, line_of, mark_at, picks_of
 from stlbench.report.page.story import Story
 from stlbench.task.task import Task
 
-__all__ = ["evidence", "in_time", "margins"]
-
 
 def in_time(task: Task, story: Story, key: str) -> Chart:
     """The signals against time, a row each."""

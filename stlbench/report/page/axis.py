@@ -9,9 +9,6 @@ from typing import Any
 
 from stlbench.report.figures.scale import linear_threshold, symlog_ticks
 
-__all__ = ["Axis", "axis_of"]
-
-
 _NUMBERS = 10
 """As many fit beside each other on the axis of a phone."""
 

@@ -36,8 +36,6 @@ from stlbench.report.tables.times import time_table
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
 
-__all__ = ["FILE", "write_page"]
-
 FILE = "report.html"
 """Name of the page in a folder of results."""
 

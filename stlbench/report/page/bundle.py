@@ -16,8 +16,6 @@ from typing import Any
 
 from stlbench.errors import UsageError
 
-__all__ = ["packed", "plotly", "require"]
-
 _NEEDED = 'the page needs the packages jinja2 and plotly: pip install "stlbench-rl[page]"'
 
 

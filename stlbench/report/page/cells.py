@@ -17,8 +17,6 @@ from stlbench.report.tables.cell import ENDED_EARLY, cost_table, scores_table
 from stlbench.report.tables.rows import Row
 from stlbench.report.tables.table import Column, Table
 
-__all__ = ["Tags", "cells_listed", "details", "tags_of"]
-
 _LOG_LINES = 60
 
 

@@ -12,25 +12,6 @@ from typing import Any
 from stlbench.errors import one_line
 from stlbench.report.figures.palette import SAFE, Line
 
-__all__ = [
-    "INK",
-    "MARK",
-    "METHOD",
-    "MUTED",
-    "Chart",
-    "Trace",
-    "band",
-    "colour",
-    "dash",
-    "frame",
-    "in_colour",
-    "numbers",
-    "plain",
-    "rounded",
-    "short",
-    "shown",
-]
-
 Trace = dict[str, Any]
 """One of plotly's traces."""
 

@@ -10,8 +10,6 @@ from stlbench.contract import Array
 from stlbench.report.page.chart import INK, METHOD, MUTED, Trace, numbers, shown
 from stlbench.report.page.story import Pick, Story
 
-__all__ = ["LOOKS", "kept", "line_of", "mark_at", "picks_of"]
-
 _POINTS = 240
 """Points that a line is drawn with, about; a phone has no more."""
 

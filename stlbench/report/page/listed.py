@@ -9,8 +9,6 @@ from typing import Any
 from stlbench.report.statistics.intervals import Interval
 from stlbench.report.tables.table import NOTHING, FirstFailed, Learned, Seeds, Table, Value, show
 
-__all__ = ["Entry", "Head", "Listed", "listed", "of_rows"]
-
 
 @dataclass(frozen=True)
 class Head:

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 from stlbench.report.page.listed import Listed
 
-__all__ = ["Said", "said_once"]
-
 
 @dataclass(frozen=True)
 class Said:

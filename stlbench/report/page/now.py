@@ -13,8 +13,6 @@ from typing import Any, NamedTuple
 
 from stlbench.errors import UsageError
 
-__all__ = ["Cell", "Ended", "points", "policy", "rendered", "require"]
-
 _WIDTH, _HEIGHT = 160.0, 36.0
 """Of a curve, in pixels."""
 

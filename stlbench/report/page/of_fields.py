@@ -11,8 +11,6 @@ from stlbench.report.page.chart import MUTED, Chart, Trace, band, colour, dash, 
 from stlbench.report.statistics.across import Estimate
 from stlbench.report.tables.across import Aggregate, Field, aggregates
 
-__all__ = ["across"]
-
 
 def across(field: Field, key: str, colours: Colours) -> list[Chart]:
     """The charts of one field; their keys begin with `key`."""

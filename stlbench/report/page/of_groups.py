@@ -30,8 +30,6 @@ from stlbench.report.statistics.intervals import Interval, median, median_interv
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.times import seconds_interval
 
-__all__ = ["cost", "learning", "robustness"]
-
 _LEVEL = {"type": "line", "layer": "below", "line": {"color": INK, "width": 1}}
 """The line at robustness 0."""
 

@@ -20,8 +20,6 @@ from stlbench.report.page.lines import LOOKS, kept, line_of, mark_at, picks_of
 from stlbench.report.page.story import Story
 from stlbench.task.task import Task
 
-__all__ = ["charts_of"]
-
 _GRID = 121
 
 

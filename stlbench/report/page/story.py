@@ -13,8 +13,6 @@ from stlbench.rollout.reasons import Loss, first_loss, lasted, reason
 from stlbench.rollout.traces import load
 from stlbench.task.task import Task
 
-__all__ = ["Pick", "Story", "tell_story"]
-
 
 @dataclass(frozen=True)
 class Pick:

@@ -27,8 +27,6 @@ from stlbench.report.tables.table import Column, Table
 from stlbench.study.asked import loaded
 from stlbench.task.task import Task
 
-__all__ = ["StoryPart", "Tables", "TaskPart", "task_part"]
-
 
 @dataclass(frozen=True)
 class Tables:

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from stlbench.report.statistics.intervals import LEVEL, Interval
 
-__all__ = ["Estimate", "Runs", "improvement", "mean", "middle", "profile", "ranks"]
-
 Array = NDArray[np.float64]
 Runs = Sequence[Array]
 """One array (n,) per task."""

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from stlbench.report.statistics.intervals import mean_interval
 
-__all__ = ["MeanCurve", "Point", "aligned", "mean_curve"]
-
 Array = NDArray[np.float64]
 Point = tuple[int, float, float]
 """One checkpoint: its environment steps, and what it scored."""

@@ -18,8 +18,6 @@ from stlbench.report.statistics.exact import Look, Sample, exact_test
 from stlbench.report.statistics.holm import holm
 from stlbench.report.statistics.intervals import LEVEL, Interval
 
-__all__ = ["MOST_SEEDS", "Difference", "Pair", "Word", "differences"]
-
 Word = Literal["better", "worse", "mixed", "no difference found", "cannot tell", "="]
 
 ALPHA = 0.05

@@ -17,8 +17,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Look", "Sample", "exact_test"]
-
 Array = NDArray[np.float64]
 Sample = tuple[tuple[float, bool], ...]
 """Of each seed its value, which is finite, and whether it learned the task."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-__all__ = ["holm"]
-
 
 def holm(chances: Sequence[float]) -> list[float]:
     """P-values corrected for their number by Holm's step-down procedure, in the order given."""

@@ -12,8 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-__all__ = ["FEWEST", "LEVEL", "Interval", "mean_interval", "median", "median_interval", "share_interval"]
-
 LEVEL = 0.95
 """Confidence of every interval in tables and figures, but for that of the median of five seeds: 93.75 %."""
 FEWEST = 5

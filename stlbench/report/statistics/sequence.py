@@ -19,8 +19,6 @@ from numpy.typing import ArrayLike
 
 from stlbench.report.statistics.intervals import Interval
 
-__all__ = ["log_evidence", "share_sequence"]
-
 _HALF = 0.5
 _SMALLEST = 1e-15
 """The distance of a share to 0 or to 1 below which it is not told from it."""

@@ -24,17 +24,6 @@ from stlbench.report.tables.table import Column, Table, Value
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
 
-__all__ = [
-    "FEWEST_TASKS",
-    "Aggregate",
-    "Entry",
-    "Field",
-    "aggregates",
-    "aggregates_table",
-    "fields",
-    "improvement_table",
-]
-
 FEWEST_TASKS = 3
 """Aggregates are over so many tasks at least, and two methods."""
 

@@ -18,8 +18,6 @@ from stlbench.report.tables.table import Column, Table, Value
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
 
-__all__ = ["FORMULA", "RECIPE", "Aligned", "align", "alignment_table", "setting_text"]
-
 FORMULA = "(formula)"
 """In the place of a method, where it is the formula's own robustness that was maximised."""
 RECIPE = "recipe"

@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from stlbench.records.result import Measurement, Score
 from stlbench.report.tables.table import Column, Table
 
-__all__ = ["ENDED_EARLY", "cost_table", "scores_table"]
-
 ENDED_EARLY = (
     "Ended early: share of the starts whose episode the environment ended before the formula's horizon. The task's "
     "`terminated` says how such an episode is judged: under `hold` the last sample stays, so an early end can satisfy."

@@ -11,8 +11,6 @@ from stlbench.report.statistics.intervals import Interval, share_interval
 from stlbench.report.tables.rows import Group, Numbers, Row
 from stlbench.report.tables.table import Column, Table, Value
 
-__all__ = ["cells_table", "unfinished_table"]
-
 _PARTS = ("planned", "further", "first_failed", "curve", "starts", "extension", "ended_early")
 _NUMBERS = tuple(field.name for field in fields(Numbers) if field.name not in _PARTS)
 

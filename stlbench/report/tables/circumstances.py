@@ -8,8 +8,6 @@ from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Column, Table
 from stlbench.study.provenance import CODE, code_of
 
-__all__ = ["circumstances"]
-
 _CALIBRATIONS = {"training_calibration_seconds", "reward_calibration_seconds"}
 _OTHERS = {"machine", "jobs", "time", CODE, "task_folder", "load"} | _CALIBRATIONS
 

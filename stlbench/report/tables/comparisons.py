@@ -17,8 +17,6 @@ from stlbench.report.tables.table import Column, Table, Value
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
 
-__all__ = ["MATTERS", "Comparison", "advice", "compare", "comparisons_table"]
-
 MATTERS = 0.05
 """Share of the best known robustness up to which a difference is none that matters."""
 _ADVICE = 5

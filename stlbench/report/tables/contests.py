@@ -12,8 +12,6 @@ from stlbench.report.tables.rows import Group
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
 
-__all__ = ["Contest", "Key", "contests", "level", "mark", "mark_notes"]
-
 Contest = tuple[Group, ...]
 """Groups that differ in the method alone, in the order of their names."""
 Key = tuple[Choice, Choice, str, Track]

@@ -17,8 +17,6 @@ from rich.text import Text
 
 from stlbench.report.tables.table import NOTHING, Column, Learned, Plain, Table, Value, Width, learned_parts, show
 
-__all__ = ["to_csv", "to_latex", "to_markdown", "to_records", "to_screen"]
-
 _MARKDOWN = re.compile(r"([\\`*|<])")
 _MINUS = re.compile(r"(?<![^\s{[(}])-(?=\d)")
 _LATEX = {

@@ -11,8 +11,6 @@ from stlbench.report.tables.table import Column, Table, Value
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
 
-__all__ = ["controllers_table"]
-
 
 def controllers_table(standards: Mapping[str, Standard]) -> Table:
     """How well the controllers by hand and the baselines satisfy the formula, and what is best known.

@@ -6,8 +6,6 @@ from collections.abc import Iterable, Sequence
 
 from stlbench.report.tables.rows import Group
 
-__all__ = ["MARK", "outside", "outside_notes", "trained"]
-
 MARK = "o"
 """In the column `mark` of tables."""
 

@@ -16,8 +16,6 @@ from stlbench.report.tables.table import Column, Learned, Table, Value
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
 
-__all__ = ["overview"]
-
 
 def overview(
     groups: Sequence[Group],

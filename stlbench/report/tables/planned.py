@@ -17,8 +17,6 @@ from stlbench.report.tables.rows import Group
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
 
-__all__ = ["RESOLUTION", "Maximised", "best_known", "maximised", "reached", "split"]
-
 RESOLUTION = "resolution"
 """The parameter of an agent that plans which says how fine its grid is: the larger the finer, 1 where left out."""
 

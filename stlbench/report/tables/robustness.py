@@ -21,8 +21,6 @@ from stlbench.report.tables.table import Column, FirstFailed, Table, Value
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
 
-__all__ = ["robustness_table"]
-
 
 def robustness_table(
     groups: Sequence[Group],

@@ -5,8 +5,6 @@ from __future__ import annotations
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Column, Seeds, Value
 
-__all__ = ["SETTING", "setting_values"]
-
 SETTING = (
     Column("task", right=False, shared=True),
     Column("method", right=False),

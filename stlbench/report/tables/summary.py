@@ -21,8 +21,6 @@ from stlbench.report.tables.times import time_table
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
 
-__all__ = ["summary"]
-
 
 def summary(
     groups: Sequence[Group], standards: Mapping[str, Standard], recorded: Sequence[Group] | None = None

@@ -8,21 +8,6 @@ from typing import Literal, NamedTuple
 
 from stlbench.report.statistics.intervals import Interval
 
-__all__ = [
-    "NOTHING",
-    "Column",
-    "FirstFailed",
-    "Learned",
-    "Plain",
-    "Seeds",
-    "Table",
-    "Value",
-    "Width",
-    "decimal",
-    "learned_parts",
-    "show",
-]
-
 Width = Literal["column", "page"]
 """What a table or a figure of a paper fits: one column of two (3.5 inches), or the page (7.16 inches)."""
 

@@ -11,8 +11,6 @@ from stlbench.report.tables.rows import Group
 from stlbench.report.tables.setting import SETTING, setting_values
 from stlbench.report.tables.table import Column, Table, Value
 
-__all__ = ["seconds_interval", "time_table"]
-
 
 def time_table(groups: Sequence[Group]) -> Table:
     """What training took: one row per group."""

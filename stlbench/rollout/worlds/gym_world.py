@@ -16,8 +16,6 @@ from stlbench.task.entries import outside_space
 from stlbench.task.expressions import unknown
 from stlbench.task.source import GymSource, numbers
 
-__all__ = ["GymWorld"]
-
 
 class GymWorld(World):
     """N copies of an environment. Their starts are seeds (r, 1).

@@ -6,8 +6,6 @@ from stlbench.contract import GymTask, System, World
 from stlbench.rollout.worlds.system_world import SystemWorld
 from stlbench.task.task import Task
 
-__all__ = ["make_world"]
-
 
 def make_world(task: Task, count: int, *, drawn: bool = False) -> World:
     """That many copies, none of them begun.

@@ -9,8 +9,6 @@ import numpy as np
 from stlbench.contract import Array, Integers, System, World
 from stlbench.contract.presentation import Drawn, Pixels
 
-__all__ = ["SystemWorld"]
-
 
 class SystemWorld(World):
     """N copies of a system. Their starts are states (r, n); none of them ever ends by itself."""

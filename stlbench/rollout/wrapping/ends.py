@@ -10,8 +10,6 @@ from stlbench.errors import UsageError
 from stlbench.rollout.early_ends import judge, without_end
 from stlbench.rollout.wrapping.scoring import Scoring
 
-__all__ = ["verdicts"]
-
 
 def verdicts(scoring: Scoring, traces: Array, t: Integers) -> dict[str, Any]:
     """`robustness` and `satisfied` of r episodes that ended at steps t (r,).

@@ -13,8 +13,6 @@ from stlbench.rollout.faults import check_inputs, check_memory, check_rewards
 from stlbench.rollout.wrapping.ends import verdicts
 from stlbench.rollout.wrapping.scoring import Scoring
 
-__all__ = ["Episodes"]
-
 
 class Episodes:
     """N copies of an environment, each at its own step. `rows` are the numbers of the copies that are spoken of.

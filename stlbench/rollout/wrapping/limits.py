@@ -11,8 +11,6 @@ from gymnasium.wrappers import TimeLimit
 
 from stlbench.errors import UsageError
 
-__all__ = ["steps_of", "steps_of_copies"]
-
 
 def steps_of(env: gymnasium.Env[Any, Any], steps: int | None) -> int:
     """Those that were asked for, else the time limit. Raises `UsageError`: neither, or more than the limit."""

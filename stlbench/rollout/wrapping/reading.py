@@ -16,8 +16,6 @@ from stlbench.rollout.wrapping.rows import has, row_of
 from stlbench.task.entries import Entries
 from stlbench.task.expressions import compiled, parsed, unknown
 
-__all__ = ["Expressions", "Function", "Reader", "SignalsOf"]
-
 SignalsOf: TypeAlias = Callable[[Any, dict[str, Any]], Mapping[str, float]]
 """A user's function: observation and info of one environment to name -> number."""
 

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["has", "masked", "row_of"]
-
 
 def has(infos: dict[str, Any], name: str, copy: int) -> bool:
     """Whether the info of a copy has an entry: Gymnasium has a mask `_name` beside each."""

@@ -17,8 +17,6 @@ from stlbench.registry.choices import choice_of
 from stlbench.rollout.wrapping.reading import Reader
 from stlbench.task.file import EarlyEnd
 
-__all__ = ["MethodOf", "Ranges", "Scoring", "specify"]
-
 MethodOf: TypeAlias = str | Callable[[Specification], RewardMethod]
 """A method by name, or a class, or anything else that makes one for a specification."""
 Ranges: TypeAlias = Mapping[str, tuple[float, float]]

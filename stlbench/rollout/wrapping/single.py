@@ -16,8 +16,6 @@ from stlbench.rollout.wrapping.reading import place
 from stlbench.rollout.wrapping.scoring import Scoring
 from stlbench.rollout.wrapping.spaces import Observing, action_rows, check_actions
 
-__all__ = ["StlWrapper"]
-
 Info = dict[str, Any]
 _ALL = np.array([0])
 

@@ -17,8 +17,6 @@ from stlbench.rollout.wrapping.reading import place
 from stlbench.task.entries import Entries, outside_space
 from stlbench.task.observing import Observed
 
-__all__ = ["KEY", "Observing", "action_rows", "check_actions"]
-
 KEY = "stl"
 """Under which a Dict observation has the time and the memory."""
 

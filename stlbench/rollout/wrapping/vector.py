@@ -17,8 +17,6 @@ from stlbench.rollout.wrapping.rows import masked, row_of
 from stlbench.rollout.wrapping.scoring import Scoring
 from stlbench.rollout.wrapping.spaces import Observing, action_rows, check_actions
 
-__all__ = ["StlVectorWrapper", "autoreset_of"]
-
 Info = dict[str, Any]
 
 

@@ -35,8 +35,6 @@ from stlbench.stl.predicates.pointwise import margin
 from stlbench.stl.recorded.evaluator import Traces, evaluator
 from stlbench.stl.recorded.robustness import robustness
 
-__all__ = ["Link", "Witness", "witness"]
-
 
 class Link(NamedTuple):
     """A part of a formula, and the step of the trace at which it is asked."""

@@ -8,8 +8,6 @@ from stlbench.contract import Array, Integers
 from stlbench_tasks.differential_drive import DifferentialDrive
 from stlbench_tasks.steering import Steering, polar
 
-__all__ = ["Annulus"]
-
 _CENTRE, _MIDDLE = 5.0, 3.5
 """Both coordinates of the ring's centre, and the radius midway between its edges."""
 _steer = Steering(speed=5.0, speed_step=0.5, turn=3.0, turn_step=0.5, held=0.1)

@@ -7,8 +7,6 @@ import numpy as np
 from stlbench.contract import Array, Integers
 from stlbench_tasks.mujoco_model import MujocoSystem, columns
 
-__all__ = ["BallInCup"]
-
 _SWITCHES = np.array([300, 600])
 """The last steps of the first two intervals: to let the ball go, and to catch it again, begin after them."""
 _BALL_HEIGHT = 0.2

@@ -7,8 +7,6 @@ import numpy as np
 from stlbench.contract import Array, Integers
 from stlbench_tasks.mujoco_model import MujocoSystem, columns
 
-__all__ = ["Cartpole"]
-
 _SWITCH = 500
 """The last step of the first place's interval: the cart goes to the second place after it."""
 _PLACE = 0.5

@@ -6,8 +6,6 @@ import numpy as np
 
 from stlbench.contract import Array, Integers, System
 
-__all__ = ["CartpoleSteady"]
-
 _GRAVITY, _CART, _POLE, _HALF = 9.8, 1.0, 0.1, 0.5
 """m/s^2, kg, kg, and half of the pole's length in m."""
 _LOST = 12 * 2 * np.pi / 360

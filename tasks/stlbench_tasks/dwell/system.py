@@ -7,8 +7,6 @@ import numpy as np
 from stlbench.contract import Array, Integers
 from stlbench_tasks.noisy_unicycle import REGIONS, NoisyUnicycle, drive
 
-__all__ = ["Dwell"]
-
 
 class Dwell(NoisyUnicycle):
     """Noisy unicycle that stays in A or in B for 5 s, F[0,450] of G[0,49] A or G[0,49] B."""

@@ -6,8 +6,6 @@ import numpy as np
 
 from stlbench.contract import Array, Integers, System
 
-__all__ = ["EitherOr"]
-
 _PLACES = np.array([[1.5, 6.5], [7.5, 5.0], [7.5, 8.5]])
 """Centres of the two targets and of the goal."""
 _OBSTACLE = (4.0, 5.0)

@@ -7,8 +7,6 @@ import numpy as np
 from stlbench.contract import Array, Integers
 from stlbench_tasks.mujoco_model import MujocoSystem, columns
 
-__all__ = ["FetchReach"]
-
 _JOINTS = (
     *("base_x", "base_y", "base_z", "torso", "head_pan", "head_tilt", "shoulder_pan", "shoulder_lift"),
     *("upperarm_roll", "elbow", "forearm_roll", "wrist_flex", "wrist_roll", "right_finger", "left_finger"),

@@ -7,8 +7,6 @@ import numpy as np
 from stlbench.contract import Array, Integers, System
 from stlbench_tasks.steering import nearest
 
-__all__ = ["Formation"]
-
 _GOALS = np.array([4.0, 3.5, 4.0, 2.25, 4.0, 1.0])
 """x and y of the three robots' goals."""
 _DEADLINES = np.array([50, 90])

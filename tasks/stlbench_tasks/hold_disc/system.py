@@ -10,8 +10,6 @@ from stlbench.contract import Array, Integers
 from stlbench_tasks.differential_drive import DifferentialDrive
 from stlbench_tasks.steering import Steering
 
-__all__ = ["HoldDisc"]
-
 
 class HoldDisc(DifferentialDrive):
     """Comparative study: a differential-drive robot stays in a disc, G[0,200], sampled at 0.01 s."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from stlbench_tasks.hold_disc.system import HoldDisc
 
-__all__ = ["HoldDiscCoarse"]
-
 
 class HoldDiscCoarse(HoldDisc):
     """Comparative study at 0.1 s, the sampling time of the authors' program, where the paper says 0.01 s."""

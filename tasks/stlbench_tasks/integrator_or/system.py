@@ -7,8 +7,6 @@ import numpy as np
 from stlbench.contract import Array, Integers, System
 from stlbench_tasks.steering import nearest
 
-__all__ = ["IntegratorOr"]
-
 
 class IntegratorOr(System):
     """Discrete-time integrator that stays near 5 or near 45, G[0,2000] of a disjunction. x' = x + dt v."""

@@ -9,8 +9,6 @@ import numpy as np
 
 from stlbench.contract import Array, GymTask
 
-__all__ = ["Lane"]
-
 _LEFT, _IDLE, _RIGHT, _FASTER, _SLOWER = range(5)
 _UNITS = 200.0, 16.0, 80.0
 """Of the observation: m along the road, m across, and m/s."""

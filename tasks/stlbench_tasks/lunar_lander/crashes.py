@@ -6,8 +6,6 @@ from typing import Any
 
 import gymnasium
 
-__all__ = ["Crashes"]
-
 
 class Crashes(gymnasium.Wrapper[Any, Any, Any, Any]):
     """Adds `collision` to the info: 1 once the body has touched the ground, else 0."""

@@ -10,8 +10,6 @@ from stlbench.contract import GymTask
 if TYPE_CHECKING:
     import gymnasium
 
-__all__ = ["LunarLander"]
-
 
 class LunarLander(GymTask):
     """Lander that reaches its pad, stays there and does not crash, F[0,500] G[0,100]; needs the extra field."""

@@ -8,8 +8,6 @@ from stlbench.contract import Array, Integers
 from stlbench_tasks.differential_drive import DifferentialDrive
 from stlbench_tasks.steering import Steering, polar
 
-__all__ = ["Overlap"]
-
 _SWITCH = 50.0
 """Seconds at which the first goal's interval ends and the second one's begins."""
 _ROOM, _ROOM_HALF = (2.0, 2.0), 2.0

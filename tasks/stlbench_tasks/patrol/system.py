@@ -7,8 +7,6 @@ import numpy as np
 from stlbench.contract import Array, Integers
 from stlbench_tasks.noisy_unicycle import REGIONS, NoisyUnicycle, drive
 
-__all__ = ["Patrol"]
-
 _FIRST, _LEG = 60, 30
 """Steps for the way to B, then for each way between the regions: from the farthest start B is 3.8 m away."""
 

@@ -7,8 +7,6 @@ import numpy as np
 from stlbench.contract import Array, Integers, System
 from stlbench_tasks.steering import nearest
 
-__all__ = ["Pendulum"]
-
 _GRAVITY, _MASS, _LENGTH, _FRICTION = 9.8, 0.15, 0.5, 0.05
 _INERTIA = _MASS * _LENGTH**2
 _TARGETS = np.array([0.0, 1.57, -1.57])

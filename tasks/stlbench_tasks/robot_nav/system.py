@@ -8,8 +8,6 @@ from stlbench.contract import Array, Integers
 from stlbench_tasks.differential_drive import DifferentialDrive
 from stlbench_tasks.steering import Steering
 
-__all__ = ["RobotNav"]
-
 _SWITCH = 1300
 """The last step of the first region's interval: the robot heads for the second one after it."""
 _steer = Steering(speed=5.0, speed_step=0.5, turn=3.0, turn_step=0.5, held=0.1)
