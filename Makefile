@@ -56,14 +56,13 @@ AGAINST :=
 gate: $(VENV)/ready
 	$(BIN)/stlbench gate results/gate-reference --budget smoke $(if $(AGAINST),--against $(AGAINST))
 
-## Speed beside that of others, by turns in one run; an hour. Writes results/bench.json and docs/performance.md.
-## A part, after which the rest stays as it is: make bench PARTS=tests/benchmarks/test_monitor.py
+## Speed beside peers, by turns in one run; an hour. Writes results/bench.json and docs/performance-tables.md.
+## Only a part; other figures stay: make bench PARTS=tests/benchmarks/test_monitor.py
 PARTS := tests/benchmarks
 bench: $(VENV)/ready-bench
 	@mkdir -p results
 	$(BIN)/python -m pytest $(PARTS) --benchmark-only -q --benchmark-json=results/benchmarks.json
-	$(BIN)/python tests/benchmarks/collect.py results/benchmarks.json --json results/bench.json \
-	  $(if $(filter-out tests/benchmarks,$(PARTS)),--merge) --page docs/performance.md
+	$(BIN)/python tests/benchmarks/collect.py results/benchmarks.json $(if $(filter-out tests/benchmarks,$(PARTS)),--merge)
 
 ## What takes too long for each change: 10,000 cells of which 500 misbehave, in a run that is killed 50 times, and damaged
 ## input of all kinds; some hours. The first goes on where it was interrupted: make soak SOAK="--cells 2000 --kills 10"
@@ -124,7 +123,7 @@ ablation: $(VENV)/ready-all
 
 ## Every method on eight tasks, five seeds; the three cheapest also by a recipe for each method, 12 trials for each; and what
 ## each method asks for, by planning on a coarse grid. 2 hours of CPU time; goes on where it was interrupted. See
-## docs/survey.md.
+## docs/findings.md.
 PLAN := $(BIN)/stlbench run --results results/survey-alignment --seeds 0-0
 ROOMS := annulus,robot-nav,reach-stay
 ALL := funnel,flag,raw,tau-mdp,sparse,bhnr,causation,hprs,tau-cmdp,cfer
@@ -184,7 +183,7 @@ leaderboard: $(VENV)/ready
 	  --author "The stlbench maintainers" --title "Three methods on two cheap tasks"
 	$(BIN)/stlbench leaderboard build/leaderboard/stlbench-cheap.zip $(SUBMITTED) --output $(LEADERBOARD)
 
-## The subjects of the paper's figures, from one seed of each; 6 minutes of CPU time. See docs/figures-of-the-paper.md.
+## The subjects of the paper's figures, from one seed of each; 6 minutes of CPU time. See docs/reproduction.md.
 PAPER := $(BIN)/stlbench run --results results/paper --seeds 1
 paper-figures: $(VENV)/ready-all
 	$(PAPER) --tasks pendulum,robot-nav,integrator-or,annulus,overlap,fetch-reach,cartpole,ball-in-cup --methods funnel

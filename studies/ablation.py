@@ -1,6 +1,6 @@
-"""What each part of each recipe is worth, from results/ablation, results/agents and results/reference.
+"""What each part of each recipe is worth, from results/ablation and results/reference.
 
-python studies/ablation.py          draw docs/figures/ablation.svg; studies/pages.py writes the tables
+python studies/ablation.py          draw docs/figures/ablation.svg; studies/pages.py writes the table
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from recorded import Seeds, by_hand, recorded
+from recorded import Seeds, by_hand, number, recorded
 
 from stlbench.report.figures.files import save_svg
 from stlbench.report.figures.palette import COLOURS
 from stlbench.report.figures.style import styled, width
 from stlbench.report.statistics.differences import Difference, Pair, differences
+from stlbench.report.statistics.intervals import median
 from stlbench.report.tables.comparisons import MATTERS
 
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "ablation.svg"
@@ -65,22 +66,35 @@ def ablations() -> tuple[Ablation, ...]:
     return tuple(Ablation(*each, verdict) for each, verdict in zip(found, differences(pairs), strict=True))
 
 
-def of_part(part: str) -> list[list[str]]:
-    """Lines of the table of one part: task, method, without it, with the whole recipe, verdict."""
+SHOWN = ("funnel", "raw")
+"""Methods in the table. All comparisons but one of `flag` are "cannot tell"."""
+SIGNS = {"worse": " worse", "better": " better"}
+
+
+def lines() -> list[list[str]]:
+    """Lines of the table: task, method, the whole recipe, then the recipe without each part.
+
+    An entry has the median robustness, the seeds that learned the task of all, and a verdict that decides.
+    """
+    found = {(each.task, each.method): each.whole for each in ablations() if each.method in SHOWN}
+    without = {(each.task, each.method, each.part): each for each in ablations()}
     return [
-        [f"`{each.task}`", f"`{each.method}`", str(each.without), str(each.whole), str(each.verdict)]
-        for each in ablations()
-        if each.part == part
+        [
+            f"`{task}`",
+            f"`{method}`",
+            _short(whole),
+            *(_entry(without.get((task, method, part))) for part in PARTS),
+        ]
+        for (task, method), whole in sorted(found.items())
     ]
 
 
-def of_parameters() -> list[tuple[str, str, Seeds, Seeds]]:
-    """Task, agent with a parameter left out, its seeds, and those of the whole recipe, all with `raw`."""
-    whole = recorded("reference")
-    return [
-        (task, agent, seeds, whole[task, method, agent.partition("[")[0]])
-        for (task, method, agent), seeds in recorded("agents").items()
-    ]
+def _entry(ablation: Ablation | None) -> str:
+    return "" if ablation is None else _short(ablation.without) + SIGNS.get(str(ablation.verdict), "")
+
+
+def _short(seeds: Seeds) -> str:
+    return f"{number(str(median(seeds.robustness)))}, {seeds.learned[0]}/{len(seeds.robustness)}"
 
 
 @styled

@@ -52,6 +52,11 @@ def learned_by(track: str) -> dict[tuple[str, str], Row]:
     }
 
 
+def short(row: Row) -> str:
+    """ "0.396, 9 *": median, and how many seeds learned the task with the selected policy."""
+    return f"{number(row['median robustness'])}, {row['learned']} {row.get('mark', '').replace('~', '')}".rstrip()
+
+
 def entry(row: Row | None, seeds: int = SEEDS) -> str:
     """ "0.396 [0.395, 0.397] 10, 9 *": median, interval, seeds that learned it with the selected and final policy."""
     if row is None:
@@ -65,8 +70,17 @@ def entry(row: Row | None, seeds: int = SEEDS) -> str:
     return f"{shown}{row['learned']}, {row['final learned']}{of}{f' {marks}' if marks else ''}"
 
 
+def headline() -> str:
+    """The table of README: one row per task, narrow enough for a laptop."""
+    return _by_task(RIVALS, lambda row: short(row) if row else "")
+
+
 def study() -> str:
-    """One row per task, one column per method."""
+    """One row per task, one column per method, with intervals."""
+    return _by_task(METHODS, entry)
+
+
+def _by_task(methods: Sequence[str], shown: Callable[[Row | None], str]) -> str:
     found = learned_by("shared")
     standards = {row["task"]: row for row in rows("controllers")}
     body = [
@@ -74,17 +88,22 @@ def study() -> str:
             f"`{task}`",
             number(standards[task]["zero action"]) + (", trivial" if standards[task]["trivial"] else ""),
             number(standards[task]["mean robustness"]),
-            *(entry(found.get((task, method))) for method in METHODS),
+            *(shown(found.get((task, method))) for method in methods),
         ]
         for task in dict.fromkeys(task for task, _ in found)
     ]
-    return table(["task", "zero", "by hand", *(f"`{method}`" for method in METHODS)], body, right=2)
+    return table(["task", "zero", "by hand", *(f"`{method}`" for method in methods)], body, right=2)
 
 
 def tracks() -> str:
-    """One row per task and method that more than one track has, one column per track."""
+    """One row per task and method that more than one track has, one column per track; no trivial tasks."""
     found = {track: learned_by(track) for track in ("plain", "shared", "tuned")}
-    keys = [key for key in found["shared"] if key[1] in RIVALS and (key in found["plain"] or key in found["tuned"])]
+    trivial = {row["task"] for row in rows("controllers") if row["trivial"]}
+    keys = [
+        (task, method)
+        for task, method in found["shared"]
+        if method in RIVALS and task not in trivial and {(task, method)} & {*found["plain"], *found["tuned"]}
+    ]
     body = [
         [f"`{task}`", f"`{method}`", *(entry(found[track].get((task, method))) for track in found)]
         for task, method in keys
@@ -92,11 +111,9 @@ def tracks() -> str:
     return table(["task", "method", *(f"`{track}`" for track in found)], body, right=0)
 
 
-def without(part: str) -> Callable[[], str]:
-    """One row per task and method: what is learned without one part of the recipe, beside the whole recipe."""
-    return lambda: table(
-        ["task", "method", f"without `{part}`", "the whole recipe", "verdict"], ablation.of_part(part), right=0
-    )
+def parts() -> str:
+    """One row per task and method: what is learned with the whole recipe, and without each of its parts."""
+    return table(["task", "method", "whole", *(f"`{part}`" for part in ablation.PARTS)], ablation.lines(), right=0)
 
 
 def overlap_ends() -> str:
@@ -137,14 +154,6 @@ def field_rows() -> dict[tuple[str, str, str], Row]:
     return {(row["task"], row["agent"], row["method"]): row for row in recorded.table("field", "robustness")}
 
 
-def parameters() -> str:
-    """One row per task and parameter of the agent: what is learned without it, beside the whole recipe, with raw."""
-    body = [
-        [f"`{task}`", f"`{agent}`", str(seeds), str(whole)] for task, agent, seeds, whole in ablation.of_parameters()
-    ]
-    return table(["task", "agent", "so", "as in the recipe"], body, right=0)
-
-
 def verdicts() -> str:
     """One row per task: in words how each two of the rivals compare, the first against the second."""
     said = {
@@ -172,61 +181,10 @@ _ESTIMATES = (("IQM", 2), ("mean", 2), ("rank", 1))
 """Columns, and how many decimals they have."""
 
 
-def recipes() -> str:
-    """One row per task and method: what tuning chose, and what it and the shared recipe got."""
-    body = [
-        [f"`{row['task']}`", f"`{row['method']}`", values or "the shared recipe", _got(first), _got(row)]
-        for first, row, values in recorded.trials("tuning")
-    ]
-    return table(["task", "method", "chosen", "the shared recipe", "the chosen one"], body, right=0)
-
-
-def _got(row: Row) -> str:
-    return f"{100 * float(row['satisfaction']):.0f} %, {number(row['robustness'])}"
-
-
-def by_seed(*tasks: str) -> Callable[[], str]:
-    """One row per task and method: how many of the starts satisfy, seed by seed, with the selected and final policy."""
-
-    def block() -> str:
-        cells, found = rows("cells"), learned_by("shared")
-        body = [
-            [
-                *_task(task, tasks),
-                f"`{method}`",
-                *(_by_seed(cells, found[task, method], name) for name in ("satisfaction", "final_satisfaction")),
-                *(_robustness(found[task, method], which) for which in ("", "final ")),
-            ]
-            for task in tasks
-            for method in ("funnel", "raw")
-        ]
-        header = ["method", "selected policy, satisfied [%]", "final policy", "robustness, selected", "final"]
-        return table([*(["task"] if len(tasks) > 1 else []), *header], body, right=0)
-
-    return block
-
-
-def _task(task: str, tasks: Sequence[str]) -> list[str]:
-    return [f"`{task}`"] if len(tasks) > 1 else []
-
-
 def of_setting(cells: Sequence[Row], setting: Row) -> list[Row]:
     """The finished cells that a row of the table of robustness is about: none of an agent that plans."""
     same = ("task", "method", "agent", "budget", "track")
     return [row for row in cells if row["status"] == "done" and all(row[part] == setting[part] for part in same)]
-
-
-def _by_seed(cells: Sequence[Row], setting: Row, name: str) -> str:
-    return ", ".join(_percent(row[name]) for row in of_setting(cells, setting))
-
-
-def _percent(share: str) -> str:
-    return f"{100 * float(share):.0f}"
-
-
-def _robustness(row: Row, which: str) -> str:
-    ends = [row[f"{which}median 95 % interval {end}"] for end in ("low", "high")]
-    return f"{number(row[f'{which}median robustness'])} [{', '.join(map(number, ends))}]"
 
 
 _MEASURES = (
@@ -296,30 +254,24 @@ def _each(parts: Baselines) -> tuple[Baseline, Baseline, Baseline]:
 
 
 PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
-    "README.md": {"study": study},
+    "README.md": {"study": headline},
     "docs/reproduction.md": {
-        "tracks": tracks,
+        "study": study,
         "verdicts": verdicts,
         "across": across,
-        "recipes": recipes,
-        **{part: without(part) for part in ablation.PARTS},
-        "parameters": parameters,
-        "pendulum": by_seed("pendulum"),
+        "tracks": tracks,
+        "parts": parts,
         "measures": measures,
-        "overlap": by_seed("overlap"),
-        "arms": by_seed("fetch-reach", "cartpole", "ball-in-cup"),
     },
-    "docs/findings.md": {"overlap-ends": overlap_ends},
-    "docs/reference/tasks.md": {"field": field, "either-or": either_or, "baselines": baselines},
-    "docs/performance.md": {"cost": cost},
-    "docs/survey.md": {
-        "survey1": lambda: whole(survey.of_tasks(survey.order()[0][:5])),
-        "survey2": lambda: whole(survey.of_tasks(survey.order()[0][5:])),
+    "docs/findings.md": {
+        "overlap-ends": overlap_ends,
+        "survey": lambda: whole(survey.of_tasks()),
         "survey-across": lambda: whole(survey.across()),
         "survey-tuned": lambda: whole(survey.tuned()),
-        "survey-planned": lambda: whole(survey.planned(undiscounted=False)),
-        "survey-undiscounted": lambda: whole(survey.planned(undiscounted=True)),
+        "survey-planned": lambda: whole(survey.planned()),
     },
+    "docs/reference/tasks.md": {"field": field, "either-or": either_or, "baselines": baselines},
+    "docs/performance-tables.md": {"cost": cost},
 }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -99,21 +99,3 @@ def estimate(row: Row, name: str, digits: int) -> str:
     """ "2.4 [1.6, 3.2]": a column of the aggregates over tasks, with its interval."""
     low, high = row[f"{name} 95 % interval low"], row[f"{name} 95 % interval high"]
     return f"{number(row[name], digits)} [{number(low, digits)}, {number(high, digits)}]"
-
-
-def trials(folder: str) -> Iterator[tuple[Row, Row, str]]:
-    """Of each tuned method: the first trial, by the shared recipe, the chosen one, and what that has in its place."""
-    found = table(folder, "trials")
-    tuned = [name for name in found[0] if name not in _OF_A_TRIAL]
-    first = {_entrant(row): row for row in found if row["trial"] == "0"}
-    for row in found:
-        if row["chosen"]:
-            shared = first[_entrant(row)]
-            yield shared, row, ", ".join(f"{name} {row[name]}" for name in tuned if row[name] != shared[name])
-
-
-_OF_A_TRIAL = ("task", "agent", "method", "trial", "status", "satisfaction", "robustness", "chosen")
-
-
-def _entrant(row: Row) -> tuple[str, ...]:
-    return row["task"], row["agent"], row["method"]

@@ -1,4 +1,4 @@
-"""Every method on each task of the survey, from results/survey and results/survey-tuning.
+"""Every method on each task of the survey, from results/survey.
 
 python studies/survey.py            draw docs/figures/survey.svg; studies/pages.py writes the tables
 """
@@ -14,7 +14,7 @@ import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from recorded import Row, Seeds, by_hand, cells, estimate, first_field, table, trials
+from recorded import Row, Seeds, by_hand, cells, estimate, first_field, table
 
 from stlbench.report.figures.palette import COLOURS
 from stlbench.report.statistics.intervals import median, median_interval
@@ -22,7 +22,7 @@ from stlbench.task import load_task
 
 STUDY = Path(__file__).parent / "survey.yaml"
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "survey.svg"
-FOLDER, TUNING = "survey", "survey-tuning"
+FOLDER = "survey"
 
 _SEEDS = 5
 """Of the study: only where a row has another number, an entry says it."""
@@ -48,47 +48,57 @@ def results(track: str = "shared") -> dict[tuple[str, str], list[Row]]:
 
 
 def entry(rows: Sequence[Row] | None) -> str:
-    """ "0.396 [0.395, 0.397] 5, 4", "... 2, 2 of 3, 2 timeout", "unsuitable"; empty where nothing was run."""
+    """ "0.396 (5)", "0.396 (2 of 3), 2 timeout", "unsuitable"; empty where nothing was run.
+
+    Median robustness, then the seeds that learned the task.
+    """
     if rows is None:
         return ""
     done = [row for row in rows if row["status"] == "done"]
     others = Counter(row["status"] for row in rows if row["status"] != "done")
-    parts = [str(Seeds.of(done)).removesuffix(f" of {_SEEDS}")] if done else []
+    parts = [_of_seeds(Seeds.of(done))] if done else []
     return ", ".join([*parts, *(status if not done else f"{count} {status}" for status, count in others.items())])
 
 
-def of_tasks(tasks: Sequence[str]) -> tuple[list[str], list[list[str]]]:
+def _of_seeds(seeds: Seeds) -> str:
+    count = len(seeds.robustness)
+    return f"{median(seeds.robustness):.3f} ({seeds.learned[0]}{'' if count == _SEEDS else f' of {count}'})"
+
+
+def of_tasks() -> tuple[list[str], list[list[str]]]:
     """Header and lines, one line per method: what was learned of each task."""
     found = results()
-    lines = [[f"`{method}`", *(entry(found.get((task, method))) for task in tasks)] for method in order()[1]]
+    tasks, methods = order()
+    lines = [[f"`{method}`", *(entry(found.get((task, method))) for task in tasks)] for method in methods]
     return ["method", *(f"`{task}`" for task in tasks)], lines
 
 
 def tuned() -> tuple[list[str], list[list[str]]]:
-    """One line per task and method: by the shared recipe, by the one that 20 trials chose, and what was chosen."""
+    """One line per method, one column per tuned task: learned by the shared recipe, and by the method's own."""
     shared, own = results(), results("tuned")
-    chosen = {(row["task"], row["method"]): values for _, row, values in trials(TUNING)}
+    done = {key for key, rows in own.items() if any(row["status"] == "done" for row in rows)}
+    tasks, methods = ([name for name in names if any(name in key for key in done)] for names in order())
     lines = [
-        [f"`{task}`", f"`{method}`", entry(shared.get((task, method))), entry(rows), chosen.get((task, method), "")]
-        for (task, method), rows in sorted(own.items(), key=lambda item: _place(item[0]))
-        if any(row["status"] == "done" for row in rows)
+        [f"`{method}`", *(" → ".join(entry(rows[task, method]) for rows in (shared, own)) for task in tasks)]
+        for method in methods
     ]
-    return ["task", "method", "shared recipe", "its own recipe", "chosen"], lines
+    return ["method", *(f"`{task}`" for task in tasks)], lines
 
 
-def _place(key: tuple[str, str]) -> tuple[int, int]:
-    tasks, methods = order()
-    return tasks.index(key[0]), methods.index(key[1])
+def planned() -> tuple[list[str], list[list[str]]]:
+    """One line per method: the robustness of the policy that is best by its reward, and the starts that satisfy.
 
-
-def planned(undiscounted: bool) -> tuple[list[str], list[list[str]]]:
-    """One line per method: the robustness of the policy that is best by its reward, and the starts that satisfy."""
+    Without tasks on which every such policy reaches the best known.
+    """
     found = {
         (row["task"], row["method"]): row
         for row in table(FOLDER, "alignment")
-        if row["reward_optimal"] and ("gamma=1" in row["setting"]) == undiscounted and "[" not in row["task"]
+        if row["reward_optimal"] and "gamma=1" not in row["setting"] and "[" not in row["task"]
     }
-    tasks = [task for task in order()[0] if any(task == one for one, _ in found)]
+    tasks = [
+        task for task in order()[0] if len({row["reward_optimal"] for row in found.values() if row["task"] == task}) > 1
+    ]
+    found = {key: row for key, row in found.items() if key[0] in tasks}
     best = ["*the best known*", *(f"{max(_known(task), *_reached(found, task)):.3f}" for task in tasks)]
     methods = [method for method in order()[1] if any(method == one for _, one in found)]
     lines = [[f"`{method}`", *(_asked(found.get((task, method))) for task in tasks)] for method in methods]

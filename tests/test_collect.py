@@ -1,4 +1,4 @@
-"""What collect.py makes of benchmarks: the medians, the table, and what stands when a part was measured."""
+"""What collect.py makes of benchmarks: the medians, the tables, and which figures stay when a part was measured."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from benchmarks import collect
 
-PAGE = "before\n<!-- bench: begin -->\nold\n<!-- bench: end -->\nafter\n"
+PAGE = "before\n<!-- --8<-- [start:bench] -->\nold\n<!-- --8<-- [end:bench] -->\nafter\n"
 
 
 def measured(path: Path, *extras: dict[str, Any]) -> Path:
@@ -27,29 +27,27 @@ def files(tmp_path: Path) -> list[str]:
     return ["--json", str(tmp_path / "bench.json"), "--page", str(tmp_path / "page.md")]
 
 
-def test_medians_spreads_and_reasons(tmp_path: Path, files: list[str]) -> None:
-    path = measured(tmp_path / "a.json", {"td3_1_vs_jax": [0.5, 2.0, 1.5]}, {"td3_vs_sbx": "sbx is not installed"})
+def test_medians_and_reasons_come_into_the_file_and_the_page(tmp_path: Path, files: list[str]) -> None:
+    path = measured(tmp_path / "a.json", {"td3_vs_sb3": [0.5, 2.0, 1.5]}, {"td3_vs_sbx": "sbx is not installed"})
     collect.main([str(path), *files])
-    assert json.loads((tmp_path / "bench.json").read_text()) == {"td3_1_vs_jax": 1.5, "td3_vs_sbx": None}
+    figures = json.loads((tmp_path / "bench.json").read_text())
+    assert figures.pop("machine").startswith("Some CPU, 2 cores, Python 3.11.7, 2026-01-02. Peers: ")
+    assert figures == {"td3_vs_sb3": 1.5, "td3_vs_sbx": "sbx is not installed"}
     page = (tmp_path / "page.md").read_text()
-    assert "Some CPU, 2 cores, Python 3.11.7, 2026-01-02. Peers: " in page
-    assert "| &nbsp; times the JAX program's, one copy each | 1.50 x | 0.50 x to 2.00 x | 1 x |" in page
-    assert "| &nbsp; times SBX's | sbx is not installed |  |  |" in page
-    assert page.startswith("before")
-    assert page.endswith("after\n")
-    assert "old" not in page
+    assert "|  | times SB3 | times SBX |\n| --- | --: | --: |\n| any torque | 1.5 | sbx is not installed |" in page
+    assert (page.startswith("before"), page.endswith("after\n"), "old" in page) == (True, True, False)
+    collect.main(files)  # from the file alone
+    assert (tmp_path / "page.md").read_text() == page
 
 
-def test_a_part_leaves_the_rest_as_it_stands_only_where_that_is_asked(tmp_path: Path, files: list[str]) -> None:
-    whole = measured(tmp_path / "a.json", {"td3_1_vs_jax": [1.0, 2.0, 3.0]}, {"td3_8_vs_jax": 3.0, "td3_vs_sbx": "no"})
-    part = measured(tmp_path / "b.json", {"td3_8_vs_jax": 4.0})
-    collect.main([str(whole), *files])
-    stands = json.loads((tmp_path / "bench.json").read_text())
-    collect.main([str(part), "--merge", *files])
-    assert json.loads((tmp_path / "bench.json").read_text()) == stands | {"td3_8_vs_jax": 4.0}
-    assert "one copy each | 2.00 x |  | 1 x |" in (tmp_path / "page.md").read_text()
-    collect.main([str(part), *files])
-    assert json.loads((tmp_path / "bench.json").read_text()) == {"td3_8_vs_jax": 4.0}
+def test_merge_keeps_figures_that_were_not_measured_now(tmp_path: Path, files: list[str]) -> None:
+    collect.main([str(measured(tmp_path / "a.json", {"td3_1_vs_jax": [1.0, 2.0, 3.0]}, {"td3_8_vs_jax": 3.0})), *files])
+    part = str(measured(tmp_path / "b.json", {"td3_8_vs_jax": 4.0}))
+    for words, expected in (["--merge"], {"td3_1_vs_jax": 2.0, "td3_8_vs_jax": 4.0}), ([], {"td3_8_vs_jax": 4.0}):
+        collect.main([part, *words, *files])
+        assert {
+            k: v for k, v in json.loads((tmp_path / "bench.json").read_text()).items() if k != "machine"
+        } == expected
 
 
 def test_a_figure_that_two_benchmarks_note(tmp_path: Path, files: list[str]) -> None:
@@ -58,10 +56,10 @@ def test_a_figure_that_two_benchmarks_note(tmp_path: Path, files: list[str]) -> 
         collect.main([str(path), *files])
 
 
-def test_no_figure_has_two_lines() -> None:
-    keys = [line.key for line in collect.LINES]
-    assert len(keys) == len(set(keys))
-
-
-def test_versions_of_what_is_installed() -> None:
-    assert collect.versions(["pytest", "no-such-distribution"]) == f"pytest {pytest.__version__}"
+def test_the_committed_page_is_made_from_the_committed_figures(tmp_path: Path) -> None:
+    root = Path(__file__).parents[1]
+    page = tmp_path / "page.md"
+    page.write_text(PAGE, encoding="utf-8")
+    collect.main(["--json", str(root / "results/bench.json"), "--page", str(page)])
+    tables = page.read_text(encoding="utf-8").partition("[start:bench]")[2].partition("[end:bench]")[0]
+    assert tables in (root / "docs/performance-tables.md").read_text(encoding="utf-8")

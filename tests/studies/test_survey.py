@@ -31,10 +31,10 @@ def row(status: str, robustness: str = "", satisfaction: str = "") -> dict[str, 
 
 def test_an_entry_says_how_cells_ended_that_have_no_result() -> None:
     done = [row("done", "0.5", "1"), row("done", "0.5", "0.5")]
-    assert survey.entry(done) == "0.500 1, 1 of 2"
-    assert survey.entry([*done, *done, done[0]]) == "0.500 [0.500, 0.500] 3, 3"
+    assert survey.entry(done) == "0.500 (1 of 2)"
+    assert survey.entry([*done, *done, done[0]]) == "0.500 (3)"
     assert survey.entry([row("unsuitable")] * 5) == "unsuitable"
-    assert survey.entry([*done, row("timeout")]).endswith("of 2, 1 timeout")
+    assert survey.entry([*done, row("timeout")]).endswith("of 2), 1 timeout")
     assert survey.entry(None) == ""
 
 
