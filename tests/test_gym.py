@@ -6,7 +6,6 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,6 @@ from stlbench.contract import RewardMethod, Specification
 from stlbench.errors import UsageError
 from stlbench.gym import StlEnv, StlVectorEnv
 from stlbench.registry import plugins
-from stlbench_methods.tltl import Tltl
 
 FORWARD = 20 * 13 + 6
 """hold-disc's action v = 5, omega = 0: the last of 21 speeds, the middle of 13 turning rates."""
@@ -329,7 +327,6 @@ def test_continuous_actions(monkeypatch: pytest.MonkeyPatch) -> None:
         (Latch, "hold", [0.05, 1, *[0] * 6]),
         (Latch, "violated", [0.05, 0, *[0] * 6]),  # 1 at the wall, and the floor, -1, once
         (Latch, "interval", [0.05, 1, *[0] * 6]),
-        (partial(Tltl, pays="terminated"), "interval", [0, -0.25, *[0] * 6]),
     ],
 )
 def test_an_environment_that_has_ended_is_paid_as_the_task_says(

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
-from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
+from stlbench.contract import Array, Integers, RewardMethod, Specification
 from stlbench_methods.followed import Followed
 from stlbench_methods.values import SemanticsName, Sharpness
 
@@ -22,30 +20,22 @@ class Tltl(Followed, RewardMethod):
     likewise, see `stlbench_methods.progress`.
 
     Args:
-        pays: `end`, as above. `terminated` is a trap of public programs, kept as a variant: an episode is paid only
-            where its environment ends it early, the robustness of the samples so far, with windows cut there, as
-            `dense[mode=level]` has them. One that lasts to its last step is paid nothing.
         semantics: what stands for minimum and maximum; see `stlbench.stl.semantics`. All but `classic` divide each
             predicate by its largest size over the box of the signals.
         sharpness: of `lse` and `gilpin`.
 
     Raises:
-        Unsuitable: an operator looks back, or a part of the formula has no bounds; or it is paid where an episode is
-            terminated, and nothing ends one of this task early.
+        Unsuitable: an operator looks back, or a part of the formula has no bounds.
     """
 
     def __init__(
         self,
         specification: Specification,
         *,
-        pays: Literal["end", "terminated"] = "end",
         semantics: SemanticsName = "classic",
         sharpness: Sharpness = 10.0,
     ) -> None:
         super().__init__(specification)
-        self.can_end = pays == "terminated"
-        if self.can_end and not specification.can_end:
-            raise Unsuitable("tltl: no environment ends an episode of this task early, so pays=terminated pays nothing")
         self._follow(specification, semantics, sharpness)
         self.scale = max(map(abs, self._progress.ends))
 
@@ -58,10 +48,6 @@ class Tltl(Followed, RewardMethod):
         """The rewards (h, N), in the unit of the predicates or of [-1, 1], and the memory at the last sample."""
         *_, memory = self._progress.along(samples[1:], t + 1, memory)
         rewards, end = np.zeros((len(samples) - 1, len(t))), t + len(samples) - 1
-        if not self.can_end and (over := end == self.specification.steps).any():
+        if (over := end == self.specification.steps).any():
             rewards[-1, over] = self._progress.so_far(memory[over], end[over])
         return rewards, memory
-
-    def ended_early(self, t: Integers, memory: Array) -> Array | None:
-        """The robustness of the samples so far, where that is what is paid."""
-        return self._progress.so_far(memory, t) if self.can_end else None

@@ -26,8 +26,7 @@ class RewardMethod:
     may show of a method, see `stlbench.contract.presentation`.
 
     Two additions are for methods whose memory is a state machine, or like one: `over`, where all is decided, and
-    `counterfactual`, from which memories else a transition can be learned. One is for methods that say themselves what
-    an episode is worth that its environment ends: `ended_early`.
+    `counterfactual`, from which memories else a transition can be learned.
 
     One transition t of N copies, signals s:
 
@@ -150,22 +149,6 @@ class RewardMethod:
         reward is 0, and every later memory says the same. What is scored runs to T all the same.
         """
         return np.zeros(len(memory), dtype=np.bool_)
-
-    def ended_early(self, t: Integers, memory: Array) -> Array | None:
-        """What an episode that its environment ends before step T is paid for that, in one sum; None by default.
-
-        None leaves it to the task: what its `terminated` says is paid (`hold`: what the method pays while the last
-        sample stays; `violated`: the floor for each step that is left; `interval`: nothing). A method that answers sets
-        `can_end` too, so that the sum counts once.
-
-        Args:
-            t: steps at which the episodes ended, (N,), each in 1..T-1.
-            memory: after the last sample, (N, m).
-
-        Returns:
-            (N,), beside what the last transition itself is paid, or None.
-        """
-        return None
 
     def counterfactual(self, signals: Array, t: Integers, memory: Array, chance: Array) -> Array:
         """Another memory that the copies could have at a sample. Asked where `counterfactuals` alone.

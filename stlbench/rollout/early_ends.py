@@ -113,7 +113,7 @@ def remainder(
     """What an end at step t is paid beside its own step, in the method's unit; 0 at the last step.
 
     Args:
-        method: what pays. What it says itself of an early end comes before what the task says.
+        method: what pays.
         terminated: `hold` pays what the method pays while the last sample stays, `violated` its floor for each step
             that is left, or once where the method can end, `interval` nothing.
         last: the sample (k,) at t.
@@ -125,8 +125,6 @@ def remainder(
     left = method.specification.steps - t
     if left == 0:
         return 0.0
-    if (own := method.ended_early(np.array([t]), memory)) is not None:
-        return float(own[0])
     if terminated == "interval":
         return 0.0
     weights = discount ** np.arange(1.0, left + 1)
@@ -161,12 +159,10 @@ def standing_still(
         memory: after it, (N, m).
         hold: steps of a decision.
     """
-    own = method.ended_early(t, memory)
-    if own is None and terminated == "hold":
+    if terminated == "hold":
         return reward
-    violated = own is None and terminated == "violated"
-    later = method.floor if violated and not method.can_end else 0.0
-    once = own if own is not None else np.full(len(t), method.floor if violated and method.can_end else 0.0)
+    floor = method.floor if terminated == "violated" else 0.0
+    later, once = (0.0, floor) if method.can_end else (floor, 0.0)
     stops: Truth = now & ~before & (t < method.specification.steps)
     return np.where(before, later, reward) + np.where(stops, once / hold, 0.0)
 

@@ -201,7 +201,7 @@ class BatchEnvironment:
         """Pay those copies that the world has ended, in place; returns the discounts."""
         simulator = self.simulator
         method = simulator.method
-        if self.task.file.terminated == "interval" and method.ended_early(simulator.t, simulator.memory) is None:
+        if self.task.file.terminated == "interval":
             return discount  # nobody knows what would follow: it is worth what going on would be
         for row in np.flatnonzero(stopped):
             t, last, memory = int(simulator.t[row]), simulator.signals[row], simulator.memory[[row]]

@@ -1,5 +1,4 @@
-"""The rules of what a reward method may add: that all is over, what an early end is paid, and other
-memories of a transition."""
+"""The rules of what a reward method may add: that all is over, and other memories of a transition."""
 
 from __future__ import annotations
 
@@ -15,19 +14,6 @@ def check_over(method: RewardMethod, rules: Rules, memory: Array, reward: Array,
     rules.keep(over.dtype.kind == "b", "over gives bool", over.dtype)
     rules.keep(not reward[over].any(), "nothing is paid after it is over", reward[over])
     rules.keep(bool(method.over(after)[over].all()), "what is over remains so", "a memory after it that is not")
-
-
-def check_ended_early(method: RewardMethod, rules: Rules, t: int, memory: Array) -> None:
-    """Of N copies that end after the transition t, with memories (N, m)."""
-    at = np.full(len(memory), t + 1)
-    if method.ended_early(at, memory) is None:
-        return
-    paid = rules.function(
-        "ended_early", lambda *given: np.asarray(method.ended_early(*given)), (at, memory), (len(memory),)
-    )
-    rules.keep(method.can_end, "a method that answers ended_early sets can_end", method.can_end)
-    within = bool(np.all(paid >= method.floor - 1e-9) and np.all(np.abs(paid) <= 1.5 * method.scale))
-    rules.keep(within, "an early end is paid from the method's floor to about its scale", paid)
 
 
 def check_counterfactual(

@@ -13,7 +13,7 @@ from stlbench.contract.presentation import Described
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
 from stlbench.task import load_task
-from stlbench.testing.additions import check_counterfactual, check_ended_early, check_over
+from stlbench.testing.additions import check_counterfactual, check_over
 from stlbench.testing.rules import Rules
 
 _ROWS = 6
@@ -85,8 +85,6 @@ def _check_episode(method: RewardMethod, rules: Rules) -> None:
                 check_counterfactual(method, rules, traces[:, t], traces[:, t + 1], t, memories[-1])
         if method.can_end:
             check_over(method, rules, memories[-1], reward, memory)
-        if t < steps - 1:
-            check_ended_early(method, rules, t, memory)
         memories.append(memory)
         rewards.append(reward)
     largest = float(np.abs(rewards).max())

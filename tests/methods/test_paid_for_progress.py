@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from helpers.episodes import run, specification
 
 from stlbench import stl
-from stlbench.contract import RewardMethod, Specification, Unsuitable
+from stlbench.contract import RewardMethod, Specification
 from stlbench.task import load_task
 from stlbench_methods.dense import Dense
 from stlbench_methods.sparse import Sparse
@@ -53,27 +52,6 @@ class TestTltl:
         method = Tltl(SEQUENCE)
         assert (method.scale, method.floor) == pytest.approx((4, -4), abs=1e-5)
         assert Tltl(specification("G[0,1] x <= 4", BOX)).floor == 0
-
-
-class TestTltlWherePublicProgramsPay:
-    METHOD = Tltl(SEQUENCE, pays="terminated")
-
-    def test_the_last_step_is_paid_nothing(self) -> None:
-        assert paid(self.METHOD, TRACE) == [0] * 5
-
-    def test_an_early_end_is_paid_the_trace_so_far(self) -> None:
-        """At step 1 F has -.5 and G has not begun; at step 2 both have .5; at step 4, after x = -1 and 0, as well."""
-        _, memory = run(self.METHOD, TRACE)
-        found = [self.METHOD.ended_early(np.array([t]), memory[0, [t]]) for t in (1, 2, 4)]
-        assert np.concatenate([each for each in found if each is not None]) == pytest.approx([-0.5, 0.5, 0.5])
-
-    def test_by_default_that_is_left_to_the_task(self) -> None:
-        assert Tltl(SEQUENCE).ended_early(np.array([2]), np.zeros((1, 2))) is None
-
-    def test_a_task_whose_episodes_never_end_early(self) -> None:
-        with pytest.raises(Unsuitable, match="no environment ends an episode of this task early"):
-            Tltl(replace(SEQUENCE, can_end=False), pays="terminated")
-        assert not load_task("hold-disc").specification.can_end
 
 
 class TestDense:

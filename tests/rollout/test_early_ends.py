@@ -18,7 +18,6 @@ from stlbench.records.result import MAIN, RANDOM
 from stlbench.rollout.early_ends import greatest_and_least, judge, remainder, without_end
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
-from stlbench_methods.tltl import Tltl
 
 
 @pytest.mark.parametrize(
@@ -103,24 +102,6 @@ def test_a_method_that_can_end_is_paid_once(terminated: str, reward: float, disc
     assert (last.reward.tolist(), last.discount.tolist(), last.ended.tolist()) == ([reward], [discount], [True])
     assert last.once is not None
     assert last.once.tolist() == [once]
-
-
-@pytest.mark.parametrize("terminated", ["hold", "violated", "interval"])
-def test_a_method_that_says_itself_what_an_early_end_is_paid(terminated: str) -> None:
-    """tltl where public programs pay: x = 0, .5 and, at the wall, 1, so -.25, over a scale of 10.75.
-
-    The other copy lasts to its last step, and is paid nothing.
-    """
-    task = walk(WALL, terminated=terminated, formula="G[0,4] x <= 0.75")
-    environment = BatchEnvironment(task, Tltl(task.specification, pays="terminated"), 2, seed=0)
-    environment.reset()
-    steps = [environment.step(np.array([RIGHT_INDEX if i < 2 else 1, 1])) for i in range(8)]
-    assert [step.reward[1] for step in steps] == [0] * 8
-    assert [step.discount[1] for step in steps] == [1] * 8
-    assert [step.reward[0] for step in steps[:2]] == pytest.approx([0, -0.25 / 10.75], abs=1e-6)
-    assert (steps[1].discount[0], steps[1].ended[0]) == (0, True)
-    assert steps[1].once is not None
-    assert steps[1].once.tolist() == [True, False]
 
 
 def test_what_is_left_to_a_method_that_can_end() -> None:

@@ -157,12 +157,6 @@ def going_on(self: Any, signals: Any, action: Any, next_signals: Any, t: Any, me
             latched(counterfactual=lambda self, s, t, m, c: c - c.mean()),
             "counterfactual of a batch is that of its rows",
         ),
-        (latched(ended_early=lambda self, t, m: np.float64(0)), r"ended_early has shape \(6,\); got \(\)"),
-        (latched(ended_early=lambda self, t, m: 9.0 * t), "an early end is paid from the method's floor to about its"),
-        (
-            type("Broken", (Sound,), {"ended_early": lambda self, t, m: 0.0 * t}),
-            "a method that answers ended_early sets can_end",
-        ),
         (latched(counterfactual=lambda self, s, t, m, c: m + 9), "inputs of a counterfactual memory are about in"),
     ],
 )
