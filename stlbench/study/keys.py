@@ -11,6 +11,7 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.registry.fingerprint import Code, code_of, own_code
 from stlbench.registry.meaning import WORDS
+from stlbench.registry.revisions import revision
 from stlbench.study.cell import digest
 from stlbench.task.task import Task
 
@@ -39,7 +40,7 @@ class Part:
 class Ingredients:
     """All of a key but the track and the seed."""
 
-    harness: Code
+    harness: Part
     task: Part
     method: Part
     agent: Part
@@ -47,7 +48,7 @@ class Ingredients:
     @cached_property
     def code(self) -> tuple[Code, ...]:
         """What has to stay as it is while the cell runs."""
-        return self.harness, self.task.code, self.method.code, self.agent.code
+        return self.harness.code, self.task.code, self.method.code, self.agent.code
 
     @cached_property
     def parts(self) -> tuple[tuple[str, str], ...]:
@@ -62,9 +63,9 @@ class Ingredients:
         return digest([track, *self.parts, seed])
 
 
-def harness() -> Code:
-    """stlbench's own code that can change a result: that which trains a cell and scores it, and what this imports."""
-    return code_of("stlbench.study.trial", packages=False)
+def harness() -> Part:
+    """stlbench's own code that trains and scores a cell: its revision, and the files that must not change meanwhile."""
+    return Part(digest(["harness", revision("harness")]), code_of("stlbench.study.trial", packages=False))
 
 
 def task_part(task: Task, budget: str) -> Part:
@@ -104,9 +105,11 @@ def agent_part(task: Task, choice: Choice) -> Part:
 def _part(kind: str, name: str, said: list[Any], further: Code = _NO_CODE) -> Part:
     """A plugin, and further code that it works on.
 
-    The version of another's distribution counts, as it may have parts that no source shows.
+    A plugin of this distribution counts by its revision, so its code can move. Of any other, the source counts, and
+    the version of its distribution, which may have parts that no source shows.
     """
     plugin = plugins.find(kind, name)
     code = code_of(plugin.entry_point.module) | further
-    version = "" if plugin.distribution == plugins.OWN else plugin.version
-    return Part(digest([*said, plugin.distribution, version, code.digest]), code)
+    number = revision(kind, name) if plugin.distribution == plugins.OWN else None
+    source = [plugin.version, code.digest] if number is None else [number]
+    return Part(digest([*said, plugin.distribution, *source]), code)

@@ -13,7 +13,6 @@ from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import CellId, Track
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
-from stlbench.registry.fingerprint import Code
 from stlbench.study import keys
 from stlbench.study.cell import Cell
 from stlbench.study.tracks import Recipe, Recipes, on_track
@@ -73,7 +72,7 @@ class _Planned:
     seeds: Sequence[int]
     budget: str
     track: Track
-    harness: Code
+    harness: keys.Part
 
     @classmethod
     def of(
@@ -83,7 +82,7 @@ class _Planned:
         seeds: Sequence[int] | None,
         budget: str,
         track: Track,
-        harness: Code,
+        harness: keys.Part,
     ) -> _Planned:
         """Raises `UsageError` where the task has no such budget."""
         several = task.budget(budget).seeds

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from stlbench.registry.choices import parse_choice
 from stlbench.registry.fingerprint import Code
 from stlbench.study import keys
@@ -20,13 +22,27 @@ def changed(before, after):
     return [name for (name, one), (_, other) in zip(before.parts, after.parts, strict=True) if one != other]
 
 
-def test_the_harness_own_source_is_a_part(monkeypatch):
-    before = planned()
+@pytest.mark.parametrize(
+    ("kind", "part"), [("harness", "harness"), ("tasks", "task"), ("methods", "method"), ("agents", "agent")]
+)
+def test_a_raised_revision_changes_its_part_alone(monkeypatch, kind, part):
+    before, revision = planned(), keys.revision
     assert [name for name, _ in before.parts] == list(keys.PARTS)
-    monkeypatch.setattr(keys, "harness", lambda: Code((("stlbench.rollout.referee", "edited"),)))
+    monkeypatch.setattr(keys, "revision", lambda of, name=None: revision(of, name) + (of == kind))
     after = planned()
     assert after.key != before.key
-    assert changed(before, after) == ["harness"]
+    assert changed(before, after) == [part]
+
+
+def test_the_source_of_own_code_is_no_part(monkeypatch):
+    """It can be moved and reworded."""
+    before, code_of = planned(), keys.code_of
+
+    def moved(module, *, packages=True):
+        return Code((("stlbench.elsewhere", "edited"),), code_of(module, packages=packages).packages)
+
+    monkeypatch.setattr(keys, "code_of", moved)
+    assert planned().key == before.key
 
 
 def test_the_versions_of_what_plugins_import_are_a_part_of_their_own(monkeypatch):
