@@ -27,7 +27,7 @@ from stlbench.rollout.controller import Unpaid, nearest
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.referee import follow, score
 from stlbench.rollout.traces import Recording
-from stlbench.study.kept import load_policy
+from stlbench.study.policies import load_policy
 from stlbench.study.results import Results
 from stlbench.task import Task, load_task
 

@@ -37,13 +37,13 @@ def export_policy(
       stlbench export-policy hold-disc/funnel/dqn/0 policy.onnx
     """
     from stlbench.share.onnx_export import Export
-    from stlbench.study.asked import of_one
+    from stlbench.study.plugin_guard import ask_one
     from stlbench.study.results import Results
 
     if out.suffix.lower() != ".onnx":
         raise UsageError(f"{out}: a policy is written as .onnx")
     result = Results.load(results).cell(cell, budget)
-    found = of_one(Export(results, result, which, out))
+    found = ask_one(Export(results, result, which, out))
     if as_json:
         print_json({"file": str(out), **found._asdict()})
         return

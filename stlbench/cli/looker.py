@@ -15,10 +15,9 @@ from stlbench.records import lock, stored
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import Result
-from stlbench.study.live import MOST, line_of
+from stlbench.study.live_cells import MOST, Running, line_of, running
 from stlbench.study.outlook import Took
 from stlbench.study.pace import LATEST, Ended, Pace, reward_of, unfit
-from stlbench.study.running import Running, running
 
 
 class View(NamedTuple):

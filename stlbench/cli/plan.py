@@ -66,9 +66,9 @@ def plan(
     """
     from stlbench.records.status import accidents_of
     from stlbench.registry.folders import task_of
-    from stlbench.study.alignment import parse_settings, plan_alignment
     from stlbench.study.progress import Progress
     from stlbench.study.run import build_executor, run_cells
+    from stlbench.study.solve import parse_settings, plan_alignment
 
     chosen, said = choices(methods), None if settings is None else parse_settings(settings)
     cells = plan_alignment(task_of(task), chosen, said, resolution)
@@ -82,7 +82,7 @@ def _say_equal(cells: Sequence[CellId], methods: Sequence[Choice] | None) -> Non
     """Which of the methods pay for the same on the task, and on those of its ablations that reward another form."""
     from stlbench.registry import plugins
     from stlbench.rollout.standards import differences
-    from stlbench.study.asked import ask
+    from stlbench.study.plugin_guard import ask
     from stlbench.task import load_task
 
     seen = set[object]()

@@ -51,8 +51,8 @@ def render(
     from stlbench.records.outputs import inside
     from stlbench.report.film import video
     from stlbench.report.film.of_cell import Filming
-    from stlbench.study.asked import of_one
-    from stlbench.study.replay import Start, parse_start
+    from stlbench.study.plugin_guard import ask_one
+    from stlbench.study.policies import Start, parse_start
     from stlbench.study.results import Results
 
     if start is not None and start_index is not None:
@@ -65,7 +65,7 @@ def render(
         reason = f": {result.reason}" if result.reason else ""
         raise UsageError(f"{result.id.name} has no policy to film: {result.status}{reason}")
     question = Filming(run, result, which, chosen, form, out or inside(run / "films", run))
-    filmed = of_one(question)
+    filmed = ask_one(question)
     for remark in filmed.remarks:
         warn(remark)
     for path in filmed.paths:

@@ -113,7 +113,7 @@ def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:
 
     from stlbench.registry import plugins
     from stlbench.rollout.standards import standards
-    from stlbench.study.asked import ask
+    from stlbench.study.plugin_guard import ask
 
     unknown = {group.setting.task.name for group in groups} - plugins.available("tasks").keys()
     if unknown:

@@ -47,7 +47,7 @@ def remove(
       stlbench results remove results "hold-disc/*" --status raised --status timeout --yes
     """
     from stlbench.errors import UsageError
-    from stlbench.study import upkeep
+    from stlbench.records import upkeep
 
     chosen = upkeep.choose(folder, cells, status, budget)
     if as_json and not yes:
@@ -81,7 +81,7 @@ def merge(
     Example:
       stlbench results merge results machine-a/results machine-b/results
     """
-    from stlbench.study import upkeep
+    from stlbench.records import upkeep
 
     counts = {source: upkeep.merge(into, source) for source in sources}
     if as_json:

@@ -110,11 +110,11 @@ def _stored(
     from stlbench.report import to_screen
     from stlbench.report.tables.cell import scores_table
     from stlbench.share.again import ScoreAgain
-    from stlbench.study.asked import of_one
+    from stlbench.study.plugin_guard import ask_one
     from stlbench.study.results import Results
 
     question = ScoreAgain(task, Results.load(results).cell(source.text, budget), results, which)
-    again = of_one(question)
+    again = ask_one(question)
     if as_json:
         print_json(_facts(again, which, str(task)))
         return
@@ -157,10 +157,10 @@ def _outside(
     from stlbench.registry.choices import parse_choice
     from stlbench.share.record import ScoreOutside, record
     from stlbench.share.scoring import UNKNOWN, Shown
-    from stlbench.study.asked import of_one
+    from stlbench.study.plugin_guard import ask_one
 
     shown = Shown(on, UNKNOWN if method is None else parse_choice(method))
-    entry = of_one(ScoreOutside(task, source, shown, budget, name, seed))
+    entry = ask_one(ScoreOutside(task, source, shown, budget, name, seed))
     result, before = entry.result, record(results, entry)
     if before is not None and before.provenance.get("sha256") != result.provenance["sha256"]:
         typer.echo(f"in place of another policy of that name, {before.provenance.get('source')}", err=True)
@@ -181,12 +181,12 @@ def _show(result: Result, results: Path, as_json: bool) -> None:
     """The score, and the row beside the cells of its task."""
     from stlbench.cli.show_cell import facts
     from stlbench.records import stored
-    from stlbench.records.logs import log_file
+    from stlbench.records.cell_files import cell_files
     from stlbench.report import condense, outside, robustness_table, split, to_screen
     from stlbench.report.tables.cell import scores_table
 
     if as_json:
-        print_json(facts(result, log_file(results, result.id, result.key)))
+        print_json(facts(result, cell_files(results, result.id, result.key).log))
         return
     assert result.measurement is not None
     typer.echo(f"{result.id.name}: {result.provenance['source']}, from {result.provenance['begun_at']}")

@@ -30,15 +30,15 @@ def cell(
       stlbench show cell hold-disc/funnel/dqn/0
       stlbench show cell "overlap[without=cuts]/funnel/dqn/1" results/ablation --json
     """
+    from stlbench.records.cell_files import cell_files
     from stlbench.records.identity import OUTSIDE
-    from stlbench.records.logs import log_file
     from stlbench.report import to_screen
     from stlbench.report.tables.cell import cost_table, scores_table
     from stlbench.study.results import Results
 
     results = Results.load(folder)
     result = results.cell(name, budget)
-    log = log_file(results.folder, result.id, result.key)
+    log = cell_files(results.folder, result.id, result.key).log
     if as_json:
         print_json(facts(result, log))
         return
@@ -66,7 +66,7 @@ def facts(result: Result, log: Path) -> dict[str, Any]:
 
 def _lines(result: Result, log: Path) -> list[str]:
     """What is recorded; of a cell that failed also the end of its log."""
-    from stlbench.records.logs import end_of
+    from stlbench.records.cell_files import end_of_log
     from stlbench.records.status import ACCIDENTS
 
     parts = {
@@ -81,5 +81,5 @@ def _lines(result: Result, log: Path) -> list[str]:
     width = max(map(len, parts)) + 1
     lines = [f"{name + ':':{width}} {text}" for name, text in parts.items() if text]
     details = ["", result.details.rstrip()] if result.details else []
-    written = end_of(log) if result.status in ACCIDENTS else []
+    written = end_of_log(log) if result.status in ACCIDENTS else []
     return [*lines, *details, *(["", "the end of its log:", *written] if written else [])]

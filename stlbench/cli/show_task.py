@@ -52,7 +52,7 @@ def facts(task: Task) -> dict[str, Any]:
     from stlbench import stl
     from stlbench.registry import plugins
     from stlbench.rollout.standards import ByHand, differences
-    from stlbench.study.asked import ask
+    from stlbench.study.plugin_guard import ask
 
     file = task.file
     return {
@@ -118,7 +118,7 @@ def _actions(task: Task) -> dict[str, dict[str, Any]]:
 def _answer(question: Question[_T]) -> _T | None:
     """The answer; a warning and None where there is none."""
     from stlbench.rollout.questions import answers
-    from stlbench.study.asked import ask
+    from stlbench.study.plugin_guard import ask
 
     answer: _T | None = answers([question], ask).get(question)
     return answer

@@ -13,7 +13,7 @@ from stlbench.cli.verify_bundle import verify_bundle
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
-    from stlbench.study.verify import Verified
+    from stlbench.records.verify import Verified
 
 
 _SHOWN = 10
@@ -55,8 +55,8 @@ def verify(
         return
     if rescore:
         raise UsageError("--rescore is for bundles; `stlbench score TASK CELL` scores a stored cell again")
+    from stlbench.records import verify as verifying
     from stlbench.records.ledger import LedgerWarning
-    from stlbench.study import verify as verifying
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LedgerWarning)  # all of it is said below

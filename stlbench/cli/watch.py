@@ -56,7 +56,7 @@ def _show(looker: Looker, every: float, once: bool) -> None:
     from rich.live import Live
     from rich.text import Text
 
-    from stlbench.study.live import draws
+    from stlbench.study.live_cells import draws
 
     console = Console(highlight=False, soft_wrap=True)
     with Live(console=console, auto_refresh=False, transient=False) if console.is_terminal else _Lines() as shown:

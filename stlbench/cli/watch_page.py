@@ -12,8 +12,7 @@ from stlbench.errors import UsageError
 from stlbench.records.result import Result, reported
 from stlbench.records.status import ACCIDENTS
 from stlbench.report.page.now import Cell, Ended, policy, rendered, require
-from stlbench.study.live import duration
-from stlbench.study.running import Running
+from stlbench.study.live_cells import Running, duration
 
 _HOST = "127.0.0.1"
 _LAST = 20

@@ -20,9 +20,9 @@ from stlbench.search.subject import of_policy
 from stlbench.share.checked import check, results_in, unpacked
 from stlbench.share.crate import METADATA, about
 from stlbench.share.rescored import Rescored, score_cell
-from stlbench.study.asked import LONG, ask
 from stlbench.study.cell import derive_seed
-from stlbench.study.kept import load_policy
+from stlbench.study.plugin_guard import LONG, ask
+from stlbench.study.policies import load_policy
 
 LARGEST = 2**28
 """Bytes that a submitted bundle may have unpacked."""

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from stlbench.errors import unwritable
-from stlbench.records.damaged import LedgerWarning, Records
 from stlbench.records.identity import IDENTITY, CellId
+from stlbench.records.reader import LedgerWarning, Records
 from stlbench.records.result import Result
 from stlbench.records.rows import Row, texts, values
 from stlbench.records.schema import open_to_write

@@ -1,4 +1,4 @@
-"""Files of arrays (.npz), without any pickle: those of a cell, written whole or not at all."""
+"""Files of arrays (.npz) without pickled objects. A file is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -11,21 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.errors import cause
-from stlbench.records.identity import CellId
 from stlbench.records.outputs import opened
 
 LARGEST = 2**31
 """Bytes that the arrays of a file may take: an archive of some MB can say that it holds a TB of zeros."""
-
-
-def cell_file(folder: Path, cell: CellId, key: str) -> Path:
-    """Where, in such a folder, a cell's arrays are: named after the cell and the beginning of its key."""
-    return folder / (cell.name.replace("/", "_") + end_of(key))
-
-
-def end_of(key: str) -> str:
-    """How the names of all files of arrays end that belong to a result. A stranger's key may look like a path."""
-    return f"_{key[:12]}.npz".replace("/", "_")
 
 
 def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:

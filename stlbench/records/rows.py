@@ -10,7 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, Self, cast, get_args
 
-from stlbench.records.beside import files_beside
+from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import IDENTITY, CellId, Track
 from stlbench.records.result import Result, from_json, reported, to_json
 from stlbench.records.status import Status
@@ -97,7 +97,7 @@ def checksum_of(text: Any) -> str:
 
 def checksums_beside(folder: Path, result: Result) -> Mapping[str, str]:
     """Of the traces and the policies that are there: name -> SHA-256, 64 hex digits."""
-    beside = files_beside(folder, result.id, result.key)
+    beside = cell_files(folder, result.id, result.key)
     named = {"traces": beside.traces, "policies": beside.policies}
     return {name: _sha256(path) for name, path in named.items() if path.is_file()}
 

@@ -1,4 +1,8 @@
-"""The file of a cell's policies: the selected and the final one, as the arrays of which their agent restores them."""
+"""The file of a cell's policies: the selected and the final one.
+
+It is an .npz with `selected/NAME` and `final/NAME` for each array from which the agent restores a policy. Two equal
+policies are saved once, as `selected`.
+"""
 
 from __future__ import annotations
 
@@ -11,22 +15,12 @@ import numpy as np
 from stlbench.contract import Arrays, Policy, StatePolicy
 from stlbench.errors import UsageError
 from stlbench.records import npz
-from stlbench.records.identity import OUTSIDE, CellId
+from stlbench.records.cell_files import cell_files
+from stlbench.records.identity import OUTSIDE
 from stlbench.records.result import TASK_FOLDER, Result
-
-FOLDER = "policies"
-"""Name of the folder of policies in a folder of results."""
 
 Which = Literal["selected", "final"]
 """Of a cell's policies: the checkpoint that did best on the starts for selection, or the one at the end of training."""
-
-
-def policy_file(results: Path, cell: CellId, key: str) -> Path:
-    """Where a cell's policies are: an .npz with `selected/NAME` and `final/NAME` for each of a policy's arrays.
-
-    Where the two are the same there is only the first.
-    """
-    return npz.cell_file(results / FOLDER, cell, key)
 
 
 def save(path: Path, selected: Policy | StatePolicy, final: Policy | StatePolicy) -> tuple[str, str] | None:
@@ -75,7 +69,7 @@ def read(results: Path, result: Result, which: Which) -> Arrays:
         raise UsageError(f"{name} has no policy: {': '.join(filter(None, (result.status, result.reason)))}")
     if measured.policies is None:
         raise UsageError(f"{name} has no stored policy: {_why_none(result)}")
-    path, policies = policy_file(results, result.id, result.key), measured.policies
+    path, policies = cell_files(results, result.id, result.key).policies, measured.policies
     there = "selected" if policies.selected == policies.final else which
     if not path.is_file():
         raise UsageError(f"{name} has no policy at {path}; `stlbench run` stores it when it trains a cell")

@@ -1,4 +1,8 @@
-"""The file of a cell's traces: what the referee recorded, saved by a trial and read by everything that shows it."""
+"""The file of a cell's traces, which the referee recorded.
+
+It is an .npz with `traces` (N, T + 1, k) and `signals` (k,), their names. For films, `extremes` (2,) are the numbers of
+the best and the worst start, and `states` (2, decisions + 1, n) the states on the way from them.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +14,8 @@ import numpy as np
 from stlbench.contract import Array, Integers
 from stlbench.errors import UsageError, one_line
 from stlbench.records import npz
-from stlbench.records.identity import CellId
+from stlbench.records.cell_files import cell_files
 from stlbench.records.result import MAIN, Result, Score
-
-FOLDER = "traces"
-"""Name of the folder of traces in a folder of results."""
 
 
 class Assessment(NamedTuple):
@@ -46,15 +47,6 @@ class SavedTraces(NamedTuple):
     """None where the file has no states."""
 
 
-def trace_file(folder: Path, cell: CellId, key: str) -> Path:
-    """Where a cell's traces are saved: an .npz with `traces` (N, T + 1, k) and `signals` (k,), their names.
-
-    For films, `extremes` (2,) says which starts were the best and the worst, and `states` (2, decisions + 1, n) what
-    states these went through.
-    """
-    return npz.cell_file(folder, cell, key)
-
-
 def save(path: Path, assessment: Assessment, signals: tuple[str, ...]) -> None:
     """Write what the referee recorded of a policy."""
     robustness = assessment.scores[MAIN].robustness
@@ -70,7 +62,7 @@ def save_samples(path: Path, samples: Array, signals: tuple[str, ...]) -> None:
 
 def read_cell(results: Path, result: Result) -> SavedTraces:
     """The traces of a cell in a folder of results. Raises `UsageError` where there is no file, and as `read_saved`."""
-    path = trace_file(results / FOLDER, result.id, result.key)
+    path = cell_files(results, result.id, result.key).traces
     if not path.is_file():
         raise UsageError(f"{result.id.name} has no traces at {path}; `stlbench run` records them when it trains a cell")
     return read_saved(path)

@@ -11,7 +11,7 @@ from stlbench.contract import Intractable, Unsuitable
 from stlbench.contract.presentation import Band, Banded
 from stlbench.registry.choices import Choice
 from stlbench.rollout.questions import answers
-from stlbench.study.asked import ask
+from stlbench.study.plugin_guard import ask
 from stlbench.task import build_method, load_task
 
 

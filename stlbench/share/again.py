@@ -13,7 +13,7 @@ from stlbench.records.saved_policies import Which
 from stlbench.registry.choices import Choice
 from stlbench.rollout.questions import plugins_of
 from stlbench.rollout.referee import Referee
-from stlbench.study.kept import load_policy
+from stlbench.study.policies import load_policy
 from stlbench.task import Task, load_task
 
 

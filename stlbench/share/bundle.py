@@ -13,18 +13,16 @@ from typing import NamedTuple
 from stlbench import __version__
 from stlbench.errors import UsageError
 from stlbench.records import stored
+from stlbench.records.cell_files import POLICIES, TRACES, cell_files
 from stlbench.records.outputs import opened
 from stlbench.records.result import Result
-from stlbench.records.saved_policies import FOLDER, policy_file
-from stlbench.records.saved_traces import FOLDER as TRACES
-from stlbench.records.saved_traces import trace_file
 from stlbench.share.crate import METADATA, About, Content, document
 from stlbench.study.results import Results
 
 CITATION = "CITATION.cff"
 _TABLES = (".csv", ".md", ".html")
 """Files of a folder of results that `stlbench report` writes, and that a bundle takes along."""
-_ARRAYS = (FOLDER, TRACES)
+_ARRAYS = (POLICIES, TRACES)
 """Its folders, which have files of arrays and nothing else."""
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 """The date of every file inside, so that equal results give equal bundles."""
@@ -61,7 +59,7 @@ def pack(folder: Path, target: Path, about: About, traces: bool = False) -> Pack
     results = Results.load(folder)
     if not len(results):
         raise UsageError(f"{folder} holds no result yet")
-    kept = [result for result in results if policy_file(folder, result.id, result.key).is_file()]
+    kept = [result for result in results if cell_files(folder, result.id, result.key).policies.is_file()]
     listed = dict[str, Content]()
     with opened(target) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for path, data in _contents(folder, results, kept, about, traces):
@@ -91,10 +89,10 @@ def _contents(
     for path in sorted(path for path in folder.iterdir() if path.suffix in _TABLES and path.is_file()):
         yield path.name, path.read_bytes()
     for result in kept:
-        path = policy_file(folder, result.id, result.key)
+        path = cell_files(folder, result.id, result.key).policies
         yield path.relative_to(folder).as_posix(), path.read_bytes()
     for result in results if traces else ():
-        path = trace_file(folder / TRACES, result.id, result.key)
+        path = cell_files(folder, result.id, result.key).traces
         if path.is_file():
             yield path.relative_to(folder).as_posix(), path.read_bytes()
     if about.authors:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from stlbench.errors import UsageError, one_line
 from stlbench.records import npz, saved_policies, stored
+from stlbench.records.cell_files import cell_files
 from stlbench.records.result import Result
 from stlbench.share.bundle import may_hold
 from stlbench.share.crate import METADATA, Content, listed
@@ -68,7 +69,7 @@ def results_in(folder: Path) -> Results:
 
 
 def _file(folder: Path, result: Result) -> Path:
-    return saved_policies.policy_file(folder, result.id, result.key)
+    return cell_files(folder, result.id, result.key).policies
 
 
 def _policies(folder: Path, result: Result) -> Iterator[str]:

@@ -21,7 +21,7 @@ from stlbench.rollout.referee import Referee
 from stlbench.rollout.shown import observation_of
 from stlbench.share.actions import actions_of
 from stlbench.share.onnx_file import load_onnx
-from stlbench.study.kept import Kept, load_policy
+from stlbench.study.policies import LoadedPolicy, load_policy
 
 _ROUNDING = 1e-6
 """Share of an action's span: what single precision makes of another order of sums."""
@@ -93,7 +93,7 @@ def export(folder: Path, result: Result, which: Which, path: Path) -> Exported:
     return found
 
 
-def _complete(content: bytes, kept: Kept, facts: dict[str, str]) -> bytes:
+def _complete(content: bytes, kept: LoadedPolicy, facts: dict[str, str]) -> bytes:
     """With the vectors that a grid's indices stand for, and with facts."""
     try:
         import onnx
@@ -124,7 +124,7 @@ class _Seen(Policy):
         return self.policy.act(observation)
 
 
-def _compared(kept: Kept, path: Path, shown: Observation) -> Exported:
+def _compared(kept: LoadedPolicy, path: Path, shown: Observation) -> Exported:
     seen = _Seen(kept.policy)
     Referee(kept.task, kept.method).assess(seen)
     observations, actions = np.concatenate(seen.observations), kept.task.actions

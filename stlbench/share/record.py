@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stlbench.errors import UsageError
-from stlbench.records import saved_traces, stored
+from stlbench.records import saved_traces, stored, upkeep
+from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import OUTSIDE, CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
@@ -18,7 +19,6 @@ from stlbench.registry import folders
 from stlbench.registry.choices import NAME, Choice
 from stlbench.share.scoring import UNKNOWN, Scored, Shown, score
 from stlbench.share.source import Source
-from stlbench.study import upkeep
 from stlbench.study.cell import digest
 from stlbench.study.keys import harness
 from stlbench.study.provenance import collect
@@ -95,7 +95,7 @@ def record(folder: Path, entry: Entry) -> Result | None:
     result = entry.result
     if stored.locate(folder) and not (folder / FILE).is_file():
         raise UsageError(f"{folder} has no {FILE} but {stored.LINES}; say another folder by --results")
-    path = saved_traces.trace_file(folder / saved_traces.FOLDER, result.id, result.key)
+    path = cell_files(folder, result.id, result.key).traces
     with writing(folder), Ledger(folder / FILE) as ledger:
         before = next((each for each in ledger.results() if each.id == result.id), None)
         if before is not None:

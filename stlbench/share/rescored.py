@@ -12,7 +12,7 @@ from stlbench.records.result import Result, Score
 from stlbench.rollout.questions import Unanswered
 from stlbench.share.again import ScoreAgain
 from stlbench.share.checked import results_in, unpacked
-from stlbench.study.asked import LONG, ask
+from stlbench.study.plugin_guard import LONG, ask
 
 MORE = 0.01
 """What a bundle may claim beyond what the referee finds: share of the robustness, and of the starts. Another processor

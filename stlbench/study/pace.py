@@ -11,9 +11,8 @@ from typing import NamedTuple
 from stlbench.records.identity import CellId, Setting
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
-from stlbench.study.live import duration
+from stlbench.study.live_cells import Running, duration
 from stlbench.study.outlook import Begun, Took, time_left
-from stlbench.study.running import Running
 
 LATEST = 2_000
 """Cells that ended, of which so many tell enough: more would make large studies slow."""

@@ -20,7 +20,7 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result, reported
 from stlbench.records.status import ACCIDENTS
 from stlbench.registry.choices import Choice
-from stlbench.study.live import MOST, Sight, draws, line_of
+from stlbench.study.live_cells import MOST, Sight, draws, line_of
 from stlbench.study.pace import LATEST, Ended, Pace, reward_of, unfit
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from stlbench.records.status import ACCIDENTS, NOT_RUN
 if TYPE_CHECKING:
     import pandas as pd
 
-    from stlbench.study.kept import Kept
+    from stlbench.study.policies import LoadedPolicy
 
 _NUMBERS = tuple(
     part.name for part in fields(Measurement) if part.name not in ("selected", "final", "curve", "planned", "policies")
@@ -134,7 +134,7 @@ class Results:
 
         from stlbench.report import best_known, compare, comparisons_table, condense, split, to_records
         from stlbench.rollout.standards import standards
-        from stlbench.study.asked import ask
+        from stlbench.study.plugin_guard import ask
 
         groups = condense(self.results, self.missing)
         known = standards((group.setting for group in groups), ask)
@@ -177,13 +177,13 @@ class Results:
         """
         return read_cell(self.folder, self.cell(cell, budget))
 
-    def policy(self, cell: str | CellId, budget: str | None = None, which: Which = "selected") -> Kept:
+    def policy(self, cell: str | CellId, budget: str | None = None, which: Which = "selected") -> LoadedPolicy:
         """A stored policy of a cell, with its task and its method: `policy.act(observation)`.
 
         Raises:
-            UsageError: there is no such cell, or no policy of it that can be used (`kept.load_policy`).
+            UsageError: there is no such cell, or no policy of it that can be used (`policies.load_policy`).
         """
-        from stlbench.study.kept import load_policy  # all that simulates, which tables do without
+        from stlbench.study.policies import load_policy  # all that simulates, which tables do without
 
         return load_policy(self.folder, self.cell(cell, budget), which)
 

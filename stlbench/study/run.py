@@ -10,22 +10,22 @@ from typing import Protocol, cast, runtime_checkable
 
 from stlbench.contract import Executor, Unsuitable, Work
 from stlbench.errors import UsageError, one_line
+from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
-from stlbench.records.logs import log_file
 from stlbench.records.result import Result
 from stlbench.records.status import Status
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, executor_of
-from stlbench.study import running, scheduler, trial
-from stlbench.study.apart import Examiner
+from stlbench.study import live_cells, scheduler, trial
 from stlbench.study.cell import Cell
-from stlbench.study.executed import failing
+from stlbench.study.credibility import Examiner
+from stlbench.study.logs import Logged, build_logs
 from stlbench.study.plan import check_cells, uncompiled
 from stlbench.study.provenance import collect, here
 from stlbench.study.results import Results
-from stlbench.study.run_logs import Logged, build_logs
+from stlbench.study.scheduler import failing
 from stlbench.study.study import Study
 from stlbench.study.superseded import note, superseded
 from stlbench.study.unchanged import run_unchanged
@@ -252,7 +252,7 @@ def run_cells(
             kept = {cell.id for cell in old.values()} if keep_old else set[CellId]()
             missing = [cell for cell in missing if cell.id not in kept]
         ledger.plan({cell.key: cell.id for cell in cells})
-        running.clear(folder)
+        live_cells.clear(folder)
         told.begin([cell.id for cell in missing], len(cells) - len(missing))
         for line in notes:
             told.note(line)
@@ -269,10 +269,10 @@ def run_cells(
         ):
             try:
                 for result in results:
-                    running.ended(folder, result.id)
+                    live_cells.ended(folder, result.id)
                     told.ended(result)
             finally:
-                running.clear(folder)
+                live_cells.clear(folder)
         if ledger.is_meddled:
             raise UsageError(_meddled(folder / FILE, cells))
 
@@ -298,4 +298,4 @@ def _missing(cells: Iterable[Cell], ledger: Ledger, retry: Collection[Status], a
 
 
 def _log_of(results: Path, cell: Cell) -> Path:
-    return log_file(results, cell.id, cell.key)
+    return cell_files(results, cell.id, cell.key).log

@@ -14,6 +14,7 @@ import numpy as np
 from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, StatePolicy, Training, Unsuitable
 from stlbench.errors import one_line
 from stlbench.records import saved_policies, saved_traces
+from stlbench.records.cell_files import cell_files
 from stlbench.records.outputs import inside
 from stlbench.records.result import CurvePoint, Measurement, Planned, Result, StoredPolicies
 from stlbench.records.saved_traces import Assessment
@@ -25,8 +26,8 @@ from stlbench.rollout.rehearsal import rehearse
 from stlbench.rollout.shown import observation_of
 from stlbench.rollout.worlds import make_world
 from stlbench.study.cell import Cell, derive_seed
+from stlbench.study.live_cells import Notice, announce
 from stlbench.study.meter import Meter, MeteredEnvironment
-from stlbench.study.running import Notice, announce
 from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_agent, build_method, load_task
 from stlbench.task.file import Budget
@@ -77,9 +78,9 @@ class Measured(NamedTuple):
 
 def _stored(measured: Measured, task: Task, method: RewardMethod, cell: Cell, folder: Path) -> Measurement:
     """Save traces and policies in a folder of results; the numbers, which say by what hashes policies are known."""
-    traces = saved_traces.trace_file(folder / saved_traces.FOLDER, cell.id, cell.key)
+    traces = cell_files(folder, cell.id, cell.key).traces
     saved_traces.save(inside(traces, folder), measured.assessment, task.signals)
-    path = saved_policies.policy_file(folder, cell.id, cell.key)
+    path = cell_files(folder, cell.id, cell.key).policies
     digests = saved_policies.save(inside(path, folder), measured.selected, measured.final)
     if digests is None:
         return measured.numbers

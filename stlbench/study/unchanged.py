@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stlbench.errors import DiskFull, one_line
-from stlbench.records.beside import files_beside
+from stlbench.records.cell_files import cell_files
 from stlbench.records.outputs import inside
 from stlbench.records.result import Result
 from stlbench.registry import folders
@@ -46,7 +46,7 @@ def run_unchanged(cell: Cell, run_cell: Callable[..., Result], folder: Path) -> 
         else:
             if (place := changed(cell)) is None:
                 return result
-    beside = files_beside(folder, cell.id, cell.key)
+    beside = cell_files(folder, cell.id, cell.key)
     for file in (beside.traces, beside.policies):
         inside(file, folder).unlink(missing_ok=True)
     said = f"{one_line(place)} has changed since the study was planned; the same command again measures the cell"

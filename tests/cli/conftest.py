@@ -131,8 +131,8 @@ class Here(Executor):
 @pytest.fixture
 def toy(site: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> Path:
     """Install the distribution `toy-plugins`. Its methods are asked, and its results looked at, in this process."""
-    monkeypatch.setattr("stlbench.study.asked.EXECUTOR", "toy-here")
-    monkeypatch.setattr("stlbench.study.apart.APART", False)
+    monkeypatch.setattr("stlbench.study.plugin_guard.EXECUTOR", "toy-here")
+    monkeypatch.setattr("stlbench.study.credibility.APART", False)
     files = {"__init__": "", "line/__init__": "", "line/system": SYSTEM, "methods": METHODS, "agents": AGENTS}
     files = {f"toy_plugins/{name}.py": text for name, text in (files | {"executors": EXECUTORS}).items()}
     return site("toy-plugins", ENTRIES, files | {"toy_plugins/line/task.yaml": TASK})

@@ -14,7 +14,7 @@ from helpers.kept_policies import trained
 from typer.testing import CliRunner
 
 from stlbench.cli import app
-from stlbench.records.beside import files_beside
+from stlbench.records.cell_files import cell_files
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import Result
 from stlbench.records.stored import write_lines
@@ -90,7 +90,7 @@ def record(folder: Path, result: Result) -> None:
 def renamed(result: Result, folder: Path, named: str) -> Result:
     """The same cell, of the other task."""
     other = replace(result, id=replace(result.id, task=Choice("zz-evil")), provenance={"task_folder": named})
-    before, after = files_beside(folder, result.id, result.key), files_beside(folder, other.id, other.key)
+    before, after = cell_files(folder, result.id, result.key), cell_files(folder, other.id, other.key)
     before.traces.rename(after.traces)
     before.policies.rename(after.policies)
     return other

@@ -69,6 +69,6 @@ def test_a_full_disk_has_a_code_of_its_own(folder, monkeypatch):
     def full(place):
         raise DiskFull("cannot write")
 
-    monkeypatch.setattr("stlbench.study.verify.repair", full)
+    monkeypatch.setattr("stlbench.records.verify.repair", full)
     done = say(folder, "--repair")
     assert (done.exit_code, done.stderr) == (74, "error: cannot write\n")

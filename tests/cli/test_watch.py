@@ -13,9 +13,8 @@ from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writer, writing
 from stlbench.study import progress
-from stlbench.study.live import sparkline
+from stlbench.study.live_cells import announce, sparkline
 from stlbench.study.progress import Progress
-from stlbench.study.running import announce
 
 
 def test_it_says_what_runs_and_how_long_the_rest_takes(tmp_path, say):
@@ -85,8 +84,8 @@ def test_bars_of_a_curve():
 
 
 def test_the_curve_is_drawn_on_a_terminal_and_not_in_a_pipe(tmp_path, say, monkeypatch):
-    monkeypatch.setattr("stlbench.study.running._SECONDS", 0.0)
-    monkeypatch.setattr("stlbench.study.running._SHARE", 1.0)
+    monkeypatch.setattr("stlbench.study.live_cells._SECONDS", 0.0)
+    monkeypatch.setattr("stlbench.study.live_cells._SHARE", 1.0)
     cells = planned(tmp_path)
     with writing(tmp_path):
         notice = announce(tmp_path, cells[2], 4000)

@@ -20,7 +20,7 @@ from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
 from stlbench.report.page.now import points
-from stlbench.study.running import announce
+from stlbench.study.live_cells import announce
 
 HOSTILE = "<script>alert(1)</script> & \"quoted\" 'too'"
 
@@ -44,8 +44,8 @@ def get(server: ThreadingHTTPServer, path: str = "/", **headers: str) -> http.cl
 
 
 def test_it_shows_what_runs_with_its_curve_what_ended_and_what_failed(tmp_path, server, monkeypatch):
-    monkeypatch.setattr("stlbench.study.running._SECONDS", 0.0)
-    monkeypatch.setattr("stlbench.study.running._SHARE", 1.0)
+    monkeypatch.setattr("stlbench.study.live_cells._SECONDS", 0.0)
+    monkeypatch.setattr("stlbench.study.live_cells._SHARE", 1.0)
     served, cells = server
     with writing(tmp_path):
         notice = announce(tmp_path, cells[2], 4000)

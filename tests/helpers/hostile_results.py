@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from helpers.synthetic_results import result
+from stlbench.records.cell_files import cell_files
 from stlbench.records.result import Result
-from stlbench.records.saved_traces import FOLDER, save_samples, trace_file
+from stlbench.records.saved_traces import save_samples
 
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)> </script> \"'& </td> <b>bold</b>"
 DISTANCES = {"flag": (0.25, 1.5, 0.75), "funnel": (0.125, 0.25, 0.5)}
@@ -21,7 +22,7 @@ def recorded(method: str, folder: Path, seed: int = 0) -> Result:
     traces = np.full((3, 201, 2), 2.0)
     traces[:, 100, 0] += DISTANCES[method]
     made = result(method, seed, robustness=[1 - distance for distance in DISTANCES[method]])
-    save_samples(trace_file(folder / FOLDER, made.id, made.key), traces, ("x", "y"))
+    save_samples(cell_files(folder, made.id, made.key).traces, traces, ("x", "y"))
     return made
 
 

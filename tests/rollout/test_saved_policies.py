@@ -13,8 +13,9 @@ from helpers import synthetic_results
 from stlbench.contract import Array, Arrays, Integers, Policy, StatePolicy
 from stlbench.errors import UsageError
 from stlbench.records import npz
+from stlbench.records.cell_files import cell_files
 from stlbench.records.result import Result, StoredPolicies
-from stlbench.records.saved_policies import digest, policy_file, read, save
+from stlbench.records.saved_policies import digest, read, save
 
 SELECTED = {"weights": np.array([[1.5, -0.0], [np.nan, np.inf]], np.float32), "kind": np.array("additive")}
 FINAL = {"weights": np.zeros((0, 3)), "kind": np.array("joint")}
@@ -40,7 +41,7 @@ def stored(folder: Path, selected: Arrays, final: Arrays) -> Result:
     """A cell with these policies in its file."""
     made = synthetic_results.result()
     made = replace(made, key=hashlib.sha256(made.key.encode()).hexdigest())
-    digests = save(policy_file(folder, made.id, made.key), Kept(selected), Kept(final))
+    digests = save(cell_files(folder, made.id, made.key).policies, Kept(selected), Kept(final))
     assert digests is not None
     assert made.measurement is not None
     return replace(made, measurement=replace(made.measurement, policies=StoredPolicies(*digests, 3)))
@@ -64,7 +65,7 @@ def test_what_was_written_is_read_bit_for_bit(tmp_path: Path) -> None:
 
 def test_a_selected_policy_that_is_the_final_one_is_there_once(tmp_path: Path) -> None:
     result = stored(tmp_path, SELECTED, dict(SELECTED))
-    with np.load(policy_file(tmp_path, result.id, result.key)) as file:
+    with np.load(cell_files(tmp_path, result.id, result.key).policies) as file:
         assert sorted(file.files) == ["selected/kind", "selected/weights"]
     assert same(read(tmp_path, result, "final"), SELECTED)
 
@@ -111,7 +112,7 @@ def test_another_content_than_the_recorded_one_is_refused(tmp_path: Path) -> Non
 
 def test_half_a_file_is_refused(tmp_path: Path) -> None:
     result = stored(tmp_path, SELECTED, FINAL)
-    path = policy_file(tmp_path, result.id, result.key)
+    path = cell_files(tmp_path, result.id, result.key).policies
     path.write_bytes(path.read_bytes()[:200])
     with pytest.raises(UsageError, match=r"cannot read .* as policies of stlbench"):
         read(tmp_path, result, "selected")

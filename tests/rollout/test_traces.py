@@ -10,7 +10,8 @@ from helpers import synthetic_results
 from helpers.line_task import Probe, Rule, line
 
 from stlbench.errors import UsageError
-from stlbench.records.saved_traces import read_saved, trace_file
+from stlbench.records.cell_files import cell_files
+from stlbench.records.saved_traces import read_saved
 from stlbench.rollout.referee import Referee
 from stlbench.rollout.traces import Recording, gather, load
 
@@ -20,7 +21,7 @@ TRACES = np.arange(36.0).reshape(4, 9, 1)
 
 @pytest.fixture
 def save(tmp_path):
-    path = trace_file(tmp_path / "traces", RESULT.id, RESULT.key)
+    path = cell_files(tmp_path, RESULT.id, RESULT.key).traces
     path.parent.mkdir(parents=True)
 
     def write(**content):

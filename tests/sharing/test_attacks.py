@@ -15,6 +15,7 @@ from helpers import bundles, line_task
 
 from stlbench.errors import UsageError
 from stlbench.records import npz, saved_policies
+from stlbench.records.cell_files import cell_files
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import TASK_FOLDER
 from stlbench.share import checked
@@ -103,7 +104,7 @@ def test_a_list_of_files_that_is_endless_is_not_read(bundle, tmp_path, monkeypat
 
 
 def test_a_key_that_is_a_path_is_none(bundle, tmp_path) -> None:
-    outside = saved_policies.policy_file(Path("x"), bundles.results_of(bundle)[0].id, "/../../out")
+    outside = cell_files(Path("x"), bundles.results_of(bundle)[0].id, "/../../out").policies
     assert ".." in str(outside)  # what a key would reach
     path = bundles.claiming(bundle, tmp_path / "key.zip", lambda result: replace(result, key="/../../out"))
     assert check(path).problems == ("zz-line/raw/zz-kept/0: its key is none",)

@@ -9,9 +9,9 @@ from helpers.synthetic_results import result
 
 from stlbench.records.identity import CellId
 from stlbench.study import pace
+from stlbench.study.live_cells import Running
 from stlbench.study.outlook import Took
 from stlbench.study.pace import Ended, Pace, reward_of, unfit
-from stlbench.study.running import Running
 
 SECONDS = {
     "short and long": {"integrator-or": 2.1, "hold-disc-coarse": 9.0, "annulus": 21.0},

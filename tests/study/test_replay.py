@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from helpers import kept_policies
 
+from stlbench.records.cell_files import cell_files
 from stlbench.records.result import MAIN, Result
-from stlbench.records.saved_traces import FOLDER, read_saved, trace_file
-from stlbench.study.replay import Start, parse_start, replay
+from stlbench.records.saved_traces import read_saved
+from stlbench.study.policies import Start, parse_start, replay
 
 
 @pytest.fixture
@@ -23,7 +24,7 @@ def result(site: Callable[..., Path], tmp_path: Path) -> Result:
 def test_all_starts_of_the_report_give_what_was_recorded(result: Result, tmp_path: Path) -> None:
     assert result.measurement is not None
     shown = replay(tmp_path, result)
-    recorded = read_saved(trace_file(tmp_path / FOLDER, result.id, result.key))
+    recorded = read_saved(cell_files(tmp_path, result.id, result.key).traces)
     assert shown.robustness == result.measurement.selected[MAIN].robustness
     assert np.array_equal(shown.recording.traces, recorded.samples)
     assert shown.recording.film is not None

@@ -16,10 +16,10 @@ from helpers.synthetic_results import result
 import stlbench
 from stlbench.errors import UsageError
 from stlbench.records import stored
+from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import Planned
-from stlbench.records.saved_traces import FOLDER, trace_file
 from stlbench.study.results import Results
 
 THIRD = 1 / 3
@@ -119,7 +119,7 @@ def test_a_cell_by_name_and_by_identity(results, recorded):
 
 
 def test_traces(results, recorded, tmp_path):
-    path = trace_file(tmp_path / FOLDER, recorded[0].id, recorded[0].key)
+    path = cell_files(tmp_path, recorded[0].id, recorded[0].key).traces
     path.parent.mkdir()
     np.savez_compressed(path, traces=np.arange(12.0).reshape(2, 3, 2), signals=np.array(["x", "y"]))
     traces = results.traces(recorded[0].id.name)

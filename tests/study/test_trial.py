@@ -20,11 +20,11 @@ from helpers.line_task import SYSTEM
 from stlbench import stl
 from stlbench.contract import Array, Integers, Policy, Training, Unsuitable
 from stlbench.errors import UsageError
+from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import CellId
 from stlbench.records.result import MAIN, Measurement, Planned, Result
-from stlbench.records.saved_traces import FOLDER, trace_file
 from stlbench.registry.choices import parse_choices
-from stlbench.study import running, trial
+from stlbench.study import live_cells, trial
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
 from stlbench.task import build_agent, build_method, load_task, starts
@@ -89,7 +89,7 @@ class TestResult:
 
 class TestTraces:
     def test_scoring_them_again_gives_exactly_what_was_recorded(self, folder: Path, measured: Measurement) -> None:
-        with np.load(trace_file(folder / FOLDER, smoke().id, smoke().key)) as saved:
+        with np.load(cell_files(folder, smoke().id, smoke().key).traces) as saved:
             traces, names = saved["traces"], tuple(saved["signals"].tolist())
         assert (traces.shape, names) == ((64, 201, 2), ("x", "y"))
         task = load_task("hold-disc")
@@ -101,7 +101,7 @@ class TestTraces:
 
     def test_the_file_is_named_after_the_cell_and_stays_in_its_folder(self, folder: Path) -> None:
         cell = smoke("funnel[ginf=0.02]")
-        path = trace_file(folder, cell.id, cell.key)
+        path = cell_files(folder, cell.id, cell.key).traces
         assert path.parent == folder
         assert path.name == f"hold-disc_funnel[ginf=0.02]_dqn_0_{cell.key[:12]}.npz"
 
@@ -122,16 +122,16 @@ def test_the_same_cell_gives_the_same_bits(folder: Path, tmp_path: Path, measure
     assert [replace(point, cpu_seconds=0) for point in again.curve] == [
         replace(point, cpu_seconds=0) for point in measured.curve
     ]
-    files = [np.load(trace_file(place / FOLDER, smoke().id, smoke().key))["traces"] for place in (folder, tmp_path)]
+    files = [np.load(cell_files(place, smoke().id, smoke().key).traces)["traces"] for place in (folder, tmp_path)]
     assert np.array_equal(*files)
 
 
 def test_who_watches_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: Measurement) -> None:
     """Every checkpoint is scored at once, for someone who watches; without a folder, none is."""
-    monkeypatch.setattr(running, "_SECONDS", 0.0)
-    monkeypatch.setattr(running, "_SHARE", 1e9)
+    monkeypatch.setattr(live_cells, "_SECONDS", 0.0)
+    monkeypatch.setattr(live_cells, "_SHARE", 1e9)
     watched, alone = (trial.run_cell(smoke(), place).measurement for place in (tmp_path, None))
-    (seen,) = running.running(tmp_path)
+    (seen,) = live_cells.running(tmp_path)
     assert seen.robustness is not None
     assert watched is not None
     assert alone is not None

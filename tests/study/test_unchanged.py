@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 from helpers import scripted_cells
 
+from stlbench.records.cell_files import cell_files
 from stlbench.records.ledger import FILE, Ledger
-from stlbench.records.saved_traces import FOLDER, trace_file
 from stlbench.registry.fingerprint import code_of
 from stlbench.study import run
 from stlbench.study.unchanged import key_without_code, run_unchanged
@@ -39,7 +39,7 @@ def test_an_edit_before_the_cell_is_a_failure_that_names_the_file_and_nothing_ru
 
 def test_an_edit_while_it_runs_takes_the_result_and_its_traces_away(plugin, tmp_path):
     file, cell = plugin
-    traces = trace_file(tmp_path / FOLDER, cell.id, cell.key)
+    traces = cell_files(tmp_path, cell.id, cell.key).traces
 
     def edits(cell, folder):
         traces.parent.mkdir()

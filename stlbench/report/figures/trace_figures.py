@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from stlbench.contract import Array
 from stlbench.contract.presentation import Band
 from stlbench.errors import UsageError
+from stlbench.records.cell_files import TRACES
 from stlbench.records.identity import Setting
 from stlbench.records.result import Result
-from stlbench.records.saved_traces import FOLDER
 from stlbench.registry.choices import Choice
 from stlbench.report.bands import bands_of
 from stlbench.report.figures.files import file_name, save
@@ -28,7 +28,7 @@ from stlbench.report.tables.alignment import RECIPE, setting_text
 from stlbench.report.tables.planned import RESOLUTION, Maximised, maximised, split
 from stlbench.report.tables.rows import Group, Row, group, row
 from stlbench.rollout.traces import Recording, gather, load
-from stlbench.study.asked import loaded
+from stlbench.study.plugin_guard import load_guarded
 from stlbench.task.task import Task
 
 Tell = Callable[[str], None]
@@ -73,7 +73,7 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
         UsageError: a name in the ledger cannot name a file, or the folder cannot be written.
     """
     groups, finished = _condensed(results)
-    if finished and not (job.run / FOLDER).is_dir():
+    if finished and not (job.run / TRACES).is_dir():
         job.warn(f"there are no traces in {job.run}; learning curves are all that is drawn")
         finished = {}
     learners, planners = {member.setting for member in split(groups)[0]}, maximised(groups)
@@ -116,7 +116,7 @@ def _condensed(results: Iterable[Result]) -> tuple[tuple[Group, ...], dict[Setti
 
 def _task(choice: Choice, job: Job) -> Task | None:
     try:
-        return loaded(choice)
+        return load_guarded(choice)
     except UsageError as error:
         job.warn(f"no traces of {choice} are drawn: {error}")
         return None

@@ -9,7 +9,7 @@ from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
 from stlbench.stl.language.traversal import walk
-from stlbench.study.asked import loaded
+from stlbench.study.plugin_guard import load_guarded
 from stlbench.task.task import Task
 
 NO_UNIT = "-"
@@ -77,7 +77,7 @@ class Scale(NamedTuple):
 def scale_of_task(choice: Choice | str) -> Scale:
     """Of the robustness of a task's formula; "unit of the predicates" where the task is not installed here."""
     try:
-        task = loaded(choice)
+        task = load_guarded(choice)
     except UsageError:
         return Scale(UNKNOWN, math.inf)
     return Scale(robustness_unit(task, task.formula), _most(task, task.formula))

@@ -16,7 +16,7 @@ from stlbench.report.film import film
 from stlbench.rollout.questions import plugins_of
 from stlbench.rollout.reenactment import Reenactment
 from stlbench.rollout.traces import load
-from stlbench.study.replay import Replay, Start, reenact, replay
+from stlbench.study.policies import Replay, Start, reenact, replay
 from stlbench.task import load_task
 
 Form = Literal["gif", "webp", "mp4", "png"]

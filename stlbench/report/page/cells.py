@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from stlbench.records.cell_files import cell_files, end_of_log
 from stlbench.records.identity import CellId
-from stlbench.records.logs import end_of, log_file
 from stlbench.records.result import Result
-from stlbench.records.saved_policies import policy_file
 from stlbench.report.page.chart import numbers
 from stlbench.report.page.listed import Listed, listed
 from stlbench.report.tables.cell import ENDED_EARLY, cost_table, scores_table
@@ -78,8 +77,8 @@ def details(row: Row, results: Mapping[CellId, Result], folder: Path) -> dict[st
             "tables": [],
             "provenance": [],
         }
-    log = log_file(folder, result.id, result.key)
-    written = end_of(log, _LOG_LINES)
+    log = cell_files(folder, result.id, result.key).log
+    written = end_of_log(log, _LOG_LINES)
     said = {
         "status": result.status,
         "reason": result.reason,
@@ -115,7 +114,7 @@ def _policy(result: Result, folder: Path) -> str:
     stored = result.measurement.policies if result.measurement else None
     if stored is None:
         return "none is stored" if result.measurement else ""
-    path = policy_file(folder, result.id, result.key)
+    path = cell_files(folder, result.id, result.key).policies
     where = str(path.relative_to(folder)) if path.is_file() else "its file is not in this folder"
     return f"{where}; SHA-256 selected {stored.selected}, final {stored.final}"
 

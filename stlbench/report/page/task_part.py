@@ -8,9 +8,9 @@ from pathlib import Path
 
 from stlbench import stl
 from stlbench.errors import UsageError
+from stlbench.records.cell_files import TRACES
 from stlbench.records.identity import CellId, Setting
 from stlbench.records.result import Result
-from stlbench.records.saved_traces import FOLDER
 from stlbench.registry.choices import Choice
 from stlbench.report.bands import bands_of
 from stlbench.report.figures.palette import Colours
@@ -24,7 +24,7 @@ from stlbench.report.page.story import Story, tell_story
 from stlbench.report.tables.planned import maximised
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Column, Table
-from stlbench.study.asked import loaded
+from stlbench.study.plugin_guard import load_guarded
 from stlbench.task.task import Task
 
 
@@ -120,7 +120,7 @@ def task_part(
 
 def _loaded(choice: Choice) -> tuple[Task | None, list[str]]:
     try:
-        return loaded(choice), []
+        return load_guarded(choice), []
     except UsageError as error:
         return None, [f"The task is not known here, so neither its formula nor traces are shown: {error}"]
 
@@ -165,8 +165,8 @@ def _stories(
     """The story of each group whose traces are there, and what there is none of."""
     if task is None:
         return {}, []
-    if not (folder / FOLDER).is_dir():
-        return {}, [f"There is no folder {FOLDER}/ beside these results: what policies did is not shown."]
+    if not (folder / TRACES).is_dir():
+        return {}, [f"There is no folder {TRACES}/ beside these results: what policies did is not shown."]
     found, lacks = dict[Setting, Story](), list[str]()
     for group in groups:
         members = [results[row.id] for row in group.rows if row.numbers is not None]

@@ -9,7 +9,7 @@ import pytest
 from helpers import synthetic_results
 
 from stlbench.errors import UsageError
-from stlbench.records.saved_traces import trace_file
+from stlbench.records.cell_files import cell_files
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.figures import trace_figures
@@ -25,7 +25,7 @@ class Run:
 
     def save(self, result):
         task = load_task(result.id.task)
-        path = trace_file(self.folder / "traces", result.id, result.key)
+        path = cell_files(self.folder, result.id, result.key).traces
         path.parent.mkdir(parents=True, exist_ok=True)
         t = np.linspace(0, 1, task.file.steps + 1)
         traces = np.stack([2 + t * i / 4 for i in range(4)])

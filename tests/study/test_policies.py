@@ -17,8 +17,8 @@ from stlbench.registry.choices import parse_choices
 from stlbench.rollout import referee
 from stlbench.study import trial
 from stlbench.study.cell import Cell
-from stlbench.study.kept import load_policy
 from stlbench.study.plan import plan_cells
+from stlbench.study.policies import load_policy
 from stlbench.study.results import Results
 from stlbench.study.tracks import Recipe, Recipes
 

@@ -17,7 +17,7 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result, reported
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.study.running import running
+from stlbench.study.live_cells import running
 
 if TYPE_CHECKING:
     from stlbench.study.run import Progress

@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 from helpers.synthetic_results import result, score
 
-from stlbench.records.beside import files_beside
+from stlbench.records.cell_files import cell_files
 from stlbench.records.result import MAIN, RANDOM, Measurement, Result, Score, Summary
 from stlbench.records.saved_traces import save_samples
 from stlbench.registry.choices import parse_choices
 from stlbench.study import trial
-from stlbench.study.apart import Examiner
 from stlbench.study.cell import Cell
-from stlbench.study.credible import contradiction
+from stlbench.study.credibility import Examiner, contradiction
 from stlbench.study.plan import plan_cells
 from stlbench.study.results import Results
 from stlbench.task import load_task
@@ -105,7 +104,7 @@ def test_traces_from_elsewhere(cell: Cell, honest: tuple[Result, Path], tmp_path
     """Where there are none, and where they begin in the middle of the disc or are too few: the files are removed."""
     found, task = honest[0], load_task("hold-disc")
     assert "has no traces at" in str(contradiction(cell, found, tmp_path))
-    path = files_beside(tmp_path, cell.id, cell.key).traces
+    path = cell_files(tmp_path, cell.id, cell.key).traces
     still = np.zeros((64, task.file.steps + 1, len(task.signals)))
     for samples, said in ((still, "do not begin at the report's starts"), (still[:3], "its traces have shape (3, ")):
         save_samples(path, samples, task.signals)
@@ -118,7 +117,7 @@ def test_traces_from_elsewhere(cell: Cell, honest: tuple[Result, Path], tmp_path
 
 def test_what_is_recorded_in_the_reference_could_all_be() -> None:
     """18 tables of thousands of scores, by earlier versions: none is called impossible."""
-    from stlbench.study.credible import _of_scores
+    from stlbench.study.credibility import _of_scores
 
     folder = Path(__file__).parents[2] / "results" / "reference"
     found = [problem for each in Results.load(folder) if each.measurement for problem in _of_scores(each.measurement)]

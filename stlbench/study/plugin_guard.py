@@ -65,7 +65,7 @@ def ask(questions: Sequence[Question[_T]], deadline: float = DEADLINE) -> list[_
     return [answers[index] for index in range(len(questions))]
 
 
-def of_one(question: Question[_T], deadline: float = LONG) -> _T:
+def ask_one(question: Question[_T], deadline: float = LONG) -> _T:
     """The answer to a single question, on which all depends.
 
     Args:
@@ -81,7 +81,7 @@ def of_one(question: Question[_T], deadline: float = LONG) -> _T:
     raise UsageError(answer.reason if answer.is_refusal else f"{question.failed}: {answer.reason}")
 
 
-def loaded(choice: Choice | str) -> Task:
+def load_guarded(choice: Choice | str) -> Task:
     """A task, for what looks at its file: one of others is only loaded here where another process could do so before.
 
     Raises:
@@ -91,7 +91,7 @@ def loaded(choice: Choice | str) -> Task:
     if not _is_own("tasks", chosen.name):
         about = About(Choice(chosen.name))
         if _known_by(about) not in _LOADED:
-            of_one(about, DEADLINE)
+            ask_one(about, DEADLINE)
     return load_task(chosen)
 
 

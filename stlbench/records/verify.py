@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stlbench.errors import UsageError, one_line, unwritable
-from stlbench.records import npz, saved_policies, saved_traces, stored
-from stlbench.records.beside import files_beside
-from stlbench.records.damaged import Recorded
+from stlbench.records import saved_policies, saved_traces, stored
+from stlbench.records.cell_files import POLICIES, TRACES, cell_files, end_of_name
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
 from stlbench.records.outputs import inside
+from stlbench.records.reader import Recorded
 from stlbench.records.result import Result
 from stlbench.records.rows import checksums_beside
 
@@ -93,9 +93,9 @@ def verify(folder: Path) -> Verified:
 
 def _strays(folder: Path, keys: Iterable[str]) -> Iterator[str]:
     """A name ends in the beginning of a key. Of a cell that was interrupted the plan has the key."""
-    known = {npz.end_of(key) for key in keys}
+    known = {end_of_name(key) for key in keys}
     lengths = {len(end) for end in known}
-    for kind in (saved_traces.FOLDER, saved_policies.FOLDER):
+    for kind in (TRACES, POLICIES):
         for path in sorted((folder / kind).glob("*.npz")):
             if not any(path.name[-length:] in known for length in lengths):
                 yield f"{kind}/{one_line(path.name)}"
@@ -120,7 +120,7 @@ def _looked_at(folder: Path, row: Recorded) -> _Found:
 
 
 def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iterator[Damage]:
-    beside, there = files_beside(folder, result.id, result.key), checksums_beside(folder, result)
+    beside, there = cell_files(folder, result.id, result.key), checksums_beside(folder, result)
     for what, path in (("traces", beside.traces), ("policies", beside.policies)):
         if what in checksums and there.get(what) != checksums[what]:
             problem = "is not as it was recorded" if what in there else "is missing"
@@ -129,7 +129,7 @@ def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iter
 
 def _unreadable(folder: Path, result: Result) -> Iterator[Damage]:
     """Of files without a checksum: those that are there and cannot be read."""
-    beside = files_beside(folder, result.id, result.key)
+    beside = cell_files(folder, result.id, result.key)
     kept = result.measurement is not None and result.measurement.policies is not None and beside.policies.is_file()
     try:
         if beside.traces.is_file():

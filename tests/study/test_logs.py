@@ -14,10 +14,10 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.study import run_logs, running
+from stlbench.study import logs
+from stlbench.study.live_cells import announce
+from stlbench.study.logs import Logged, build_logs, logged
 from stlbench.study.run import run_described
-from stlbench.study.run_logs import Logged, build_logs, logged
-from stlbench.study.running import announce
 from stlbench.study.study import Study
 
 
@@ -62,8 +62,8 @@ def test_a_log_is_told_of_the_run_its_checkpoints_and_its_cells(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name, value in (("_SECONDS", 0.0), ("_SHARE", 1.0)):
-        monkeypatch.setattr(running, name, value)
-    monkeypatch.setattr(run_logs, "_LOOK", 0.02)
+        monkeypatch.setattr(live_cells, name, value)
+    monkeypatch.setattr(logs, "_LOOK", 0.02)
     log, told = Recorded(), Told()
     with Logged({"recorded": log}, tmp_path, told) as progress:
         progress.begin([CELL], 0)
@@ -96,7 +96,7 @@ def test_a_log_that_raises_is_turned_off_and_the_others_go_on(tmp_path: Path, er
 
 
 def test_a_log_that_hangs_is_turned_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run_logs, "_END_SECONDS", 0.1)
+    monkeypatch.setattr(logs, "_END_SECONDS", 0.1)
     never = threading.Event()
 
     class Hangs(Recorded):
@@ -114,7 +114,7 @@ def test_a_log_that_hangs_is_turned_off(tmp_path: Path, monkeypatch: pytest.Monk
 def test_a_call_that_takes_too_long_turns_a_log_off_while_the_run_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run_logs, "_MOST_SECONDS", 0.0)
+    monkeypatch.setattr(logs, "_MOST_SECONDS", 0.0)
     here, never = threading.Event(), threading.Event()
 
     class Hangs(Recorded):

@@ -17,7 +17,7 @@ from stlbench.report.bands import bands_of
 from stlbench.report.figures.units import UNKNOWN, scale_of_task
 from stlbench.rollout.questions import Unanswered, ask_here
 from stlbench.rollout.standards import AtRandom, ByHand, Pays, standards
-from stlbench.study import asked
+from stlbench.study import plugin_guard
 
 METHODS = """
 import os, signal, time
@@ -56,14 +56,15 @@ SHORT = 2.0
 @pytest.fixture
 def bad(site: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
     site("zz-asked", ENTRIES, {"zz_asked.py": METHODS})
-    monkeypatch.setattr(asked, "EXECUTOR", "local[memory=400M]")
+    monkeypatch.setattr(plugin_guard, "EXECUTOR", "local[memory=400M]")
 
 
 def test_each_costs_its_own_answer_alone_and_the_report_says_why(bad: None, capfd: pytest.CaptureFixture[str]) -> None:
     methods = ["raw", *(f"zz-{name}" for name in QUICK)]
     with pytest.warns(plugins.PluginWarning) as told:
         found = standards(
-            (Setting(Choice("hold-disc"), Choice(method), Choice("dqn"), "quick") for method in methods), asked.ask
+            (Setting(Choice("hold-disc"), Choice(method), Choice("dqn"), "quick") for method in methods),
+            plugin_guard.ask,
         )["hold-disc"]
     said = {str(each.message).split(": ")[1].split(" ")[1]: str(each.message).split("pays: ")[1] for each in told}
     assert said.pop("zz-eat").startswith("it took ")
@@ -79,14 +80,14 @@ def test_each_costs_its_own_answer_alone_and_the_report_says_why(bad: None, capf
 
 def test_what_hangs_is_waited_for_once(bad: None) -> None:
     question = Pays(Choice("hold-disc"), "shared", "zz-hang")
-    assert asked.ask([question], SHORT) == [Unanswered(f"no result after {SHORT:g} s")]
-    assert asked.ask([question]) == [Unanswered(f"no result after {SHORT:g} s")]
+    assert plugin_guard.ask([question], SHORT) == [Unanswered(f"no result after {SHORT:g} s")]
+    assert plugin_guard.ask([question]) == [Unanswered(f"no result after {SHORT:g} s")]
 
 
 def test_what_others_pay_is_the_same_as_in_this_process(bad: None) -> None:
     questions = [Pays(Choice("hold-disc"), track, name) for track in ("shared", "plain") for name in ("raw", "zz-same")]
-    assert [str(answer) for answer in asked.ask(questions)] == [str(answer) for answer in ask_here(questions)]
-    assert asked.ask([Pays(Choice("hold-disc"), "shared", "there-is-none")]) == [None]
+    assert [str(answer) for answer in plugin_guard.ask(questions)] == [str(answer) for answer in ask_here(questions)]
+    assert plugin_guard.ask([Pays(Choice("hold-disc"), "shared", "there-is-none")]) == [None]
 
 
 def test_bounds_that_cannot_be_asked_for_are_none_and_a_warning(bad: None) -> None:
@@ -126,7 +127,7 @@ def test_tasks_of_others_are_scored_in_processes_of_their_own(tasks: None) -> No
     names = ("good", "gone", "torn", "left")
     with pytest.warns(plugins.PluginWarning) as told:
         found = standards(
-            (Setting(Choice(f"zz-{name}"), Choice("raw"), Choice("dqn"), "smoke") for name in names), asked.ask
+            (Setting(Choice(f"zz-{name}"), Choice("raw"), Choice("dqn"), "smoke") for name in names), plugin_guard.ask
         )
     assert [(name, known.by_hand is not None, known.at_random is not None) for name, known in found.items()] == [
         ("zz-good", True, True),
@@ -143,17 +144,17 @@ def test_tasks_of_others_are_scored_in_processes_of_their_own(tasks: None) -> No
 
 def test_a_controller_that_hangs_is_waited_for_no_longer_than_said(tasks: None) -> None:
     hangs, good = ByHand(Choice("zz-idle")), AtRandom(Choice("zz-idle"))
-    assert asked.ask([hangs], SHORT) == [Unanswered(f"no result after {SHORT:g} s")]
-    (score,) = asked.ask([good])
+    assert plugin_guard.ask([hangs], SHORT) == [Unanswered(f"no result after {SHORT:g} s")]
+    (score,) = plugin_guard.ask([good])
     assert not isinstance(score, Unanswered)
 
 
 def test_a_task_that_cannot_be_loaded_is_refused_with_its_name(tasks: None) -> None:
     with pytest.raises(UsageError, match=r"^task zz-left: it cannot be loaded: the process ended with exit code 3$"):
-        asked.loaded("zz-left")
-    assert asked.loaded("zz-good[hold=2]").file.hold == 2
+        plugin_guard.load_guarded("zz-left")
+    assert plugin_guard.load_guarded("zz-good[hold=2]").file.hold == 2
     with pytest.raises(UsageError, match="no task 'there-is-none'"):
-        asked.loaded("there-is-none")
+        plugin_guard.load_guarded("there-is-none")
 
 
 @dataclass(frozen=True)
@@ -169,4 +170,4 @@ class Outside:
 
 def test_one_answer_on_which_all_depends_is_refused_with_what_was_asked() -> None:
     with pytest.raises(UsageError, match=r"^the film: MemoryError$"):
-        asked.of_one(Outside())
+        plugin_guard.ask_one(Outside())

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from stlbench.records.identity import CellId
-from stlbench.study import running as room
-from stlbench.study.running import FOLDER, announce, clear, ended, running
+from stlbench.study import live_cells as room
+from stlbench.study.live_cells import FOLDER, announce, clear, ended, running
 
 CELL = CellId.parse("hold-disc/funnel/dqn/0", "quick")
 

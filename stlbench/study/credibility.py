@@ -8,17 +8,24 @@ still do is in `docs/reference/evaluation.md`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, suppress
 from itertools import chain
+from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 import numpy as np
 
 from stlbench.contract import System
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, cause, one_line
+from stlbench.records.cell_files import cell_files
 from stlbench.records.result import MAIN, Measurement, Result, Score
 from stlbench.records.saved_traces import read_cell
-from stlbench.registry import folders
+from stlbench.registry import folders, plugins
 from stlbench.rollout import referee
 from stlbench.study.cell import Cell
 from stlbench.study.tracks import on_track
@@ -26,6 +33,13 @@ from stlbench.task import Task, load_task
 
 _CLOSE = 1e-9
 """Relative and absolute difference that is none: of the sums of several versions of a library."""
+
+
+APART = True
+"""Whether results of cells with plugins of others are looked at in another process."""
+
+_DEADLINE = 300.0
+"""Seconds for an answer: a task of others has to be loaded."""
 
 
 def contradiction(cell: Cell, result: Result, folder: Path, seconds: float = math.inf) -> str | None:
@@ -108,3 +122,88 @@ def _other_score(task: Task, said: Score, found: Score) -> Iterator[str]:
 def _close(one: object, other: object) -> bool:
     a, b = np.asarray(one, dtype=np.float64), np.asarray(other, dtype=np.float64)
     return a.shape == b.shape and np.allclose(a, b, rtol=_CLOSE, atol=_CLOSE, equal_nan=True)
+
+
+class Examiner:
+    """Takes the place of results that cannot be (`contradiction`), as a context manager.
+
+    Where a cell has a method or an agent of another distribution, a fresh interpreter looks at the results. It imports
+    none of them. It starts with the first result.
+
+    Args:
+        cells: of the run.
+        folder: of results.
+    """
+
+    def __init__(self, cells: Iterable[Cell], folder: Path) -> None:
+        self._folder, self._open = folder, ExitStack()
+        self._link: Connection | None = None
+        self._apart = APART and any(_is_foreign(cell) for cell in cells)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._open.close()
+
+    def __call__(self, cell: Cell, result: Result, seconds: float) -> Result:
+        """The result, or in its place a failure that says what cannot be; the files of that one are removed."""
+        if result.measurement is None:
+            return result
+        asked = (cell, result, self._folder, seconds)
+        problem = self._ask(asked) if self._apart else contradiction(*asked)
+        if problem is None:
+            return result
+        beside = cell_files(self._folder, cell.id, cell.key)
+        for file in (beside.traces, beside.policies):
+            file.unlink(missing_ok=True)
+        return cell.ended("raised", f"its result is not credible: {one_line(problem)}")
+
+    def _ask(self, asked: tuple[Cell, Result, Path, float]) -> str | None:
+        try:
+            self._link = link = self._link or self._started()
+            link.send(asked)
+            if not link.poll(_DEADLINE):
+                return f"who looks at it gave no answer within {_DEADLINE:.0f} s"
+            answer: str | None = link.recv()
+        except (EOFError, OSError) as error:
+            self._link = None
+            return f"who looks at it ended: {cause(error)}"
+        return answer
+
+    def _started(self) -> Connection:
+        ours, theirs = Pipe()
+        code = f"from stlbench.study.credibility import serve; serve({theirs.fileno()})"
+        process = subprocess.Popen(  # noqa: S603 - our own interpreter and code
+            [sys.executable, "-c", code],
+            pass_fds=[theirs.fileno()],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # a ctrl-C in the terminal is for the harness
+        )
+        theirs.close()
+        self._open.callback(process.wait)
+        self._open.callback(ours.close)  # the process ends when it has nobody to answer
+        ours.send(sys.path)
+        return ours
+
+
+def _is_foreign(cell: Cell) -> bool:
+    named = (("methods", cell.id.method.name), ("agents", cell.id.agent.name))
+    found = (plugins.available(kind).get(name) for kind, name in named)
+    return any(plugin is not None and plugin.distribution != plugins.OWN for plugin in found)
+
+
+def serve(descriptor: int) -> None:
+    """Answer what comes from the harness, until it has gone."""
+    link = Connection(descriptor)
+    with suppress(EOFError, OSError):
+        sys.path[:] = link.recv()
+        while True:
+            asked = link.recv()
+            try:
+                answer = contradiction(*asked)
+            except Exception as error:
+                answer = f"it cannot be looked at: {cause(error)}"
+            link.send(answer)

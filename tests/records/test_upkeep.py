@@ -10,13 +10,12 @@ import pytest
 from helpers import synthetic_results
 
 from stlbench.errors import UsageError
-from stlbench.records import saved_policies, stored
+from stlbench.records import stored
+from stlbench.records.cell_files import cell_files
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import Result
-from stlbench.records.saved_policies import policy_file
-from stlbench.records.saved_traces import FOLDER, trace_file
+from stlbench.records.upkeep import Merged, choose, merge, remove
 from stlbench.study.results import Results
-from stlbench.study.upkeep import Merged, choose, merge, remove
 
 MORNING, EVENING = "2026-11-22T08:00:00+00:00", "2026-11-22T20:00:00+00:00"
 
@@ -31,7 +30,7 @@ def folder_of(path: Path, *results: Result) -> Path:
     """A ledger, and files of traces and of policies for each of the results; their content is the folder's name."""
     with Ledger(path / FILE) as ledger:
         for one in results:
-            for file in (trace_file(path / FOLDER, one.id, one.key), policy_file(path, one.id, one.key)):
+            for file in (cell_files(path, one.id, one.key).traces, cell_files(path, one.id, one.key).policies):
                 file.parent.mkdir(parents=True, exist_ok=True)
                 file.write_text(path.name)
             ledger.record(one)
@@ -95,12 +94,12 @@ def test_what_is_removed_is_gone_with_its_files_and_older_results(folder):
     with Ledger(folder / FILE) as ledger:
         ledger.record(replace(result("funnel", 0), key="of an older plugin"))
         ledger.plan({"planned": cell})
-    assert [len(list((folder / kind).iterdir())) for kind in (FOLDER, saved_policies.FOLDER)] == [5, 5]
+    assert [len(list((folder / kind).iterdir())) for kind in ("traces", "policies")] == [5, 5]
     remove(folder, [cell])
     loaded = Results.load(folder)
     assert "hold-disc/funnel/dqn/0" not in [one.id.name for one in loaded]
     assert (len(loaded), loaded.missing) == (4, ())
-    assert [len(list((folder / kind).iterdir())) for kind in (FOLDER, saved_policies.FOLDER)] == [4, 4]
+    assert [len(list((folder / kind).iterdir())) for kind in ("traces", "policies")] == [4, 4]
 
 
 def test_merging_counts_and_the_newest_wins(tmp_path):
@@ -112,12 +111,12 @@ def test_merging_counts_and_the_newest_wins(tmp_path):
     assert len(merged) == 4
     assert merged[a.id.name].key == "newer"
     assert merged[b.id.name].provenance["time"] == EVENING
-    assert trace_file(into / FOLDER, a.id, "newer").read_text() == "source"
-    assert trace_file(into / FOLDER, b.id, b.key).read_text() == "into"
-    assert not trace_file(into / FOLDER, a.id, a.key).exists()
-    assert policy_file(into, a.id, "newer").read_text() == "source"
-    assert policy_file(into, b.id, b.key).read_text() == "into"
-    assert not policy_file(into, a.id, a.key).exists()
+    assert cell_files(into, a.id, "newer").traces.read_text() == "source"
+    assert cell_files(into, b.id, b.key).traces.read_text() == "into"
+    assert not cell_files(into, a.id, a.key).traces.exists()
+    assert cell_files(into, a.id, "newer").policies.read_text() == "source"
+    assert cell_files(into, b.id, b.key).policies.read_text() == "into"
+    assert not cell_files(into, a.id, a.key).policies.exists()
     assert merge(into, source) == counts(kept=3)
     assert len(Results.load(source)) == 3
 
@@ -175,11 +174,11 @@ def test_what_the_source_has_planned_and_lacks_is_planned_here_too(tmp_path):
 def test_a_damaged_file_is_not_copied_and_named(tmp_path):
     a = result("funnel", 0)
     source = folder_of(tmp_path / "source", a)
-    file = trace_file(source / FOLDER, a.id, a.key)
+    file = cell_files(source, a.id, a.key).traces
     file.write_text("not as it was recorded")
     assert merge(tmp_path / "into", source) == counts(added=1, damaged=(str(file),))
-    assert not trace_file(tmp_path / "into" / FOLDER, a.id, a.key).exists()
-    assert policy_file(tmp_path / "into", a.id, a.key).exists()
+    assert not cell_files(tmp_path / "into", a.id, a.key).traces.exists()
+    assert cell_files(tmp_path / "into", a.id, a.key).policies.exists()
 
 
 def test_results_one_by_one_are_the_same_as_all_at_once(tmp_path):

@@ -13,9 +13,10 @@ import pytest
 from helpers import scripted_cells
 
 from stlbench.errors import UsageError
+from stlbench.records import upkeep
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
-from stlbench.study import run, upkeep
+from stlbench.study import run
 
 HOLDS = """
 import sys, time

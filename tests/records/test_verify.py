@@ -11,10 +11,10 @@ from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.records import stored
-from stlbench.records.beside import files_beside
+from stlbench.records.cell_files import cell_files
 from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.verify import DAMAGED, repair, verify
 from stlbench.study import run
-from stlbench.study.verify import DAMAGED, repair, verify
 
 
 def keyed(seed):
@@ -29,7 +29,7 @@ def folder(tmp_path):
         entries = [keyed(seed) for seed in range(3)]
         ledger.plan({entry.key: entry.id for entry in entries})
         for entry in entries:
-            for file in files_beside(place, entry.id, entry.key):
+            for file in cell_files(place, entry.id, entry.key):
                 file.parent.mkdir(exist_ok=True)
                 file.write_text(f"{file.parent.name} of {entry.id.seed}")
             ledger.record(entry)
@@ -49,7 +49,7 @@ def test_a_whole_folder(folder):
 
 
 def test_what_is_missing_or_other_is_named_and_marked_and_its_result_stays(folder):
-    beside = [files_beside(folder, keyed(seed).id, keyed(seed).key) for seed in range(3)]
+    beside = [cell_files(folder, keyed(seed).id, keyed(seed).key) for seed in range(3)]
     beside[0].traces.unlink()
     beside[1].policies.write_text("of another")
     expected = [
@@ -81,7 +81,7 @@ def test_a_row_that_is_not_as_it_was_recorded(folder):
         assert ledger.finished(keyed(seed).key for seed in range(3)) == {keyed(0).key, keyed(2).key}
 
 
-@pytest.mark.filterwarnings("ignore::stlbench.records.damaged.LedgerWarning")
+@pytest.mark.filterwarnings("ignore::stlbench.records.reader.LedgerWarning")
 @pytest.mark.parametrize(
     "column", ["seed='x'", "seed=7", "track=''", "budget=''", "method='a/b'", "status='x'", "key='k'"]
 )
@@ -118,7 +118,7 @@ def test_the_next_run_measures_exactly_what_was_damaged(tmp_path, monkeypatch):
     assert verify(tmp_path).is_whole
 
 
-@pytest.mark.filterwarnings("ignore::stlbench.records.damaged.LedgerWarning")
+@pytest.mark.filterwarnings("ignore::stlbench.records.reader.LedgerWarning")
 def test_a_ledger_with_a_damaged_structure_is_written_anew_with_all_that_can_be_read(tmp_path):
     entries = [keyed(seed) for seed in range(60)]
     with Ledger(tmp_path / FILE) as ledger:

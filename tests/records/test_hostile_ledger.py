@@ -15,9 +15,10 @@ from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.records import npz, saved_traces, schema, stored
+from stlbench.records.cell_files import cell_files
 from stlbench.records.ledger import FILE, Ledger, LedgerWarning
+from stlbench.records.verify import repair, verify
 from stlbench.study.results import Results
-from stlbench.study.verify import repair, verify
 
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT * FROM n"
 COLUMNS = (
@@ -122,7 +123,7 @@ def test_files_of_which_an_emptied_ledger_says_nothing_are_named(ledger: Path) -
     with Ledger(ledger, create=False) as opened:
         planned = next(iter(opened.planned()))
     for key in ("0" * 32, planned):  # a cell that was planned was interrupted, and comes to be measured again
-        npz.write(npz.cell_file(ledger.parent / "traces", result().id, key), {"a": np.zeros(1)})
+        npz.write(cell_files(ledger.parent, result().id, key).traces, {"a": np.zeros(1)})
     found = verify(ledger.parent)
     assert found.strays == ("traces/hold-disc_funnel_dqn_0_000000000000.npz",)
     assert not found.is_whole

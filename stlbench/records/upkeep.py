@@ -11,15 +11,14 @@ from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.records import stored
-from stlbench.records.beside import files_beside
+from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
 from stlbench.records.outputs import inside, opened
 from stlbench.records.result import Result
 from stlbench.records.status import ACCIDENTS, Status
-from stlbench.study.results import Results
-from stlbench.study.verify import verify
+from stlbench.records.verify import verify
 
 
 def choose(
@@ -78,7 +77,7 @@ def remove(folder: Path, cells: Iterable[CellId]) -> None:
 def take_out(folder: Path, ledger: Ledger, cell: CellId) -> None:
     """Take one cell out, for what writes in the folder already."""
     for key in ledger.remove(cell):
-        for file in files_beside(folder, cell, key):
+        for file in cell_files(folder, cell, key):
             inside(file, folder).unlink(missing_ok=True)
 
 
@@ -110,7 +109,7 @@ def merge(into: Path, source: Path) -> Merged:
     """
     if into.resolve() == source.resolve():
         raise UsageError(f"{source} cannot be merged into itself")
-    incoming = Results.load(source)
+    incoming = list(stored.read(source))
     if stored.locate(into) and not (into / FILE).is_file():
         raise UsageError(f"{into} has no {FILE} but {stored.LINES}; merge into a new folder, and export that")
     damaged = _damaged(source)
@@ -125,7 +124,7 @@ def merge(into: Path, source: Path) -> Merged:
                 continue
             if before is not None:
                 take_out(into, ledger, before.id)
-            left_out += _copy_files(incoming.folder, into, result, damaged)
+            left_out += _copy_files(source if source.is_dir() else source.parent, into, result, damaged)
             ledger.record(result)
             counts["added" if before is None else "replaced"] += 1
         planned = _plan(source, ledger)
@@ -165,7 +164,7 @@ def _plan(source: Path, ledger: Ledger) -> int:
 
 def _copy_files(source: Path, into: Path, result: Result, damaged: Collection[tuple[str, str]]) -> Iterator[str]:
     """Those that are there; gives the ones that are damaged."""
-    here, there = files_beside(source, result.id, result.key), files_beside(into, result.id, result.key)
+    here, there = cell_files(source, result.id, result.key), cell_files(into, result.id, result.key)
     for kind, recorded in here._asdict().items():
         if (result.key, kind) in damaged:
             yield str(recorded)

@@ -1,0 +1,183 @@
+"""Stored policies: loaded with their task and method, and simulated again from any start."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from stlbench.contract import Agent, Array, Arrays, GymTask, Intractable, Policy, RewardMethod, Unsuitable
+from stlbench.errors import UsageError, cause
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result, StoredPolicies
+from stlbench.records.saved_policies import Which, read
+from stlbench.records.saved_traces import Film
+from stlbench.registry import plugins
+from stlbench.rollout import referee
+from stlbench.rollout.reenactment import Reenactment
+from stlbench.rollout.shown import observation_of
+from stlbench.rollout.traces import Recording
+from stlbench.study.tracks import Recipe, on_track
+from stlbench.task import Task, build_method, load_task
+from stlbench.task.start_sets import StateStarts
+
+
+class LoadedPolicy(NamedTuple):
+    """What the referee needs to let a stored policy act: `record(kept.task, kept.method, kept.policy, states)`."""
+
+    task: Task
+    """As the cell's track and recipe have it."""
+    method: RewardMethod
+    """Gives the policy the inputs that it was trained with."""
+    policy: Policy
+
+
+def load_policy(folder: Path, result: Result, which: Which = "selected", on: Task | None = None) -> LoadedPolicy:
+    """The stored policy of a cell; it acts as it did when it was scored, bit for bit.
+
+    A tuned recipe is not read again: what of it matters is in the result. Neither is a library that the agent trains
+    with needed, unless its policies do.
+
+    Args:
+        folder: of results.
+        result: of the cell, from that folder's ledger or its `cells.jsonl`.
+        which: the checkpoint that was selected, or the policy at the end of training.
+        on: another task than its own, with the same observation and the same actions; its own where left out.
+
+    Raises:
+        UsageError: no policy is stored, or it is not what was recorded; its task, method or agent is not installed, or
+            gives other observations or takes other actions now than it did when the policy was trained.
+    """
+    arrays, name = read(folder, result, which), result.id.name
+    assert result.measurement is not None
+    assert result.measurement.policies is not None
+    stored, cell = result.measurement.policies, result.id
+    task = own_task(cell, stored) if on is None else on
+    try:
+        method = build_method(task, cell.method)
+        policy = _restored(cell.agent.name, arrays, task)
+    except (Intractable, Unsuitable) as error:
+        raise UsageError(f"{name}: its policy cannot be used: {error}") from error
+    _check(name, task, method, stored, cell)
+    return LoadedPolicy(task, method, policy)
+
+
+def own_task(cell: CellId, stored: StoredPolicies) -> Task:
+    """The task of a cell, as its track and recipe have it. Raises `UsageError` where it is not installed."""
+    recipe = Recipe(stored.agent, stored.hold) if cell.track == "tuned" else None
+    return on_track(load_task(cell.task), cell.agent, cell.track, recipe)
+
+
+def _restored(agent: str, arrays: Arrays, task: Task) -> Policy:
+    plugin = plugins.find("agents", agent)
+    kind = cast(type[Agent], plugin.load())
+    try:
+        return kind.restore(arrays, task.actions)
+    except Unsuitable:
+        raise
+    except Exception as error:
+        raise Unsuitable(f"{plugin} cannot restore it: {cause(error)}") from error
+
+
+def _check(name: str, task: Task, method: RewardMethod, stored: StoredPolicies, cell: CellId) -> None:
+    """Networks do not check what they are given; some would read what lies beside it in memory."""
+    shown = observation_of(task, method, str(cell.method))
+    if shown.total != stored.observation_size:
+        rule = f"acts on {stored.observation_size} numbers, and task {task.name} shows {shown.total}"
+        raise UsageError(f"{name}: its policy {rule}; it is another task, or one was changed since it was trained")
+    if stored.observation is not None:
+        stored.observation.check(name, shown)
+    elif task.choice != cell.task:
+        own = own_task(cell, stored)
+        observation_of(own, build_method(own, cell.method), str(cell.method)).check(name, shown)
+
+
+@dataclass(frozen=True)
+class Start:
+    """Which one: of the report's, or anywhere. All of the report's where neither is said."""
+
+    index: int | None = None
+    """Of the report's grid, counted from 0."""
+    point: tuple[float, ...] | None = None
+    """In the coordinates of the task's `initial` box; of an environment whose starts are seeds, one of them."""
+
+
+EVERY = Start()
+"""All starts of the report's grid."""
+
+
+class Replay(NamedTuple):
+    """Traces of a policy, and what the referee says of them."""
+
+    task: Task
+    method: RewardMethod | None
+    """None where traces were recorded, and nothing acted again."""
+    recording: Recording
+    robustness: tuple[float, ...]
+    """From each start."""
+
+
+def parse_start(text: str) -> tuple[float, ...]:
+    """The numbers of "0.3,1.2". Raises `UsageError` where one is none."""
+    try:
+        point = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        point = ()
+    if not point or not all(map(math.isfinite, point)):
+        raise UsageError(f"--start {text}: numbers separated by commas are expected, as in 0.3,1.2")
+    return point
+
+
+def replay(folder: Path, result: Result, which: Which = "selected", start: Start = EVERY) -> Replay:
+    """Let a cell's stored policy act again.
+
+    Raises:
+        UsageError: no policy of the cell can be used (`load_policy`), or the task has no such start.
+    """
+    task, method, policy = load_policy(folder, result, which)
+    visited = list[Array]()
+    traces = referee.record(task, method, policy, _begun(task, start), visited).traces
+    robustness = referee.score(task, traces).robustness
+    extremes = np.array([np.argmax(robustness), np.argmin(robustness)])[: len(traces)]
+    states = np.stack(visited, axis=1)
+    return Replay(task, method, Recording(traces, 1, Film(extremes, states[extremes])), robustness)
+
+
+def reenact(folder: Path, result: Result, which: Which, start: Start, film: Film) -> Reenactment:
+    """Let a cell's stored policy act before a camera, from the starts of a film.
+
+    Raises:
+        UsageError: as `replay`, or the task's environment has no pictures.
+    """
+    task, method, policy = load_policy(folder, result, which)
+    if isinstance(task.dynamics, GymTask) and task.source.undrawn:
+        raise UsageError(task.source.undrawn)
+    return Reenactment(task, method, policy, _begun(task, start)[film.starts])
+
+
+def _begun(task: Task, start: Start) -> Array:
+    """The starts (N, s)."""
+    if start.point is not None:
+        return _at(task, start.point)
+    reported = task.starts.report_and_selection()[0]
+    if start.index is None:
+        return reported
+    if start.index >= len(reported):
+        raise UsageError(f"the report of {task.name} has starts 0 to {len(reported) - 1}, got {start.index}")
+    return reported[[start.index]]
+
+
+def _at(task: Task, point: tuple[float, ...]) -> Array:
+    """One start, (1, s)."""
+    starts = task.starts
+    if not isinstance(starts, StateStarts):
+        if len(point) != 1 or point[0] < 0 or point[0] != int(point[0]):
+            raise UsageError(f"a start of {task.name} is a seed, a whole number from 0 on")
+        return np.array([point])
+    names = tuple(starts.initial.box)
+    if len(point) != len(names):
+        raise UsageError(f"a start of {task.name} has {len(names)} numbers, {', '.join(names)}; got {len(point)}")
+    return starts.system.initial_states(np.array([point]))
