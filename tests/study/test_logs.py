@@ -14,7 +14,7 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice, parse_choice
-from stlbench.study import logs
+from stlbench.study import live_cells, logs
 from stlbench.study.live_cells import announce
 from stlbench.study.logs import Logged, build_logs, logged
 from stlbench.study.run import run_described
