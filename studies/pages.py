@@ -19,7 +19,6 @@ from stlbench import Results
 from stlbench.registry import plugins
 from stlbench.rollout.baselines import constants
 from stlbench.task import load_task
-from stlbench.task.file import Baseline, Baselines
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results" / "reference"
@@ -57,14 +56,15 @@ def short(row: Row) -> str:
     return f"{number(row['median robustness'])}, {row['learned']} {row.get('mark', '').replace('~', '')}".rstrip()
 
 
-def entry(row: Row | None, seeds: int = SEEDS) -> str:
+def entry(row: Row | None, seeds: int = SEEDS, interval: bool = True) -> str:
     """ "0.396 [0.395, 0.397] 10, 9 *": median, interval, seeds that learned it with the selected and final policy."""
     if row is None:
         return ""
     if not row["median robustness"]:
         return row["seeds unfinished"].partition(" ")[2]
     ends = (row["median 95 % interval low"], row["median 95 % interval high"])
-    shown = f"{number(row['median robustness'])} [{', '.join(map(number, ends))}] " if all(ends) else ""
+    known = f"[{', '.join(map(number, ends))}] " if interval else ""
+    shown = f"{number(row['median robustness'])} {known}" if all(ends) else ""
     of = "" if int(row["seeds done"]) == seeds else f" of {row['seeds done']}"
     marks = row.get("mark", "").replace("~", "")
     return f"{shown}{row['learned']}, {row['final learned']}{of}{f' {marks}' if marks else ''}"
@@ -124,12 +124,12 @@ def overlap_ends() -> str:
 
 
 def field() -> str:
-    """One row per task from the field and agent, one column per method that many of them were trained with."""
+    """One row per task from the field and agent but `either-or`, one column per method that many were trained with."""
     found = field_rows()
     methods = ("funnel", "raw", "flag", "tau-mdp")
-    keys = dict.fromkeys((task, agent) for task, agent, _ in found)
+    keys = dict.fromkeys((task, agent) for task, agent, _ in found if task != "either-or")
     body = [
-        [f"`{task}`", f"`{agent}`", *(entry(found.get((task, agent, method)), 5) for method in methods)]
+        [f"`{task}`", f"`{agent}`", *(entry(found.get((task, agent, method)), 5, interval=False) for method in methods)]
         for task, agent in keys
     ]
     return table(["task", "agent", *(f"`{method}`" for method in methods)], body, right=0)
@@ -140,7 +140,10 @@ def either_or() -> str:
     found = {(method, agent): row for (task, agent, method), row in field_rows().items() if task == "either-or"}
     agents = ("td3", "sb3-ppo")
     methods = sorted({method for method, _ in found}, key=lambda method: (_last(found[method, agents[0]]), method))
-    body = [[f"`{method}`", *(entry(found.get((method, agent)), 5) for agent in agents)] for method in methods]
+    body = [
+        [f"`{method}`", *(entry(found.get((method, agent)), 5, interval=False) for agent in agents)]
+        for method in methods
+    ]
     return table(["method", *(f"`{agent}`" for agent in agents)], body, right=0)
 
 
@@ -228,7 +231,7 @@ def whole(lines: tuple[Sequence[str], Sequence[Sequence[str]]]) -> str:
 
 
 def baselines() -> str:
-    """One row per task of stlbench: its baselines, what its controller gets, the best known and its upper bound."""
+    """One row per task of stlbench: its best constant action, its controller, the best known and its upper bound."""
     by_hand = {row["task"]: row for folder in ("field", "reference") for row in recorded.table(folder, "controllers")}
     body = []
     for name in plugins.available("tasks"):
@@ -236,21 +239,16 @@ def baselines() -> str:
         parts, known = task.file.baselines, task.file.best_known
         assert parts is not None  # so that nothing is measured here
         assert known is not None
-        shown = [f"{each.robustness:.3f}, {100 * each.satisfied:.0f} %" for each in _each(parts)]
-        shown.append(
+        controller = (
             f"{number(hand['mean robustness'])}, {float(hand['satisfied [%]']):.0f} %"
             if hand and hand["mean robustness"]
             else ""
         )
         bound = "" if known.upper_bound is None else f"{known.upper_bound:.5g}"
         title = f"`{name}` **trivial**" if constants(task).trivial else f"`{name}`"
-        body.append([title, *shown, f"{known.robustness:.5g}", bound, known.how])
-    header = ["task", "zero action", "best constant", "random", "by hand", "best known", "upper bound", "known by"]
-    return table(header, body, right=6)
-
-
-def _each(parts: Baselines) -> tuple[Baseline, Baseline, Baseline]:
-    return parts.zero, parts.constant, parts.random
+        constant = f"{parts.constant.robustness:.3f}, {100 * parts.constant.satisfied:.0f} %"
+        body.append([title, constant, controller, f"{known.robustness:.5g}", bound])
+    return table(["task", "best constant action", "by hand", "best known", "upper bound"], body, right=4)
 
 
 PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
