@@ -191,7 +191,6 @@ VARIANTS: Mapping[str, tuple[str, ...]] = {
     "sparse": ("", "pays=failure"),
     "tau-cmdp": ("", "window=after"),
     "tau-mdp": ("", "form=probability"),
-    "tltl": ("", "pays=terminated"),
 }
 """Parameters of methods, beside their defaults."""
 
