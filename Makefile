@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: run test test-all quick lint types imports unit coverage lowest docs gate bench soak reference tuning alignment ablation agents survey field leaderboard paper-figures clean
+.PHONY: run test test-all quick lint types imports unit coverage lowest docs gate bench soak reference tuning alignment ablation agents survey field paper-figures clean
 
 ## Compare funnel and flag on the task reach-stay; tables on screen and under results/.
 run: $(VENV)/ready
@@ -172,16 +172,6 @@ agents: $(VENV)/ready-all
 	$(AGENTS) --seeds 2 --tasks pendulum --agents "dqn[head=joint],dqn[averaging=0]"
 	$(BIN)/stlbench report results/agents
 	$(BIN)/stlbench export results/agents --format jsonl
-
-## The leaderboard: trains its first entry, and scores it with all that was submitted, from fresh starts; 5 minutes of CPU
-## time. See docs/leaderboard/index.md.
-LEADERBOARD := docs/leaderboard
-SUBMITTED := docs/leaderboard/bundles
-leaderboard: $(VENV)/ready
-	$(BIN)/stlbench run studies/leaderboard.yaml
-	$(BIN)/stlbench bundle build/leaderboard/cheap build/leaderboard/stlbench-cheap.zip \
-	  --author "The stlbench maintainers" --title "Three methods on two cheap tasks"
-	$(BIN)/stlbench leaderboard build/leaderboard/stlbench-cheap.zip $(SUBMITTED) --output $(LEADERBOARD)
 
 ## The subjects of the paper's figures, from one seed of each; 6 minutes of CPU time. See docs/reproduction.md.
 PAPER := $(BIN)/stlbench run --results results/paper --seeds 1

@@ -115,23 +115,6 @@ def test_without_a_verdict_there_is_no_comment(command) -> None:
     assert not calls.exists()
 
 
-def test_the_leaderboard_is_shown_in_the_summary_and_as_a_comment(tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    script = ROOT / ".github" / "actions" / "leaderboard" / "summary.sh"
-    where = {"PAGE": "page", "GITHUB_STEP_SUMMARY": str(tmp_path / "summary")}
-    assert bash(script, **where).stdout == "nothing to say: page/table.md is not there\n"
-    (tmp_path / "page").mkdir()
-    (tmp_path / "page" / "table.md").write_text("## Results\n$(touch hacked)`touch hacked`\n")
-    assert bash(script, **where).returncode == 0
-    table = (tmp_path / "summary").read_text()
-    assert table == "## Results\n$(touch hacked)`touch hacked`\n"
-    assert (tmp_path / "page" / "comment.md").read_text() == f"<!-- stlbench leaderboard -->\n{table}"
-    (tmp_path / "page" / "table.md").write_text("x" * 70_000)
-    assert bash(script, **where).returncode == 0
-    assert "too long for a comment" in (tmp_path / "page" / "comment.md").read_text()
-    assert not (tmp_path / "hacked").exists()
-
-
 def test_the_action_gives_its_scripts_every_variable_they_read() -> None:
     steps = yaml.safe_load((ACTION / "action.yml").read_text(encoding="utf-8"))["runs"]["steps"]
     for step in steps:

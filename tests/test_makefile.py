@@ -38,7 +38,6 @@ def test_a_python_that_is_too_old(tmp_path: Path) -> None:
         "ablation",
         "survey",
         "agents",
-        "leaderboard",
         "docs",
     ],
 )

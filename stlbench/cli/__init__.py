@@ -18,7 +18,6 @@ from stlbench.cli.export import export
 from stlbench.cli.export_policy import export_policy
 from stlbench.cli.falsify import falsify
 from stlbench.cli.gate import gate
-from stlbench.cli.leaderboard import leaderboard
 from stlbench.cli.listing import list_plugins
 from stlbench.cli.monitor import monitor
 from stlbench.cli.new import new
@@ -69,7 +68,6 @@ app.command("export-policy", rich_help_panel=POLICIES, short_help="Write a store
 app.command("bundle", rich_help_panel=SHARE, short_help="Pack results into one file with checksums.")(bundle)
 app.command("verify", rich_help_panel=SHARE, short_help="Check that a folder or bundle of results is whole.")(verify)
 app.command("export", rich_help_panel=SHARE, short_help="Write results for other programs.")(export)
-app.command("leaderboard", rich_help_panel=SHARE, short_help="Rank bundles on fresh starts.")(leaderboard)
 app.add_typer(results, name="results", rich_help_panel=SHARE)
 app.command("new", rich_help_panel=DEVELOP, short_help="Write the files of a new method, task or agent.")(new)
 app.command("check", rich_help_panel=DEVELOP, short_help="Check a plugin against its contract.")(check)

@@ -1,4 +1,4 @@
-"""`stlbench watch`: what runs in a folder of results, from another terminal or in a browser."""
+"""`stlbench watch`: what runs in a folder of results, from another terminal."""
 
 from __future__ import annotations
 
@@ -16,39 +16,21 @@ def watch(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder in which `stlbench run` writes.")],
     every: Annotated[float, typer.Option(metavar="SECONDS", min=0.1, help="How often to look.")] = 2.0,
     once: Annotated[bool, typer.Option("--once", help="Look once.")] = False,
-    page: Annotated[bool, typer.Option("--page", help="Show it in a browser, on this machine alone.")] = False,
-    port: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, max=65535, help="Of the page.", show_default="one that is free"),
-    ] = None,
 ) -> None:
     """Show what runs in a folder of results, until nobody writes in it any more.
 
     Says how many cells are done and how many failed, how long the rest may take, and of each cell that runs its step,
     the score of its last checkpoint, from a few starts, and the robustness of its checkpoints so far. In a pipe it
-    prints lines, and only when something changed. With --page it says the address of a page that refreshes itself, and
-    goes on until ctrl-C.
+    prints lines, and only when something changed.
 
     \b
     Examples:
       stlbench watch results
       stlbench watch results --once
-      stlbench watch results --page
     """
     from stlbench.cli.looker import Looker
-    from stlbench.errors import UsageError
 
-    if port is not None and not page:
-        raise UsageError("--port is of the page: add --page")
-    if once and page:
-        raise UsageError("--once looks once, and --page goes on: leave one of them out")
-    looker = Looker(folder)
-    if page:
-        from stlbench.cli.watch_page import serve
-
-        serve(looker, every, port or 0, typer.echo)
-    else:
-        _show(looker, every, once)
+    _show(Looker(folder), every, once)
 
 
 def _show(looker: Looker, every: float, once: bool) -> None:
