@@ -38,9 +38,9 @@ from stlbench.contract.presentation import Drawn, Pixels
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import plugins
 from stlbench.registry.choices import choice_of
-from stlbench.rollout.early_ends import standing_still
+from stlbench.rollout.early_ends import EarlyEnds
 from stlbench.rollout.environment import Simulator
-from stlbench.rollout.shown import observation_of
+from stlbench.rollout.observing import observation_of
 from stlbench.task import Task, build_method, load_task
 
 __all__ = ["StlEnv", "StlVectorEnv", "register_all"]
@@ -116,9 +116,8 @@ class _Copies:
         simulator, before = self._simulator, self._before()
         reward, samples = simulator.advance(action)
         if simulator.world.can_end:
-            now, t, memory = simulator.world.ended, simulator.t, simulator.memory
-            says = self.task.file.terminated
-            reward = standing_still(self.method, says, reward, before, now, t, memory, simulator.hold)
+            ends = EarlyEnds(self.method, self.task.file.terminated)
+            reward = ends.standing_still(reward, before, simulator.world.ended, simulator.t, simulator.hold)
         over = bool(self._simulator.t[0] >= self._simulator.horizon)
         self._running = not over
         return self._simulator.observe().astype(np.float32), reward / self._scale, over, self._info(samples)

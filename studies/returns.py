@@ -21,7 +21,7 @@ from stlbench.records import stored
 from stlbench.records.result import Result
 from stlbench.records.saved_traces import read_cell
 from stlbench.registry.choices import Choice
-from stlbench.rollout.endings import ends_of, first_end
+from stlbench.rollout.model import ends_of, first_end
 from stlbench.task import build_method, load_task
 from stlbench.task.task import Task
 from stlbench_agents.planning.ends import forever

@@ -166,9 +166,9 @@ def _judge(
     """Each trace as far as it was recorded."""
     import numpy as np
 
-    from stlbench.rollout.recorded import last_recorded
+    from stlbench.rollout.early_ends import last_steps
 
-    last, found = last_recorded(traces.samples), dict[int, Verdict]()
+    last, found = last_steps(traces.samples), dict[int, Verdict]()
     for end in np.unique(last):
         which = np.flatnonzero(last == end).tolist()
         alike = traces._replace(samples=traces.samples[which, : end + 1])
@@ -204,9 +204,9 @@ def _judge_alike(
 
 def _warn_of_early_ends(traces: SavedTraces, starts: list[int | None]) -> None:
     """That verdicts are about less than an episode has to be said: they are not those of the task."""
-    from stlbench.rollout.recorded import last_recorded
+    from stlbench.rollout.early_ends import last_steps
 
-    rows, length = last_recorded(traces.samples) + 1, traces.samples.shape[1]
+    rows, length = last_steps(traces.samples) + 1, traces.samples.shape[1]
     if early := [f"start {start} has {count}" for start, count in zip(starts, rows, strict=True) if count < length]:
         said = ", ".join(early[:3]) + (", ..." if len(early) > 3 else "")
         rule = "each is judged by the rows that it has; `stlbench score` judges it as the task says"

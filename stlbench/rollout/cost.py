@@ -6,7 +6,7 @@ Both limits are choices, for measured reasons that `docs/performance.md` has.
 from __future__ import annotations
 
 from stlbench.contract import Agent, Intractable, RewardMethod
-from stlbench.rollout.shown import size_without
+from stlbench.rollout.observing import size_without
 from stlbench.task.task import Task
 
 REPLAY_LIMIT = 4.0

@@ -1,10 +1,11 @@
 """What it means that an environment ends an episode before its last step, in a verdict and in a reward.
 
-Where it means more than that the last sample stays, traces have NaN after that sample: nothing was recorded there.
+Unless the last sample stays (`hold`), traces have NaN after it.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -63,9 +64,10 @@ def judge(formula: stl.Formula, traces: Array, specification: Specification, ter
 
 
 def last_steps(traces: Array) -> Integers:
-    """The last step that was recorded of each of traces (n, T + 1, k), (n,): T, but after some early ends."""
-    steps: Integers = (~np.isnan(traces).any(axis=2)).sum(axis=1) - 1
-    return steps
+    """The last row of each of traces (N, T + 1, k) that is not NaN in all signals, (N,): T, but after early ends."""
+    missing: Truth = np.logical_and.reduce(np.isnan(traces), axis=2)
+    last: Integers = traces.shape[1] - 1 - np.argmin(missing[:, ::-1], axis=1)
+    return last
 
 
 def greatest_and_least(specification: Specification, node: stl.Formula) -> tuple[float, float]:
@@ -101,70 +103,59 @@ def greatest_and_least(specification: Specification, node: stl.Formula) -> tuple
             return np.inf, np.inf
 
 
-def remainder(
-    method: RewardMethod,
-    terminated: EarlyEnd,
-    last: Array,
-    action: Array,
-    t: int,
-    memory: Array,
-    discount: float = 1.0,
-) -> float:
-    """What an end at step t is paid beside its own step, in the method's unit; 0 at the last step.
+@dataclass(frozen=True)
+class EarlyEnds:
+    """What a method pays for an episode that its environment ends before step T."""
 
-    Args:
-        method: what pays.
-        terminated: `hold` pays what the method pays while the last sample stays, `violated` its floor for each step
-            that is left, or once where the method can end, `interval` nothing.
-        last: the sample (k,) at t.
-        action: the last one, (1, axes).
-        t: step of the sample, in 1..T.
-        memory: at t, (1, m).
-        discount: by which later rewards count.
-    """
-    left = method.specification.steps - t
-    if left == 0:
-        return 0.0
-    if terminated == "interval":
-        return 0.0
-    weights = discount ** np.arange(1.0, left + 1)
-    if terminated == "violated":
-        return float(method.floor * (weights[0] if method.can_end else weights.sum()))
-    samples = np.tile(last, (left + 1, 1, 1))
-    rewards, _ = method.along(samples, action, np.array([t]), memory)
-    return float(weights @ rewards[:, 0])
+    method: RewardMethod
+    terminated: EarlyEnd
+    """`hold` pays what the method pays while the last sample stays, `violated` its floor for each step that is left, or
+    once where the method can end, `interval` nothing."""
 
+    @property
+    def _once_and_each(self) -> tuple[float, float]:
+        """What is paid at the end, and at each step that is left, unless the last sample stays."""
+        floor = self.method.floor if self.terminated == "violated" else 0.0
+        return (floor, 0.0) if self.method.can_end else (0.0, floor)
 
-def standing_still(
-    method: RewardMethod,
-    terminated: EarlyEnd,
-    reward: Array,
-    before: Truth,
-    now: Truth,
-    t: Integers,
-    memory: Array,
-    hold: int,
-) -> Array:
-    """Rewards (N,) of one decision to steps t (N,), where a copy that has ended stands still up to step T.
+    def sum_left(self, last: Array, action: Array, t: int, memory: Array, discount: float = 1.0) -> float:
+        """What the steps after step t are paid in one sum, in the method's unit; 0 at the last step.
 
-    Over the steps that are left they add up to what `remainder` pays in one sum, without a discount.
+        Args:
+            last: the sample (k,) at t.
+            action: the last one, (1, axes).
+            t: step of the sample, in 1..T.
+            memory: at t, (1, m).
+            discount: by which later rewards count.
+        """
+        left = self.method.specification.steps - t
+        if left == 0:
+            return 0.0
+        weights = discount ** np.arange(1.0, left + 1)
+        if self.terminated != "hold":
+            once, each = self._once_and_each
+            return float(once * weights[0] + each * weights.sum())
+        samples = np.tile(last, (left + 1, 1, 1))
+        rewards, _ = self.method.along(samples, action, np.array([t]), memory)
+        return float(weights @ rewards[:, 0])
 
-    Args:
-        method: what pays.
-        terminated: as for `remainder`.
-        reward: what the method pays for the samples, the mean over the steps of a decision, (N,).
-        before: which copies have ended, or were over for the method, before the decision, (N,).
-        now: which copies the environment has ended after it, (N,).
-        t: after it, (N,).
-        memory: after it, (N, m).
-        hold: steps of a decision.
-    """
-    if terminated == "hold":
-        return reward
-    floor = method.floor if terminated == "violated" else 0.0
-    later, once = (0.0, floor) if method.can_end else (floor, 0.0)
-    stops: Truth = now & ~before & (t < method.specification.steps)
-    return np.where(before, later, reward) + np.where(stops, once / hold, 0.0)
+    def standing_still(self, reward: Array, before: Truth, now: Truth, t: Integers, hold: int) -> Array:
+        """Rewards (N,) of one decision to steps t (N,), where a copy that has ended stands still up to step T.
+
+        Over the steps that are left they add up to `sum_left` without a discount.
+
+        Args:
+            reward: what the method pays for the samples, the mean over the steps of a decision, (N,).
+            before: which copies have ended, or were over for the method, before the decision, (N,).
+            now: which copies the environment has ended after it, (N,).
+            t: after it, (N,).
+            hold: steps of a decision.
+        """
+        if self.terminated == "hold":
+            return reward
+        once, each = self._once_and_each
+        stops: Truth = now & ~before & (t < self.method.specification.steps)
+        return np.where(before, each, reward) + np.where(stops, once / hold, 0.0)
 
 
 def without_end(traces: Array, last: Integers) -> Array:

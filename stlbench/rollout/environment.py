@@ -12,10 +12,9 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Transition, Truth, World
 from stlbench.rollout import faults
-from stlbench.rollout.clock import scaled_times
-from stlbench.rollout.counterfactuals import Taken, counterfactual
-from stlbench.rollout.early_ends import remainder
-from stlbench.rollout.endings import ends_of, first_end
+from stlbench.rollout.early_ends import EarlyEnds
+from stlbench.rollout.model import ends_of, first_end
+from stlbench.rollout.observing import beside, scaled_times
 from stlbench.rollout.worlds import make_world
 from stlbench.task.task import Task
 
@@ -33,14 +32,7 @@ class Simulator:
     """N copies of a task with a method's memory, all at their own time, without restarts."""
 
     def __init__(self, task: Task, method: RewardMethod, rewarded: bool = True, *, drawn: bool = False) -> None:
-        """What it simulates.
-
-        Args:
-            task: whose copies.
-            method: what pays, and has memory and inputs.
-            rewarded: whether rewards are wanted; without, those of a method without memory are NaN.
-            drawn: whether pictures are wanted, see `make_world`.
-        """
+        """Args: `rewarded` False makes the rewards of a method without memory NaN; `drawn` see `make_world`."""
         self.task, self.method, self._drawn = task, method, drawn
         self._rewarded = rewarded or method.memory_size > 0
         self.horizon, self.hold = task.file.steps, task.file.hold
@@ -81,9 +73,7 @@ class Simulator:
         `t` (N,) stands in place of the copies' own time where it is given.
         """
         t = self.t if t is None else t
-        parts = [self.world.features(t), self._times[t]]
-        if self.method.memory_size:
-            parts.append(self.method.inputs(self.memory))
+        parts = [self.world.features(t), *beside(self.method, self._times, t, self.memory)]
         observation = np.concatenate(parts, axis=1)
         faults.check_observation(self.task, self.method, parts, observation, t)
         return observation
@@ -104,10 +94,7 @@ class Simulator:
 
     def paid(self, samples: Array, vectors: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
         """What the method pays for samples (hold + 1, N, k) from a memory on, the mean (N,), and the memory after."""
-        rewards, memory = self.method.along(samples, vectors, t, memory)
-        faults.check_rewards(self.method, rewards, self.hold, t)
-        if self.method.memory_size:
-            faults.check_memory(self.method, memory, t + self.hold)
+        rewards, memory = faults.pay(self.method, samples, vectors, t, memory)
         mean: Array = rewards[0] if self.hold == 1 else rewards.mean(axis=0)
         return mean, memory
 
@@ -118,10 +105,34 @@ class Simulator:
         return over
 
 
-class BatchEnvironment:
-    """N copies that restart by themselves (`contract.Environment`). All randomness is that of the initial states.
+class _Fate(NamedTuple):
+    """What a step came to for N copies, whatever the memory of the method."""
 
-    How training episodes differ from those that the referee scores is the task's, `TaskFile.training`.
+    fixed: Truth
+    """(N,): the task or the world ended the episode. Its reward and discount do not depend on the memory."""
+    ended: Truth
+    """(N,): `fixed`, or the episode is at its last step."""
+    discount: Array
+    """(N,): 0 where nothing follows."""
+
+
+class _Taken(NamedTuple):
+    """The last step of N copies, for `counterfactual`."""
+
+    observation: Array
+    """(N, D), before it."""
+    t: Integers
+    """(N,), before it."""
+    memory: Array
+    """(N, m), before it."""
+    transition: Transition
+    fate: _Fate
+
+
+class BatchEnvironment:
+    """N copies that restart by themselves (`contract.Environment`). Only the starts are random.
+
+    The task file says how training episodes differ from those that the referee scores (`TaskFile.training`).
     """
 
     def __init__(self, task: Task, method: RewardMethod, count: int, seed: int) -> None:
@@ -131,7 +142,7 @@ class BatchEnvironment:
         self._training, horizon = task.file.training, task.file.steps
         self._cut = np.zeros(horizon + 1, dtype=np.bool_)
         self._cut[[*self._training.cuts, horizon]] = True
-        self._ends = ends_of(task, method)
+        self._ends, self._early_ends = ends_of(task, method), EarlyEnds(method, task.file.terminated)
         self.counterfactuals = method.counterfactuals
         self._generator = np.random.default_rng(seed)
         self._going_on = np.ones(count)
@@ -152,62 +163,78 @@ class BatchEnvironment:
 
     def step(self, action: Integers | Array) -> Transition:
         """Hold the actions for `hold` steps (see `contract.Environment`); rows whose episode is over are reset."""
-        simulator = self.simulator
-        if not self.counterfactuals:
-            return self._step(action)[0]
-        seen, t, memory = self._seen, simulator.t, simulator.memory
-        transition, fixed = self._step(action)
-        self._seen = transition.observation
-        self._taken = Taken(seen, t, memory, simulator.last_samples, simulator.last_action, transition, fixed)
+        simulator, before = self.simulator, (self._seen, self.simulator.t, self.simulator.memory)
+        held = simulator.advance(action)
+        self.taken += self.count * self.hold
+        reward = held.reward / simulator.method.scale
+        fate = self._fate(reward, held.samples)
+        discount, ended, once = self._outcome(simulator.memory, fate)
+        cut, t = self._cut[simulator.t] | ended, simulator.t
+        observation = arrived = simulator.observe()
+        if np.count_nonzero(cut):
+            # beyond a boundary the reward asks for something else: the value is that of going on as before it
+            if (boundary := cut & (t < simulator.horizon) & self._cut[t]).any():
+                arrived = simulator.observe(np.where(boundary, t - self.hold, t))
+            if ended.any():
+                self._reset_rows(np.flatnonzero(ended))
+                observation = simulator.observe()
+        transition = Transition(observation, reward, arrived, discount, cut, ended, once)
+        if self.counterfactuals:
+            self._seen, self._taken = observation, _Taken(*before, transition, fate)
         return transition
 
     def counterfactual(self, generator: np.random.Generator) -> tuple[Array, Transition]:
         """The last step with other memories (see `contract.Environment`)."""
-        return counterfactual(self.simulator, self._taken, generator)
+        simulator, method, taken = self.simulator, self.simulator.method, self._taken
+        samples, fixed = simulator.last_samples, taken.fate.fixed
+        other = method.counterfactual(samples[0], taken.t, taken.memory, generator.random(taken.memory.shape))
+        faults.check_memory(method, other, taken.t)
+        memory = np.where(fixed[:, None], taken.memory, other)
+        reward, after = simulator.paid(samples, simulator.last_action, taken.t, memory)
+        discount, ended, once = self._outcome(after, taken.fate)
+        transition = taken.transition._replace(
+            reward=np.where(fixed, taken.transition.reward, reward / method.scale),
+            arrived=_with_inputs(method, taken.transition.arrived, after),
+            discount=discount,
+            cut=np.ones_like(fixed),
+            ended=ended,
+            once=once,
+        )
+        return _with_inputs(method, taken.observation, memory), transition
 
-    def _step(self, action: Integers | Array) -> tuple[Transition, Truth]:
-        """The transition, and which copies the task or the world has ended (N,), whatever the method says."""
-        simulator = self.simulator
-        held = simulator.advance(action)
-        self.taken += self.count * self.hold
-        reward = held.reward / simulator.method.scale
-        t, fixed = simulator.t, self._none
-        ended, discount = t >= self._broken_off, self._going_on
+    def _fate(self, reward: Array, samples: Array) -> _Fate:
+        """What a step to the samples (N, hold, k) came to; pays the copies that the task or the world ended, in place.
+
+        The rewards (N,) are over the method's scale.
+        """
+        simulator, t = self.simulator, self.simulator.t
+        fixed, ended, discount = self._none, t >= self._broken_off, self._going_on
         if self._ends:
-            fixed, paid = first_end(self._ends, held.samples, t)
+            fixed, paid = first_end(self._ends, samples, t)
             reward[fixed] = paid[fixed]
             ended, discount = ended | fixed, np.where(fixed, 0.0, 1.0)
         if simulator.world.can_end and (stopped := simulator.world.ended & (t < simulator.horizon) & ~ended).any():
-            discount = self._stop(stopped, reward, discount, simulator.last_action)
-            ended, fixed = ended | stopped, fixed | stopped
-        once = None
-        if simulator.method.can_end:
-            over = simulator.over(simulator.memory)
-            ended, discount = ended | over, np.where(over, 0.0, discount)
-            once = discount == 0
-        cut = self._cut[t] | ended
-        observation = simulator.observe()
-        if not np.count_nonzero(cut):
-            return Transition(observation, reward, observation, discount, cut, ended, once), fixed
-        # beyond a boundary the reward asks for something else: the value is that of going on as before it
-        boundary = cut & (t < simulator.horizon) & self._cut[t]
-        arrived = simulator.observe(np.where(boundary, t - self.hold, t)) if boundary.any() else observation
-        if ended.any():
-            self._reset_rows(np.flatnonzero(ended))
-            observation = simulator.observe()
-        return Transition(observation, reward, arrived, discount, cut, ended, once), fixed
+            fixed, ended = fixed | stopped, ended | stopped
+            if self.task.file.terminated != "interval":  # nobody knows what would follow: going on is worth the same
+                self._pay_stopped(np.flatnonzero(stopped), reward)
+                discount = np.where(stopped, 0.0, discount)
+        return _Fate(fixed, ended, discount)
 
-    def _stop(self, stopped: Truth, reward: Array, discount: Array, action: Array) -> Array:
-        """Pay those copies that the world has ended, in place; returns the discounts."""
-        simulator = self.simulator
-        method = simulator.method
-        if self.task.file.terminated == "interval":
-            return discount  # nobody knows what would follow: it is worth what going on would be
-        for row in np.flatnonzero(stopped):
+    def _pay_stopped(self, rows: Integers, reward: Array) -> None:
+        """Pay the rows that the world has ended, in place."""
+        simulator, method = self.simulator, self.simulator.method
+        for row in rows:
             t, last, memory = int(simulator.t[row]), simulator.signals[row], simulator.memory[[row]]
-            left = remainder(method, self.task.file.terminated, last, action[[row]], t, memory) / method.scale
+            left = self._early_ends.sum_left(last, simulator.last_action[[row]], t, memory) / method.scale
             reward[row] = reward[row] + left / self.hold if method.can_end else left / (simulator.horizon - t)
-        return np.where(stopped, 0.0, discount)
+
+    def _outcome(self, memory: Array, fate: _Fate) -> tuple[Array, Truth, Truth | None]:
+        """`discount`, `ended` and `once` of a transition (`Transition`) to these memories (N, m) of the method."""
+        if not self.simulator.method.can_end:
+            return fate.discount, fate.ended, None
+        over = self.simulator.over(memory)
+        discount = np.where(over, 0.0, fate.discount)
+        return discount, fate.ended | over, discount == 0
 
     def _reset_rows(self, rows: Integers) -> None:
         """New episodes in the given rows, some of them at a random time."""
@@ -230,3 +257,10 @@ class BatchEnvironment:
 
     def _draw(self, count: int) -> Array:
         return self.task.starts.of_training(self._generator, count)
+
+
+def _with_inputs(method: RewardMethod, observation: Array, memory: Array) -> Array:
+    """Observations (N, D), with the method's inputs for other memories (N, m) in the last columns."""
+    changed = observation.copy()
+    changed[:, observation.shape[1] - method.input_size :] = method.inputs(memory)
+    return changed

@@ -29,6 +29,15 @@ class PluginFault(UsageError):
     """
 
 
+def pay(method: RewardMethod, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+    """What `RewardMethod.along` gives: rewards (hold, N), and the memory after them. Raises `PluginFault`."""
+    rewards, memory = method.along(samples, action, t, memory)
+    check_rewards(method, rewards, len(samples) - 1, t)
+    if method.memory_size:
+        check_memory(method, memory, t + len(samples) - 1)
+    return rewards, memory
+
+
 def check_rewards(method: RewardMethod, rewards: Array, hold: int, t: Integers) -> None:
     """Rewards (hold, N) while an action was held from steps t (N,) on."""
     if not are_numbers(rewards):

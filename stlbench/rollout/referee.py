@@ -11,18 +11,16 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stlbench import stl
 from stlbench.contract import Array, GymTask, Integers, Policy, RewardMethod, StatePolicy, Truth
 from stlbench.records.result import MAIN, RANDOM, Score
 from stlbench.records.saved_traces import Assessment
-from stlbench.rollout.early_ends import judge, last_steps, without_end
+from stlbench.rollout.early_ends import judge, without_end
 from stlbench.rollout.environment import Simulator
+from stlbench.rollout.reasons import OPEN, first_failed
 from stlbench.rollout.selection import Race, race
 from stlbench.task.task import Task
-
-__all__ = ["Assessment", "Episodes", "Evaluation", "Referee", "conjuncts", "follow", "lost_at", "record", "score"]
 
 
 class Episodes(NamedTuple):
@@ -41,8 +39,8 @@ def record(
 
     The states at each decision and at the end, (N, n) each, are appended to `visited`, where it is given.
     """
-    few = len(begun) <= _at_once(task) or not isinstance(task.dynamics, GymTask)
-    parts = [begun] if few else np.array_split(begun, -(-len(begun) // _at_once(task)))
+    few = len(begun) <= at_once(task) or not isinstance(task.dynamics, GymTask)
+    parts = [begun] if few else np.array_split(begun, -(-len(begun) // at_once(task)))
     each: list[list[Array]] = [[] for _ in parts]
     found = [follow(task, method, _acting(policy), part, seen) for part, seen in zip(parts, each, strict=True)]
     if visited is not None:
@@ -58,11 +56,10 @@ def _acting(policy: Policy | StatePolicy) -> Callable[[Simulator], Integers | Ar
     return lambda at: policy.act(at.observe())
 
 
-def _at_once(task: Task) -> int:
+def at_once(task: Task) -> int:
     """In how many copies policies are simulated at a time.
 
-    More of a system are hardly faster, and their traces fill memory; each copy of an environment is a simulation of its
-    own, which has to be made.
+    More of a system are hardly faster, and their traces fill memory. Each copy of an environment has to be made.
     """
     return 64 if isinstance(task.dynamics, GymTask) else 1024
 
@@ -102,51 +99,14 @@ def score(task: Task, traces: Array, formula: stl.Formula | None = None, *, last
     formula = task.formula if formula is None else formula
     found = judge(formula, traces, task.specification, task.file.terminated)
     satisfied, open_ = found.satisfied[:, 0], found.satisfied[:, 0] != found.satisfied[:, 1]
-    failed = _first_failed(formula, traces[~satisfied & ~open_], task.signals)
-    failed[_OPEN] = int(open_.sum())
+    failed = first_failed(formula, traces[~satisfied & ~open_], task.signals)
+    failed[OPEN] = int(open_.sum())
     return Score(
         robustness=tuple(found.robustness[:, 0].tolist()),
         satisfied=tuple(satisfied.tolist()),
         first_failed={part: count for part, count in failed.items() if count},
         ended_early=None if lasted is None else float(np.mean(lasted < stl.horizon(formula))),
     )
-
-
-_ENDED, _OPEN = "ended early", "ended early, verdict open"
-"""In the place of the conjunct that failed first."""
-
-
-def _first_failed(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -> dict[str, int]:
-    """How many of the traces, all violating, lost which conjunct first; an early end lost those that had lost none."""
-    parts, steps = conjuncts(formula), last_steps(traces)
-    counts = np.zeros(len(parts) + 1, dtype=np.int64)
-    for last in np.unique(steps):
-        lived = traces[steps == last, : last + 1]
-        lost = np.stack([lost_at(part, lived, names) for part in parts])
-        first = np.argmin(lost, axis=0)
-        if last + 1 < traces.shape[1]:
-            first[lost.min(axis=0) > last] = len(parts)
-        counts += np.bincount(first, minlength=len(counts))
-    return {name: count for name, count in zip([*map(str, parts), _ENDED], counts.tolist(), strict=True) if count}
-
-
-def conjuncts(formula: stl.Formula) -> list[stl.Formula]:
-    """The formulas that a formula is the conjunction of; itself alone where it is none."""
-    if isinstance(formula, stl.And):
-        return [part for arg in formula.args for part in conjuncts(arg)]
-    return [formula]
-
-
-def lost_at(formula: stl.Formula, traces: Array, names: tuple[str, ...]) -> NDArray[np.int64]:
-    """The first sample after which no continuation satisfies the formula; the trace's length where it is satisfied."""
-    count, length = traces.shape[:2]
-    monitor, lost = stl.BatchMonitor(formula, names, count), np.full(count, length)
-    for t in range(length):
-        possibly = monitor.update(traces[:, t]).possibly
-        lost[~possibly & (lost == length)] = t
-        if not possibly.any():
-            break
-    return lost
 
 
 @dataclass(frozen=True)
@@ -238,7 +198,7 @@ class Referee:
 
     def _verdicts(self, policies: Sequence[Policy | StatePolicy], states: Array) -> tuple[Truth, Array]:
         """Satisfaction and robustness when each of the policies (k,) acts from each of the states (n, ...): (k, n)."""
-        together = max(1, _at_once(self.task) // len(states))
+        together = max(1, at_once(self.task) // len(states))
         satisfied, robustness = [], []
         for crowd, count in _crowds(policies, together):
             traces = record(self.task, self.method, crowd, np.tile(states, (count, 1))).traces

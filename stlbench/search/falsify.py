@@ -12,7 +12,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.errors import UsageError, did_you_mean
-from stlbench.rollout.reasons import Loss, first_loss, lasted, reason
+from stlbench.rollout.reasons import Loss, first_loss, last_step, reason
 from stlbench.search.objective import Enough, Objective, Worst
 from stlbench.search.optimisers import DEFAULT, OF_SEEDS, OPTIMISERS
 from stlbench.search.space import Box, Seeds, space_of
@@ -74,7 +74,7 @@ class Falsification:
     @property
     def steps(self) -> int:
         """The last step of the least robust trace that was recorded: T, but after some early ends."""
-        return lasted(self.worst.trace)
+        return last_step(self.worst.trace)
 
     @cached_property
     def witness(self) -> stl.Witness | None:

@@ -11,10 +11,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Policy, RewardMethod, StatePolicy, System, Truth
+from stlbench.contract import Array, Integers, Policy, RewardMethod, StatePolicy, Truth
 from stlbench.errors import UsageError, cause
 from stlbench.rollout import controller, referee
 from stlbench.rollout.early_ends import judge
+from stlbench.rollout.referee import at_once
 from stlbench.search.space import space_of
 from stlbench.task.task import Task
 
@@ -25,9 +26,6 @@ VERDICTS: tuple[Verdict, ...] = ("violated", "open", "satisfied")
 
 _NUMBERS = 2**22
 """The most numbers in the traces that are simulated at a time."""
-_ROWS, _COPIES = 1024, 64
-"""The most episodes that are simulated at a time, of a system, and of what has no settable state: more are hardly
-faster."""
 
 
 class Unsearchable(UsageError):
@@ -82,8 +80,7 @@ class Subject:
     @property
     def rows(self) -> int:
         """How many episodes are simulated at a time, at most."""
-        most = _ROWS if isinstance(self.task.dynamics, System) else _COPIES
-        return max(1, min(most, _NUMBERS // ((self.task.file.steps + 1) * len(self.task.signals))))
+        return max(1, min(at_once(self.task), _NUMBERS // ((self.task.file.steps + 1) * len(self.task.signals))))
 
     def play(self, points: Array) -> Played:
         """Act from each of the points (N, n) of the task's space.

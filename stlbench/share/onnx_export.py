@@ -16,9 +16,9 @@ from stlbench.records.observation import KEY, Observation
 from stlbench.records.outputs import write
 from stlbench.records.result import Result
 from stlbench.records.saved_policies import Which
+from stlbench.rollout.observing import observation_of
 from stlbench.rollout.questions import plugins_of
 from stlbench.rollout.referee import Referee
-from stlbench.rollout.shown import observation_of
 from stlbench.share.actions import actions_of
 from stlbench.share.onnx_file import load_onnx
 from stlbench.study.policies import LoadedPolicy, load_policy

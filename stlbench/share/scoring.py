@@ -25,7 +25,7 @@ from stlbench.records.result import MAIN, Measurement, Score
 from stlbench.registry.choices import Choice
 from stlbench.rollout import referee
 from stlbench.rollout.controller import Unpaid
-from stlbench.rollout.shown import observation_of
+from stlbench.rollout.observing import observation_of
 from stlbench.share.actions import OnObservation, OnState
 from stlbench.share.function import load_function
 from stlbench.share.onnx_file import load_onnx

@@ -9,7 +9,7 @@ import numpy as np
 from stlbench.contract import Array
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.records.saved_traces import read_saved
-from stlbench.rollout.recorded import last_recorded
+from stlbench.rollout.early_ends import last_steps
 from stlbench.rollout.referee import Episodes
 from stlbench.rollout.trace_table import read_table
 from stlbench.rollout.worlds.make import make_world
@@ -39,7 +39,7 @@ def load_traces(path: Path, task: Task) -> Episodes:
 def _ended(path: Path, traces: Array, task: Task) -> Episodes:
     """As the referee has them, from traces (N, T + 1, k) that have NaN after an early end."""
     early, steps = task.specification.can_end, np.arange(traces.shape[1])
-    last = last_recorded(traces) if early else np.full(len(traces), steps[-1])
+    last = last_steps(traces) if early else np.full(len(traces), steps[-1])
     wrong = ~np.isfinite(traces) & (steps <= last[:, None])[..., None]
     if wrong.any():
         place = np.argwhere(wrong)[0]

@@ -17,8 +17,8 @@ from stlbench.records.saved_policies import Which, read
 from stlbench.records.saved_traces import Film
 from stlbench.registry import plugins
 from stlbench.rollout import referee
+from stlbench.rollout.observing import observation_of
 from stlbench.rollout.reenactment import Reenactment
-from stlbench.rollout.shown import observation_of
 from stlbench.rollout.traces import Recording
 from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_method, load_task

@@ -21,9 +21,9 @@ from stlbench.records.saved_traces import Assessment
 from stlbench.registry import folders
 from stlbench.rollout.cost import refuse_dear
 from stlbench.rollout.model import model_of
+from stlbench.rollout.observing import observation_of
 from stlbench.rollout.referee import Referee
 from stlbench.rollout.rehearsal import rehearse
-from stlbench.rollout.shown import observation_of
 from stlbench.rollout.worlds import make_world
 from stlbench.study.cell import Cell, derive_seed
 from stlbench.study.live_cells import Notice, announce

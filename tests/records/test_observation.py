@@ -11,7 +11,7 @@ from helpers.walk_task import WalkTask, walk
 from stlbench.errors import UsageError
 from stlbench.records.observation import Observation
 from stlbench.rollout.controller import Unpaid
-from stlbench.rollout.shown import observation_of
+from stlbench.rollout.observing import observation_of
 from stlbench.task import Task, build_method, load_task
 
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from stlbench import stl
 from stlbench.contract import Specification
 from stlbench.records.result import MAIN, RANDOM
-from stlbench.rollout.early_ends import greatest_and_least, judge, remainder, without_end
+from stlbench.rollout.early_ends import EarlyEnds, greatest_and_least, judge, without_end
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 
@@ -110,10 +110,10 @@ def test_what_is_left_to_a_method_that_can_end() -> None:
     action, open_ = np.zeros((1, 1)), np.zeros((1, 1))
     weights = sum(0.9**i for i in range(1, 6))
     half, one = np.array([0.5]), np.array([1.0])
-    assert remainder(method, "hold", half, action, 3, open_, 0.9) == pytest.approx(0.05 * weights)
-    assert remainder(method, "violated", half, action, 3, open_, 0.9) == pytest.approx(-0.9)
-    assert remainder(method, "hold", one, action, 3, open_, 0.9) == pytest.approx(0.9)
-    assert remainder(method, "hold", one, action, 3, np.ones((1, 1)), 0.9) == 0
+    assert EarlyEnds(method, "hold").sum_left(half, action, 3, open_, 0.9) == pytest.approx(0.05 * weights)
+    assert EarlyEnds(method, "violated").sum_left(half, action, 3, open_, 0.9) == pytest.approx(-0.9)
+    assert EarlyEnds(method, "hold").sum_left(one, action, 3, open_, 0.9) == pytest.approx(0.9)
+    assert EarlyEnds(method, "hold").sum_left(one, action, 3, np.ones((1, 1)), 0.9) == 0
 
 
 # ---------------------------------------------------------------------------------------------------------- verdicts

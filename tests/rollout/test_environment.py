@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from helpers.line_task import Probe, line
 
-from stlbench.rollout.endings import ends_of
 from stlbench.rollout.environment import BatchEnvironment, Simulator
+from stlbench.rollout.model import ends_of
 from stlbench.task import build_method, load_task
 
 DOWN, STAY, UP = 0, 1, 2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stlbench.contract import Array
-from stlbench.rollout.reasons import first_loss, lasted, reason
+from stlbench.rollout.reasons import first_loss, last_step, reason
 from stlbench.task import load_task
 
 TASK = load_task("hold-disc")
@@ -49,6 +49,6 @@ def test_of_a_conjunction_the_part_that_is_lost_first() -> None:
 def test_an_early_end_decides() -> None:
     ended = trace((100, 0.5))
     ended[120:] = np.nan
-    assert lasted(ended) == 119
+    assert last_step(ended) == 119
     assert reason(TASK, ended) is None
     assert first_loss(TASK, ended) is None

@@ -9,7 +9,7 @@ from pathlib import Path
 from stlbench.contract import Array
 from stlbench.records.result import MAIN, Result
 from stlbench.report.figures.counterexample import Place, place_of
-from stlbench.rollout.reasons import Loss, first_loss, lasted, reason
+from stlbench.rollout.reasons import Loss, first_loss, last_step, reason
 from stlbench.rollout.traces import load
 from stlbench.task.task import Task
 
@@ -69,7 +69,7 @@ def tell_story(task: Task, results: Sequence[Result], folder: Path) -> Story | N
         if i not in loaded:
             loaded[i] = load(task, results[i], folder).traces
         trace = loaded[i][start]
-        picks.append(Pick(what, results[i].id.name, start, value, trace[: lasted(trace) + 1]))
+        picks.append(Pick(what, results[i].id.name, start, value, trace[: last_step(trace) + 1]))
     worst = loaded[ranked[0][1]][ranked[0][2]]
     loss = first_loss(task, worst) if ranked[0][0] <= 0 else None
     return Story(tuple(picks), len(ranked), place_of(task, picks[-1].trace, reason(task, worst)), loss)

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from stlbench.contract import Array, Integers, RewardMethod, Truth
-from stlbench.rollout.clock import scaled_times
-from stlbench.rollout.early_ends import remainder
-from stlbench.rollout.faults import check_inputs, check_memory, check_rewards
+from stlbench.rollout.early_ends import EarlyEnds
+from stlbench.rollout.faults import check_inputs, check_memory, check_rewards, pay
+from stlbench.rollout.observing import beside, scaled_times
 from stlbench.rollout.wrapping.ends import verdicts
 from stlbench.rollout.wrapping.scoring import Scoring
 
@@ -45,10 +45,7 @@ class Episodes:
         """One step, by actions (r, axes) to the samples (r, k): the rewards (r,)."""
         t, scoring = self.t[rows], self._scoring
         samples = np.stack([self._samples[rows, t], signals])
-        rewards, memory = self._method.along(samples, action, t, self._memory[rows])
-        check_rewards(self._method, rewards, 1, t)
-        check_memory(self._method, memory, t + 1)
-        self._memory[rows] = memory
+        rewards, self._memory[rows] = pay(self._method, samples, action, t, self._memory[rows])
         self._samples[rows, t + 1] = signals
         self.t[rows] = t + 1
         paid: Array = rewards[0] / scoring.scale
@@ -58,7 +55,8 @@ class Episodes:
         """What is paid at an early end beside its own step; `action` (1, axes) is the last one."""
         t, scoring = int(self.t[row]), self._scoring
         last, memory = self._samples[row, t], self._memory[[row]]
-        paid = remainder(self._method, scoring.terminated, last, action, t, memory, scoring.discount)
+        ends = EarlyEnds(self._method, scoring.terminated)
+        paid = ends.sum_left(last, action, t, memory, scoring.discount)
         check_rewards(self._method, np.array([[paid]]), 1, self.t[[row]])
         return paid / scoring.scale
 
@@ -81,9 +79,7 @@ class Episodes:
 
     def observe(self) -> Array:
         """What is shown beside the observation: the time in [-1, 1], the method's inputs, (N, 1 + inputs)."""
-        times = self._times[self.t]
-        if not self._method.memory_size:
-            return times
-        inputs = self._method.inputs(self._memory)
-        check_inputs(self._method, inputs, self.t)
-        return np.concatenate([times, inputs], axis=1)
+        parts = beside(self._method, self._times, self.t, self._memory)
+        for inputs in parts[1:]:
+            check_inputs(self._method, inputs, self.t)
+        return np.concatenate(parts, axis=1)

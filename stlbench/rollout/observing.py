@@ -1,4 +1,8 @@
-"""What a task shows to policies: how many numbers, and what they mean."""
+"""What a policy observes: the numbers of the task, the time, the inputs of the method, in this order.
+
+Simulations (`Simulator`) and wrapped environments (`stlbench.wrap`) take the time and the inputs from here. The record
+of an observation (`Observation`) says what its numbers mean.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +10,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from stlbench.contract import GymTask, RewardMethod, System
+from stlbench.contract import Array, GymTask, Integers, RewardMethod, System
 from stlbench.records.observation import Observation
 from stlbench.rollout.worlds import make_world
 from stlbench.task.task import Task
+
+
+def scaled_times(steps: int) -> Array:
+    """The times 0..steps, from -1 to 1: (steps + 1, 1)."""
+    return np.arange(steps + 1, dtype=np.int64)[:, None] * np.float64(2.0 / steps) - 1.0
+
+
+def beside(method: RewardMethod, times: Array, t: Integers, memory: Array) -> list[Array]:
+    """What follows the numbers of the task: the scaled times (N, 1), and the inputs (N, i) of a method with memory."""
+    return [times[t], method.inputs(memory)] if method.memory_size else [times[t]]
 
 
 def observation_of(task: Task, method: RewardMethod, name: str = "") -> Observation:
@@ -30,7 +44,7 @@ def observation_size(task: Task, method: RewardMethod) -> int:
 
 
 def size_without(task: Task) -> int:
-    """Features and the time. No environment is made, as some methods import a compiler for their first memory."""
+    """Features and the time. A `Simulator` would start the method, which imports a compiler in some."""
     world = make_world(task, 1)
     world.restart(np.zeros(1, dtype=np.int64), task.starts.report_and_selection()[0][:1])
     features: int = world.features(np.zeros(1, dtype=np.int64)).shape[1]
