@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stlbench.contract import Array, Environment, Integers, Transition
+from stlbench.contract import Array, CounterfactualEnvironment, Environment, Integers, Transition
 
 
 class Others:
@@ -15,8 +15,8 @@ class Others:
 
     def __init__(self, environment: Environment, times: int, seed: int) -> None:
         """Args: `times` so many of each transition; `seed` of a generator that nothing else draws from."""
-        self._environment = environment
-        self._times = times if environment.counterfactuals else 0
+        has = isinstance(environment, CounterfactualEnvironment) and environment.counterfactuals
+        self._environment, self._times = environment, times if has else 0
         self._generator = np.random.default_rng([seed, 1, 1])
         self.copies = environment.count * (1 + self._times)
 
@@ -24,7 +24,7 @@ class Others:
         self, observation: Array, action: Integers, transition: Transition
     ) -> tuple[Array, Integers, Transition]:
         """A lock-step of N copies (N, D), (N,), with the counterfactual ones after it, in `copies` rows each."""
-        if not self._times:
+        if not (self._times and isinstance(self._environment, CounterfactualEnvironment)):
             return observation, action, transition
         others = [self._environment.counterfactual(self._generator) for _ in range(self._times)]
         seen = np.concatenate([observation, *(before for before, _ in others)])
@@ -33,5 +33,4 @@ class Others:
 
 def _joined(transitions: Iterable[Transition]) -> Transition:
     columns: Iterable[Any] = zip(*transitions, strict=True)
-    joined: list[Any] = [None if column[0] is None else np.concatenate(column) for column in columns]
-    return Transition(*joined)
+    return Transition(*map(np.concatenate, columns))

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench.contract import Array, Integers, Transition
+from stlbench.contract import Array, Event, Integers, Transition
 from stlbench_agents.aligned import zeros
 from stlbench_agents.compiler import compiled
 from stlbench_agents.matrices import flattened
@@ -58,18 +58,12 @@ def _actions(rows: int, axes: int) -> NDArray[Any]:
 
 
 def weighted_rewards(transition: Transition, gamma: float, weight: float = 1.0) -> Array:
-    """The rewards (N,), times `weight`; where nothing follows, what such a reward is worth that is paid for ever.
+    """The rewards (N,), times `weight`; at an `Event.END` times 1 / (1 - gamma) too, as if paid for ever.
 
-    That is its sum, r / (1 - gamma). With gamma = 1 there is none, and the reward counts once. So it does where the
-    transition says so.
+    With gamma = 1 that sum is infinite, and the reward counts once.
     """
-    if transition.discount.all():
-        return weight * transition.reward
     for_ever = weight if gamma == 1 else weight / (1 - gamma)
-    stays = transition.discount == 0
-    if transition.once is not None:
-        stays &= ~transition.once
-    weights: Array = np.where(stays, for_ever, weight)
+    weights: Array = np.where(transition.event == Event.END, for_ever, weight)
     return weights * transition.reward
 
 
@@ -119,7 +113,7 @@ class Replay:
         memory.arrived[row] = transition.arrived
         memory.reward[row] = weighted_rewards(transition, self._gamma, self._weight)
         memory.after[row] = transition.cut
-        memory.after[row][transition.ended if self._limit else transition.discount == 0] = _END
+        memory.after[row][transition.event >= (Event.TIME_LIMIT if self._limit else Event.END)] = _END
         self.count += 1
 
     @property

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
-from stlbench.contract import ActionGrid, Array, Environment, Integers
+from stlbench.contract import ActionGrid, Array, Environment, Event, Integers
 from stlbench_agents.network import GreedyPolicy, QNetwork
 from stlbench_agents.replay import weighted_rewards
 
@@ -53,7 +53,8 @@ class CopiesVecEnv(VecEnv):
         infos: list[Info] = [{} for _ in range(self.num_envs)]
         for row in np.flatnonzero(transition.cut):
             last = transition.arrived[row].astype(np.float32)
-            infos[row] = {"TimeLimit.truncated": bool(transition.discount[row]), "terminal_observation": last}
+            truncated = bool(transition.event[row] < Event.END)
+            infos[row] = {"TimeLimit.truncated": truncated, "terminal_observation": last}
         reward = weighted_rewards(transition, self._gamma)
         return transition.observation.astype(np.float32), reward.astype(np.float32), transition.cut, infos
 

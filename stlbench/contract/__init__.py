@@ -27,7 +27,7 @@ from stlbench.contract import origin
 from stlbench.contract.actions import ActionBox, ActionGrid, Actions
 from stlbench.contract.agent import Agent, Cost, Training
 from stlbench.contract.arrays import Array, Arrays, Integers, Truth
-from stlbench.contract.environment import Environment, Transition
+from stlbench.contract.environment import CounterfactualEnvironment, Environment, Event, Transition
 from stlbench.contract.environment_tasks import GymTask, WorldTask
 from stlbench.contract.executor import Executor, Outcome, Work
 from stlbench.contract.log import LoggedCell, LoggedCheckpoint, RunLog
@@ -48,8 +48,10 @@ __all__ = [
     "Array",
     "Arrays",
     "Cost",
+    "CounterfactualEnvironment",
     "End",
     "Environment",
+    "Event",
     "Executor",
     "GymTask",
     "Integers",

@@ -2,42 +2,56 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from enum import IntEnum
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stlbench.contract.actions import Actions
 from stlbench.contract.arrays import Array, Integers, Truth
 
 
-class Transition(NamedTuple):
-    """What `Environment.step` returns, for N copies. The policy knows the time, so its limit is no terminal state.
+class Event(IntEnum):
+    """What a transition did to the episode of a copy. The policy knows the time, so T is no terminal state."""
 
-    =========================================  ========  =====  =======
-    what happened                              discount  cut    ended
-    =========================================  ========  =====  =======
-    the episode goes on                        1         False  False
-    a boundary was crossed (`training.cuts`)   1         True   False
-    the time limit T, or broken off before it  1         True   True
-    an end (`training.ends`): nothing follows  0         True   True
-    all is over (`RewardMethod.over`)          0         True   True
-    =========================================  ========  =====  =======
-    """
+    GOES_ON = 0
+    CUT = 1
+    """A return of several rewards stops here (`training.cuts`), and bootstraps; the episode goes on."""
+    TIME_LIMIT = 2
+    """The episode is over: at step T, or interrupted before. A return bootstraps."""
+    END = 3
+    """The episode is over (`training.ends`). Nothing follows: the reward counts for ever, r / (1 - gamma)."""
+    OVER = 4
+    """The episode is over, for a method that can end. Nothing follows: the reward counts once."""
+
+
+class Transition(NamedTuple):
+    """What `Environment.step` returns, for N copies."""
 
     observation: Array
     """(N, D): what to act on next."""
     reward: Array
     """(N,): the method's reward, averaged over the steps that the action was held, over the method's `scale`."""
     arrived: Array
-    """(N, D): what the action led to, to bootstrap from; differs from `observation` only where `cut`."""
-    discount: Array
-    """(N,): 1 to bootstrap; 0 where nothing follows, and `reward` counts as if paid for ever, r / (1 - gamma)."""
-    cut: Truth
-    """(N,): a return of several rewards stops here, though the episode may go on."""
-    ended: Truth
-    """(N,): the episode is over, and `observation` is of the next one."""
-    once: Truth | None = None
-    """(N,): where nothing follows, whether `reward` counts once, as for a method that can end; None where none does."""
+    """(N, D): what the action led to, to bootstrap from. It differs from `observation` only where `cut`."""
+    event: NDArray[np.int8]
+    """(N,): an `Event` of each copy. The three properties below read it."""
+
+    @property
+    def discount(self) -> Array:
+        """(N,): 1 to bootstrap from `arrived`, 0 where nothing follows."""
+        return (self.event < Event.END).astype(np.float64)
+
+    @property
+    def cut(self) -> Truth:
+        """(N,): a return of several rewards stops here."""
+        return self.event > Event.GOES_ON
+
+    @property
+    def ended(self) -> Truth:
+        """(N,): the episode is over, and `observation` belongs to the next one."""
+        return self.event > Event.CUT
 
 
 class Environment(Protocol):
@@ -57,14 +71,19 @@ class Environment(Protocol):
     def step(self, action: Integers | Array) -> Transition:
         """Hold actions for `hold` steps: indices (N,) of a grid, or vectors (N, axes), clipped to the actions' ends."""
 
+
+@runtime_checkable
+class CounterfactualEnvironment(Environment, Protocol):
+    """An addition, for agents that learn from other memories too, as `dqn` does with the methods cfer and machine."""
+
     counterfactuals: bool
-    """Whether `counterfactual` can be asked for."""
+    """Whether the method has a `counterfactual`."""
 
     def counterfactual(self, generator: np.random.Generator) -> tuple[Array, Transition]:
         """The last step once more, as if each copy had had another memory of the method, drawn by the generator.
 
-        It costs no environment step: the method says what the same samples would have paid. Each such transition stands
-        alone (`cut`). Where the step ended an episode by other means than the method's, it is that step again.
+        It costs no environment step: the method says what the same samples would have paid. Each such transition is
+        `cut`. Where the task or the environment ended the episode, it is the same transition again.
 
         Returns:
             What would have been seen before the step, (N, D), and the transition; its `observation` is of no use.

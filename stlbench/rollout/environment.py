@@ -9,8 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from stlbench.contract import ActionGrid, Array, Integers, RewardMethod, Transition, Truth, World
+from stlbench.contract import ActionGrid, Array, Event, Integers, RewardMethod, Transition, Truth, World
 from stlbench.rollout import faults
 from stlbench.rollout.early_ends import EarlyEnds
 from stlbench.rollout.model import ends_of, first_end
@@ -109,11 +110,9 @@ class _Fate(NamedTuple):
     """What a step came to for N copies, whatever the memory of the method."""
 
     fixed: Truth
-    """(N,): the task or the world ended the episode. Its reward and discount do not depend on the memory."""
-    ended: Truth
-    """(N,): `fixed`, or the episode is at its last step."""
-    discount: Array
-    """(N,): 0 where nothing follows."""
+    """(N,): the task or the world ended the episode. Its reward and event do not depend on the memory."""
+    event: NDArray[np.int8]
+    """(N,), each an `Event`."""
 
 
 class _Taken(NamedTuple):
@@ -140,14 +139,12 @@ class BatchEnvironment:
         self.actions, self.hold = task.actions, task.file.hold
         self.simulator = Simulator(task, method)
         self._training, horizon = task.file.training, task.file.steps
-        self._cut = np.zeros(horizon + 1, dtype=np.bool_)
-        self._cut[[*self._training.cuts, horizon]] = True
+        self._events = np.full(horizon + 1, Event.GOES_ON, dtype=np.int8)
+        self._events[list(self._training.cuts)], self._events[horizon] = Event.CUT, Event.TIME_LIMIT
+        self._nothing_follows = Event.OVER if method.can_end else Event.END
         self._ends, self._early_ends = ends_of(task, method), EarlyEnds(method, task.file.terminated)
         self.counterfactuals = method.counterfactuals
         self._generator = np.random.default_rng(seed)
-        self._going_on = np.ones(count)
-        self._none: Truth = np.zeros(count, dtype=np.bool_)
-        self._going_on.flags.writeable = self._none.flags.writeable = False  # agents are given the one
         self.taken = 0
         self.observation_size = self.reset().shape[1]
         self._generator = np.random.default_rng(seed)
@@ -167,18 +164,16 @@ class BatchEnvironment:
         held = simulator.advance(action)
         self.taken += self.count * self.hold
         reward = held.reward / simulator.method.scale
-        fate = self._fate(reward, held.samples)
-        discount, ended, once = self._outcome(simulator.memory, fate)
-        cut, t = self._cut[simulator.t] | ended, simulator.t
+        fate, t = self._fate(reward, held.samples), simulator.t
+        event = self._outcome(simulator.memory, fate)
         observation = arrived = simulator.observe()
-        if np.count_nonzero(cut):
-            # beyond a boundary the reward asks for something else: the value is that of going on as before it
-            if (boundary := cut & (t < simulator.horizon) & self._cut[t]).any():
-                arrived = simulator.observe(np.where(boundary, t - self.hold, t))
-            if ended.any():
-                self._reset_rows(np.flatnonzero(ended))
-                observation = simulator.observe()
-        transition = Transition(observation, reward, arrived, discount, cut, ended, once)
+        # beyond a boundary the reward asks for something else: the value is that of going on as before it
+        if (boundary := self._events[t] == Event.CUT).any():
+            arrived = simulator.observe(np.where(boundary, t - self.hold, t))
+        if (ended := event >= Event.TIME_LIMIT).any():
+            self._reset_rows(np.flatnonzero(ended))
+            observation = simulator.observe()
+        transition = Transition(observation, reward, arrived, event)
         if self.counterfactuals:
             self._seen, self._taken = observation, _Taken(*before, transition, fate)
         return transition
@@ -191,14 +186,10 @@ class BatchEnvironment:
         faults.check_memory(method, other, taken.t)
         memory = np.where(fixed[:, None], taken.memory, other)
         reward, after = simulator.paid(samples, simulator.last_action, taken.t, memory)
-        discount, ended, once = self._outcome(after, taken.fate)
         transition = taken.transition._replace(
             reward=np.where(fixed, taken.transition.reward, reward / method.scale),
             arrived=_with_inputs(method, taken.transition.arrived, after),
-            discount=discount,
-            cut=np.ones_like(fixed),
-            ended=ended,
-            once=once,
+            event=np.maximum(self._outcome(after, taken.fate), np.int8(Event.CUT)),
         )
         return _with_inputs(method, taken.observation, memory), transition
 
@@ -208,17 +199,17 @@ class BatchEnvironment:
         The rewards (N,) are over the method's scale.
         """
         simulator, t = self.simulator, self.simulator.t
-        fixed, ended, discount = self._none, t >= self._broken_off, self._going_on
+        fixed, event = np.zeros(self.count, dtype=np.bool_), self._events[t]
+        event[t >= self._broken_off] = Event.TIME_LIMIT
         if self._ends:
             fixed, paid = first_end(self._ends, samples, t)
-            reward[fixed] = paid[fixed]
-            ended, discount = ended | fixed, np.where(fixed, 0.0, 1.0)
-        if simulator.world.can_end and (stopped := simulator.world.ended & (t < simulator.horizon) & ~ended).any():
-            fixed, ended = fixed | stopped, ended | stopped
+            reward[fixed], event[fixed] = paid[fixed], self._nothing_follows
+        if simulator.world.can_end and (stopped := simulator.world.ended & (event < Event.TIME_LIMIT)).any():
+            fixed, event[stopped] = fixed | stopped, Event.TIME_LIMIT
             if self.task.file.terminated != "interval":  # nobody knows what would follow: going on is worth the same
                 self._pay_stopped(np.flatnonzero(stopped), reward)
-                discount = np.where(stopped, 0.0, discount)
-        return _Fate(fixed, ended, discount)
+                event[stopped] = self._nothing_follows
+        return _Fate(fixed, event)
 
     def _pay_stopped(self, rows: Integers, reward: Array) -> None:
         """Pay the rows that the world has ended, in place."""
@@ -228,13 +219,10 @@ class BatchEnvironment:
             left = self._early_ends.sum_left(last, simulator.last_action[[row]], t, memory) / method.scale
             reward[row] = reward[row] + left / self.hold if method.can_end else left / (simulator.horizon - t)
 
-    def _outcome(self, memory: Array, fate: _Fate) -> tuple[Array, Truth, Truth | None]:
-        """`discount`, `ended` and `once` of a transition (`Transition`) to these memories (N, m) of the method."""
-        if not self.simulator.method.can_end:
-            return fate.discount, fate.ended, None
-        over = self.simulator.over(memory)
-        discount = np.where(over, 0.0, fate.discount)
-        return discount, fate.ended | over, discount == 0
+    def _outcome(self, memory: Array, fate: _Fate) -> NDArray[np.int8]:
+        """The events (N,) of a step to these memories (N, m) of the method."""
+        over = self.simulator.method.can_end and self.simulator.over(memory)
+        return np.where(over, np.int8(Event.OVER), fate.event)
 
     def _reset_rows(self, rows: Integers) -> None:
         """New episodes in the given rows, some of them at a random time."""

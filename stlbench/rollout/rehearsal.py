@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stlbench.contract import Agent, Array, Environment, Integers, Training, Transition
+from stlbench.contract import Agent, Array, CounterfactualEnvironment, Environment, Integers, Training, Transition
 
 _DECISIONS = 1000
 """Of all copies together, the most that are trained: agents begin to learn after some hundreds."""
@@ -53,7 +53,7 @@ class _Still:
         self._environment, self._left, self._stage = environment, _STEPPED, stage
         self.count, self.observation_size = environment.count, environment.observation_size
         self.actions, self.hold = environment.actions, environment.hold
-        self.counterfactuals = environment.counterfactuals
+        self.counterfactuals = isinstance(environment, CounterfactualEnvironment) and environment.counterfactuals
 
     def reset(self) -> Array:
         self._stage.check()
@@ -68,4 +68,5 @@ class _Still:
 
     def counterfactual(self, generator: np.random.Generator) -> tuple[Array, Transition]:
         self._stage.check()
+        assert isinstance(self._environment, CounterfactualEnvironment)
         return self._environment.counterfactual(generator)

@@ -52,8 +52,8 @@ def weights(policy: Policy) -> list[bytes]:
 
 
 def lock_step(generator: np.random.Generator, reward: Array) -> tuple[Array, Transition]:
-    wide, never = generator.normal(size=(COPIES, 4)), np.zeros(COPIES, np.bool_)
-    return wide, Transition(wide, reward, wide, np.ones(COPIES), never, never)
+    wide = generator.normal(size=(COPIES, 4))
+    return wide, Transition(wide, reward, wide, np.zeros(COPIES, np.int8))
 
 
 def test_every_robot_learns_from_its_own_part_of_the_joint_action() -> None:

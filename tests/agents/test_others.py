@@ -42,8 +42,6 @@ def test_they_follow_the_real_ones_with_the_same_actions() -> None:
     assert np.array_equal(joined.reward[:4], transition.reward)
     assert np.array_equal(actions, np.tile(action, 3))
     assert joined.cut[4:].all()
-    assert joined.once is not None
-    assert len(joined.once) == 12
 
 
 @pytest.mark.parametrize("method", [Probe(TASK.specification), Probe(TASK.specification, 2)])

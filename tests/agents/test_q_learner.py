@@ -9,7 +9,7 @@ import pytest
 from helpers import plain_q
 from numpy.typing import NDArray
 
-from stlbench.contract import ActionGrid, Integers, Transition
+from stlbench.contract import ActionGrid, Event, Integers, Transition
 from stlbench_agents.dqn import DQN
 from stlbench_agents.network import GreedyPolicy
 from stlbench_agents.parameter_types import Head
@@ -28,14 +28,12 @@ def some(ours: QLearner, seed: int) -> Integers:
     """Store three random lock-steps, a third of whose transitions stop a return; where the first lies, (1, B)."""
     generator, begin = np.random.default_rng(seed), ours.replay.count
     for _ in range(3):
-        kind = generator.integers(9, size=ROWS)
+        kind = np.minimum(generator.integers(9, size=ROWS), 3)
         transition = Transition(
             observation=np.zeros((ROWS, INPUTS)),
             reward=generator.normal(size=ROWS),
             arrived=generator.normal(size=(ROWS, INPUTS)),
-            discount=np.where(kind < 1, 0.0, 1.0),
-            cut=kind < 3,
-            ended=kind < 2,
+            event=(Event.END - kind).astype(np.int8),
         )
         ours.replay.add(generator.normal(size=(ROWS, INPUTS)), generator.integers(GRID.size, size=ROWS), transition)
     return (begin * ROWS + np.arange(ROWS))[None]
@@ -83,8 +81,8 @@ def test_the_gradient_is_that_of_the_loss(head: Head, double: bool) -> None:
 @pytest.mark.parametrize("time_limit", ["bootstrap", "terminal"])
 def test_what_follows_a_time_limit_is_the_recipes(time_limit: str) -> None:
     ours = learner(time_limit=time_limit, gamma=0.5, n_steps=1)
-    yes, wide = np.ones(ROWS, np.bool_), np.zeros((ROWS, INPUTS))
-    limit = Transition(wide, np.ones(ROWS), wide, discount=np.ones(ROWS), cut=yes, ended=yes)
+    wide = np.zeros((ROWS, INPUTS))
+    limit = Transition(wide, np.ones(ROWS), wide, np.full(ROWS, Event.TIME_LIMIT, np.int8))
     ours.replay.add(wide, np.zeros(ROWS, np.int64), limit)
     assert ours.replay.batch(np.arange(1)).discount[0] == (0.5 if time_limit == "bootstrap" else 0)
 

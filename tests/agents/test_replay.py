@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stlbench.contract import Array, Transition, Truth
+from stlbench.contract import Array, Event, Transition, Truth
 from stlbench_agents.replay import Batch, Replay, weighted_rewards
 
 EPISODE = 4
@@ -16,14 +16,9 @@ def came(
     arrived: Array, reward: Array, cut: Truth, ended: Truth | None = None, lost: Truth | None = None
 ) -> Transition:
     """Where nothing is said of `ended` it is `cut`; nothing is lost."""
-    return Transition(
-        observation=arrived,
-        reward=reward,
-        arrived=arrived,
-        discount=np.ones_like(reward) if lost is None else 1.0 - lost,
-        cut=cut,
-        ended=cut if ended is None else ended,
-    )
+    event = np.where(cut, np.where(cut if ended is None else ended, Event.TIME_LIMIT, Event.CUT), Event.GOES_ON)
+    event = event if lost is None else np.where(lost, Event.END, event)
+    return Transition(observation=arrived, reward=reward, arrived=arrived, event=event.astype(np.int8))
 
 
 def unweighted(gamma: float) -> float:
@@ -48,13 +43,10 @@ def filled(steps: int, rows: int, copies: int, n_steps: int, gamma: float) -> Re
 
 
 def test_a_last_reward_counts_for_ever_or_once() -> None:
-    """gamma = .9: ten times, once where the transition says so, and once where something follows."""
-    yes, wide = np.ones(3, np.bool_), np.zeros((3, 1))
-    transition = came(wide, np.array([1.0, 2, 3]), yes, lost=np.array([True, True, False]))
-    assert weighted_rewards(transition, 0.9, 2.0) == pytest.approx([20, 40, 6])
-    assert weighted_rewards(transition._replace(once=np.array([False, True, False])), 0.9, 2.0) == pytest.approx(
-        [20, 4, 6]
-    )
+    """gamma = .9: ten times at an end; once where the method is over, and where something follows."""
+    wide, event = np.zeros((3, 1)), np.array([Event.END, Event.OVER, Event.TIME_LIMIT], np.int8)
+    transition = Transition(wide, np.array([1.0, 2, 3]), wide, event)
+    assert weighted_rewards(transition, 0.9, 2.0) == pytest.approx([20, 4, 6])
 
 
 def drawn(replay: Replay, batch: int = 4000) -> Batch:

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.latch import Latch
-from helpers.line_task import Probe, line
+from helpers.line_task import line
 
+from stlbench.contract import Event
 from stlbench.rollout.environment import BatchEnvironment
 
 UP, STAY, DOWN = 2, 1, 0
@@ -32,8 +33,7 @@ class TestOver:
         assert transition.reward == pytest.approx([1.05 / 4, -0.05 / 4])
         assert transition.discount.tolist() == [0, 1]
         assert transition.ended.tolist() == transition.cut.tolist() == [True, False]
-        assert transition.once is not None
-        assert transition.once.tolist() == [True, False]
+        assert transition.event.tolist() == [Event.OVER, Event.GOES_ON]
         assert transition.arrived.tolist() == [[1, 2, -0.5, 1], [0, 2, -0.5, 0]]
         assert transition.observation.tolist() == [[0, 0, -1, 0], [0, 2, -0.5, 0]]
 
@@ -41,15 +41,7 @@ class TestOver:
         """G[0,4] x <= 1 is violated at 1.5: the floor, -1 over 2. It counts, and not that the latch closed."""
         transition = latched([0.5, 0.0], ends=[VIOLATED]).step(np.array([UP, UP]))
         assert transition.reward == pytest.approx([-0.5, 1.05 / 4])
-        assert transition.once is not None
-        assert transition.once.tolist() == [True, True]
-
-    def test_a_method_that_cannot_end_says_nothing(self) -> None:
-        task = line(hold=2)
-        environment = BatchEnvironment(task, Probe(task.specification, 1), 2, seed=0)
-        environment.reset()
-        assert environment.step(np.array([UP, UP])).once is None
-        assert not environment.counterfactuals
+        assert transition.event.tolist() == [Event.OVER, Event.OVER]
 
 
 class Chance(np.random.Generator):
@@ -73,10 +65,7 @@ class TestCounterfactual:
         assert other.reward == pytest.approx([1.05 / 4, -0.05 / 4, 0])
         assert other.reward[:2].tolist() == real.reward[:2].tolist()
         assert other.arrived.tolist() == [[1, 2, -0.5, 1], [0, 2, -0.5, 0], [0, 2, -0.5, 1]]
-        assert other.discount.tolist() == [0, 1, 0]
-        assert other.once is not None
-        assert other.once.tolist() == [True, False, True]
-        assert other.cut.all()
+        assert other.event.tolist() == [Event.OVER, Event.CUT, Event.OVER]
 
     def test_an_open_latch_where_it_had_closed(self) -> None:
         """At 1, closed from the start: nothing follows. Open, the step down to 0 is paid .05 and 0, and goes on."""

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stlbench import stl
-from stlbench.contract import Specification
+from stlbench.contract import Event, Specification
 from stlbench.records.result import MAIN, RANDOM
 from stlbench.rollout.early_ends import EarlyEnds, greatest_and_least, judge, without_end
 from stlbench.rollout.environment import BatchEnvironment
@@ -86,22 +86,20 @@ def test_an_end_at_the_last_step_is_the_time_limit() -> None:
 
 
 @pytest.mark.parametrize(
-    ("terminated", "reward", "discount", "once"),
+    ("terminated", "reward"),
     [
-        ("hold", 0.5, 0.0, True),  # 1 at the second step, over 2; nothing is left to be paid
-        ("violated", 0.0, 0.0, True),  # and the floor, -1, but once
-        ("interval", 0.5, 0.0, True),  # the method says that nothing follows
+        ("hold", 0.5),  # 1 at the second step, over 2; nothing is left to be paid
+        ("violated", 0.0),  # and the floor, -1, but once
+        ("interval", 0.5),  # the method says that nothing follows
     ],
 )
-def test_a_method_that_can_end_is_paid_once(terminated: str, reward: float, discount: float, once: bool) -> None:
+def test_a_method_that_can_end_is_paid_once(terminated: str, reward: float) -> None:
     task = walk(WALL, terminated=terminated)
     environment = BatchEnvironment(task, Latch(task.specification), 1, seed=0)
     environment.reset()
     assert environment.step(np.array([RIGHT_INDEX])).reward.tolist() == [0.025]
     last = environment.step(np.array([RIGHT_INDEX]))
-    assert (last.reward.tolist(), last.discount.tolist(), last.ended.tolist()) == ([reward], [discount], [True])
-    assert last.once is not None
-    assert last.once.tolist() == [once]
+    assert (last.reward.tolist(), last.event.tolist()) == ([reward], [Event.OVER])
 
 
 def test_what_is_left_to_a_method_that_can_end() -> None:
