@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from stlbench.rollout.wrapping.wrap import wrap
+    from stlbench.rollout.gymnasium.wrap import wrap
     from stlbench.study.results import Results
     from stlbench.study.run import run_study
 
@@ -17,7 +17,7 @@ DISTRIBUTION = "stlbench-rl"
 _HOMES = {
     "Results": "stlbench.study.results",
     "run_study": "stlbench.study.run",
-    "wrap": "stlbench.rollout.wrapping.wrap",
+    "wrap": "stlbench.rollout.gymnasium.wrap",
 }
 
 

@@ -29,7 +29,7 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.rollout import referee
 from stlbench.rollout.environment import Simulator
-from stlbench.rollout.wrapping.wrap import StlWrapper
+from stlbench.rollout.gymnasium.wrap import StlWrapper
 from stlbench.task import Task, load_task
 
 BASE: dict[str, Any] = {"names": ("x", "minus"), "ranges": {"x": (-10, 10)}, "method": "raw"}

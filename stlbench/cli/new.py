@@ -103,7 +103,7 @@ def _sketched(environment: str) -> dict[str, str]:
     """The task file of a task on an environment."""
     import yaml
 
-    from stlbench.task.sketch import sketch
+    from stlbench.task.gym_sketch import sketch
 
     content = sketch(environment)
     text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110)

@@ -38,7 +38,7 @@ from stlbench.share.traces import from_the_reports_starts, load_traces
 from stlbench.task import Task, build_method
 
 if TYPE_CHECKING:
-    from stlbench.task.observing import Observed
+    from stlbench.task.gym_spaces import Observed
 
 UNKNOWN = Choice("unknown")
 """In the place of a method: nobody said which reward the policy was trained by, and it is shown no inputs of one."""

@@ -12,7 +12,7 @@ from stlbench.records.saved_traces import read_saved
 from stlbench.rollout.early_ends import last_steps
 from stlbench.rollout.referee import Episodes
 from stlbench.rollout.trace_table import read_table
-from stlbench.rollout.worlds.make import make_world
+from stlbench.rollout.worlds import make_world
 from stlbench.task import Task
 
 

@@ -30,7 +30,7 @@ from stlbench.task.reading import errors_of, read
 from stlbench.task.start_sets import SeedStarts, StateStarts
 
 if TYPE_CHECKING:
-    from stlbench.task.source import GymSource
+    from stlbench.task.gym_source import GymSource
 
 Dynamics = System | GymTask | WorldTask
 

@@ -13,7 +13,7 @@ from stlbench.contract import GymTask
 from stlbench.errors import UsageError
 from stlbench.parallel import parallel_env
 from stlbench.rollout.worlds import make_world
-from stlbench.task.joint import JointEnv, parallel
+from stlbench.task.gym_joint import JointEnv, parallel
 
 
 def test_the_robots_of_formation_are_one_environment() -> None:

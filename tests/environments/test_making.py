@@ -10,8 +10,8 @@ from importlib.metadata import version
 import pytest
 
 from stlbench.errors import UsageError
-from stlbench.task.joint import parallel
-from stlbench.task.making import made, software
+from stlbench.task.gym_joint import parallel
+from stlbench.task.gym_make import made, software
 
 
 def test_the_software_of_an_environment_is_what_its_modules_import() -> None:

@@ -23,7 +23,7 @@ from stlbench.contract import Array
 from stlbench.errors import UsageError
 from stlbench.records.result import MAIN
 from stlbench.registry.choices import Choice
-from stlbench.rollout.wrapping.wrap import StlWrapper
+from stlbench.rollout.gymnasium.wrap import StlWrapper
 from stlbench.share.scoring import Shown, score
 from stlbench.share.source import find_source
 from stlbench.task import Task, load_task

@@ -20,9 +20,8 @@ from stlbench.registry.fingerprint import code_of
 from stlbench.rollout.worlds import make_world
 from stlbench.study.keys import task_part
 from stlbench.study.plan import plan_cells
-from stlbench.task import load_task, making
-from stlbench.task.entries import entries_of
-from stlbench.task.observing import Observed
+from stlbench.task import gym_make, load_task
+from stlbench.task.gym_spaces import Observed, entries_of
 from stlbench.task.start_sets import SeedStarts
 from stlbench.testing import check_task
 
@@ -201,7 +200,7 @@ def test_the_versions_of_an_environments_software_are_in_the_keys(
     from stlbench.task import gym_source
 
     gym_source._of_text.cache_clear()
-    monkeypatch.setattr(making, "_version", lambda name: "0.0")
+    monkeypatch.setattr(gym_make, "_version", lambda name: "0.0")
     assert key() != before
     gym_source._of_text.cache_clear()
 

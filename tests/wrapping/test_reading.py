@@ -9,8 +9,9 @@ import pytest
 from gymnasium.spaces import Box, Dict, Discrete
 
 from stlbench.errors import UsageError
-from stlbench.rollout.wrapping.reading import Expressions, Function
-from stlbench.task.entries import entries_of
+from stlbench.rollout.gymnasium.readers import ExpressionReader, FunctionReader
+from stlbench.task.gym_signals import Expressions
+from stlbench.task.gym_spaces import entries_of
 
 LINE = Box(-1, 1, (2,), np.float32)
 BOTH = Dict({"arm": LINE, "gripper": Discrete(2), "camera": Box(0, 255, (8, 8, 3), np.uint8)})
@@ -42,7 +43,7 @@ def test_names_that_do_not_fit(space: Any, names: Any, message: str) -> None:
 
 
 def test_expressions_over_observation_and_info() -> None:
-    reader = Expressions({"angle": "atan2(y, x)", "height": "z - 0.5"}, entries_of(LINE, ("x", "y")))
+    reader = ExpressionReader(Expressions({"angle": "atan2(y, x)", "height": "z - 0.5"}, entries_of(LINE, ("x", "y"))))
     found = reader.one(np.array([0.0, 2.0]), {"z": np.float32(1.5)}, 0)
     np.testing.assert_allclose(found, [[np.pi / 2, 1.0]])
     infos = {"z": np.array([1.5, 0.5]), "_z": np.array([True, True])}
@@ -63,7 +64,7 @@ def test_expressions_over_observation_and_info() -> None:
     ],
 )
 def test_expressions_without_a_value(text: str, info: dict[str, Any], message: str) -> None:
-    reader = Expressions({"s": text}, entries_of(LINE, ("x", "y")))
+    reader = ExpressionReader(Expressions({"s": text}, entries_of(LINE, ("x", "y"))))
     with pytest.raises(UsageError, match=message):
         reader.one(np.array([-1.0, 0.0]), info, 3)
 
@@ -71,9 +72,9 @@ def test_expressions_without_a_value(text: str, info: dict[str, Any], message: s
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("x <= 1", "signals: s: line 1, column 1: expected an arithmetic expression but found a formula"),
-        ("__import__('os')", "signals: s: line 1"),
-        (3, "signals: s: parse takes a formula's text, got int 3"),
+        ("x <= 1", "signals.s: line 1, column 1: expected an arithmetic expression but found a formula"),
+        ("__import__('os')", "signals.s: line 1"),
+        (3, "signals.s: parse takes a formula's text, got int 3"),
         ("x / 0", "signals: .*divides by 0"),
     ],
 )
@@ -94,11 +95,11 @@ def test_expressions_that_are_none(text: Any, message: str) -> None:
     ],
 )
 def test_a_function_that_returns_something_else(returned: Any, message: str) -> None:
-    reader = Function(lambda observation, info: returned, ("a", "b"), LINE)
+    reader = FunctionReader(lambda observation, info: returned, ("a", "b"), LINE)
     with pytest.raises(UsageError, match=message):
         reader.one(np.zeros(2), {}, 3)
 
 
 def test_a_function_may_return_signals_in_any_order() -> None:
-    reader = Function(lambda observation, info: {"b": 2, "a": observation[0]}, ("a", "b"), LINE)
+    reader = FunctionReader(lambda observation, info: {"b": 2, "a": observation[0]}, ("a", "b"), LINE)
     assert reader.one(np.array([1.0, 0.0]), {}, 0).tolist() == [[1.0, 2.0]]

@@ -15,7 +15,7 @@ from helpers.walk_env import RIGHT, STAY, Walk
 
 import stlbench
 from stlbench.errors import UsageError
-from stlbench.rollout.wrapping.wrap import StlVectorWrapper
+from stlbench.rollout.gymnasium.wrap import StlVectorWrapper
 
 MODES = [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]
 OPTIONS: dict[str, Any] = {"ranges": {"x": (-10, 10)}, "method": "flag"}

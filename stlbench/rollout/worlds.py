@@ -1,4 +1,4 @@
-"""The world of a pure, batched system: what can be set to any state, planned for, and stepped thousands at a time."""
+"""The world of a task, which the simulator drives: that of a system, of an environment, or the task's own."""
 
 from __future__ import annotations
 
@@ -6,12 +6,31 @@ from typing import ClassVar
 
 import numpy as np
 
-from stlbench.contract import Array, Integers, System, World
+from stlbench.contract import Array, GymTask, Integers, System, World
 from stlbench.contract.presentation import Drawn, Pixels
+from stlbench.task.task import Task
+
+
+def make_world(task: Task, count: int, *, drawn: bool = False) -> World:
+    """That many copies, none of them begun.
+
+    Args:
+        task: whose they are.
+        count: how many.
+        drawn: whether pictures of them are wanted, which an environment of Gymnasium has to know when it is made.
+    """
+    dynamics = task.dynamics
+    if isinstance(dynamics, System):
+        return SystemWorld(dynamics, count, engineered=task.file.features == "engineered")
+    if isinstance(dynamics, GymTask):
+        from stlbench.rollout.gymnasium.world import GymWorld  # imports Gymnasium, which most tasks do without
+
+        return GymWorld(dynamics, task.source, count, drawn=drawn)
+    return dynamics.world(count)
 
 
 class SystemWorld(World):
-    """N copies of a system. Their starts are states (r, n); none of them ever ends by itself."""
+    """N copies of a system, stepped at once. Their starts are states (r, n); none of them ever ends by itself."""
 
     can_end: ClassVar[bool] = False
 

@@ -7,15 +7,14 @@ from numbers import Real
 from typing import Any, cast
 
 import numpy as np
-from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Space
+from gymnasium.spaces import Box, Dict, Space
 from numpy.typing import NDArray
 
 from stlbench.contract import Array, Integers
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.records.observation import Observation
-from stlbench.rollout.wrapping.reading import place
-from stlbench.task.entries import Entries, outside_space
-from stlbench.task.observing import Observed
+from stlbench.rollout.gymnasium.readers import place
+from stlbench.task.gym_spaces import Entries, Observed, outside_space
 
 KEY = "stl"
 """Under which a Dict observation has the time and the memory."""
@@ -133,16 +132,3 @@ def _tell(part: NDArray[Any], t: Integers, copy: int | None) -> None:
     where = tuple(np.argwhere(~np.isfinite(part))[0].tolist())
     which = place(int(t[where[0]]), where[0] if len(t) > 1 else copy)
     raise UsageError(f"the environment returned an observation with {part[where]} {which}; numbers are finite")
-
-
-def check_actions(space: Space[Any]) -> None:
-    """Raises `UsageError` where actions are no numbers that a method could be told."""
-    if not isinstance(space, Box | Discrete | MultiBinary | MultiDiscrete):
-        raise UsageError(
-            f"actions are numbers, a Box, Discrete, MultiDiscrete or MultiBinary; the environment has {space}"
-        )
-
-
-def action_rows(action: Any, count: int) -> Array:
-    """One action, or N batched ones, as numbers (count, axes)."""
-    return np.asarray(action, dtype=np.float64).reshape(count, -1)

@@ -11,10 +11,9 @@ import numpy as np
 from stlbench.contract import Array, GymTask, Integers, World
 from stlbench.contract.presentation import Pixels
 from stlbench.errors import UsageError, one_line
-from stlbench.task.acting import as_action
-from stlbench.task.entries import outside_space
-from stlbench.task.expressions import unknown
-from stlbench.task.source import GymSource, numbers
+from stlbench.task.gym_signals import numbers
+from stlbench.task.gym_source import GymSource
+from stlbench.task.gym_spaces import as_action, outside_space
 
 
 class GymWorld(World):
@@ -103,27 +102,9 @@ class GymWorld(World):
             self._seen[rows] = seen
         except (TypeError, ValueError) as error:
             raise outside_space(str(error)) from error
-        return self._by_function(last) if source.function else source.values(self._named(rows, last))
-
-    def _by_function(self, last: list[tuple[Any, Mapping[str, Any]]]) -> Array:
-        assert self._source.function is not None
-        count = len(self._source.signals)
-        return np.stack([numbers(self._source.function(*sample), count) for sample in last])
-
-    def _named(self, rows: Integers, last: list[tuple[Any, Mapping[str, Any]]]) -> Array:
-        """The named entries, and those of the info that expressions use, (r, e + i)."""
-        entries = self._source.entries
-        if entries.keys is None:  # all that is seen has names
-            named = self._seen[rows]
-        else:
-            named = np.concatenate([entries.read(observation, 1) for observation, _ in last])
-        from_info = [np.array([[self._number(name, info)] for _, info in last]) for name in self._source.from_info]
-        return np.concatenate([named, *from_info], axis=1) if from_info else named
-
-    def _number(self, name: str, info: Mapping[str, Any]) -> float:
-        if name not in info:
-            raise unknown(name, self._source.entries, info)
-        try:
-            return float(info[name])
-        except (TypeError, ValueError) as error:
-            raise UsageError(f"signals: '{name}' of the info is no number, but {info[name]!r}") from error
+        if source.function is not None:
+            return np.stack([numbers(source.function(*sample), len(source.signals)) for sample in last])
+        named = self._seen[rows]
+        if source.entries.keys is not None:  # names stand for a part of the observation
+            named = np.concatenate([source.entries.read(observation, 1) for observation, _ in last])
+        return source.expressions.values(named, [info for _, info in last])

@@ -12,10 +12,8 @@ from gymnasium.spaces import Box, Dict, Space
 
 from stlbench.contract import Array, cause
 from stlbench.errors import UsageError
-from stlbench.task.acting import action_axes
-from stlbench.task.entries import Names, entries_of
-from stlbench.task.making import Gym, made
-from stlbench.task.observing import LARGE
+from stlbench.task.gym_make import Gym, made
+from stlbench.task.gym_spaces import LARGE, Names, action_axes, entries_of
 
 _STEPS, _SECONDS = 200, 0.05
 """Where the environment says nothing: steps of an episode, seconds of a step."""

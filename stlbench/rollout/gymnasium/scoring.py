@@ -14,7 +14,7 @@ from stlbench.contract import Intractable, RewardMethod, Specification, Unsuitab
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import plugins
 from stlbench.registry.choices import choice_of
-from stlbench.rollout.wrapping.reading import Reader
+from stlbench.rollout.gymnasium.readers import Reader
 from stlbench.task.file import EarlyEnd
 
 MethodOf: TypeAlias = str | Callable[[Specification], RewardMethod]
@@ -49,11 +49,6 @@ class Scoring:
     def inputs(self) -> int:
         """Numbers of the method's that the policy is shown."""
         return self.method.input_size if self.method.memory_size else 0
-
-    @property
-    def scale(self) -> float:
-        """What rewards are divided by."""
-        return self.method.scale if self.scaled else 1.0
 
 
 def specify(

@@ -11,7 +11,7 @@ from gymnasium.wrappers import TimeLimit
 from helpers.walk_env import Walk
 
 from stlbench.errors import UsageError
-from stlbench.rollout.wrapping.limits import steps_of, steps_of_copies
+from stlbench.rollout.gymnasium.wrap import steps_of, steps_of_copies
 
 
 @pytest.mark.parametrize(

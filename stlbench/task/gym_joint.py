@@ -11,8 +11,8 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Space
 
 from stlbench.errors import UsageError
-from stlbench.task.acting import as_action
-from stlbench.task.making import failed
+from stlbench.task.gym_make import failed
+from stlbench.task.gym_spaces import as_action
 
 
 def parallel(module: str, keywords: Mapping[str, Any]) -> JointEnv:

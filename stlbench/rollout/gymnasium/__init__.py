@@ -1,0 +1,1 @@
+"""The adapter to Gymnasium and PettingZoo: environments as worlds, tasks as environments, `stlbench.wrap`."""

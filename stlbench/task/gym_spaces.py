@@ -1,0 +1,227 @@
+"""The spaces of an environment as numbers: its actions, the named entries of its observation, what a policy sees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import prod
+from typing import Any, NamedTuple, TypeAlias, cast
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Space
+from numpy.typing import NDArray
+
+from stlbench.contract import Array
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.records.observation import MOST, Observation
+
+
+class ActionAxis(NamedTuple):
+    """One number of an action."""
+
+    name: str
+    low: float
+    high: float
+    values: int | None
+    """How many whole numbers from `low` to `high`; None where all between are actions."""
+
+    @property
+    def ends(self) -> dict[str, Any]:
+        """`low`, `high` and `count`, as a task file has them."""
+        return {"low": self.low, "high": self.high, "count": self.values}
+
+
+def action_axes(space: Space[Any]) -> tuple[ActionAxis, ...]:
+    """The numbers that an action consists of; some may be without ends. Raises `UsageError` where it is no numbers."""
+    if isinstance(space, Box):
+        low, high = space.low.ravel().astype(float).tolist(), space.high.ravel().astype(float).tolist()
+        names = _names(len(low))
+        return tuple(ActionAxis(name, least, most, None) for name, least, most in zip(names, low, high, strict=True))
+    starts, counts = _whole(space)
+    ends = zip(_names(len(counts)), starts, counts, strict=True)
+    return tuple(ActionAxis(name, float(start), float(start + count - 1), count) for name, start, count in ends)
+
+
+def _whole(space: Space[Any]) -> tuple[list[int], list[int]]:
+    """The least value of each axis, and how many there are."""
+    match space:
+        case Discrete():
+            return [int(space.start)], [int(space.n)]
+        case MultiDiscrete():
+            return np.ravel(space.start).tolist(), np.ravel(space.nvec).tolist()
+        case MultiBinary():
+            size = int(np.prod(space.shape))
+            return [0] * size, [2] * size
+    raise UsageError(f"its actions should be a Box, Discrete, MultiDiscrete or MultiBinary, it has {space}")
+
+
+def _names(count: int) -> tuple[str, ...]:
+    return ("action",) if count == 1 else tuple(f"action_{i}" for i in range(count))
+
+
+def as_action(space: Space[Any], vector: Array) -> Any:
+    """What an environment with that action space takes, for a vector (axes,)."""
+    if isinstance(space, Discrete):
+        return np.int64(vector[0])
+    return vector.reshape(space.shape).astype(space.dtype)
+
+
+Names: TypeAlias = Sequence[str] | Mapping[str, Sequence[str]]
+"""Of all entries of an array, in their order; of a Dict observation, key -> those of its array."""
+
+
+@dataclass(frozen=True)
+class Entries:
+    """Which numbers of an observation have names."""
+
+    names: tuple[str, ...] = ()
+    keys: tuple[str, ...] | None = ()
+    """Of a Dict observation, the keys of the arrays that are named; None where the observation is one array."""
+
+    def of(self, space: Space[Any], key: str) -> Entries:
+        """Those of one array of an observation from `space`, as if it were the whole; of a Dict the one at `key`."""
+        if self.keys is None:
+            return self
+        if key not in self.keys or not isinstance(space, Dict):
+            return Entries()
+        begin = sum(prod(space[each].shape or ()) for each in self.keys[: self.keys.index(key)])
+        return Entries(self.names[begin : begin + prod(space[key].shape or ())], None)
+
+    def read(self, observation: Any, count: int) -> Array:
+        """The named entries of one observation or of `count` batched ones: (count, n).
+
+        Raises `UsageError` where there are not as many numbers as names.
+        """
+        parts = [observation] if self.keys is None else [observation[key] for key in self.keys]
+        try:
+            rows = [np.asarray(part, dtype=np.float64).reshape(count, -1) for part in parts]
+        except (TypeError, ValueError) as error:
+            raise outside_space(str(error)) from error
+        found = rows[0] if len(rows) == 1 else np.concatenate([np.empty((count, 0)), *rows], axis=1)
+        if found.shape[1] != len(self.names):
+            raise outside_space(f"{found.shape[1]} numbers in place of {len(self.names)}")
+        return found
+
+
+def outside_space(what: str) -> UsageError:
+    """Of an observation that is not of the space that the environment has said."""
+    return UsageError(f"the environment returned an observation outside its space: {what}")
+
+
+def entries_of(space: Space[Any], names: Names | None) -> Entries:
+    """The entries of observations from `space`. Raises `UsageError` where the names do not fit."""
+    if names is None:
+        return Entries()
+    if isinstance(names, str):
+        raise UsageError(f"names: expected a list of names, got the text '{names}'")
+    parts = list(_named_parts(space, names))
+    for place, part, given in parts:
+        size = None if part.shape is None else prod(part.shape)
+        if size != len(given):
+            raise UsageError(f"names: {len(given)} for {place}, which has {'no' if size is None else size} entries")
+    together = tuple(name for _, _, given in parts for name in given)
+    for name in together:
+        if together.count(name) > 1:
+            raise UsageError(f"names: '{name}' stands for two entries")
+    return Entries(together, tuple(names) if isinstance(names, Mapping) else None)
+
+
+def _named_parts(space: Space[Any], names: Names) -> Iterator[tuple[str, Space[Any], Sequence[str]]]:
+    """What is named in words, its space, and the names."""
+    if not isinstance(names, Mapping):
+        if isinstance(space, Dict):
+            raise UsageError("names: the observation is a Dict; give a mapping, {key: names of its entries}")
+        yield "the observation", space, names
+        return
+    if not isinstance(space, Dict):
+        raise UsageError("names: the observation is no Dict; give a list of names")
+    for key, given in names.items():
+        if key not in space.spaces:
+            raise UsageError(f"names: the observation has no '{key}'{did_you_mean(key, space.spaces)}")
+        yield f"'{key}'", space[key], given
+
+
+LARGE = 1e4
+"""Ends of a space beyond this say nothing of what an entry is about: some environments write the largest float32."""
+
+
+class Observed:
+    """Flattens observations of a space, and scales them.
+
+    An entry with finite ends goes from -1 to 1. One without is divided by its scale, where it has one. A Discrete
+    observation becomes one number for each value, 1 for the one that it has.
+    """
+
+    def __init__(self, space: Space[Any], entries: Entries, scale: Mapping[str, float]) -> None:
+        """Args: `scale` named entry -> about its largest magnitude. Raises `UsageError`."""
+        flat = _flat(space)
+        self.size, self._type = flat.shape[0], flat.dtype
+        self._space, self._plain = space, isinstance(space, Box) and len(space.shape) == 1
+        low, high = flat.low.astype(np.float64), flat.high.astype(np.float64)
+        known = (np.abs(low) <= LARGE) & (np.abs(high) <= LARGE) & (low < high)
+        low, high = np.where(known, low, -1.0), np.where(known, high, 1.0)
+        self._middle, self._reach = (low + high) / 2, (high - low) / 2
+        self._names = {place: name for name, place in _named(space, entries).items()}
+        for name, place in _places(space, entries, scale).items():
+            self._middle[place], self._reach[place] = 0.0, scale[name]
+
+    def name(self, place: int) -> str:
+        """What the number at a place of the flat observation is called: 'v', or number 3 of the observation."""
+        return f"'{self._names[place]}'" if place in self._names else f"number {place} of the observation"
+
+    def described(self, beside: Observation) -> Observation:
+        """The record of what a policy sees; `beside` is what it is shown beside these numbers."""
+        if self.size > MOST:
+            return replace(beside, size=self.size)
+        names = tuple(self._names.get(place, "") for place in range(self.size))
+        middle, reach = tuple(self._middle.tolist()), tuple(self._reach.tolist())
+        return replace(beside, size=self.size, names=names, middle=middle, reach=reach)
+
+    def flat(self, observation: Any) -> Array:
+        """The numbers (d,) of one observation, as they are."""
+        flat: Any = observation if self._plain else spaces.flatten(self._space, observation)
+        return cast(Array, flat)
+
+    def scaled(self, flat: Array) -> Array:
+        """What the policy sees: (N, d) -> (N, d)."""
+        seen: Array = (flat - self._middle) / self._reach
+        return seen
+
+    def own(self, seen: Array) -> NDArray[Any]:
+        """What the environment itself shows, from what the policy sees: (N, d) -> (N, d), of the space's own type."""
+        flat = seen * self._reach + self._middle
+        return (flat if self._type.kind == "f" else np.rint(flat)).astype(self._type)
+
+
+def _flat(space: Space[Any]) -> Box:
+    try:
+        flat: Any = spaces.flatten_space(space)
+    except NotImplementedError:
+        flat = None
+    if not isinstance(flat, Box):
+        raise UsageError(f"its observations cannot be written as a fixed number of numbers: {space}")
+    return flat
+
+
+def _places(space: Space[Any], entries: Entries, scale: Mapping[str, float]) -> dict[str, int]:
+    """Named entry that has a scale -> its place in the flat observation."""
+    named = _named(space, entries)
+    for name in scale:
+        if name not in named:
+            raise UsageError(f"scale: no entry '{name}'{did_you_mean(name, named)}")
+    return {name: named[name] for name in scale}
+
+
+def _named(space: Space[Any], entries: Entries) -> dict[str, int]:
+    return dict(zip(entries.names, _offsets(space, entries), strict=True))
+
+
+def _offsets(space: Space[Any], entries: Entries) -> list[int]:
+    if entries.keys is None or not isinstance(space, Dict):
+        return list(range(len(entries.names)))
+    begin, places = 0, dict[str, list[int]]()
+    for key, part in space.spaces.items():
+        places[key] = list(range(begin, begin + prod(part.shape or ())))
+        begin += spaces.flatdim(part)
+    return [place for key in entries.keys for place in places[key]]
