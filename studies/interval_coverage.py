@@ -1,4 +1,4 @@
-"""How often intervals over seeds hold what they say, by simulation: the tables in docs/reference/evaluation.md.
+"""How often intervals over seeds hold what they say, by simulation, as docs/reference/evaluation.md sums up.
 
     python studies/interval_coverage.py [REPETITIONS]
 

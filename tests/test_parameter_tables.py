@@ -47,6 +47,15 @@ def test_options_of_which_one_is_chosen_have_default_and_range() -> None:
     assert re.search(r"^\| `--seed N` \| 0 \| .+ `x>=0` \|$", rows, re.MULTILINE)
 
 
+def test_the_page_of_tasks_has_what_each_task_file_says() -> None:
+    page = (DOCS / "reference/tasks.md").read_text(encoding="utf-8")
+    text = load("task_notes").on_page_markdown(page)
+    for name in plugins.available("tasks"):
+        assert f"**`{name}`**: " in text or not (DOCS.parent / "tasks/stlbench_tasks" / name.replace("-", "_")).exists()
+    assert "**`annulus`**: Stay in a ring, `G[" in text
+    assert "No robustness is above 1.5." in text
+
+
 def test_a_row_by_hand(hook: ModuleType) -> None:
     rows = hook.table("agents", "td3").splitlines()
     assert rows[0] == "| parameter | type | default | meaning |"

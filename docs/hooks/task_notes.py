@@ -1,0 +1,29 @@
+"""A hook of mkdocs: what a task file says for people.
+
+`<!-- task: overlap -->` in a page becomes the title, the formula, the source and the notes of that task.
+"""
+
+from __future__ import annotations
+
+import html
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+_PLACE = re.compile(r"^<!-- task: ([\w-]+) -->$", re.MULTILINE)
+_TASKS = Path(__file__).parents[2] / "tasks/stlbench_tasks"
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Called by mkdocs for each page."""
+    return _PLACE.sub(lambda place: section(place[1]), markdown)
+
+
+def section(name: str) -> str:
+    """What the file of a task says, in Markdown. Raises `FileNotFoundError` if there is no such task."""
+    text = (_TASKS / name.replace("-", "_") / "task.yaml").read_text(encoding="utf-8")
+    file = {key: " ".join(value.split()) for key, value in yaml.safe_load(text).items() if isinstance(value, str)}
+    source, notes = (html.escape(file[key], quote=False).rstrip(".") for key in ("source", "notes"))
+    return f"**`{name}`**: {file['title']}, `{file['formula']}`. Source: {source}.\n\n{notes}."
