@@ -51,7 +51,7 @@ lowest: | $(VENV)-lowest/bin
 docs: $(VENV)/ready-dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
-## Is anything worse than the committed reference? See docs/ci.md. Costs as well: make gate AGAINST=origin/main
+## Is anything worse than the committed reference? See docs/howto/share.md. Costs as well: make gate AGAINST=origin/main
 AGAINST :=
 gate: $(VENV)/ready
 	$(BIN)/stlbench gate results/gate-reference --budget smoke $(if $(AGAINST),--against $(AGAINST))

@@ -43,8 +43,8 @@ FRAMES = 75
 """In a film, at most about so many."""
 
 WHO = {
-    "by hand": "Its controller by hand acts",
-    "at random": "Nobody wrote a controller, and no policy has learned the task yet, so actions are at random",
+    "by hand": "Controller by hand",
+    "at random": "Random actions, since no policy has learned it yet",
 }
 
 Act = Callable[[Simulator], Integers | Array]
@@ -173,38 +173,22 @@ def page(filmed: dict[str, Filmed]) -> str:
 
 _HEAD = """# Gallery of tasks
 
-The {count} tasks that come with stlbench, each with its formula and a film. A click on a picture plays its film,
-another click stops it; the picture is the film's end. Where a task has no pictures of its own, the film shows the path
-in its plane, or its signals against time, over the ranges of the task file, with the regions where the parts of the
-formula hold.
-
-In most films the task's controller by hand acts, otherwise a stored policy, or chance: a line under each says who. The
-start is the one whose robustness is the median of 16 of the report's.
-[Tasks](reference/tasks.md) says where the tasks come from, and `stlbench show task NAME` says everything of one.
-
-`python studies/gallery.py` makes this page and its films.
+What do the {count} tasks of stlbench look like? Click a picture to play its film: the task itself, the path in its
+plane, or its signals against time, with the regions where parts of the formula hold. The start has the median
+robustness of 16 of the report's. `stlbench show task NAME` prints the formula, [Tasks](reference/tasks.md)
+has sources. `python studies/gallery.py` makes this page.
 """
 
 
 def _entry(task: Task, filmed: Filmed) -> str:
-    name, title = task.name, task.file.title
-    who = WHO.get(filmed.by, f"The policy of `{filmed.by}` acts")
-    seen = "the task itself" if filmed.drawn else "the plane" if task.file.plane else "signals against time"
-    alt = f"{name}, {seen}: {title}; robustness {filmed.robustness:.3g}"
+    name = task.name
     size = f'width="{filmed.width}" height="{filmed.height}"'
-    link = f"[![{alt}](figures/gallery/{name}-still.webp){{ {size} loading=lazy }}](figures/gallery/{name}.webp)"
-    facts = f"{task.file.steps} steps of {task.file.sampling_time:g} s, {filmed.seconds:g} s in all"
+    picture = f"![{task.file.title}](figures/gallery/{name}-still.webp){{ {size} loading=lazy }}"
     return f"""## {name}
 
-{title}.
+[{picture}](figures/gallery/{name}.webp){{ .film }}
 
-```text
-{task.formula}
-```
-
-{link}{{ .film }}
-
-{who}, from a start of the report: robustness {filmed.robustness:.3g}. {facts}.
+{task.file.title}. {WHO.get(filmed.by, f"Policy `{filmed.by}`")}: robustness {filmed.robustness:.3g}.
 """
 
 

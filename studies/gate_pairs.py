@@ -5,8 +5,8 @@
 
 Each run is a whole gate of one cheap setting, in a clone of this repository's last commit. In the clones `slower` and
 `worse` the working tree differs from the commit by a patch. What ran is in results/gate-pairs: a row per run in
-runs.csv, a row per turn in turns.csv. The same command runs what is missing there, and prints the table of docs/ci.md.
-A run takes half a minute on an idle machine.
+runs.csv, a row per turn in turns.csv. The same command runs what is missing there, and prints the table of
+docs/howto/share.md. A run takes half a minute on an idle machine.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def add(table: Path, columns: tuple[str, ...], found: list[dict[str, Any]]) -> N
 
 
 def main() -> None:
-    """Run what is missing, and print the table of docs/ci.md."""
+    """Run what is missing, and print the table of docs/howto/share.md."""
     parser = argparse.ArgumentParser(description="Errors of `stlbench gate --against` in real runs.")
     parser.add_argument("--machine", required=True, help="what else it does: idle, loaded")
     parser.add_argument("--busy", type=int, default=0, metavar="N", help="processes that compute beside the runs")
@@ -174,7 +174,7 @@ def run_missing(machine: str, wanted: Mapping[str, int]) -> None:
 
 
 def table() -> Iterator[str]:
-    """How the runs of each kind ended, as Markdown for docs/ci.md."""
+    """How the runs of each kind ended, as Markdown for docs/howto/share.md."""
     recorded = list(rows(TABLES / "runs.csv"))
     yield "| machine | code | runs | exit codes | CPU | robustness |"
     yield "|---|---|---|---|---|---|"

@@ -127,7 +127,7 @@ def settings(judgement: Judgement) -> Table:
     remarks = (
         "Robustness and satisfaction: mean over the paired seeds of base and new, and the change.",
         "CPU: seconds of training, new over base; reward: its time per step. A cost in brackets is not judged.",
-        "What is tolerated, and how it is tested: docs/ci.md.",
+        "What is tolerated, and how it is tested: docs/howto/share.md.",
     )
     return Table("All settings", columns, rows, remarks)
 

@@ -1,4 +1,4 @@
-"""Is anything slower than before? Micro-benchmarks of base and head in turns, and a t-test; see docs/ci.md.
+"""Is anything slower than before? Micro-benchmarks of base and head in turns, and a t-test; see docs/howto/share.md.
 
     python tests/benchmarks/versus.py --base ../base/.venv/bin/python --package stlbench -- tests/benchmarks -k update
 

@@ -46,14 +46,13 @@ INSTEAD = {
 """What tests type in place of some words, and why."""
 
 GIVEN: dict[str, Sequence[Callable[[Path], None]]] = {
-    "docs/ci.md": [given.reference],
     "docs/howto/choose.md": [partial(given.committed, "survey", "reach-stay")],
     "docs/howto/cluster.md": [given.reference],
     "docs/howto/environment.md": [partial(given.titled, "howto/environment.md")],
     "docs/howto/failure.md": [given.policies, given.machines],
     "docs/howto/policies.md": [given.policies, partial(given.titled, "howto/environment.md")],
     "docs/howto/python.md": [given.file_of_study],
-    "docs/howto/share.md": [partial(given.bundles, theirs="other")],
+    "docs/howto/share.md": [given.reference, partial(given.bundles, theirs="other")],
     "docs/howto/task.md": [given.own_task],
     "docs/reference/command-line.md": [
         given.example,

@@ -186,4 +186,4 @@ class TestErrorRates:
 def test_the_page_says_how_the_recorded_runs_ended() -> None:
     root = RECORDED.parents[2]
     printed = runpy.run_path(str(root / "studies" / "gate_pairs.py"))["table"]()
-    assert "\n".join(printed) in (root / "docs" / "ci.md").read_text(encoding="utf-8")
+    assert "\n".join(printed) in (root / "docs" / "howto" / "share.md").read_text(encoding="utf-8")
