@@ -24,6 +24,9 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 def section(name: str) -> str:
     """What the file of a task says, in Markdown. Raises `FileNotFoundError` if there is no such task."""
     text = (_TASKS / name.replace("-", "_") / "task.yaml").read_text(encoding="utf-8")
-    file = {key: " ".join(value.split()) for key, value in yaml.safe_load(text).items() if isinstance(value, str)}
+    file = {key: " ".join(str(value).split()) for key, value in yaml.safe_load(text).items()}
     source, notes = (html.escape(file[key], quote=False).rstrip(".") for key in ("source", "notes"))
-    return f"**`{name}`**: {file['title']}, `{file['formula']}`. Source: {source}.\n\n{notes}."
+    held = f", each action held for {file['hold']}" if "hold" in file else ""
+    unit = "intervals in seconds, " if file.get("time") == "seconds" else ""
+    steps = f"{unit}in steps of {file['sampling_time']} s{held}"
+    return f"**`{name}`**: {file['title']}, `{file['formula']}`, {steps}. Source: {source}.\n\n{notes}."
