@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from stlbench.cli.common import Json, print_json
-from stlbench.cli.options import Executor, Jobs, names, tasks_of
+from stlbench.cli.options import names, study_options, tasks_of
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ SEEDS = "10"
 """Seeds of a new reference."""
 
 
+@study_options("jobs", "executor")
 def gate(
     reference: Annotated[Path, typer.Argument(metavar="REFERENCE", help="A folder that --update wrote.")] = Path(
         "results/gate-reference"
@@ -47,13 +48,13 @@ def gate(
         str | None,
         typer.Option(metavar="SEEDS", help="As in `stlbench run`.", show_default="all in the reference"),
     ] = None,
-    jobs: Jobs = None,
     results: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the ledger and of the summaries.")] = Path(
         "results/gate"
     ),
-    executor: Executor = "local",
+    *,
     update: Annotated[bool, typer.Option("--update", help="Write the reference instead of comparing with it.")] = False,
     as_json: Json = False,
+    **options: Any,
 ) -> None:
     """Measure the cells of a reference again, and say whether they are worse.
 
@@ -81,7 +82,8 @@ def gate(
         raise UsageError(f"--results {results} is the reference itself; what is measured now needs another folder")
     some_seeds = None if seeds is None else parse_seeds(seeds)
     selection = Selection(budget, tasks_of(tasks), names(methods), names(agents), some_seeds)
-    place = build_executor(executor, jobs)
+    executor = options.get("executor", "local")
+    place = build_executor(executor, options.get("jobs"))
     if against is not None and (update or executor != "local"):
         raise UsageError("--against trains here and writes no reference: leave out --update and --executor")
     if update and not selection.is_everything:

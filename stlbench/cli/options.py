@@ -1,26 +1,73 @@
-"""The options that commands share: lists of names, jobs, executors, task folders, what to run again, how to show."""
+"""The options that commands share. Those of a study come from the fields of `Study`."""
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import typer
 
-if TYPE_CHECKING:
-    from stlbench.registry.choices import Choice
+from stlbench.cli.completion import names as completed
+from stlbench.registry.choices import Choice
+from stlbench.study.study import Option, Study
 
-Jobs = Annotated[
-    int | None, typer.Option(min=1, metavar="N", help="Cells at a time.", show_default="2, or 1 on a single core")
-]
+REQUIRED = "required"
+"""In place of a default: the user has to give the option."""
+
+
+def study_options(*fields: str, **instead: tuple[str, str]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command fields of `Study` as options; it takes those that the user gave as keyword arguments.
+
+    Args:
+        fields: names of fields, in the order of the help; all of them where none is named.
+        instead: for a field a help and a default for the help, in place of those of `Study`; an empty text leaves them.
+    """
+    options = [_parameter(name, *instead.get(name, ("", ""))) for name in fields or Study.model_fields]
+
+    def derived(command: Callable[..., None]) -> Callable[..., None]:
+        own = inspect.signature(command, eval_str=True).parameters.values()
+        first = [each for each in own if each.kind is inspect.Parameter.POSITIONAL_OR_KEYWORD]
+        last = [each for each in own if each.kind is inspect.Parameter.KEYWORD_ONLY]
+
+        @wraps(command)
+        def with_options(**values: Any) -> None:
+            left_out = [option.name for option in options if values[option.name] in (None, False)]
+            command(**{name: value for name, value in values.items() if name not in left_out})
+
+        parameters = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in (*first, *options, *last)]
+        with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        with_options.__annotations__ = {each.name: each.annotation for each in parameters}
+        return with_options
+
+    return derived
+
+
+def _parameter(name: str, help_text: str, default: str) -> inspect.Parameter:
+    """A field of `Study` as a parameter of a command."""
+    field = Study.model_fields[name]
+    shown = next(each for each in field.metadata if isinstance(each, Option))
+    kinds = (field.annotation, *get_args(field.annotation))
+    kind: Any = next((kind for kind in (bool, int, Path) if kind in kinds), str)
+    known = field.default if isinstance(field.default, str | int | Path | Choice) and kind is not bool else ""
+    option = typer.Option(
+        f"--{name.replace('_', '-')}",
+        metavar=shown.metavar or None,
+        help=help_text or field.description,
+        show_default=default != REQUIRED and (default or shown.default or str(known or "") or False),
+        min=next((each.ge for each in field.metadata if hasattr(each, "ge")), None),
+        autocompletion=completed(shown.completes) if shown.completes else None,
+    )
+    annotation: Any = Annotated[kind if kind is bool else kind | None, option]
+    value: Any = False if kind is bool else inspect.Parameter.empty if default == REQUIRED else None
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=value, annotation=annotation)
+
+
 Explain = Annotated[bool, typer.Option("--explain", help="Print the notes that say how to read the tables.")]
 Fitting = Annotated[
     Literal["column", "page"], typer.Option("--width", help="What figures and LaTeX fit: 3.5 or 7.16 inches.")
-]
-Executor = Annotated[str, typer.Option(metavar="NAME", help="Where cells run.")]
-Retry = Annotated[
-    str | None,
-    typer.Option(metavar="LIST", help="Run cells again that ended so: failed, or some of raised, timeout, killed."),
 ]
 
 

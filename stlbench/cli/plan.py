@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from stlbench.cli.completion import names
-from stlbench.cli.options import Executor, Explain, Jobs, Retry
+from stlbench.cli.options import Explain, study_options
 from stlbench.cli.options import names as choices
 from stlbench.cli.run import interruptible, report_cells
 
@@ -19,20 +19,16 @@ if TYPE_CHECKING:
     from stlbench.registry.choices import Choice
 
 
+_RESULTS = "results/plan"
+
+
+@study_options("methods", "jobs", "results", "executor", "retry", methods=("", "all that fit"), results=("", _RESULTS))
 def plan(
     task: Annotated[
         str,
         typer.Argument(metavar="TASK", help="A name, or the path of a task's folder.", autocompletion=names("tasks")),
     ],
-    methods: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LIST",
-            help="Reward methods, a comma list; parameters in brackets.",
-            show_default="all that fit",
-            autocompletion=names("methods"),
-        ),
-    ] = None,
+    *,
     settings: Annotated[
         str | None,
         typer.Option(
@@ -45,13 +41,8 @@ def plan(
         float | None,
         typer.Option(metavar="X", help="Factor on the points of the grid, per axis.", show_default="1"),
     ] = None,
-    jobs: Jobs = None,
-    results: Annotated[Path, typer.Option(metavar="DIR", help="Folder of ledger, traces, tables.")] = Path(
-        "results/plan"
-    ),
-    executor: Executor = "local",
-    retry: Retry = None,
     explain: Explain = False,
+    **options: Any,
 ) -> None:
     """Say what the rewards of a task ask for: plan for them, and for the formula itself, without training.
 
@@ -70,10 +61,11 @@ def plan(
     from stlbench.study.run import build_executor, run_cells
     from stlbench.study.solve import parse_settings, plan_alignment
 
-    chosen, said = choices(methods), None if settings is None else parse_settings(settings)
-    cells = plan_alignment(task_of(task), chosen, said, resolution)
+    chosen, results = choices(options.get("methods")), Path(options.get("results", _RESULTS))
+    cells = plan_alignment(task_of(task), chosen, None if settings is None else parse_settings(settings), resolution)
+    executor, retry = build_executor(options.get("executor", "local"), options.get("jobs")), options.get("retry")
     with interruptible(lambda: cells, results), Progress(results) as progress:
-        run_cells(cells, results, build_executor(executor, jobs), retry=accidents_of(retry), progress=progress)
+        run_cells(cells, results, executor, retry=accidents_of(retry), progress=progress)
     _say_equal([cell.id for cell in cells], chosen)
     report_cells({cell.id for cell in cells}, results, explain)
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from stlbench.cli.common import DISK_FULL, refuse
-from stlbench.cli.completion import names
-from stlbench.cli.options import Explain, Jobs, Retry
+from stlbench.cli.options import Explain, study_options
 from stlbench.cli.report import show_report
 from stlbench.errors import DiskFull, UsageError
+from stlbench.study.study import Study
 
 if TYPE_CHECKING:
     from stlbench.records.identity import CellId
@@ -24,96 +24,15 @@ DEFAULTS = {"tasks": "reach-stay", "methods": "funnel,flag"}
 """What is compared where neither options nor a file say."""
 
 
+@study_options(tasks=("", DEFAULTS["tasks"]), methods=("", DEFAULTS["methods"]))
 def run(
     study: Annotated[
         Path | None,
         typer.Argument(metavar="[STUDY]", help="A YAML file with these options as its keys; options go before it."),
     ] = None,
-    tasks: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LIST",
-            help="Tasks, a comma list of names, or of folders such as ./my-task.",
-            show_default=DEFAULTS["tasks"],
-            autocompletion=names("tasks"),
-        ),
-    ] = None,
-    methods: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LIST",
-            help="Reward methods, a comma list; parameters in brackets.",
-            show_default=DEFAULTS["methods"],
-            autocompletion=names("methods"),
-        ),
-    ] = None,
-    agents: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LIST",
-            help="Agents, a comma list; parameters override the task's recipe.",
-            show_default="each task's own",
-            autocompletion=names("agents"),
-        ),
-    ] = None,
-    seeds: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SEEDS",
-            help="A number N means seeds 0..N-1; '0-4' or '3,7' names them.",
-            show_default="as the budget says",
-        ),
-    ] = None,
-    budget: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="How much training; `stlbench show task NAME` lists budgets.",
-            show_default="quick",
-        ),
-    ] = None,
-    track: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="By which rules: shared, one recipe per task; plain, no help; tuned, a recipe per method.",
-            show_default="shared",
-        ),
-    ] = None,
-    recipes: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Recipes of the track tuned, as `stlbench tune` writes them.")
-    ] = None,
-    jobs: Jobs = None,
-    memory: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SIZE",
-            help="The most memory that a cell may take, as in 4G.",
-            show_default="a share of nine tenths of the machine's",
-        ),
-    ] = None,
-    results: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of ledger, traces, tables.", show_default="results")
-    ] = None,
-    executor: Annotated[str | None, typer.Option(metavar="NAME", help="Where cells run.", show_default="local")] = None,
-    log: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LIST",
-            help="Tell these logs of the run, a comma list: tensorboard, wandb.",
-            show_default="none",
-            autocompletion=names("logs"),
-        ),
-    ] = None,
-    retry: Retry = None,
-    attempts: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="N", help="Give up cells that failed N times in a row.", show_default="3"),
-    ] = None,
-    keep_old: Annotated[
-        bool, typer.Option("--keep-old", help="Count results of before a change of the code as done.")
-    ] = False,
+    *,
     explain: Explain = False,
+    **options: Any,
 ) -> None:
     """Compare reward methods: train and score every task, method, agent and seed.
 
@@ -128,30 +47,11 @@ def run(
       stlbench run study.yaml --seeds 10
     """
     from stlbench.study.progress import Progress
-    from stlbench.study.run import run_described
-    from stlbench.study.study import Study
+    from stlbench.study.run import run_missing
 
-    options = {
-        "tasks": tasks,
-        "methods": methods,
-        "agents": agents,
-        "seeds": seeds,
-        "budget": budget,
-        "track": track,
-        "recipes": recipes,
-        "jobs": jobs,
-        "memory": memory,
-        "results": results,
-        "executor": executor,
-        "log": log,
-        "retry": retry,
-        "attempts": attempts,
-        "keep_old": keep_old or None,
-    }
-    said = {name: value for name, value in options.items() if value is not None}
-    described = Study.of(said, study) if study else Study.of(DEFAULTS | said)
+    described = Study.of(options, study) if study else Study.of(DEFAULTS | options)
     with interruptible(described.cells, described.results), Progress(described.results) as progress:
-        cells = run_described(described, progress)
+        cells = run_missing(described, progress)
     report_cells({cell.id for cell in cells}, described.results, explain)
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stlbench.cli.completion import names
-from stlbench.cli.options import Executor, Jobs, Retry
+from stlbench.cli.options import REQUIRED, study_options
 from stlbench.cli.run import interruptible
-from stlbench.study.progress import Progress
+from stlbench.study.progress import Progress, Tally
+from stlbench.study.study import Study
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -19,45 +18,24 @@ if TYPE_CHECKING:
     from stlbench.records.result import Result
     from stlbench.report import Table
     from stlbench.study.cell import Cell
-    from stlbench.study.study import Study
     from stlbench.study.tuning import Entrant
 
 
+_DEFAULTS = {"seeds": "100-101", "results": "results/tuning"}
+
+
+@study_options(
+    *("tasks", "methods", "agents", "seeds", "budget", "jobs", "results", "executor", "retry"),
+    tasks=("", REQUIRED),
+    methods=("", REQUIRED),
+    agents=("Agents, a comma list; parameters in brackets are not tuned.", ""),
+    seeds=("Seeds of each trial, from 100 on.", _DEFAULTS["seeds"]),
+    results=("Folder of ledger, trials and recipes.", _DEFAULTS["results"]),
+)
 def tune(
-    tasks: Annotated[
-        str,
-        typer.Option(
-            metavar="LIST",
-            help="Tasks, a comma list of names, or of folders such as ./my-task.",
-            autocompletion=names("tasks"),
-        ),
-    ],
-    methods: Annotated[
-        str,
-        typer.Option(
-            metavar="LIST",
-            help="Reward methods, a comma list; parameters in brackets.",
-            autocompletion=names("methods"),
-        ),
-    ],
-    agents: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LIST",
-            help="Agents, a comma list; parameters in brackets are not tuned.",
-            show_default="each task's own",
-            autocompletion=names("agents"),
-        ),
-    ] = None,
+    *,
     trials: Annotated[int, typer.Option(min=1, max=1000, metavar="N", help="Trials of each method on each task.")] = 20,
-    seeds: Annotated[str, typer.Option(metavar="SEEDS", help="Seeds of each trial, from 100 on.")] = "100-101",
-    budget: Annotated[str, typer.Option(metavar="NAME", help="How much training.")] = "quick",
-    jobs: Jobs = None,
-    results: Annotated[Path, typer.Option(metavar="DIR", help="Folder of ledger, trials and recipes.")] = Path(
-        "results/tuning"
-    ),
-    executor: Executor = "local",
-    retry: Retry = None,
+    **options: Any,
 ) -> None:
     """Find a recipe for each method on each task, with the same number of trials for all, for `run --track tuned`.
 
@@ -74,16 +52,13 @@ def tune(
     """
     from stlbench.cli.common import console
     from stlbench.report import to_screen
-    from stlbench.study.study import Study
     from stlbench.study.tuning import entrants, search
 
-    said: dict[str, Any] = {"tasks": tasks, "methods": methods, "agents": agents, "seeds": seeds, "budget": budget}
-    said |= {"jobs": jobs, "results": results, "executor": executor, "retry": retry}
-    study = Study.of({name: value for name, value in said.items() if value is not None})
+    study = Study.of(_DEFAULTS | options)
     found = entrants(study)
     planned: dict[CellId, Cell] = {}
     total = len(found) * trials * len(study.seeds or ())
-    with interruptible(lambda: tuple(planned.values()), results), _Rounds(total) as progress:
+    with interruptible(lambda: tuple(planned.values()), study.results), _Rounds(total) as progress:
         search(found, study, trials, lambda cells: _run(cells, study, planned, progress))
     _write(found, study, trials)
     to_screen(_table(found), console())
@@ -99,9 +74,10 @@ class _Rounds(Progress):
     def begin(self, missing: Sequence[CellId], done: int) -> None:
         """The first round says how many cells there are at most: some trials are the same, some methods do not fit."""
         if not self.total:
-            self._say(f"at most {self.most} cells")
-            self._count(self.most, 0)
+            self.note(f"at most {self.most} cells")
+            self.start(self.most, 0)
         self.done += done
+        self.tally = Tally(missing, self.done)
 
     def _left(self) -> str:
         """Unknown, as nobody knows what will be tried."""

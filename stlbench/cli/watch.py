@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from stlbench.cli.looker import Looker
+    from stlbench.study.progress import Tally
 
 
 def watch(
@@ -28,26 +28,52 @@ def watch(
       stlbench watch results
       stlbench watch results --once
     """
-    from stlbench.cli.looker import Looker
-
-    _show(Looker(folder), every, once)
-
-
-def _show(looker: Looker, every: float, once: bool) -> None:
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text
 
-    from stlbench.study.live_cells import draws
+    from stlbench.records import lock
+    from stlbench.study.live_cells import draws, running
 
+    ledger = _Ledger(folder)
     console = Console(highlight=False, soft_wrap=True)
     with Live(console=console, auto_refresh=False, transient=False) if console.is_terminal else _Lines() as shown:
         while True:
-            view = looker.look()
-            shown.update(Text("\n".join(view.lines(drawn=draws(console)))), refresh=True)
-            if once or view.writer is None:
+            writer = lock.writer(folder)
+            cells = running(folder) if writer else None
+            first, *lines = ledger.tally(writer).lines(cells, time.time(), drawn=draws(console))
+            shown.update(Text("\n".join([first, *(f"  {line}" for line in lines)])), refresh=True)
+            if once or writer is None:
                 return
             time.sleep(every)
+
+
+class _Ledger:
+    """Reads the ledger of a folder, only when that has changed. Raises `UsageError` where there is none."""
+
+    def __init__(self, folder: Path) -> None:
+        from stlbench.errors import UsageError
+        from stlbench.records.ledger import FILE
+
+        self.path = folder / FILE
+        if not self.path.is_file():
+            raise UsageError(f"there is no ledger in {folder}/; name a folder that `stlbench run` writes")
+        self._stamp: tuple[object, ...] = ()
+        self._tally: Tally | None = None
+
+    def tally(self, writer: str | None) -> Tally:
+        """The counts of all cells, as the ledger has them now."""
+        from stlbench.records.ledger import Ledger
+        from stlbench.study.progress import Tally
+
+        stamp = (writer, *(path.stat().st_mtime for path in self.path.parent.glob(f"{self.path.name}*")))
+        if self._tally is None or stamp != self._stamp:
+            with Ledger(self.path, create=False) as ledger:
+                self._tally = Tally(ledger.missing())
+                for result in ledger.results():
+                    self._tally.add(result)
+            self._stamp = stamp
+        return self._tally
 
 
 class _Lines:

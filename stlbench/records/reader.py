@@ -6,7 +6,6 @@ import sqlite3
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from datetime import datetime
 from operator import itemgetter
 from pathlib import Path
 from types import TracebackType
@@ -118,13 +117,6 @@ class Records:
             return Recorded(key, result.id, None, "its columns do not say what its result says", again, result.key)
         return Recorded(key, result.id, files, result, again)
 
-    def recorded_since(self, begin: datetime) -> dict[str, float]:
-        """Of rows that were recorded from then on: their keys, and when that was, in seconds since 1970."""
-        if self._database is None:
-            return {}
-        times = {key: _moment(text) for _, key, text in salvage(self._database, "cells", "key, recorded_at").rows}
-        return {key: at for key, at in times.items() if at is not None and at >= begin.timestamp()}
-
     def lost(self) -> dict[str, CellId | None]:
         """The keys of rows of which no more is known, with their cells where the plan has them."""
         if self._database is None:
@@ -196,14 +188,6 @@ def _cell(number: int, key: str, *columns: Any) -> CellId | None:
 
 def _has_content(path: Path) -> bool:
     return path.is_file() and path.stat().st_size > 0
-
-
-def _moment(text: Any) -> float | None:
-    """Seconds since 1970 of a time that was recorded; None where it is damaged."""
-    try:
-        return datetime.fromisoformat(text).timestamp()
-    except (TypeError, ValueError):
-        return None
 
 
 # ----------------------------------------------------------------------------------------- tables with damaged pages

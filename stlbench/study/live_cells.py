@@ -30,8 +30,6 @@ _SECONDS = 0.2
 """Between two writings at least."""
 _POINTS = 200
 """Of a curve, at most; budgets have ten to twenty checkpoints."""
-MOST = 8
-"""Cells that are listed; the others are counted."""
 _BARS = 20
 
 
@@ -149,20 +147,6 @@ def running(folder: Path) -> list[Running]:
 # ------------------------------------------------------------------------------------------------------- in words
 
 
-class Sight:
-    """Looks at most once a second at which cells run."""
-
-    def __init__(self, folder: Path | None) -> None:
-        self._folder, self._seen, self._at = folder, list[Running](), -1.0
-
-    def look(self) -> list[Running]:
-        """The cells that run; none where there is no folder."""
-        now = time.time()
-        if self._folder is not None and now - self._at >= 1:
-            self._seen, self._at = running(self._folder), now
-        return self._seen
-
-
 def line_of(one: Running, now: float, *, drawn: bool = False) -> str:
     """hold-disc/funnel/dqn/3: 42 %, 16,800 of 40,000 steps, 12 s; satisfied 88 %, robustness 0.310.
 
@@ -196,10 +180,6 @@ def _score(satisfaction: float, robustness: float) -> str:
 def duration(seconds: float) -> str:
     """ "12 s", "3 min 5 s", "2 h 10 min"."""
     minutes, rest = divmod(round(seconds), 60)
-    return (
-        f"{minutes // 60} h {minutes % 60} min"
-        if minutes >= 60
-        else f"{minutes} min {rest} s"
-        if minutes
-        else f"{rest} s"
-    )
+    if minutes >= 60:
+        return f"{minutes // 60} h {minutes % 60} min"
+    return f"{minutes} min {rest} s" if minutes else f"{rest} s"

@@ -1,13 +1,10 @@
-"""What a study says while it runs: one line per finished cell on stderr.
-
-Where there is a terminal, a bar is under them, with the cells that run; elsewhere a line a minute tells of these.
-"""
+"""How far a run is. The run itself says it, a line for each cell that ends, and `stlbench watch` from outside."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections import deque
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -16,36 +13,103 @@ from typing import TYPE_CHECKING, Self
 from rich.console import Console, RenderableType
 from rich.text import Text
 
-from stlbench.records.identity import CellId
+from stlbench.records.identity import CellId, Setting
 from stlbench.records.result import Result, reported
-from stlbench.records.status import ACCIDENTS
-from stlbench.registry.choices import Choice
-from stlbench.study.live_cells import MOST, Sight, draws, line_of
-from stlbench.study.pace import LATEST, Ended, Pace, reward_of, unfit
+from stlbench.study.live_cells import Running, draws, duration, line_of, running
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
 _MINUTE = 60.0
-_SHARE = 0.02
-"""Of its time, a run spends so much at most on saying how long the rest takes."""
+_LISTED = 8
+"""Cells that run, of which so many are listed."""
+_SOON = 0.5
+"""Seconds. A shorter time is not said: it is that of a cell that takes longer than all before it."""
+
+
+class Tally:
+    """Counts the cells of a run, and estimates the time that is left.
+
+    A cell is expected to take the mean of the cells that differ from it in the seed alone. Before one of these has
+    ended, it is the mean of all.
+
+    Args:
+        missing: cells without a result.
+        done: how many have a result from before, of which no more is known.
+    """
+
+    def __init__(self, missing: Iterable[CellId], done: int = 0) -> None:
+        self._missing = Counter(cell.setting for cell in missing)
+        self._ended = Counter({"done before": done} if done else {})
+        self._times = dict[Setting, list[float]]()
+        self._unfit = set[Setting]()
+        """The other seeds of these end at once as well."""
+
+    def add(self, result: Result) -> None:
+        """Count a cell that has ended."""
+        self._ended[result.status] += 1
+        if result.measurement is not None:
+            self._times.setdefault(result.id.setting, []).append(result.measurement.wall_seconds)
+        elif result.status in ("intractable", "unsuitable"):
+            self._unfit.add(result.id.setting)
+
+    def remove(self, cell: CellId) -> None:
+        """The cell is not missing any more."""
+        self._missing[cell.setting] -= 1
+
+    def left(self, cells: Sequence[Running], now: float) -> str:
+        """The time until the last cell ends: "about 3 min 5 s left"; empty where nothing is left or known."""
+        seconds = self._seconds(cells, now)
+        return f"about {duration(seconds)} left" if seconds >= _SOON else ""
+
+    def _seconds(self, cells: Sequence[Running], now: float) -> float:
+        times = {setting: list(seconds) for setting, seconds in self._times.items()}
+        for one in cells:
+            if one.share > 0 and one.id.setting not in self._times:  # what its checkpoints say of the whole
+                times.setdefault(one.id.setting, []).append((one.told - one.began) / one.share)
+        if not times:
+            return 0.0
+        mean = sum(map(sum, times.values())) / sum(map(len, times.values()))
+        means = {setting: sum(seconds) / len(seconds) for setting, seconds in times.items()}
+        waiting = self._missing - Counter(one.id.setting for one in cells)
+        rest = [max(0.0, means.get(one.id.setting, mean) - (now - one.began)) for one in cells]
+        work = sum(count * means.get(setting, mean) for setting, count in waiting.items() if setting not in self._unfit)
+        work += sum(rest)
+        return max([work / max(1, len(cells)), *rest])
+
+    def lines(self, cells: Sequence[Running] | None, now: float, *, drawn: bool = False) -> list[str]:
+        """The counts, "2 of 3 cells, 1 done, 1 raised, 1 running, about 12 s left", and a line for each cell that runs.
+
+        Args:
+            cells: that run; None where nobody writes in the folder.
+            now: seconds since 1970.
+            drawn: whether curves are drawn.
+        """
+        ended = self._ended.total()
+        counts = [f"{ended} of {ended + self._missing.total()} cells"]
+        counts += [f"{count} {status}" for status, count in self._ended.items()]
+        if cells is None:
+            return [", ".join([*counts, "nobody writes here"])]
+        left = self.left(cells, now)
+        first = ", ".join([*counts, f"{len(cells)} running", *([left] if left else [])])
+        more = [f"and {len(cells) - _LISTED} more"] if len(cells) > _LISTED else []
+        return [first, *(line_of(one, now, drawn=drawn) for one in cells[:_LISTED]), *more]
 
 
 class Progress:
-    """Counts the cells of one command (`study.run.Progress`); as a context manager it takes the bar away at the end.
+    """Prints how a run goes on (`study.run.Progress`): a line on stderr for each cell that ends.
+
+    A terminal also has a bar and the cells that run below them; elsewhere a line a minute has these. As a context
+    manager it takes the bar away at the end.
 
     Args:
         folder: of results, where cells that run say how far they are; they are not shown where it is left out.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
-        self.total = self.done = self.failed = 0
-        self.missing = dict[CellId, None]()  # a set that keeps the order
-        self.unfit = set[tuple[Choice, Choice]]()
-        self.latest = deque[Ended](maxlen=LATEST)
-        self.jobs = 0
-        self.sight = Sight(folder)
-        self.said, self.due = "", 0.0
+        self.total = self.done = 0
+        self.tally = Tally(())
+        self.folder = folder
         self.over = threading.Event()
         self.console = Console(stderr=True, highlight=False, soft_wrap=True)
         self.bar: Bar | None = None
@@ -59,70 +123,50 @@ class Progress:
             self.bar.stop()
 
     def begin(self, missing: Sequence[CellId], done: int) -> None:
-        """Say how many cells there are, and begin to count the time."""
+        """Say how many cells there are, and show the bar."""
         total = done + len(missing)
         earlier = f", {done} of them done before" if done else ""
-        self._say(f"{total} {'cell' if total == 1 else 'cells'}{earlier}")
-        self.missing = dict.fromkeys(missing)
-        self._count(total, done)
+        self.note(f"{total} {'cell' if total == 1 else 'cells'}{earlier}")
+        self.tally = Tally(missing, done)
+        self.start(total, done)
 
-    def _count(self, total: int, done: int) -> None:
+    def start(self, total: int, done: int) -> None:
+        """Show the bar where a cell is missing."""
         self.total, self.done = total, done
         if done < total:
             self.bar = _bar(self.console, total, done, self._below)
             self.bar.start()
             if not self.console.is_terminal:
-                threading.Thread(target=self._tell, daemon=True).start()
+                threading.Thread(target=self._each_minute, daemon=True).start()
 
     def note(self, text: str) -> None:
-        """Say what the user should know."""
-        self._say(text)
+        """Print a line."""
+        self.console.print(Text(text))
 
     def ended(self, result: Result) -> None:
-        """Say how a cell ended, and how long the others may take."""
+        """Say how a cell ended."""
         self.done += 1
-        self.missing.pop(result.id, None)
-        self._learn(result)
-        self.failed += result.status in ACCIDENTS
-        self._say(f"[{self.done}/{self.total}] {describe(result)}")
+        self.tally.remove(result.id)
+        self.tally.add(result)
+        self.note(f"[{self.done}/{self.total}] {describe(result)}")
         if self.bar is not None:
             self.bar.update(self.bar.task_ids[0], completed=self.done, description=self._left())
 
-    def _learn(self, result: Result) -> None:
-        """What a result says of how long the others take."""
-        for never in unfit([result]) - self.unfit:
-            self.missing = {cell: None for cell in self.missing if reward_of(cell) != never}
-            self.unfit.add(never)
-        if result.measurement is not None:
-            self.latest.append(Ended(result.id, result.measurement.wall_seconds, time.time()))
-            said = result.provenance.get("jobs", "")
-            self.jobs = int(said) if said.isdecimal() else 0
+    def _running(self) -> list[Running]:
+        return [] if self.folder is None else running(self.folder)
 
     def _left(self) -> str:
-        """How long the rest may take; said again as it was where it was asked too soon."""
-        began = time.monotonic()
-        if began >= self.due:
-            self.said = Pace(time.time(), self.missing, self.sight.look(), self.latest, self.jobs).words
-            self.due = began + (time.monotonic() - began) / _SHARE
-        return self.said
+        return self.tally.left(self._running(), time.time())
 
     def _below(self) -> list[str]:
-        """Under the bar: the cells that run. The time in the bar goes on too."""
+        """The cells that run; the time in the bar goes on too."""
         if self.bar is not None and self.bar.tasks:
             self.bar.tasks[0].description = self._left()
-        cells, now = self.sight.look(), time.time()
-        more = [f"and {len(cells) - MOST} more"] if len(cells) > MOST else []
-        return [*(line_of(one, now, drawn=draws(self.console)) for one in cells[:MOST]), *more]
+        return self.tally.lines(self._running(), time.time(), drawn=draws(self.console))[1:]
 
-    def _tell(self) -> None:
-        """Where nobody sees a bar: a line a minute."""
+    def _each_minute(self) -> None:
         while not self.over.wait(_MINUTE):
-            left, below = self._left(), self._below()
-            said = [f"{self.done} of {self.total} done", *([f"{self.failed} failed"] if self.failed else [])]
-            self._say("; ".join([*said, *([left] if left else []), *(f"running {line}" for line in below)]))
-
-    def _say(self, line: str) -> None:
-        self.console.print(Text(line))
+            self.note("; ".join(self.tally.lines(self._running(), time.time())))
 
 
 def _bar(console: Console, total: int, done: int, below: Callable[[], list[str]]) -> Bar:
@@ -134,7 +178,7 @@ def _bar(console: Console, total: int, done: int, below: Callable[[], list[str]]
             yield from (Text(f"  {line}", overflow="ellipsis", no_wrap=True) for line in below())
 
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-    bar = WithCells(*columns, console=console, disable=not console.is_terminal, refresh_per_second=2)
+    bar = WithCells(*columns, console=console, disable=not console.is_terminal, refresh_per_second=1)
     bar.add_task("", total=total, completed=done)
     return bar
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Protocol, cast, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 from stlbench.contract import Executor, Unsuitable, Work
 from stlbench.errors import UsageError, one_line
@@ -116,22 +116,8 @@ def _refusals() -> Iterator[None]:
 def run_study(
     study: Study | str | Path | None = None,
     *,
-    tasks: str | Iterable[str] | None = None,
-    methods: str | Iterable[str] | None = None,
-    agents: str | Iterable[str] | None = None,
-    seeds: int | str | Iterable[int] | None = None,
-    budget: str | None = None,
-    track: str | None = None,
-    recipes: str | Path | None = None,
-    jobs: int | None = None,
-    memory: str | None = None,
-    results: str | Path | None = None,
-    executor: str | None = None,
-    log: str | Iterable[str] | None = None,
-    retry: bool | str | Iterable[str] | None = None,
-    attempts: int | None = None,
-    keep_old: bool | None = None,
     progress: Progress | Told | bool | None = None,
+    **options: Any,
 ) -> Results:
     """Train and score every task, method, agent and seed: `stlbench run` in Python.
 
@@ -139,25 +125,11 @@ def run_study(
     a study that was interrupted goes on. Workers are fresh processes, which do not run your script again.
 
     Args:
-        study: a YAML file whose keys are the arguments below, or the study itself; the arguments go before it.
-        tasks: names, as a list or separated by commas: `["overlap", "overlap[without=cuts]"]`.
-        methods: names, with parameters in brackets: `["funnel", "funnel[ginf=0.02]"]`.
-        agents: names; each task's own where left out.
-        seeds: a number n for 0..n-1, or a list of seeds; as many as the budget says where left out.
-        budget: how much training: `quick` where left out.
-        track: by which rules: `shared` where left out, `plain` or `tuned` (`stlbench.records.identity.Track`).
-        recipes: file of recipes of the track `tuned`, as `stlbench tune` writes it.
-        jobs: cells at a time; where left out, as many as the executor thinks right, two for `local`.
-        memory: the most that a cell's processes may take together, as in "4G"; the cells' share of nine tenths of the
-            machine's where left out.
-        results: folder of ledger, traces and tables; `results` where left out.
-        executor: where cells run; `local` where left out.
-        log: logs that are told of the run, such as `tensorboard`; none where left out.
-        retry: run cells again that ended so: `failed`, which is also True, or some of `raised`, `timeout`, `killed`.
-        attempts: a cell that failed so often in a row is given up; 3 where left out.
-        keep_old: count results as done that are of other code than today's, of an older stlbench for example.
+        study: a YAML file whose keys are the fields of `Study`, or the study itself.
         progress: True prints a line on stderr as each cell ends, and shows a bar in a terminal. A function is called
             with how many cells have a result, of how many, and the last result. An object of `Progress` is told all.
+        options: fields of `Study`, as Python values or as texts of the command line: `tasks=["overlap"], seeds=3`. They
+            go before those of `study`; None leaves a field out.
 
     Returns:
         The results of these cells, those from before too. A method that does not fit a task, and a cell that failed,
@@ -166,31 +138,14 @@ def run_study(
     Raises:
         UsageError: a name, a value or the file is wrong; nothing has run then.
     """
-    options = {
-        "tasks": tasks,
-        "methods": methods,
-        "agents": agents,
-        "seeds": seeds,
-        "budget": budget,
-        "track": track,
-        "recipes": recipes,
-        "jobs": jobs,
-        "memory": memory,
-        "results": results,
-        "executor": executor,
-        "log": log,
-        "retry": retry,
-        "attempts": attempts,
-        "keep_old": keep_old,
-    }
     described = Study.of({name: value for name, value in options.items() if value is not None}, study)
     with _progress(progress, described.results) as told:
-        cells = run_described(described, told)
+        cells = run_missing(described, told)
     with Ledger(described.results / FILE, create=False) as ledger:
         return Results.of(ledger.results_of(cell.id for cell in cells), described.results)
 
 
-def run_described(study: Study, progress: Progress | None = None) -> tuple[Cell, ...]:
+def run_missing(study: Study, progress: Progress | None = None) -> tuple[Cell, ...]:
     """Run what is missing of a study, and return its cells. No result is kept in memory. Raises as `run_study`."""
     logs = build_logs(study.log)
     cells, place = study.cells(), build_executor(study.executor, study.jobs, study.memory)

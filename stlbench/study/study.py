@@ -1,11 +1,12 @@
-"""A study as one value: which tasks, methods, agents and seeds, how much training, and where the results go."""
+"""A study as one value. Its fields are the options of `stlbench run`, the keys of a file and Python arguments."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
@@ -13,10 +14,9 @@ from stlbench.errors import UsageError, did_you_mean, in_words, one_line
 from stlbench.records.status import Status, accidents_of
 from stlbench.registry import folders
 from stlbench.registry.choices import Choice, choice_of, executor_of, parse_choices, split
-from stlbench.study.cell import Cell
-from stlbench.study.plan import plan_cells
-from stlbench.study.tracks import read_recipes
-from stlbench.task.yaml_text import load_yaml
+
+if TYPE_CHECKING:
+    from stlbench.study.cell import Cell
 
 MOST_SEEDS = 10_000
 
@@ -90,45 +90,67 @@ def _seeds(value: Any) -> Any:
     raise ValueError(f"a count, as in 3, or seeds below {MOST_SEEDS}, as in [3, 7], are expected, got {value!r:.80}")
 
 
+@dataclass(frozen=True)
+class Option:
+    """How the command line shows a field of `Study`; the field's description is the help."""
+
+    metavar: str
+    default: str = ""
+    """The default for the help, where the field's own value does not say it."""
+    completes: str = ""
+    """The kind of plugins whose names the shell completes."""
+
+
 _Some = Annotated[tuple[Choice, ...], Field(min_length=1)]
 
 
 class Study(BaseModel):
-    """The settings of `stlbench run`, from options or from a file."""
+    """The settings of `stlbench run`: its options, the keys of a YAML file and the arguments of `run_study`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    tasks: Annotated[_Some, BeforeValidator(_tasks)]
-    """Tasks by name or by folder, `./my-task`, or ablations of them: `overlap[without=cuts]`."""
-    methods: Annotated[_Some, BeforeValidator(_choices)]
-    """Reward methods, with parameters in brackets: `funnel[ginf=0.02]`."""
-    agents: Annotated[_Some | None, BeforeValidator(_choices)] = None
-    """Agents, whose parameters override a task's recipe; None is each task's own."""
-    seeds: Annotated[tuple[int, ...] | None, BeforeValidator(_seeds)] = None
-    """A count n for 0..n-1, or a list; None is as many as the task's budget says."""
-    budget: str = "quick"
-    """How much training; `stlbench show task NAME` lists a task's budgets."""
-    track: Literal["shared", "plain", "tuned"] = "shared"
-    """By which rules: `shared`, one recipe per task for every method; `plain`, the state and the time alone, without
-    any help; `tuned`, a recipe for each method."""
-    recipes: Path | None = None
-    """The file of recipes of the track `tuned`, as `stlbench tune` writes it."""
-    jobs: Annotated[int, Field(ge=1)] | None = None
-    """Cells at a time; None leaves it to the executor: two on this machine, or one on a single core."""
-    memory: str | None = None
-    """The most that a cell's processes may take together, as in 4G; None leaves it to the executor."""
-    results: Path = Path("results")
-    """Folder of ledger, traces and tables."""
-    executor: Annotated[Choice, BeforeValidator(_executor)] = Choice("local")
-    """Where cells run."""
-    log: Annotated[tuple[Choice, ...], BeforeValidator(_logs)] = ()
-    """Logs that are told of the run: `tensorboard`, `wandb[project=funnels]`."""
-    retry: Annotated[tuple[Status, ...], BeforeValidator(accidents_of)] = ()
-    """Run cells again that ended so: `failed`, or some of `raised`, `timeout` and `killed`."""
-    attempts: Annotated[int, Field(ge=1)] = 3
-    """A cell that failed so often in a row is given up."""
-    keep_old: bool = False
-    """Count results as done that are of other code than today's."""
+    tasks: Annotated[_Some, BeforeValidator(_tasks), Option("LIST", completes="tasks")] = Field(
+        description="Tasks, a comma list of names, or of folders such as ./my-task."
+    )
+    methods: Annotated[_Some, BeforeValidator(_choices), Option("LIST", completes="methods")] = Field(
+        description="Reward methods, a comma list; parameters in brackets."
+    )
+    agents: Annotated[
+        _Some | None, BeforeValidator(_choices), Option("LIST", "each task's own", completes="agents")
+    ] = Field(None, description="Agents, a comma list; parameters override the task's recipe.")
+    seeds: Annotated[tuple[int, ...] | None, BeforeValidator(_seeds), Option("SEEDS", "as the budget says")] = Field(
+        None, description="A number N means seeds 0..N-1; '0-4' or '3,7' names them."
+    )
+    budget: Annotated[str, Option("NAME")] = Field(
+        "quick", description="How much training; `stlbench show task NAME` lists budgets."
+    )
+    track: Annotated[Literal["shared", "plain", "tuned"], Option("NAME")] = Field(
+        "shared",
+        description="By which rules: shared, one recipe per task; plain, no help; tuned, a recipe per method.",
+    )
+    recipes: Annotated[Path | None, Option("FILE")] = Field(
+        None, description="Recipes of the track tuned, as `stlbench tune` writes them."
+    )
+    jobs: Annotated[int | None, Option("N", "2, or 1 on a single core")] = Field(
+        None, ge=1, description="Cells at a time."
+    )
+    memory: Annotated[str | None, Option("SIZE", "a share of nine tenths of the machine's")] = Field(
+        None, description="The most memory that a cell may take, as in 4G."
+    )
+    results: Annotated[Path, Option("DIR")] = Field(Path("results"), description="Folder of ledger, traces, tables.")
+    executor: Annotated[Choice, BeforeValidator(_executor), Option("NAME")] = Field(
+        Choice("local"), description="Where cells run."
+    )
+    log: Annotated[tuple[Choice, ...], BeforeValidator(_logs), Option("LIST", "none", completes="logs")] = Field(
+        (), description="Send the run to these logs, a comma list: tensorboard, wandb."
+    )
+    retry: Annotated[tuple[Status, ...], BeforeValidator(accidents_of), Option("LIST")] = Field(
+        (), description="Run cells again that ended so: failed, or some of raised, timeout, killed."
+    )
+    attempts: Annotated[int, Option("N")] = Field(3, ge=1, description="Give up cells that failed N times in a row.")
+    keep_old: Annotated[bool, Option("")] = Field(
+        False, description="Count results of before a change of the code as done."
+    )
 
     @classmethod
     def of(cls, options: Mapping[str, Any], base: Study | str | Path | None = None) -> Study:
@@ -156,11 +178,16 @@ class Study(BaseModel):
 
     def cells(self) -> tuple[Cell, ...]:
         """What there is to run, the first seed of everything first. Raises `UsageError`, see `plan_cells`."""
+        from stlbench.study.plan import plan_cells  # imports tasks, which the options of a command do without
+        from stlbench.study.tracks import read_recipes
+
         recipes = None if self.recipes is None else read_recipes(self.recipes)
         return plan_cells(self.tasks, self.methods, self.agents, self.seeds, self.budget, self.track, recipes)
 
 
 def _content(path: Path) -> Mapping[str, Any]:
+    from stlbench.task.yaml_text import load_yaml
+
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeError) as error:

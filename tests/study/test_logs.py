@@ -17,7 +17,7 @@ from stlbench.registry.choices import Choice, parse_choice
 from stlbench.study import live_cells, logs
 from stlbench.study.live_cells import announce
 from stlbench.study.logs import Logged, build_logs, logged
-from stlbench.study.run import run_described
+from stlbench.study.run import run_missing
 from stlbench.study.study import Study
 
 
@@ -156,4 +156,4 @@ def test_a_study_names_its_logs(tmp_path: Path) -> None:
     assert list(map(str, study.log)) == ["tensorboard", "wandb[mode=offline]"]
     assert Study.of({"log": "tensorboard[folder=/a/b]"}, study).log[0].parameters == (("folder", "/a/b"),)
     with pytest.raises(UsageError, match="no log 'tensorbord'; did you mean 'tensorboard'"):
-        run_described(Study.of({"log": "tensorbord"}, study))
+        run_missing(Study.of({"log": "tensorbord"}, study))
