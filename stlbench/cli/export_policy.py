@@ -36,14 +36,16 @@ def export_policy(
     Example:
       stlbench export-policy hold-disc/funnel/dqn/0 policy.onnx
     """
-    from stlbench.share.onnx_export import Export
+    from stlbench.rollout.questions import Question, plugins_of
+    from stlbench.share.onnx_export import export
     from stlbench.study.plugin_guard import ask_one
     from stlbench.study.results import Results
 
     if out.suffix.lower() != ".onnx":
         raise UsageError(f"{out}: a policy is written as .onnx")
     result = Results.load(results).cell(cell, budget)
-    found = ask_one(Export(results, result, which, out))
+    plugins, failed = plugins_of(result.id), f"{result.id.name} cannot be exported"
+    found = ask_one(Question(export, (results, result, which, out), plugins, failed))
     if as_json:
         print_json({"file": str(out), **found._asdict()})
         return

@@ -51,6 +51,7 @@ def render(
     from stlbench.records.outputs import inside
     from stlbench.report.film import video
     from stlbench.report.film.of_cell import Filming
+    from stlbench.rollout.questions import Question, plugins_of
     from stlbench.study.plugin_guard import ask_one
     from stlbench.study.policies import Start, parse_start
     from stlbench.study.results import Results
@@ -64,8 +65,8 @@ def render(
     if result.measurement is None:
         reason = f": {result.reason}" if result.reason else ""
         raise UsageError(f"{result.id.name} has no policy to film: {result.status}{reason}")
-    question = Filming(run, result, which, chosen, form, out or inside(run / "films", run))
-    filmed = ask_one(question)
+    film = Filming(run, result, which, chosen, form, out or inside(run / "films", run))
+    filmed = ask_one(Question(film.write, (), plugins_of(result.id), f"{result.id.name} cannot be filmed"))
     for remark in filmed.remarks:
         warn(remark)
     for path in filmed.paths:

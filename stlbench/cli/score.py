@@ -109,11 +109,11 @@ def _stored(
     """A stored cell: its score is shown beside the recorded one, and nothing is written."""
     from stlbench.report import to_screen
     from stlbench.report.tables.cell import scores_table
-    from stlbench.share.again import ScoreAgain
+    from stlbench.share.again import score_question
     from stlbench.study.plugin_guard import ask_one
     from stlbench.study.results import Results
 
-    question = ScoreAgain(task, Results.load(results).cell(source.text, budget), results, which)
+    question = score_question(task, Results.load(results).cell(source.text, budget), results, which)
     again = ask_one(question)
     if as_json:
         print_json(_facts(again, which, str(task)))
@@ -155,12 +155,12 @@ def _outside(
 ) -> Result:
     """Score it and record the row."""
     from stlbench.registry.choices import parse_choice
-    from stlbench.share.record import ScoreOutside, record
+    from stlbench.share.record import outside_question, record
     from stlbench.share.scoring import UNKNOWN, Shown
     from stlbench.study.plugin_guard import ask_one
 
     shown = Shown(on, UNKNOWN if method is None else parse_choice(method))
-    entry = ask_one(ScoreOutside(task, source, shown, budget, name, seed))
+    entry = ask_one(outside_question(task, source, shown, budget, name, seed))
     result, before = entry.result, record(results, entry)
     if before is not None and before.provenance.get("sha256") != result.provenance["sha256"]:
         typer.echo(f"in place of another policy of that name, {before.provenance.get('source')}", err=True)

@@ -51,7 +51,7 @@ def facts(task: Task) -> dict[str, Any]:
     """All that is shown, as plain values. Intervals of formulas are in steps."""
     from stlbench import stl
     from stlbench.registry import plugins
-    from stlbench.rollout.standards import ByHand, differences
+    from stlbench.rollout.standards import by_hand, differences
     from stlbench.study.plugin_guard import ask
 
     file = task.file
@@ -68,7 +68,7 @@ def facts(task: Task) -> dict[str, Any]:
         "features": _features(task),
         "environment": None if file.environment is None else file.environment.id,
         "beyond_state": _beyond_state(task),
-        "controller": _scored(_answer(ByHand(task.choice))),
+        "controller": _scored(_answer(by_hand(task.choice))),
         "baselines": _baselines(task),
         "best_known": None if file.best_known is None else file.best_known.model_dump(),
         "signals": {name: signal.model_dump(exclude_none=True) for name, signal in file.signals.items()},
@@ -135,16 +135,16 @@ def _mean(score: Score) -> dict[str, float]:
 
 def _baselines(task: Task) -> dict[str, Any] | None:
     """What constant actions and random ones get from the report's starts; None where they cannot be scored."""
-    from stlbench.rollout.standards import AtRandom, ConstantActions
+    from stlbench.rollout.standards import at_random, constant_actions
 
-    constants, at_random = _answer(ConstantActions(task.choice)), _answer(AtRandom(task.choice))
-    if constants is None or at_random is None:
+    constants, random = _answer(constant_actions(task.choice)), _answer(at_random(task.choice))
+    if constants is None or random is None:
         return None
     return {
         "trivial": constants.trivial,
         "zero": _mean(constants.zero),
         "constant": _mean(constants.best) | {"action": constants.action},
-        "random": _mean(at_random),
+        "random": _mean(random),
     }
 
 

@@ -1,11 +1,11 @@
-"""What is asked of plugins outside of a cell, so that one that fails costs its own answer alone."""
+"""Calls of plugins outside of a cell. A plugin that fails costs its own answer alone."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from stlbench.contract import cause
 from stlbench.errors import UsageError
@@ -15,27 +15,28 @@ from stlbench.rollout.faults import PluginFault
 
 _T = TypeVar("_T")
 _Answer = TypeVar("_Answer", covariant=True)
-_Q = TypeVar("_Q", bound="Question[Any]")
 
 
-class Question(Protocol[_Answer]):
-    """A frozen dataclass that another process can be told (`pickle`)."""
+@dataclass(frozen=True)
+class Question(Generic[_Answer]):
+    """A call that runs code of plugins. Another process can make it, as its parts can be pickled."""
 
-    @property
-    def plugins(self) -> Iterable[tuple[str, str]]:
-        """Kind and name of each plugin whose code the answer runs, as in ("tasks", "hold-disc"); of what is no plugin,
-        ("functions", "module:function")."""
-
-    @property
-    def failed(self) -> str:
-        """What a user is told where there is no answer, before why: "task x: its controller cannot be scored"."""
+    function: Callable[..., _Answer]
+    """Importable by its name. It may raise whatever the plugins raise."""
+    arguments: tuple[Any, ...]
+    plugins: tuple[tuple[str, str], ...]
+    """Kind and name of each plugin whose code runs, as in ("tasks", "hold-disc"); other code is
+    ("functions", "module:function")."""
+    failed: str
+    """What a user reads where there is no answer, before why: "task x: its controller cannot be scored"."""
 
     def answer(self) -> _Answer:
-        """The answer, in this process. Raises whatever the plugins raise."""
+        """The answer, in this process."""
+        return self.function(*self.arguments)
 
 
 def plugins_of(cell: CellId) -> tuple[tuple[str, str], ...]:
-    """Those of a question whose answer has the policy of a cell act, as `Question.plugins` says them."""
+    """The plugins of a question about the policy of a cell, for `Question.plugins`."""
     return ("tasks", cell.task.name), ("methods", cell.method.name), ("agents", cell.agent.name)
 
 
@@ -73,9 +74,9 @@ def answered_here(question: Question[_T]) -> _T | Unanswered:
         return Unanswered(cause(error))
 
 
-def answers(questions: Sequence[_Q], ask: Ask) -> dict[_Q, Any]:
-    """Those that there are. Of one that there is not, and that was not refused, a `PluginWarning` says why."""
-    found = dict[_Q, Any]()
+def answers(questions: Sequence[Question[_T]], ask: Ask) -> dict[Question[_T], _T]:
+    """The answers that there are. Where one fails and is no refusal, a `PluginWarning` says why."""
+    found = dict[Question[_T], _T]()
     for question, answer in zip(questions, ask(questions), strict=True):
         if not isinstance(answer, Unanswered):
             found[question] = answer

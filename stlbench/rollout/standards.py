@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from stlbench.contract import Intractable, Unsuitable
 from stlbench.errors import UsageError
@@ -12,10 +12,12 @@ from stlbench.records.identity import Setting, Track
 from stlbench.records.result import Score
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.rollout import baselines, controller
-from stlbench.rollout.questions import Ask, answers, ask_here
+from stlbench.rollout.questions import Ask, Question, answers, ask_here
 from stlbench.task import build_method, load_task
 from stlbench.task.equal_rewards import Difference, Paid, equal_payments, payments
 from stlbench.task.file import BestKnown
+
+_T = TypeVar("_T")
 
 Likeness = Literal["=", "~"]
 """How two methods pay the same: up to a constant, or up to a function of time."""
@@ -58,104 +60,68 @@ class Known:
     own_agent: str
 
 
-@dataclass(frozen=True)
-class _OfTask:
-    task: Choice
-
-    @property
-    def plugins(self) -> tuple[tuple[str, str], ...]:
-        """See `Question`."""
-        return (("tasks", self.task.name),)
+def about(task: Choice) -> Question[Known]:
+    """Asks what a task says of itself. It is loaded for that."""
+    return _of_task(known, task, "it cannot be loaded")
 
 
-@dataclass(frozen=True)
-class About(_OfTask):
-    """What does a task say of itself? It is loaded for that."""
-
-    @property
-    def failed(self) -> str:
-        """See `Question`."""
-        return f"task {self.task}: it cannot be loaded"
-
-    def answer(self) -> Known:
-        """See `Question`."""
-        task = load_task(self.task)
-        return Known(task.file.best_known, task.own_agent)
+def known(task: Choice) -> Known:
+    """The answer to `about`."""
+    loaded = load_task(task)
+    return Known(loaded.file.best_known, loaded.own_agent)
 
 
-@dataclass(frozen=True)
-class ByHand(_OfTask):
-    """What does a task's controller get? None of a task without one."""
-
-    @property
-    def failed(self) -> str:
-        """See `Question`."""
-        return f"task {self.task}: its controller cannot be scored"
-
-    def answer(self) -> Score | None:
-        """See `Question`."""
-        return controller.score(load_task(self.task))
+def by_hand(task: Choice) -> Question[Score | None]:
+    """Asks for the score of a task's controller; None of a task without one."""
+    return _of_task(_by_hand, task, "its controller cannot be scored")
 
 
-@dataclass(frozen=True)
-class AtRandom(_OfTask):
-    """What do actions at random get on a task?"""
-
-    @property
-    def failed(self) -> str:
-        """See `Question`."""
-        return f"task {self.task}: actions at random cannot be scored"
-
-    def answer(self) -> Score:
-        """See `Question`."""
-        return baselines.at_random(load_task(self.task))
+def _by_hand(task: Choice) -> Score | None:
+    return controller.score(load_task(task))
 
 
-@dataclass(frozen=True)
-class ConstantActions(_OfTask):
-    """What do actions get on a task that are taken all the time?"""
-
-    @property
-    def failed(self) -> str:
-        """See `Question`."""
-        return f"task {self.task}: constant actions cannot be scored"
-
-    def answer(self) -> baselines.Constants:
-        """See `Question`."""
-        return baselines.constants(load_task(self.task))
+def at_random(task: Choice) -> Question[Score]:
+    """Asks for the score of actions at random."""
+    return _of_task(_at_random, task, "actions at random cannot be scored")
 
 
-@dataclass(frozen=True)
-class Pays:
-    """What does a method pay on a task, or on an ablation of one?
+def _at_random(task: Choice) -> Score:
+    return baselines.at_random(load_task(task))
 
-    None where that is no function of samples and time alone, or where the method does not fit.
+
+def constant_actions(task: Choice) -> Question[baselines.Constants]:
+    """Asks for the scores of constant actions."""
+    return _of_task(_constants, task, "constant actions cannot be scored")
+
+
+def _constants(task: Choice) -> baselines.Constants:
+    return baselines.constants(load_task(task))
+
+
+def _of_task(function: Callable[[Choice], _T], task: Choice, problem: str) -> Question[_T]:
+    return Question(function, (task,), (("tasks", task.name),), f"task {task}: {problem}")
+
+
+def payment(task: Choice, track: Track, method: str) -> Question[Paid | None]:
+    """Asks what a method pays on a task, or on an ablation of one.
+
+    The answer is None where that is no function of samples and time alone, or where the method does not fit.
     """
+    plugins = ("tasks", task.name), ("methods", parse_choice(method).name)
+    return Question(_paid, (task, track, method), plugins, f"task {task}: method {method} cannot be asked what it pays")
 
-    task: Choice
-    track: Track
-    method: str
-    """The text of a choice."""
 
-    @property
-    def plugins(self) -> tuple[tuple[str, str], ...]:
-        """See `Question`."""
-        return ("tasks", self.task.name), ("methods", parse_choice(self.method).name)
+def _paid(choice: Choice, track: Track, method: str) -> Paid | None:
+    try:
+        task = load_task(choice)
+        if track == "plain":
+            task = replace(task, file=task.file.plain())
+        return payments(build_method(task, method))
+    except (Intractable, Unsuitable, UsageError):
+        return None
 
-    @property
-    def failed(self) -> str:
-        """See `Question`."""
-        return f"task {self.task}: method {self.method} cannot be asked what it pays"
 
-    def answer(self) -> Paid | None:
-        """See `Question`."""
-        try:
-            task = load_task(self.task)
-            if self.track == "plain":
-                task = replace(task, file=task.file.plain())
-            return payments(build_method(task, self.method))
-        except (Intractable, Unsuitable, UsageError):
-            return None
+_OF_SCORES: tuple[Callable[[Choice], Question[Any]], ...] = (by_hand, at_random, constant_actions)
 
 
 def standards(settings: Iterable[Setting], ask: Ask = ask_here) -> dict[str, Standard]:
@@ -168,23 +134,23 @@ def standards(settings: Iterable[Setting], ask: Ask = ask_here) -> dict[str, Sta
     by_task = dict[Choice, list[Setting]]()
     for setting in settings:
         by_task.setdefault(Choice(setting.task.name), []).append(setting)
-    abouts = answers(list(map(About, by_task)), ask)
-    tasks = [about.task for about in abouts]
-    questions = [question for task in tasks for question in _of_task(task, by_task[task])]
-    found = answers(questions, ask)
-    alike = _alike({of: paid for of, paid in found.items() if isinstance(of, Pays)})
-    return {about.task.name: _standard(about.task, known, found, alike) for about, known in abouts.items()}
+    facts = answers(list(map(about, by_task)), ask)
+    tasks = [question.arguments[0] for question in facts]
+    scores: list[Question[Any]] = [question(task) for task in tasks for question in _OF_SCORES]
+    found = answers(scores, ask)
+    alike = _alike(answers([question for task in tasks for question in _payments(by_task[task])], ask))
+    return {task.name: _standard(task, facts[about(task)], found, alike) for task in tasks}
 
 
 def _standard(
-    task: Choice, known: Known, found: Mapping[Any, Any], alike: Mapping[str, Mapping[_Pair, Likeness]]
+    task: Choice, facts: Known, found: Mapping[Any, Any], alike: Mapping[str, Mapping[_Pair, Likeness]]
 ) -> Standard:
-    constants: baselines.Constants | None = found.get(ConstantActions(task))
+    constants: baselines.Constants | None = found.get(constant_actions(task))
     return Standard(
-        by_hand=found.get(ByHand(task)),
-        best_known=known.best_known,
-        own_agent=known.own_agent,
-        at_random=found.get(AtRandom(task)),
+        by_hand=found.get(by_hand(task)),
+        best_known=facts.best_known,
+        own_agent=facts.own_agent,
+        at_random=found.get(at_random(task)),
         zero=constants.zero if constants else None,
         constant=constants.best if constants else None,
         trivial=constants.trivial if constants else False,
@@ -197,28 +163,25 @@ def differences(task: Choice, methods: Iterable[Choice | str], ask: Ask) -> tupl
 
     Of one that gives no answer a `PluginWarning` says why.
     """
-    questions = [Pays(task, "shared", str(method)) for method in methods]
-    return equal_payments({question.method: paid for question, paid in answers(questions, ask).items()})
+    questions = [payment(task, "shared", str(method)) for method in methods]
+    return equal_payments({question.arguments[2]: paid for question, paid in answers(questions, ask).items()})
 
 
-def _of_task(task: Choice, members: Iterable[Setting]) -> list[ByHand | AtRandom | ConstantActions | Pays]:
-    return [ByHand(task), AtRandom(task), ConstantActions(task), *_questions(members)]
-
-
-def _questions(members: Iterable[Setting]) -> list[Pays]:
-    """Those about each method with which a task or an ablation is trained on a track, beside others."""
+def _payments(members: Iterable[Setting]) -> list[Question[Paid | None]]:
+    """One question for each of several methods with which a task or an ablation is trained on a track."""
     kinds = dict[tuple[Choice, Track], set[str]]()
     for setting in members:
         kinds.setdefault((setting.task, setting.track), set()).add(str(setting.method))
     several = {kind: methods for kind, methods in kinds.items() if len(methods) > 1}
-    return [Pays(*kind, method) for kind, methods in several.items() for method in sorted(methods)]
+    return [payment(*kind, method) for kind, methods in several.items() for method in sorted(methods)]
 
 
-def _alike(paid: Mapping[Pays, Paid | None]) -> dict[str, dict[_Pair, Likeness]]:
+def _alike(paid: Mapping[Question[Paid | None], Paid | None]) -> dict[str, dict[_Pair, Likeness]]:
     """By the name of the task."""
     by_kind = dict[tuple[Choice, Track], dict[str, Paid | None]]()
     for question, answer in paid.items():
-        by_kind.setdefault((question.task, question.track), {})[question.method] = answer
+        task, track, method = question.arguments
+        by_kind.setdefault((task, track), {})[method] = answer
     found = dict[str, dict[_Pair, Likeness]]()
     for (task, track), payments_of in by_kind.items():
         for each in equal_payments(payments_of):

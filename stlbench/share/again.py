@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +10,7 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result, Score
 from stlbench.records.saved_policies import Which
 from stlbench.registry.choices import Choice
-from stlbench.rollout.questions import plugins_of
+from stlbench.rollout.questions import Question, plugins_of
 from stlbench.rollout.referee import Referee
 from stlbench.study.policies import load_policy
 from stlbench.task import Task, load_task
@@ -32,28 +31,14 @@ class Again(NamedTuple):
         return words[self.as_recorded]
 
 
-@dataclass(frozen=True)
-class ScoreAgain:
-    """What does a stored policy get, on a task? See `score_again`."""
+def score_question(task: Choice, result: Result, folder: Path, which: Which) -> Question[Again]:
+    """Asks for `score_again` on the task with this name."""
+    plugins = ("tasks", task.name), *plugins_of(result.id)
+    return Question(_on, (task, result, folder, which), plugins, f"{result.id.name} cannot be scored on {task}")
 
-    task: Choice
-    result: Result
-    folder: Path
-    which: Which
 
-    @property
-    def plugins(self) -> tuple[tuple[str, str], ...]:
-        """See `Question`."""
-        return ("tasks", self.task.name), *plugins_of(self.result.id)
-
-    @property
-    def failed(self) -> str:
-        """See `Question`."""
-        return f"{self.result.id.name} cannot be scored on {self.task}"
-
-    def answer(self) -> Again:
-        """See `Question`."""
-        return score_again(load_task(self.task), self.result, self.folder, self.which)
+def _on(task: Choice, result: Result, folder: Path, which: Which) -> Again:
+    return score_again(load_task(task), result, folder, which)
 
 
 def score_again(task: Task, result: Result, folder: Path, which: Which) -> Again:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -17,7 +16,6 @@ from stlbench.records.outputs import write
 from stlbench.records.result import Result
 from stlbench.records.saved_policies import Which
 from stlbench.rollout.observing import observation_of
-from stlbench.rollout.questions import plugins_of
 from stlbench.rollout.referee import Referee
 from stlbench.share.actions import actions_of
 from stlbench.share.onnx_file import load_onnx
@@ -38,30 +36,6 @@ class Exported(NamedTuple):
     """The largest difference of an action, as a share of its axis' span."""
     observation: str
     """What it is to be shown, in words."""
-
-
-@dataclass(frozen=True)
-class Export:
-    """How does a stored policy compare with its ONNX file? The answer writes the file, see `export`."""
-
-    folder: Path
-    result: Result
-    which: Which
-    path: Path
-
-    @property
-    def plugins(self) -> tuple[tuple[str, str], ...]:
-        """See `Question`."""
-        return plugins_of(self.result.id)
-
-    @property
-    def failed(self) -> str:
-        """See `Question`."""
-        return f"{self.result.id.name} cannot be exported"
-
-    def answer(self) -> Exported:
-        """See `Question`."""
-        return export(self.folder, self.result, self.which, self.path)
 
 
 def export(folder: Path, result: Result, which: Which, path: Path) -> Exported:

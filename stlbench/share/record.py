@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ from stlbench.records.result import TASK_FOLDER, Result
 from stlbench.records.saved_traces import Assessment
 from stlbench.registry import folders
 from stlbench.registry.choices import NAME, Choice
+from stlbench.rollout.questions import Question
 from stlbench.share.scoring import UNKNOWN, Scored, Shown, score
 from stlbench.share.source import Source
 from stlbench.study.cell import digest
@@ -34,37 +34,32 @@ class Entry(NamedTuple):
     """Of the task."""
 
 
-@dataclass(frozen=True)
-class ScoreOutside:
-    """What does a policy from outside get on a task? See `score` and `row`."""
+def outside_question(
+    task: Choice, source: Source, shown: Shown, budget: str | None, name: str | None, seed: int
+) -> Question[Entry]:
+    """Asks for the score of a policy from outside on a task, see `score` and `row`.
 
-    task: Choice
-    source: Source
-    shown: Shown
-    budget: str | None
-    """None is the task's only one, else `quick`."""
-    name: str | None
-    seed: int
+    Args:
+        task: where it acts.
+        source: of the policy.
+        shown: what it observes.
+        budget: None is the task's only one, else `quick`.
+        name: of the policy, or None.
+        seed: in the row.
+    """
+    functions = [("functions", source.text)] if source.kind == "function" else []
+    methods = [("methods", shown.method.name)] if shown.method != UNKNOWN else []
+    plugins = ("tasks", task.name), *methods, *functions
+    arguments = task, source, shown, budget, name, seed
+    return Question(_entry, arguments, plugins, f"{source.text} cannot be scored on {task}")
 
-    @property
-    def plugins(self) -> tuple[tuple[str, str], ...]:
-        """See `Question`."""
-        functions = [("functions", self.source.text)] if self.source.kind == "function" else []
-        methods = [("methods", self.shown.method.name)] if self.shown.method != UNKNOWN else []
-        return ("tasks", self.task.name), *methods, *functions
 
-    @property
-    def failed(self) -> str:
-        """See `Question`."""
-        return f"{self.source.text} cannot be scored on {self.task}"
-
-    def answer(self) -> Entry:
-        """See `Question`."""
-        task = load_task(self.task)
-        budgets = tuple(task.file.budgets)
-        budget = self.budget or (budgets[0] if len(budgets) == 1 else "quick")
-        scored = score(task, self.source, self.shown, task.budget(budget).random_starts)
-        return Entry(row(task, self.source, self.shown, scored, budget, self.name, self.seed), scored, task.signals)
+def _entry(choice: Choice, source: Source, shown: Shown, budget: str | None, name: str | None, seed: int) -> Entry:
+    task = load_task(choice)
+    budgets = tuple(task.file.budgets)
+    budget = budget or (budgets[0] if len(budgets) == 1 else "quick")
+    scored = score(task, source, shown, task.budget(budget).random_starts)
+    return Entry(row(task, source, shown, scored, budget, name, seed), scored, task.signals)
 
 
 def row(task: Task, source: Source, shown: Shown, scored: Scored, budget: str, name: str | None, seed: int) -> Result:

@@ -10,7 +10,7 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result, Score
 from stlbench.rollout.questions import Unanswered
-from stlbench.share.again import ScoreAgain
+from stlbench.share.again import score_question
 from stlbench.share.checked import results_in, unpacked
 from stlbench.study.plugin_guard import LONG, ask
 
@@ -72,7 +72,7 @@ def score_cell(result: Result, folder: Path) -> Rescored | None:
 
 def _score_cells(results: Sequence[Result], folder: Path) -> Iterator[Rescored]:
     """The same of cells of an unpacked bundle that have a policy. Whatever that of one does, the next is scored."""
-    questions = [ScoreAgain(result.id.task, result, folder, "selected") for result in results]
+    questions = [score_question(result.id.task, result, folder, "selected") for result in results]
     for result, again in zip(results, ask(questions, LONG), strict=True):
         assert result.measurement is not None
         recorded = result.measurement.selected

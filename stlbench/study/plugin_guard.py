@@ -18,7 +18,7 @@ from stlbench.errors import UsageError
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
 from stlbench.rollout.questions import Question, Unanswered, answered_here
-from stlbench.rollout.standards import About
+from stlbench.rollout.standards import about, known
 from stlbench.study.run import build_executor
 from stlbench.task import Task, load_task
 
@@ -32,7 +32,7 @@ LONG = 3600.0
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _Call:
     """What another process is told."""
 
     question: Question[Any]
@@ -41,7 +41,7 @@ class _Asked:
 
 
 @dataclass(frozen=True)
-class _Said:
+class _Answer:
     """What it says."""
 
     answer: Any
@@ -58,7 +58,7 @@ def ask(questions: Sequence[Question[_T]], deadline: float = DEADLINE) -> list[_
     for index, question in enumerate(questions):
         if all(_is_own(kind, name) for kind, name in question.plugins):
             answers[index] = answered_here(question)
-        elif (before := _UNANSWERED.get(_known_by(question))) is not None:
+        elif (before := _UNANSWERED.get(_identity(question))) is not None:
             answers[index] = before
     rest = [index for index in range(len(questions)) if index not in answers]
     answers |= dict(zip(rest, _in_guard([questions[index] for index in rest], deadline), strict=True))
@@ -89,9 +89,9 @@ def load_guarded(choice: Choice | str) -> Task:
     """
     chosen = folders.task_of(choice)
     if not _is_own("tasks", chosen.name):
-        about = About(Choice(chosen.name))
-        if _known_by(about) not in _LOADED:
-            ask_one(about, DEADLINE)
+        question = about(Choice(chosen.name))
+        if _identity(question) not in _LOADED:
+            ask_one(question, DEADLINE)
     return load_task(chosen)
 
 
@@ -99,7 +99,7 @@ _UNANSWERED, _LOADED = dict[Any, Unanswered](), set[Any]()
 """What was not answered, and which tasks could be loaded."""
 
 
-def _known_by(question: Question[Any]) -> Any:
+def _identity(question: Question[Any]) -> Any:
     """The path and the folders say which code a name means."""
     return pickle.dumps(question), tuple(sys.path), _places(question)
 
@@ -122,26 +122,26 @@ def _in_guard(questions: Sequence[Question[_T]], deadline: float) -> list[_T | U
     found = dict[int, Any]()
     with tempfile.TemporaryDirectory(prefix="stlbench-asked-") as folder:
         work = Work(_answered, _ready, partial(_log, Path(folder)))
-        items = [_Asked(question, _places(question)) for question in questions]
+        items = [_Call(question, _places(question)) for question in questions]
         with closing(build_executor(EXECUTOR).run(work, items, [deadline] * len(items))) as outcomes:
             for outcome in outcomes:
                 found[outcome.index] = _taken(outcome)
     answers = [found[index] for index in range(len(questions))]
     for question, answer in zip(questions, answers, strict=True):
         if isinstance(answer, Unanswered):
-            _UNANSWERED[_known_by(question)] = answer
-        elif isinstance(question, About):
-            _LOADED.add(_known_by(question))
+            _UNANSWERED[_identity(question)] = answer
+        elif question.function is known:
+            _LOADED.add(_identity(question))
     return answers
 
 
-def _log(folder: Path, asked: _Asked) -> Path:
+def _log(folder: Path, asked: _Call) -> Path:
     """What a plugin prints is not for a reader of a report, or of its JSON."""
     return folder / str(id(asked))
 
 
 def _taken(outcome: Outcome) -> Any:
-    if outcome.status != "done" or not isinstance(outcome.value, _Said):
+    if outcome.status != "done" or not isinstance(outcome.value, _Answer):
         return Unanswered(outcome.reason or "no answer")
     for text in outcome.value.warnings:
         warnings.warn(text, plugins.PluginWarning, stacklevel=2)
@@ -152,11 +152,11 @@ def _ready() -> None:
     """To find this function, a process has imported what answers need."""
 
 
-def _answered(asked: _Asked) -> _Said:
+def _answered(asked: _Call) -> _Answer:
     for folder in asked.folders:
         folders.know(folder)  # this process may be another than the one in which it was named
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default", plugins.PluginWarning)
         answer = answered_here(asked.question)
     told = (str(each.message) for each in caught if issubclass(each.category, plugins.PluginWarning))
-    return _Said(answer, tuple(dict.fromkeys(told)))
+    return _Answer(answer, tuple(dict.fromkeys(told)))

@@ -16,7 +16,7 @@ from stlbench.registry.choices import Choice
 from stlbench.report.bands import bands_of
 from stlbench.report.figures.units import UNKNOWN, scale_of_task
 from stlbench.rollout.questions import Unanswered, ask_here
-from stlbench.rollout.standards import AtRandom, ByHand, Pays, standards
+from stlbench.rollout.standards import at_random, by_hand, payment, standards
 from stlbench.study import plugin_guard
 
 METHODS = """
@@ -79,15 +79,17 @@ def test_each_costs_its_own_answer_alone_and_the_report_says_why(bad: None, capf
 
 
 def test_what_hangs_is_waited_for_once(bad: None) -> None:
-    question = Pays(Choice("hold-disc"), "shared", "zz-hang")
+    question = payment(Choice("hold-disc"), "shared", "zz-hang")
     assert plugin_guard.ask([question], SHORT) == [Unanswered(f"no result after {SHORT:g} s")]
     assert plugin_guard.ask([question]) == [Unanswered(f"no result after {SHORT:g} s")]
 
 
 def test_what_others_pay_is_the_same_as_in_this_process(bad: None) -> None:
-    questions = [Pays(Choice("hold-disc"), track, name) for track in ("shared", "plain") for name in ("raw", "zz-same")]
+    questions = [
+        payment(Choice("hold-disc"), track, name) for track in ("shared", "plain") for name in ("raw", "zz-same")
+    ]
     assert [str(answer) for answer in plugin_guard.ask(questions)] == [str(answer) for answer in ask_here(questions)]
-    assert plugin_guard.ask([Pays(Choice("hold-disc"), "shared", "there-is-none")]) == [None]
+    assert plugin_guard.ask([payment(Choice("hold-disc"), "shared", "there-is-none")]) == [None]
 
 
 def test_bounds_that_cannot_be_asked_for_are_none_and_a_warning(bad: None) -> None:
@@ -143,7 +145,7 @@ def test_tasks_of_others_are_scored_in_processes_of_their_own(tasks: None) -> No
 
 
 def test_a_controller_that_hangs_is_waited_for_no_longer_than_said(tasks: None) -> None:
-    hangs, good = ByHand(Choice("zz-idle")), AtRandom(Choice("zz-idle"))
+    hangs, good = by_hand(Choice("zz-idle")), at_random(Choice("zz-idle"))
     assert plugin_guard.ask([hangs], SHORT) == [Unanswered(f"no result after {SHORT:g} s")]
     (score,) = plugin_guard.ask([good])
     assert not isinstance(score, Unanswered)

@@ -13,7 +13,6 @@ from stlbench.records.saved_policies import Which
 from stlbench.report.figures.cell_figures import draw_cell
 from stlbench.report.figures.files import file_name
 from stlbench.report.film import film
-from stlbench.rollout.questions import plugins_of
 from stlbench.rollout.reenactment import Reenactment
 from stlbench.rollout.traces import load
 from stlbench.study.policies import Replay, Start, reenact, replay
@@ -32,7 +31,7 @@ class Filmed(NamedTuple):
 
 @dataclass(frozen=True)
 class Filming:
-    """What does a cell's policy look like? The answer writes the files, which is asked as `Question`s are."""
+    """Pictures or a film of a cell's policy, not made yet."""
 
     run: Path
     """The folder of results."""
@@ -44,18 +43,8 @@ class Filming:
     out: Path
     """The folder of the files."""
 
-    @property
-    def plugins(self) -> tuple[tuple[str, str], ...]:
-        """See `Question`."""
-        return plugins_of(self.result.id)
-
-    @property
-    def failed(self) -> str:
-        """See `Question`."""
-        return f"{self.result.id.name} cannot be filmed"
-
-    def answer(self) -> Filmed:
-        """See `Question`. Raises `UsageError` where there is nothing to film, or the files cannot be written."""
+    def write(self) -> Filmed:
+        """Write the files. Raises `UsageError` where there is nothing to film, or they cannot be written."""
         recorded = self.which == "selected" and self.start == Start() and self.form != "png"
         shown = self._recorded() if recorded else replay(self.run, self.result, self.which, self.start)
         acted, remarks = (None, list[str]()) if self.form == "png" else self._before_camera(shown)
