@@ -74,7 +74,7 @@ def _facts(found: Verified, repaired: bool) -> dict[str, object]:
         {"cell": damage.name, "key": damage.key, "what": damage.what, "problem": damage.problem}
         for damage in found.damages
     ]
-    counts = {name: getattr(found, name) for name in ("rows", "files", "unknown", "marked")}
+    counts = {name: getattr(found, name) for name in ("rows", "files", "marked")}
     lists = {"structure": list(found.structure), "damages": cells, "strays": list(found.strays)}
     return {"whole": found.is_whole, **counts, **lists, "repaired": repaired}
 
@@ -99,8 +99,6 @@ def _say(found: Verified, repaired: bool, folder: Path) -> None:
     if len(found.strays) > _SHOWN:
         typer.echo(f"and {len(found.strays) - _SHOWN} more files")
     typer.echo(f"{folder}/: {found.rows} rows, {found.files} files as they were recorded: {_verdict(found)}")
-    if found.unknown:
-        typer.echo(f"{found.unknown} rows are of an older stlbench, which recorded no checksums; they can be read")
     if found.marked:
         cells_are = "1 cell is" if found.marked == 1 else f"{found.marked} cells are"
         typer.echo(f"{cells_are} marked, for the next `stlbench run` to measure again")

@@ -65,9 +65,9 @@ class Ledger(Records):
     def record(self, result: Result) -> None:
         """Write one result, in place of one with the same key, with checksums of its files. On return it is on disk."""
         with self._writing() as database:
-            before = database.execute("SELECT failures, status FROM cells WHERE key = ?", (result.key,)).fetchone()
-            failures = _failures(*before) + 1 if before else 1
-            _insert(database, values(result, self.path.parent, failures if result.status in ACCIDENTS else 0))
+            before = database.execute("SELECT failures FROM cells WHERE key = ?", (result.key,)).fetchone()
+            failures = (before[0] if before else 0) + 1 if result.status in ACCIDENTS else 0
+            _insert(database, values(result, self.path.parent, failures))
 
     def mark(self, key: str, own: str) -> None:
         """Have the cell with this key measured again. Its result counts until there is another.
@@ -197,13 +197,8 @@ def _insert(database: sqlite3.Connection, columns: Mapping[str, Any]) -> None:
         database.execute(f"INSERT OR REPLACE INTO cells ({names}) VALUES ({marks})", tuple(columns.values()))  # noqa: S608
 
 
-def _failures(failures: int, status: Any) -> int:
-    """How often in a row a cell has failed; rows of before do not count, and may be of a failure."""
-    return max(failures, 1) if status in ACCIDENTS else 0
-
-
 def _is_given_up(row: Row, attempts: int | None) -> bool:
-    return attempts is not None and _failures(row.failures, row.status) >= attempts
+    return attempts is not None and row.failures >= attempts
 
 
 def _way_out(error: sqlite3.DatabaseError, path: Path) -> str:

@@ -34,8 +34,8 @@ class Recorded(NamedTuple):
     key: str
     cell: CellId | None
     """None where that cannot be read."""
-    files: Mapping[str, str] | None
-    """Checksums of the files beside it; None where an older stlbench recorded none."""
+    files: Mapping[str, str]
+    """Checksums of the cell's files."""
     result: Result | str
     """What is wrong with it in place of a result."""
     again: bool = False
@@ -112,9 +112,9 @@ class Records:
             result, files = self._content(number, key)
         except (sqlite3.DatabaseError, ValueError) as error:
             said = one_line(str(error).splitlines()[0])
-            return Recorded(key, _cell(number, key, *columns), None, said, again=again)
+            return Recorded(key, _cell(number, key, *columns), {}, said, again=again)
         if (key, *columns) != (result.key, result.status, *columns[1:3], *texts(result.id)):
-            return Recorded(key, result.id, None, "its columns do not say what its result says", again, result.key)
+            return Recorded(key, result.id, {}, "its columns do not say what its result says", again, result.key)
         return Recorded(key, result.id, files, result, again)
 
     def lost(self) -> dict[str, CellId | None]:
@@ -154,13 +154,13 @@ class Records:
             self._warn(f"the row of {row.cell.name}", str(error))
             return None
 
-    def _content(self, number: int, key: str) -> tuple[Result, Mapping[str, str] | None]:
+    def _content(self, number: int, key: str) -> tuple[Result, Mapping[str, str]]:
         """Its result and the checksums of its files. Raises `DatabaseError` or `ValueError` where it is damaged."""
         assert self._database is not None
         query = "SELECT result, checksum, files FROM cells WHERE rowid = ? AND key = ?"
         ((text, checksum, files),) = self._database.execute(query, (number, key)).fetchall()
-        checksums = plain(files) if files else None
-        if not isinstance(checksums, dict | None):
+        checksums = plain(files)
+        if not isinstance(checksums, dict):
             raise ValueError(f"checksums of its files are an object, got {files!r:.80}")
         return result_of(text, checksum), checksums
 

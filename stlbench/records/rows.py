@@ -84,8 +84,8 @@ def values(result: Result, folder: Path, failures: int) -> dict[str, str | int |
 
 
 def result_of(text: Any, checksum: Any) -> Result:
-    """The result in a row. Raises `ValueError` where it is damaged; rows of before have no checksum."""
-    if checksum and checksum != checksum_of(text):
+    """The result in a row. Raises `ValueError` where it is damaged."""
+    if checksum != checksum_of(text):
         raise ValueError("it does not have the checksum that was recorded with it")
     return from_json(text)
 

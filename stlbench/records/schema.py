@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable
 from contextlib import ExitStack, closing
 from functools import cache
 from pathlib import Path
@@ -14,12 +13,7 @@ from stlbench.records.outputs import inside
 from stlbench.records.rows import LISTED
 
 VERSION = 5
-"""Of the tables below, in `PRAGMA user_version`. Version 1 had no plan, version 2 no tracks, version 3 no checksums,
-no count of failures, and no mark of what is to be measured again; version 4 had no index of what rows say without their
-results."""
-
-_ALIKE = 4
-"""From this version on, all tables have the same columns, so that a file is read as it is."""
+"""Of the tables below, in `PRAGMA user_version`. A ledger of another version is refused."""
 
 LONGEST = 2**26
 """Bytes that a value in a ledger may have. A result with 10,000 starts has about 1 MB."""
@@ -28,59 +22,45 @@ _OPENING, _READING, _LOOK = 10**6, 10**8, 10**5
 """Steps of SQLite's machine: that reading the schema may take, that all long queries may take beside one for each byte
 of the file, and after how many they are counted. To read a ledger of 100,000 cells, 1 GB, takes 10 million."""
 
-_ASKED = "SELECT count(*) FROM sqlite_schema"
+_COUNT_TABLES = "SELECT count(*) FROM sqlite_schema"
 """The least that makes SQLite look at a file."""
 
 APPLICATION = int.from_bytes(b"STLB", "big")
 """In `PRAGMA application_id`: tells a ledger from any other SQLite file."""
 
-_FIRST = (
-    """CREATE TABLE IF NOT EXISTS cells (
-    key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL, seed INTEGER NOT NULL,
-    budget TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL, robustness_mean REAL, satisfaction REAL,
-    training_cpu_seconds REAL, training_wall_seconds REAL, recorded_at TEXT NOT NULL, result TEXT NOT NULL
+_IDENTITY = """key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL,
+    seed INTEGER NOT NULL, budget TEXT NOT NULL, track TEXT NOT NULL"""
+
+_TABLES = (
+    f"""CREATE TABLE IF NOT EXISTS cells (
+    {_IDENTITY}, status TEXT NOT NULL, reason TEXT NOT NULL, robustness_mean REAL, satisfaction REAL,
+    training_cpu_seconds REAL, training_wall_seconds REAL, recorded_at TEXT NOT NULL, result TEXT NOT NULL,
+    checksum TEXT NOT NULL, files TEXT NOT NULL, failures INTEGER NOT NULL, again INTEGER NOT NULL
     )""",
-    """CREATE TABLE IF NOT EXISTS planned (
-    key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL, seed INTEGER NOT NULL,
-    budget TEXT NOT NULL
-    )""",
+    f"CREATE TABLE IF NOT EXISTS planned ({_IDENTITY})",
+    f"CREATE INDEX IF NOT EXISTS listed ON cells ({LISTED})",
 )
-
-_ADDED = {
-    "cells": {
-        "track": "TEXT NOT NULL DEFAULT 'shared'",
-        "checksum": "TEXT NOT NULL DEFAULT ''",
-        "files": "TEXT NOT NULL DEFAULT ''",
-        "failures": "INTEGER NOT NULL DEFAULT 0",
-        "again": "INTEGER NOT NULL DEFAULT 0",
-    },
-    "planned": {"track": "TEXT NOT NULL DEFAULT 'shared'"},
-}
-"""Columns that came later: `checksum` of the text `result`, and `files`, those of the files beside it, as JSON; how
-often in a row the cell has failed; whether it is to be measured again, though it has a result."""
-
-
-_INDEX = f"CREATE INDEX IF NOT EXISTS listed ON cells ({LISTED})"
-"""With it, what is missing of a study is found without a look at the pages that results are in: for 100,000 cells 10 MB
-in place of a GB."""
+"""`checksum` is of the text `result`, `files` has those of the cell's files as JSON, `failures` counts how often in a
+row the cell has failed, and `again` says whether it is to be measured again, though it has a result. With the index,
+what is missing of a study is found without the pages of the results: for 100,000 cells 10 MB in place of a GB."""
 
 
 def open_to_read(path: Path) -> sqlite3.Connection:
-    """The file, or a copy in memory of one of an older version; also in a folder that cannot be written.
+    """The file, also in a folder that cannot be written.
 
     Raises:
-        UsageError: it cannot be opened, is no ledger, or one of a newer version.
+        UsageError: it cannot be opened, is no ledger, or one of another version.
     """
-    return _opened(path, lambda: _connect_to_read(path), lambda database: _to_read(path, database))
+    return _opened(path, to_write=False)
 
 
 def open_to_write(path: Path) -> sqlite3.Connection:
-    """The file, which is made where there is none, with its folder; one of an older version becomes one of this.
+    """The file, which is made where there is none, with its folder.
 
     Raises:
         UsageError: as `open_to_read`, or it cannot be made.
     """
-    return _opened(path, lambda: _connect_to_write(path), lambda database: _to_write(path, database))
+    return _opened(path, to_write=True)
 
 
 def is_sqlite(path: Path) -> bool:
@@ -89,21 +69,67 @@ def is_sqlite(path: Path) -> bool:
         return file.read(16) == b"SQLite format 3\0"
 
 
-def _opened(
-    path: Path,
-    connect: Callable[[], sqlite3.Connection],
-    prepared: Callable[[sqlite3.Connection], sqlite3.Connection],
-) -> sqlite3.Connection:
+def _opened(path: Path, *, to_write: bool) -> sqlite3.Connection:
     try:
         with ExitStack() as undone:
-            database = connect()
+            database = _to_write(path) if to_write else _to_read(path)
             undone.callback(database.close)
-            ready = prepared(database)
+            is_new = _check(path, database)
+            if to_write:
+                database.execute("PRAGMA journal_mode = DELETE")  # in WAL mode results would be in another file
+            if is_new:
+                _make(database)
             undone.pop_all()
-            return ready
+            return database
     except (OSError, sqlite3.Error) as error:
         can = "open" if isinstance(error, OSError | sqlite3.OperationalError) else "read"
         raise unwritable(f"cannot {can} the ledger {path}", error) from error
+
+
+def _to_write(path: Path) -> sqlite3.Connection:
+    inside(path, path.parent).parent.mkdir(parents=True, exist_ok=True)
+    return _guarded(f"{path.absolute().as_uri()}?mode=rwc")
+
+
+def _to_read(path: Path) -> sqlite3.Connection:
+    database = _guarded(f"{path.absolute().as_uri()}?mode=ro")
+    try:
+        database.execute(_COUNT_TABLES)
+    except sqlite3.OperationalError as error:
+        database.close()
+        if error.sqlite_errorcode != sqlite3.SQLITE_READONLY_ROLLBACK:
+            raise
+        return _rolled_back(path)
+    return database
+
+
+def _rolled_back(path: Path) -> sqlite3.Connection:
+    """The file of a run that was killed within a transaction, without what it had written of that one.
+
+    The journal has what was there before. Where the folder cannot be written, the transaction is undone in a copy.
+    """
+    database = _guarded(f"{path.absolute().as_uri()}?mode=rw")
+    try:
+        database.execute(_COUNT_TABLES)
+    except sqlite3.OperationalError:
+        database.close()
+        database = sqlite3.connect(":memory:", isolation_level=None)
+        with TemporaryDirectory() as folder:
+            for file in (path, path.with_name(f"{path.name}-journal")):
+                Path(folder, file.name).write_bytes(file.read_bytes())
+            with closing(sqlite3.connect(Path(folder, path.name))) as whole:
+                whole.backup(database)
+    return database
+
+
+def _make(database: sqlite3.Connection) -> None:
+    """Make the tables in an empty file: all of them or nothing."""
+    with database:
+        database.execute("BEGIN IMMEDIATE")
+        for statement in _TABLES:
+            database.execute(statement)
+        database.execute(f"PRAGMA application_id = {APPLICATION}")
+        database.execute(f"PRAGMA user_version = {VERSION}")
 
 
 # ----------------------------------------------------------------------------------------------------------- guarding
@@ -127,9 +153,27 @@ def _allow(database: sqlite3.Connection, steps: int) -> None:
     database.set_progress_handler(lambda: next(left, None) is None, _LOOK)
 
 
+def _check(path: Path, database: sqlite3.Connection) -> bool:
+    """Whether the file is empty. Raises `UsageError` where it is neither that nor a ledger of this version."""
+    application, version, tables = (
+        int(database.execute(query).fetchone()[0])
+        for query in ("PRAGMA application_id", "PRAGMA user_version", _COUNT_TABLES)
+    )
+    if (application, version, tables) == (0, 0, 0):
+        return True
+    if application != APPLICATION:
+        raise UsageError(f"{path} is no ledger of stlbench")
+    if version != VERSION:
+        raise UsageError(f"{path} is a ledger of version {version}; this stlbench reads version {VERSION}")
+    if (strange := _strange(database)) is not None:
+        raise UsageError(f"the ledger {path} has {strange}, which stlbench does not write; it is not read")
+    _allow(database, _READING + path.stat().st_size)
+    return False
+
+
 def _strange(database: sqlite3.Connection) -> str | None:
     """What of a file's schema no ledger has, such as a view or a trigger, which are code; None where there is none."""
-    tables, indices = _own()
+    tables, indices = _expected()
     for kind, name, sql in database.execute("SELECT type, name, sql FROM sqlite_schema"):
         if kind == "index" and (name, sql) in indices:
             continue
@@ -142,10 +186,10 @@ def _strange(database: sqlite3.Connection) -> str | None:
 
 
 @cache
-def _own() -> tuple[dict[str, set[str]], set[tuple[str, str | None]]]:
-    """The columns of each table, and the indices, that a ledger of this version has."""
+def _expected() -> tuple[dict[str, set[str]], set[tuple[str, str | None]]]:
+    """The columns of each table, and the indices, of a ledger."""
     with closing(sqlite3.connect(":memory:", isolation_level=None)) as empty:
-        _migrate(empty)
+        _make(empty)
         named = empty.execute("SELECT type, name, sql FROM sqlite_schema").fetchall()
         columns = {
             name: {str(row[1]) for row in empty.execute(f"PRAGMA table_info({name})")}
@@ -153,101 +197,3 @@ def _own() -> tuple[dict[str, set[str]], set[tuple[str, str | None]]]:
             if kind == "table"
         }
     return columns, {(name, sql) for kind, name, sql in named if kind == "index"}
-
-
-# ------------------------------------------------------------------------------------------------------------ reading
-
-
-def _connect_to_read(path: Path) -> sqlite3.Connection:
-    uri = f"{path.absolute().as_uri()}?mode=ro"
-    database = _guarded(uri)
-    try:
-        database.execute(_ASKED)
-    except sqlite3.OperationalError as error:
-        database.close()
-        if error.sqlite_errorcode == sqlite3.SQLITE_READONLY_ROLLBACK:
-            return _taken_back(path)
-        # in WAL mode, of before, SQLite wants to write beside it
-        beside = path.with_name(f"{path.name}-wal")
-        if beside.is_file() and beside.stat().st_size > 0:
-            raise
-        database = _guarded(f"{uri}&immutable=1")
-    return database
-
-
-def _taken_back(path: Path) -> sqlite3.Connection:
-    """The file of a run that was killed within a transaction, without what it had written of that one.
-
-    The journal beside the file says what was there before. Where the folder cannot be written, it is undone in a copy.
-    """
-    database = _guarded(f"{path.absolute().as_uri()}?mode=rw")
-    try:
-        database.execute(_ASKED)
-    except sqlite3.OperationalError:
-        database.close()
-        database = sqlite3.connect(":memory:", isolation_level=None)
-        with TemporaryDirectory() as folder:
-            for file in (path, path.with_name(f"{path.name}-journal")):
-                Path(folder, file.name).write_bytes(file.read_bytes())
-            with closing(sqlite3.connect(Path(folder, path.name))) as whole:
-                whole.backup(database)
-    return database
-
-
-def _to_read(path: Path, database: sqlite3.Connection) -> sqlite3.Connection:
-    if _version(path, database) >= _ALIKE:
-        return database
-    copy = sqlite3.connect(":memory:", isolation_level=None)
-    database.backup(copy)
-    database.close()
-    _migrate(copy)
-    return copy
-
-
-# ------------------------------------------------------------------------------------------------------------ writing
-
-
-def _connect_to_write(path: Path) -> sqlite3.Connection:
-    inside(path, path.parent).parent.mkdir(parents=True, exist_ok=True)
-    return _guarded(f"{path.absolute().as_uri()}?mode=rwc")
-
-
-def _to_write(path: Path, database: sqlite3.Connection) -> sqlite3.Connection:
-    version = _version(path, database)
-    # not WAL, in which what was recorded lies in another file until some time later
-    database.execute("PRAGMA journal_mode = DELETE")
-    if version < VERSION:
-        _migrate(database)
-    return database
-
-
-def _version(path: Path, database: sqlite3.Connection) -> int:
-    """0 of a file that is empty. Raises `UsageError` where it is no ledger, or one of a newer version."""
-    application, version, tables = (
-        int(database.execute(query).fetchone()[0]) for query in ("PRAGMA application_id", "PRAGMA user_version", _ASKED)
-    )
-    if (application, version, tables) == (0, 0, 0):
-        return 0
-    if application != APPLICATION:
-        raise UsageError(f"{path} is no ledger of stlbench")
-    if version > VERSION:
-        raise UsageError(f"{path} is a ledger of version {version}; this stlbench reads version {VERSION}")
-    if (strange := _strange(database)) is not None:
-        raise UsageError(f"the ledger {path} has {strange}, which stlbench does not write; it is not read")
-    _allow(database, _READING + path.stat().st_size)
-    return version
-
-
-def _migrate(database: sqlite3.Connection) -> None:
-    """Make what is not there, in a file of any older version or an empty one: all of it or nothing."""
-    with database:
-        database.execute("BEGIN IMMEDIATE")
-        for statement in _FIRST:
-            database.execute(statement)
-        for table, columns in _ADDED.items():
-            present = {row[1] for row in database.execute(f"PRAGMA table_info({table})")}
-            for name in columns.keys() - present:
-                database.execute(f"ALTER TABLE {table} ADD COLUMN {name} {columns[name]}")
-        database.execute(_INDEX)
-        database.execute(f"PRAGMA application_id = {APPLICATION}")
-        database.execute(f"PRAGMA user_version = {VERSION}")

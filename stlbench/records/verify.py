@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from stlbench.errors import UsageError, one_line, unwritable
-from stlbench.records import saved_policies, saved_traces, stored
+from stlbench.errors import one_line, unwritable
+from stlbench.records import stored
 from stlbench.records.cell_files import POLICIES, TRACES, cell_files, end_of_name
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
@@ -51,8 +51,6 @@ class Verified(NamedTuple):
     """That were looked at."""
     files: int
     """That have the checksum that was recorded."""
-    unknown: int
-    """Rows and files of an older stlbench, which recorded no checksum: they can be read, and no more is known."""
     structure: tuple[str, ...]
     """What SQLite says of the ledger's own structure."""
     damages: tuple[Damage, ...]
@@ -74,7 +72,7 @@ def verify(folder: Path) -> Verified:
         UsageError: there are no results, or the ledger cannot be opened at all.
     """
     if (file := stored.locate(folder)) is not None and file.name == stored.LINES:
-        return Verified(sum(1 for _ in stored.read(folder)), 0, 0, (), (), 0)
+        return Verified(sum(1 for _ in stored.read(folder)), 0, (), (), 0)
     with Ledger(folder / FILE, create=False) as ledger:
         damages = [Damage(key, cell, "row", _LOST) for key, cell in ledger.lost().items()]
         found = [_looked_at(folder, each) for each in ledger.recorded()]
@@ -83,7 +81,6 @@ def verify(folder: Path) -> Verified:
         return Verified(
             rows=len(found),
             files=sum(one.files for one in found),
-            unknown=sum(one.unknown for one in found),
             structure=tuple(ledger.problems()),
             damages=tuple(damages),
             marked=sum(one.again for one in found),
@@ -106,17 +103,14 @@ class _Found(NamedTuple):
 
     damages: tuple[Damage, ...]
     files: int
-    unknown: bool
     again: bool
 
 
 def _looked_at(folder: Path, row: Recorded) -> _Found:
     if isinstance(row.result, str):
-        return _Found((Damage(row.key, row.cell, "row", row.result, row.own_key),), 0, unknown=False, again=row.again)
-    if row.files is None:
-        return _Found(tuple(_unreadable(folder, row.result)), 0, unknown=True, again=row.again)
+        return _Found((Damage(row.key, row.cell, "row", row.result, row.own_key),), 0, row.again)
     damages = tuple(_changed(folder, row.files, row.result))
-    return _Found(damages, len(row.files) - len(damages), unknown=False, again=row.again)
+    return _Found(damages, len(row.files) - len(damages), row.again)
 
 
 def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iterator[Damage]:
@@ -125,23 +119,6 @@ def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iter
         if what in checksums and there.get(what) != checksums[what]:
             problem = "is not as it was recorded" if what in there else "is missing"
             yield Damage(result.key, result.id, what, f"{path} {problem}")
-
-
-def _unreadable(folder: Path, result: Result) -> Iterator[Damage]:
-    """Of files without a checksum: those that are there and cannot be read."""
-    beside = cell_files(folder, result.id, result.key)
-    kept = result.measurement is not None and result.measurement.policies is not None and beside.policies.is_file()
-    try:
-        if beside.traces.is_file():
-            saved_traces.read_saved(beside.traces)
-    except UsageError as error:
-        yield Damage(result.key, result.id, "traces", str(error))
-    try:
-        if kept:
-            saved_policies.read(folder, result, "selected")
-            saved_policies.read(folder, result, "final")
-    except UsageError as error:
-        yield Damage(result.key, result.id, "policies", str(error))
 
 
 # ------------------------------------------------------------------------------------------------------------- repair

@@ -169,43 +169,6 @@ def test_of_several_results_of_a_cell_the_planned_one_counts(path):
         assert list(ledger.results()) == [new]
 
 
-VERSION_1 = """
-CREATE TABLE cells (
-    key TEXT PRIMARY KEY, task TEXT NOT NULL, method TEXT NOT NULL, agent TEXT NOT NULL, seed INTEGER NOT NULL,
-    budget TEXT NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL, robustness_mean REAL, satisfaction REAL,
-    training_cpu_seconds REAL, training_wall_seconds REAL, recorded_at TEXT NOT NULL, result TEXT NOT NULL
-);
-PRAGMA application_id = 1398033474;
-PRAGMA user_version = 1;
-"""
-
-
-def write_version_1(path):
-    path.parent.mkdir(exist_ok=True)
-    text = (
-        '{"key":"abc","task":"hold-disc","method":"funnel[ginf=0.02]","agent":"dqn","seed":3,"budget":"quick",'
-        '"status":"raised","reason":"no","details":"","measurement":null,"provenance":{"jobs":"2"}}'
-    )
-    row = ("abc", "hold-disc", "funnel[ginf=0.02]", "dqn", 3, "quick", "raised", "no", *[None] * 4, "2026", text)
-    with sqlite3.connect(path) as database:
-        database.executescript(VERSION_1)
-        database.execute(f"INSERT INTO cells VALUES ({', '.join('?' * len(row))})", row)
-    database.close()
-
-
-def test_a_ledger_of_version_1_gets_a_plan_and_loses_nothing(path):
-    write_version_1(path)
-    with Ledger(path, create=False) as ledger:
-        (entry,) = ledger.results()
-        assert (entry.key, entry.id.name, entry.reason) == ("abc", "hold-disc/funnel[ginf=0.02]/dqn/3", "no")
-        assert ledger.missing() == []
-        ledger.plan(plan(result()))
-    with Ledger(path, create=False) as ledger:
-        assert [entry.key for entry in ledger.results()] == ["abc"]
-        assert ledger.missing() == [result().id]
-    assert sqlite3.connect(path).execute("PRAGMA user_version").fetchone() == (VERSION,)
-
-
 def test_nothing_is_made_before_something_is_written(path):
     with Ledger(path) as ledger:
         assert (list(ledger.results()), ledger.missing(), ledger.finished(["key"])) == ([], [], set())
@@ -291,29 +254,6 @@ def test_what_is_recorded_is_in_the_one_file_at_once(path, tmp_path):
         assert [file.name for file in path.parent.iterdir()] == [path.name]
 
 
-def in_wal_mode(path):
-    """As ledgers were written before: what was recorded last is in a file beside it."""
-    with Ledger(path) as ledger:
-        ledger.record(result(seed=0))
-    database = sqlite3.connect(path)
-    database.execute("PRAGMA journal_mode = WAL")
-    return database
-
-
-def test_a_ledger_of_before_is_read_and_then_written_into_one_file(path):
-    database = in_wal_mode(path)
-    database.execute("UPDATE cells SET reason = 'beside'")
-    database.commit()
-    assert path.with_name("ledger.sqlite-wal").stat().st_size
-    with Ledger(path, create=False) as ledger:
-        assert len(list(ledger.results())) == 1
-    database.close()
-    with Ledger(path) as ledger:
-        ledger.record(result(seed=1))
-    assert [file.name for file in path.parent.iterdir()] == [path.name]
-    assert sqlite3.connect(path).execute("PRAGMA journal_mode").fetchone() == ("delete",)
-
-
 HALF_WRITTEN = """
 import os, signal, sqlite3, sys
 database = sqlite3.connect(sys.argv[1], isolation_level=None)
@@ -360,27 +300,22 @@ print(*read(sys.argv[2]))
 """
 
 
-@pytest.mark.parametrize("mode", ["delete", "wal", "version 1", "killed"])
+@pytest.mark.parametrize("mode", ["delete", "killed"])
 def test_a_folder_that_cannot_be_written_can_be_read(path, mode):
     with Ledger(path) as ledger:
         ledger.plan(plan(result(), result(seed=1)))
         ledger.record(result())
     with tempfile.TemporaryDirectory() as folder:  # pytest's own folders are for one user alone
         shown = copied(path, Path(folder) / "results", path.name)
-        if mode == "wal":
-            in_wal_mode(shown).close()
         if mode == "killed":
             killed_while_writing(shown)
-        if mode == "version 1":
-            shown.unlink()
-            write_version_1(shown)
         Path(folder).chmod(0o755)
         shown.parent.chmod(0o555)
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
         command = [sys.executable, "-c", UNPRIVILEGED, path, shown]
         ran = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
         shown.parent.chmod(0o755)
-    assert ran.stdout == ("1 0\n" if mode == "version 1" else "1 1\n"), ran.stderr
+    assert ran.stdout == "1 1\n", ran.stderr
 
 
 def filled(path, count=60):
