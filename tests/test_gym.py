@@ -307,7 +307,9 @@ def test_an_action_outside_the_grid(action: Any) -> None:
 
 
 def test_continuous_actions(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stlbench.gym.load_task", lambda name: line(actions={"v": {"low": -1, "high": 1}}))
+    monkeypatch.setattr(
+        "stlbench.rollout.gymnasium.env.load_task", lambda name: line(actions={"v": {"low": -1, "high": 1}})
+    )
     env, envs = StlEnv("line", "raw"), StlVectorEnv(2, "line", "raw")
     assert env.action_space == Box(-1, 1, (1,), np.float32)
     env.reset(options={"state": [0]})
@@ -334,8 +336,8 @@ def test_an_environment_that_has_ended_is_paid_as_the_task_says(
 ) -> None:
     """It ends at x = 1, after two of eight steps, and stands still from then on; wrapped, it is paid the sum."""
     task = walk(WalkTask(wall=1.0), terminated=terminated, formula="G[0,4] x <= 0.75")
-    monkeypatch.setattr("stlbench.gym.load_task", lambda name: task)
-    monkeypatch.setattr("stlbench.gym.build_method", lambda task, name: method(task.specification))
+    monkeypatch.setattr("stlbench.rollout.gymnasium.env.load_task", lambda name: task)
+    monkeypatch.setattr("stlbench.rollout.gymnasium.env.build_method", lambda task, name: method(task.specification))
     env, envs = StlEnv("walk", "made"), StlVectorEnv(2, "walk", "made")
     env.reset(seed=0)
     envs.reset(seed=0)

@@ -27,7 +27,7 @@ METHODS = ["funnel", "raw", "flag"]
 @pytest.fixture
 def two(monkeypatch: pytest.MonkeyPatch) -> StlParallelEnv:
     """Two robots on a line, paid by `raw`."""
-    monkeypatch.setattr("stlbench.gym.load_task", lambda name: pair())
+    monkeypatch.setattr("stlbench.rollout.gymnasium.env.load_task", lambda name: pair())
     return parallel_env("pair", "raw")
 
 
@@ -105,7 +105,7 @@ def test_seeds_decide_where_episodes_start(two: StlParallelEnv) -> None:
 
 
 def test_scaled_divides_by_the_methods_scale(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stlbench.gym.load_task", lambda name: pair())
+    monkeypatch.setattr("stlbench.rollout.gymnasium.env.load_task", lambda name: pair())
     rewards = []
     for scaled in (False, True):
         env = parallel_env("pair", "raw", scaled=scaled)
@@ -129,7 +129,7 @@ def test_what_a_robot_is_given_is_its_own_to_change(two: StlParallelEnv) -> None
 def test_continuous_actions(monkeypatch: pytest.MonkeyPatch) -> None:
     axes = {"v": {"low": -1, "high": 1}, "w": {"low": -2, "high": 2}, "u": {"low": 0, "high": 3}}
     task = pair(actions=axes, robots={"left": ["v"], "right": ["w", "u"]})
-    monkeypatch.setattr("stlbench.gym.load_task", lambda name: task)
+    monkeypatch.setattr("stlbench.rollout.gymnasium.env.load_task", lambda name: task)
     monkeypatch.setattr(type(task.system), "step", lambda self, state, action: action[:, :2] + action[:, 2:])
     env = parallel_env("pair", "raw")
     assert env.action_space("left") == Box(-1, 1, (1,), np.float32)

@@ -1,0 +1,260 @@
+"""A task with a reward method as an environment of Gymnasium; `stlbench.gym` registers and documents it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.error import InvalidAction, ResetNeeded
+from gymnasium.spaces import Box, Discrete
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from stlbench.contract import ActionGrid, Array, GymTask, Integers
+from stlbench.contract.presentation import Drawn, Pixels
+from stlbench.errors import UsageError, did_you_mean
+from stlbench.registry.choices import choice_of
+from stlbench.rollout.early_ends import EarlyEnds
+from stlbench.rollout.environment import Simulator
+from stlbench.rollout.observing import observation_of
+from stlbench.task import Task, build_method, load_task
+
+Single = NDArray[np.float32]
+Booleans = NDArray[np.bool_]
+Info = dict[str, Any]
+
+
+class _Copies:
+    """N copies of a task under one clock, in Gymnasium's types: what both kinds of environment have in common."""
+
+    def __init__(self, task: str, method: str, scaled: bool, render_mode: str | None) -> None:
+        self.task = load_task(task)
+        undrawn = _undrawn(self.task)
+        decisions_per_second = 1 / (self.task.file.sampling_time * self.task.file.hold)
+        self.metadata: Info = {
+            "render_modes": [] if undrawn else ["rgb_array"],
+            "render_fps": max(1, round(decisions_per_second)),
+        }
+        self.render_mode = render_mode if render_mode in self.metadata["render_modes"] else None
+        if render_mode != self.render_mode:
+            modes = f"nothing, as {undrawn}" if undrawn else "rgb_array alone"
+            gymnasium.logger.warn(f"task {task} renders {modes}; render_mode is None, in place of {render_mode!r}")
+        self.method = build_method(self.task, method)
+        self._simulator = Simulator(self.task, self.method, drawn=self.render_mode is not None)
+        self._scale = self.method.scale if scaled else 1.0
+        self._running = False
+        example = self._simulator.reset(self._draw(np.random.default_rng(0)))
+        self.observation_space = Box(-np.inf, np.inf, example.shape[1:], np.float32)
+        observation_of(self.task, self.method, str(choice_of(method))).save_in(self.observation_space)
+        actions = self.task.actions
+        self.action_space: Discrete | Box = (
+            Discrete(actions.size)
+            if isinstance(actions, ActionGrid)
+            else Box(np.array(actions.low, np.float32), np.array(actions.high, np.float32))
+        )
+
+    def reset(self, generators: Sequence[np.random.Generator], options: Info | None) -> tuple[Single, Info]:
+        """Start an episode in each copy: observations (N, D), and signals (N, 1, k) and time of the first sample."""
+        others = dict(options or {})
+        state = others.pop("state", None)
+        if others:
+            name = next(iter(others))
+            raise UsageError(f"reset: no option '{name}'{did_you_mean(name, ['state'])}")
+        if state is None:
+            states = np.concatenate([self._draw(generator) for generator in generators])
+        else:
+            states = self._checked(state, len(generators))
+        observation = self._simulator.reset(states)
+        self._running = True
+        return observation.astype(np.float32), self._info(self._simulator.signals[:, None].copy())
+
+    def advance(self, action: NDArray[Any]) -> tuple[Single, Array, bool, Info]:
+        """Hold the actions (N,) or (N, axes): observations (N, D), rewards (N,), the end, signals."""
+        if not self._running:
+            raise ResetNeeded("call reset() first: no episode is running")
+        simulator, before = self._simulator, self._before()
+        reward, samples = simulator.advance(action)
+        if simulator.world.can_end:
+            ends = EarlyEnds(self.method, self.task.file.terminated)
+            reward = ends.standing_still(reward, before, simulator.world.ended, simulator.t, simulator.hold)
+        over = bool(self._simulator.t[0] >= self._simulator.horizon)
+        self._running = not over
+        return self._simulator.observe().astype(np.float32), reward / self._scale, over, self._info(samples)
+
+    def pictures(self) -> tuple[Pixels, ...] | None:
+        """Each copy's state as a picture (height, width, 3); None without a render mode."""
+        return None if self.render_mode is None else self._simulator.world.frames()
+
+    def _before(self) -> Booleans:
+        """Which copies (N,) have ended already, or are over for the method."""
+        simulator = self._simulator
+        ended = simulator.world.ended.copy()
+        return ended | simulator.over(simulator.memory) if self.method.can_end else ended
+
+    def _info(self, samples: Array) -> Info:
+        return {"signals": samples, "t": self._simulator.t.copy()}
+
+    def _draw(self, generator: np.random.Generator) -> Array:
+        return self.task.starts.of_training(generator, 1)
+
+    def _checked(self, state: Any, count: int) -> Array:
+        names = self.task.system.state
+        try:
+            states = np.array(state, dtype=np.float64)
+        except (TypeError, ValueError):
+            states = np.empty(0)
+        if states.shape not in ((len(names),), (count, len(names))) or not np.isfinite(states).all():
+            raise UsageError(f"reset: the option 'state' takes finite numbers {', '.join(names)}, got {state!r}")
+        return np.broadcast_to(states, (count, len(names)))
+
+
+def _undrawn(task: Task) -> str:
+    """Why a task has no pictures; nothing where it has."""
+    if isinstance(task.dynamics, GymTask):
+        return task.source.undrawn
+    return "" if isinstance(task.dynamics, Drawn) else "the task has no picture of itself"
+
+
+class StlEnv(gymnasium.Env[Single, Any]):
+    """One copy of a task with a reward method, as `gymnasium.make("stlbench/<task>-v0", method=...)` makes it."""
+
+    metadata: Info = {"render_modes": ["rgb_array"]}  # noqa: RUF012 - declared so by Gymnasium; a copy knows its own
+
+    def __init__(self, task: str, method: str, *, scaled: bool = False, render_mode: str | None = None) -> None:
+        """The reward is the mean of the method's reward over the `hold` steps of an action, in the paper's units.
+
+        Args:
+            task: its name; the environment's id says it.
+            method: a reward method with or without parameters, "funnel" or "flag[beta=10]".
+            scaled: divide rewards by the method's `scale`, as training in stlbench does.
+            render_mode: "rgb_array" or None. Where a task has no picture of itself, None stands in its place, with a
+                warning, so that libraries which always ask for pictures can train on it.
+
+        Raises:
+            UsageError: no such method, or a wrong parameter; the message says what there is.
+            Intractable, Unsuitable: the method does not fit the task (`stlbench.contract`).
+        """
+        self._copies = _Copies(task, method, scaled, render_mode)
+        self.task, self.method = self._copies.task, self._copies.method
+        self.metadata, self.render_mode = self._copies.metadata, self._copies.render_mode
+        self.observation_space, self.action_space = self._copies.observation_space, self._copies.action_space
+
+    def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Single, Info]:
+        """Start an episode, from a state that `seed` determines or from `options={"state": [...]}`.
+
+        Returns:
+            The observation (D,); and an info with `signals` (1, k), the trace's first sample, and `t`, 0.
+        """
+        super().reset(seed=seed)
+        observation, info = self._copies.reset([self.np_random], options)
+        return observation[0], _first(info)
+
+    def step(self, action: np.int64 | NDArray[np.floating]) -> tuple[Single, float, bool, bool, Info]:
+        """Hold an action, an index or a vector (axes,), for `hold` steps.
+
+        Returns:
+            The observation (D,), the reward, False, whether the time limit is reached; and an info with `signals`
+            (hold, k), the samples after each step, and `t`, the time of the last of them in steps.
+        """
+        if not self.action_space.contains(action):
+            raise InvalidAction(f"an action is {_kind(self._copies.action_space)}, got {action!r}")
+        observation, reward, over, info = self._copies.advance(np.asarray(action)[None])
+        return observation[0], float(reward[0]), False, over, _first(info)
+
+    def render(self) -> Pixels | None:
+        """A picture (height, width, 3) of the current state; None without a render mode.
+
+        Raises `RuntimeError`, in one line, where this machine lacks what it takes to draw.
+        """
+        pictures = self._copies.pictures()
+        return None if pictures is None else pictures[0]
+
+
+def _kind(space: Discrete | Box) -> str:
+    if isinstance(space, Discrete):
+        return f"an index in 0..{space.n - 1}"
+    return f"a vector between {space.low.tolist()} and {space.high.tolist()}"
+
+
+def _first(info: Info) -> Info:
+    return {"signals": info["signals"][0], "t": int(info["t"][0])}
+
+
+class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
+    """N copies in lock-step, computed at once. They share the clock, so all episodes end at the same step.
+
+    They do what N copies of `StlEnv` in a `gymnasium.vector.SyncVectorEnv` with the same autoreset mode do, number
+    for number.
+    """
+
+    metadata: Info = {  # noqa: RUF012 - declared so by Gymnasium; an instance knows its own
+        "render_modes": ["rgb_array"],
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+    }
+
+    def __init__(
+        self, num_envs: int, task: str, method: str, *, scaled: bool = False, render_mode: str | None = None
+    ) -> None:
+        """Args and errors: see `StlEnv`."""
+        if num_envs < 1:
+            raise UsageError(f"num_envs must be at least 1, got {num_envs}")
+        self._copies = _Copies(task, method, scaled, render_mode)
+        self.task, self.method, self.num_envs = self._copies.task, self._copies.method, num_envs
+        self.metadata, self.render_mode = type(self).metadata | self._copies.metadata, self._copies.render_mode
+        self.single_observation_space = self._copies.observation_space
+        self.single_action_space = self._copies.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._generators: list[np.random.Generator] = []
+
+    def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Single, Info]:
+        """Start N episodes; copy i starts where an `StlEnv` starts that is given seed + i.
+
+        `options={"state": ...}` takes one state for all copies, or N states.
+
+        Returns:
+            Observations (N, D); and an info with `signals` (N, 1, k) and `t` (N,).
+        """
+        super().reset(seed=seed)
+        if seed is not None or not self._generators:
+            seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
+            self._generators = [seeding.np_random(each)[0] for each in seeds]
+        observation, info = self._copies.reset(self._generators, options)
+        return observation, self._masked(info)
+
+    def step(self, actions: Integers | NDArray[np.floating]) -> tuple[Single, Array, Booleans, Booleans, Info]:
+        """Hold actions, indices (N,) or vectors (N, axes), for `hold` steps.
+
+        Returns:
+            Observations (N, D), rewards (N,), terminations (N,), truncations (N,), and an info with `signals`
+            (N, hold, k) and `t` (N,). At the time limit the observations and the info are already those of the next
+            episode, and the last ones of the old are in the info as `final_obs` and `final_info`.
+        """
+        if not self.action_space.contains(actions):
+            raise InvalidAction(f"{self.num_envs} actions, each {_kind(self._copies.action_space)}, got {actions!r}")
+        observation, reward, over, info = self._copies.advance(np.asarray(actions))
+        if over:
+            last = {"final_obs": _objects(observation), "final_info": self._masked(info)}
+            observation, info = self._copies.reset(self._generators, None)
+            info |= last
+        info = self._masked(info)
+        return observation, reward, np.zeros(self.num_envs, dtype=np.bool_), np.full(self.num_envs, over), info
+
+    def render(self) -> tuple[Pixels, ...] | None:
+        """Each copy's picture, see `StlEnv.render`."""
+        return self._copies.pictures()
+
+    def _masked(self, info: Info) -> Info:
+        """Gymnasium wants a mask beside each value: which copies it is there for. Here: all."""
+        return info | {f"_{name}": np.ones(self.num_envs, dtype=np.bool_) for name in info}
+
+
+def _objects(rows: Single) -> NDArray[np.object_]:
+    """(N, D) -> (N,), each a vector (D,), as Gymnasium gives final observations."""
+    objects = np.empty(len(rows), dtype=object)
+    objects[:] = list(rows)
+    return objects
