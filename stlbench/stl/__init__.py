@@ -5,7 +5,7 @@
 2.0
 """
 
-from stlbench.stl.boxes.bounds import Bounds, bounds
+from stlbench.stl.boxes import Bounds, bounds
 from stlbench.stl.errors import (
     FormulaLimitError,
     FragmentError,
@@ -16,45 +16,40 @@ from stlbench.stl.errors import (
     UndefinedError,
     UnknownSignalError,
 )
+from stlbench.stl.language.expressions import Binary, Call, Expression, Negative, Number, Signal
 from stlbench.stl.language.fragment import Term, fragment
-from stlbench.stl.language.horizon import horizon, resolve_end
-from stlbench.stl.language.normal_form import negations_inside
 from stlbench.stl.language.parser import parse, parse_expression
-from stlbench.stl.language.sugar import iff, release, weak_until, xor
+from stlbench.stl.language.structure import first_past, horizon, is_temporal, negations_inside, resolve_end, signals
 from stlbench.stl.language.syntax import (
     END,
     Always,
     And,
-    Binary,
-    Call,
     Eventually,
-    Expression,
     Formula,
     Historically,
     Implies,
-    Negative,
     Not,
-    Number,
     Once,
     Or,
     Past,
     Predicate,
     Release,
-    Signal,
     Since,
     Temporal,
     TrueFormula,
     Until,
+    iff,
+    release,
+    weak_until,
+    xor,
 )
-from stlbench.stl.language.traversal import first_past, is_temporal, signals
-from stlbench.stl.predicates.pointwise import holds, margin, values
-from stlbench.stl.recorded.compiled import holds_trace, margin_trace
-from stlbench.stl.recorded.folds import Fold, Least, Mean, Total
-from stlbench.stl.recorded.quantity import Quantity
-from stlbench.stl.recorded.robustness import (
+from stlbench.stl.predicates import holds, margin, values
+from stlbench.stl.recorded import (
     RobustnessBounds,
     SatisfactionBounds,
     ShortTraces,
+    holds_trace,
+    margin_trace,
     robustness,
     robustness_bounds,
     robustness_bounds_trace,
@@ -64,11 +59,11 @@ from stlbench.stl.recorded.robustness import (
     satisfied,
     satisfied_trace,
 )
-from stlbench.stl.recorded.semantics import Semantics, semantics
+from stlbench.stl.recorded.folds import Fold, Least, Mean, Semantics, Total, semantics
+from stlbench.stl.recorded.quantity import Quantity
 from stlbench.stl.recorded.witness import Link, Witness, witness
-from stlbench.stl.running.batch_monitor import BatchMonitor, Intervals
-from stlbench.stl.running.monitor import Monitor
-from stlbench.stl.running.monitor_source import Interval
+from stlbench.stl.running.batch import BatchMonitor, Intervals
+from stlbench.stl.running.monitor import Interval, Monitor
 
 __all__ = [
     "END",

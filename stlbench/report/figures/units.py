@@ -8,7 +8,7 @@ from typing import NamedTuple
 from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
-from stlbench.stl.language.traversal import walk
+from stlbench.stl.language.structure import walk
 from stlbench.study.plugin_guard import load_guarded
 from stlbench.task.task import Task
 

@@ -14,30 +14,11 @@ from typing import TypeAlias, cast
 
 import numpy as np
 
-from stlbench.stl.functions.derivatives import (
-    Derivatives,
-    added,
-    negated,
-    of_greatest,
-    of_least,
-    scaled,
-)
+from stlbench.stl.functions import FUNCTIONS
+from stlbench.stl.functions.derivatives import Derivatives, added, negated, of_greatest, of_least, scaled
 from stlbench.stl.functions.intervals import Range, difference, negative, power, product, quotient, total
-from stlbench.stl.functions.table import FUNCTIONS
-from stlbench.stl.language.syntax import (
-    And,
-    AnyNode,
-    Binary,
-    Call,
-    Implies,
-    Negative,
-    Not,
-    Number,
-    Or,
-    Predicate,
-    Signal,
-    TrueFormula,
-)
+from stlbench.stl.language.expressions import Binary, Call, Negative, Number, Signal
+from stlbench.stl.language.syntax import And, AnyNode, Implies, Not, Or, Predicate, TrueFormula
 
 #: each signal's interval on each box: ends (m,)
 Boxes: TypeAlias = dict[str, Range]
@@ -72,11 +53,9 @@ class Enclosure:
         self._known: dict[AnyNode, tuple[Range, Derivatives]] = {}
 
     def range(self, node: AnyNode) -> Range:
-        """Contains the value (the margin) on each box."""
         return self._of(node)[0]
 
     def derivatives(self, node: AnyNode) -> Derivatives:
-        """Contain the derivatives by each signal on each box."""
         return self._of(node)[1]
 
     def _of(self, node: AnyNode) -> tuple[Range, Derivatives]:
@@ -160,7 +139,7 @@ _ARITHMETIC = {"+": total, "-": difference, "*": product, "/": quotient}
 
 
 def _operands(node: AnyNode) -> tuple[AnyNode, ...]:
-    """Those of a predicate are the greater side and the smaller side."""
+    """The operands; of a predicate the greater side and the smaller side."""
     match node:
         case Predicate(op, left, right):
             return (right, left) if op in ("<=", "<") else (left, right)

@@ -32,17 +32,14 @@ Ranges: TypeAlias = Sequence[Range]
 
 
 def negated(inner: Derivatives) -> Derivatives:
-    """Of -u."""
     return {name: negative(range_) for name, range_ in inner.items()}
 
 
 def scaled(inner: Derivatives, factor: Range) -> Derivatives:
-    """Each times `factor`."""
     return {name: product(range_, factor) for name, range_ in inner.items()}
 
 
 def added(left: Derivatives, right: Derivatives) -> Derivatives:
-    """Of u + v."""
     both = {name: total(left[name], right[name]) for name in left.keys() & right.keys()}
     return left | right | both
 
@@ -73,7 +70,6 @@ def of_greatest(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Der
 
 
 def of_absolute(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    """abs: the argument's, with its sign."""
     return scaled(inner[0], _sign(args[0]))
 
 
@@ -89,18 +85,15 @@ def of_norm(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivat
 
 
 def of_root(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    """sqrt: 1 / (2 sqrt)."""
     half = np.full_like(value[0], 0.5)
     return scaled(inner[0], quotient((half, half), value))
 
 
 def of_exponential(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    """exp: itself."""
     return scaled(inner[0], value)
 
 
 def of_logarithm(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    """log: 1 / u."""
     return {name: quotient(range_, args[0]) for name, range_ in inner[0].items()}
 
 
@@ -111,12 +104,10 @@ def of_hyperbolic_tangent(args: Ranges, inner: Sequence[Derivatives], value: Ran
 
 
 def of_sine(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    """sin: cos."""
     return scaled(inner[0], cosine(args[0]))
 
 
 def of_cosine(args: Ranges, inner: Sequence[Derivatives], value: Range) -> Derivatives:
-    """cos: -sin."""
     return scaled(inner[0], negative(sine(args[0])))
 
 

@@ -1,7 +1,8 @@
 """Interval arithmetic on many boxes at once, rounded outwards so that every result contains the real-number range.
 
-An interval is a pair of arrays (m,), one element per box. +, -, *, / and sqrt are correctly rounded by IEEE 754, so one
-float outwards is enough; the other functions are NumPy's, which is within 4 units in the last place.
+A range is a pair of arrays (m,), one element per box. Operands are independent, angles are in radians. +, -, *, / and
+sqrt are correctly rounded by IEEE 754, so one float outwards is enough; the other functions are NumPy's, which are
+within 4 units in the last place.
 """
 
 from __future__ import annotations
@@ -30,30 +31,28 @@ def outwards(lower: Ends, upper: Ends, steps: int = 1) -> Range:
 
 
 def negative(range_: Range) -> Range:
-    """-u."""
     return -range_[1], -range_[0]
 
 
 def total(left: Range, right: Range) -> Range:
-    """u + v."""
     return outwards(left[0] + right[0], left[1] + right[1])
 
 
 def difference(left: Range, right: Range) -> Range:
-    """u - v, as of independent values."""
     return total(left, negative(right))
 
 
 def product(left: Range, right: Range) -> Range:
-    """u * v, as of independent values."""
-    corners = [x * y for x in left for y in right]
-    return outwards(reduce(np.minimum, corners), reduce(np.maximum, corners))
+    return outwards(*_hull([x * y for x in left for y in right]))
 
 
 def quotient(left: Range, right: Range) -> Range:
-    """u / v; means something only where v excludes 0 (NaN or infinite ends at 0)."""
-    corners = [x / y for x in left for y in right]
-    return outwards(reduce(np.minimum, corners), reduce(np.maximum, corners))
+    """u / v; valid only where v excludes 0 (NaN or infinite ends at 0)."""
+    return outwards(*_hull([x / y for x in left for y in right]))
+
+
+def _hull(corners: Sequence[Ends]) -> Range:
+    return reduce(np.minimum, corners), reduce(np.maximum, corners)
 
 
 def power(base: Range, exponent: float) -> Range:
@@ -91,19 +90,16 @@ def _power(base: Ends, exponent: float, way: Ends | np.float64) -> Ends:
 
 
 def least(ranges: Sequence[Range]) -> Range:
-    """min(u, ...)."""
     lowers, uppers = zip(*ranges, strict=True)
     return reduce(np.minimum, lowers), reduce(np.minimum, uppers)
 
 
 def greatest(ranges: Sequence[Range]) -> Range:
-    """max(u, ...)."""
     lowers, uppers = zip(*ranges, strict=True)
     return reduce(np.maximum, lowers), reduce(np.maximum, uppers)
 
 
 def absolute(range_: Range) -> Range:
-    """|u|."""
     lower, upper = range_
     closest = np.where((lower <= 0) & (upper >= 0), 0.0, np.minimum(np.abs(lower), np.abs(upper)))
     return closest, np.maximum(np.abs(lower), np.abs(upper))
@@ -117,17 +113,14 @@ def root(range_: Range) -> Range:
 
 
 def norm(ranges: Sequence[Range]) -> Range:
-    """sqrt(u ** 2 + ...)."""
     return root(reduce(total, [power(range_, 2) for range_ in ranges]))
 
 
 def largest(ranges: Sequence[Range]) -> Range:
-    """max(|u|, ...)."""
     return greatest([absolute(range_) for range_ in ranges])
 
 
 def exponential(range_: Range) -> Range:
-    """exp(u)."""
     lower, upper = outwards(np.exp(range_[0]), np.exp(range_[1]), ROUNDING)
     return np.maximum(lower, 0.0), upper
 
@@ -139,18 +132,15 @@ def logarithm(range_: Range) -> Range:
 
 
 def hyperbolic_tangent(range_: Range) -> Range:
-    """tanh(u)."""
     lower, upper = outwards(np.tanh(range_[0]), np.tanh(range_[1]), ROUNDING)
     return np.maximum(lower, -1.0), np.minimum(upper, 1.0)
 
 
 def sine(angle: Range) -> Range:
-    """sin(u), in radians."""
     return _wave(angle, np.sin, peak=math.pi / 2)
 
 
 def cosine(angle: Range) -> Range:
-    """cos(u), in radians."""
     return _wave(angle, np.cos, peak=0.0)
 
 
@@ -163,7 +153,7 @@ def _wave(angle: Range, wave: np.ufunc, peak: float) -> Range:
 
 
 def tangent(angle: Range) -> Range:
-    """tan(u), in radians: all numbers where a pole may lie in u, else it rises."""
+    """All numbers where a pole may lie in u, else it rises."""
     lower, upper = outwards(np.tan(angle[0]), np.tan(angle[1]), ROUNDING)
     pole = may_contain_pole(angle)
     return np.where(pole, -np.inf, lower), np.where(pole, np.inf, upper)
@@ -184,8 +174,7 @@ def _may_contain(angle: Range, offset: float, period: float) -> Mask:
 
 def direction(y: Range, x: Range) -> Range:
     """atan2(v, u) in [-pi, pi]: extreme at corners, and of any value where the box meets the branch cut."""
-    corners = [np.arctan2(v + 0.0, u + 0.0) for v in y for u in x]
-    lower, upper = outwards(reduce(np.minimum, corners), reduce(np.maximum, corners), ROUNDING)
+    lower, upper = outwards(*_hull([np.arctan2(v + 0.0, u + 0.0) for v in y for u in x]), ROUNDING)
     cut = meets_branch_cut(y, x)
     pi = np.nextafter(math.pi, 4.0)
     return np.where(cut, -pi, np.maximum(lower, -pi)), np.where(cut, pi, np.minimum(upper, pi))

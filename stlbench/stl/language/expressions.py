@@ -1,14 +1,98 @@
-"""Arithmetic over signals as frozen values that print back to the text they parse from."""
+"""Arithmetic over signals as frozen values that print back to the text they parse from, and the words of the syntax."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar, TypeAlias
+from dataclasses import dataclass, field, fields
+from enum import IntEnum
+from typing import Any, ClassVar, TypeAlias
 
-from stlbench.stl.functions.table import FUNCTIONS
-from stlbench.stl.language.grammar import BINARY_LEVELS, LEVEL_ATOM, LEVEL_MINUS, RESERVED
-from stlbench.stl.language.node import Node
+from stlbench.stl.errors import FormulaLimitError, Position, shorten
+from stlbench.stl.functions import FUNCTIONS
+
+
+class Level(IntEnum):
+    """How tightly an operator binds, loosest first; for the parser and for printing."""
+
+    IFF, IMPLIES, XOR, OR, AND, UNTIL, PREFIX, COMPARE, SUM, PRODUCT, MINUS, POWER, ATOM = range(1, 14)
+
+
+BINARY_LEVELS = {"+": Level.SUM, "-": Level.SUM, "*": Level.PRODUCT, "/": Level.PRODUCT, "**": Level.POWER}
+COMPARISONS = ("<=", ">=", "<", ">")
+OPERATOR_WORDS = {"not": "!", "and": "&", "or": "|", "xor": "xor", "implies": "->", "iff": "<->"}
+#: temporal operators before their operand, and between two
+PREFIX_WORDS = {"G": "G", "always": "G", "F": "F", "eventually": "F"}
+PREFIX_WORDS |= {"H": "H", "historically": "H", "O": "O", "once": "O"}
+INFIX_WORDS = {"U": "U", "until": "U", "R": "R", "release": "R", "W": "W", "weak_until": "W", "S": "S", "since": "S"}
+#: words that cannot name a signal; all other words of operators, and their letters, can
+RESERVED = frozenset(
+    {*FUNCTIONS, *OPERATOR_WORDS, "always", "eventually", "until", "True", "true", "False", "false", "pi"}
+)
+#: levels of nesting that a formula may have: no recursion over it can then exhaust Python's stack
+MAX_DEPTH = 120
+#: parts that a formula may have; `<->`, `xor` and `W` repeat their operands, so a short text can have many
+MAX_SIZE = 100_000
+
+
+@dataclass(frozen=True)
+class Node:
+    """Any part of a formula; the fields `args`, `arg`, `left` and `right` are operands.
+
+    Attributes:
+        depth: levels of nesting, 1 without operands.
+        size: parts, this one included.
+        position: the place in the text it came from, which never counts in comparisons.
+
+    Raises:
+        TypeError: an operand is no node.
+        FormulaLimitError: deeper than `MAX_DEPTH` or larger than `MAX_SIZE`.
+    """
+
+    level: ClassVar[int] = Level.ATOM
+    depth: int = field(init=False, compare=False, repr=False)
+    size: int = field(init=False, compare=False, repr=False)
+    position: Position | None = field(default=None, compare=False, repr=False, kw_only=True)
+
+    def __init_subclass__(cls) -> None:
+        cls.__hash__ = Node.__hash__  # type: ignore[method-assign]  # dataclass keeps it
+
+    def __post_init__(self) -> None:
+        operands = self.operands
+        for operand in operands:
+            if not isinstance(operand, Node):
+                kind = type(operand).__name__
+                raise TypeError(f"{type(self).__name__} is made of parsed parts, got {kind} {shorten(repr(operand))}")
+        depth = 1 + max((operand.depth for operand in operands), default=0)
+        size = 1 + sum(operand.size for operand in operands)
+        if depth > MAX_DEPTH:
+            raise FormulaLimitError(f"at most {MAX_DEPTH} levels of nesting", "more")
+        if size > MAX_SIZE:
+            raise FormulaLimitError(f"at most {MAX_SIZE:,} parts ('<->', 'xor' and 'W' repeat their operands)", "more")
+        object.__setattr__(self, "depth", depth)
+        object.__setattr__(self, "size", size)
+
+    @property
+    def operands(self) -> tuple[Node, ...]:
+        """The nodes right below this one, left to right."""
+        values = self.__dict__
+        if "args" in values:
+            return tuple(values["args"])
+        return tuple(values[name] for name in ("left", "arg", "right") if name in values)
+
+    def __hash__(self) -> int:
+        """Walk the formula once and keep the hash: each evaluation finds its evaluator by formula."""
+        known: int | None = self.__dict__.get("_hash")
+        if known is None:
+            known = hash((type(self), *(getattr(self, part.name) for part in fields(self) if part.compare)))
+            object.__setattr__(self, "_hash", known)
+        return known
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Node:
+        return self  # frozen
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the hash: another process hashes text differently."""
+        return {name: value for name, value in self.__dict__.items() if name != "_hash"}
 
 
 @dataclass(frozen=True)
@@ -79,7 +163,7 @@ class Binary(Node):
         object.__setattr__(self, "level", BINARY_LEVELS[self.op])
 
     def __str__(self) -> str:
-        left = wrap(self.left, self.level if self.op != "**" else LEVEL_ATOM)
+        left = wrap(self.left, self.level if self.op != "**" else Level.ATOM)
         return f"{left} {self.op} {wrap(self.right, self.level + 1)}"
 
 
@@ -87,11 +171,11 @@ class Binary(Node):
 class Negative(Node):
     """`-arg`."""
 
-    level: ClassVar[int] = LEVEL_MINUS
+    level: ClassVar[int] = Level.MINUS
     arg: Expression
 
     def __str__(self) -> str:
-        return f"-{wrap(self.arg, LEVEL_MINUS)}"
+        return f"-{wrap(self.arg, Level.MINUS)}"
 
 
 Expression: TypeAlias = Number | Signal | Call | Binary | Negative

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from stlbench.stl.errors import FragmentError, shorten
-from stlbench.stl.language.horizon import unbounded
+from stlbench.stl.language.structure import first_past, is_temporal, unbounded
 from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Implies, Not, Or, Release, Until
-from stlbench.stl.language.traversal import first_past, is_temporal
 
 Kind: TypeAlias = Literal["F", "G", "FG"]
 _ALLOWED = "allowed is a conjunction of F[a,b] psi, G[a,b] psi and F[a,c1] G[c2,b] psi, psi without temporal operators"

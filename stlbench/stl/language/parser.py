@@ -10,55 +10,53 @@ from __future__ import annotations
 import math
 
 from stlbench.stl.errors import FormulaLimitError
-from stlbench.stl.functions.table import FUNCTIONS
-from stlbench.stl.language.expression_parser import ExpressionParser, continuations
-from stlbench.stl.language.grammar import (
+from stlbench.stl.functions import FUNCTIONS
+from stlbench.stl.language.expressions import (
     BINARY_LEVELS,
     COMPARISONS,
     INFIX_WORDS,
-    LEVEL_AND,
-    LEVEL_COMPARE,
-    LEVEL_IFF,
-    LEVEL_IMPLIES,
-    LEVEL_MINUS,
-    LEVEL_OR,
-    LEVEL_PREFIX,
-    LEVEL_UNTIL,
-    LEVEL_XOR,
+    MAX_DEPTH,
     PREFIX_WORDS,
     RESERVED,
+    Binary,
+    Call,
+    Expression,
+    Level,
+    Negative,
+    Number,
+    Signal,
 )
-from stlbench.stl.language.node import MAX_DEPTH
-from stlbench.stl.language.sugar import iff, release, weak_until, xor
 from stlbench.stl.language.syntax import (
     END,
     Always,
     And,
     AnyNode,
     Eventually,
-    Expression,
     Formula,
     Historically,
     Implies,
-    Negative,
     Not,
-    Number,
     Once,
     Or,
-    Signal,
+    Predicate,
     Since,
     TrueFormula,
     Until,
+    iff,
+    release,
+    weak_until,
+    xor,
 )
+from stlbench.stl.language.tokens import Token, TokenStream
 
 _LEVELS = {
-    "<->": LEVEL_IFF,
-    "->": LEVEL_IMPLIES,
-    "xor": LEVEL_XOR,
-    "|": LEVEL_OR,
-    "&": LEVEL_AND,
+    "<->": Level.IFF,
+    "->": Level.IMPLIES,
+    "xor": Level.XOR,
+    "|": Level.OR,
+    "&": Level.AND,
     **BINARY_LEVELS,
-    **dict.fromkeys((*COMPARISONS, "==", "!=", "="), LEVEL_COMPARE),
+    **dict.fromkeys((*COMPARISONS, "==", "!=", "="), Level.COMPARE),
 }
 
 
@@ -98,19 +96,18 @@ def parse_expression(text: str) -> Expression:
     return node
 
 
-class _Parser(ExpressionParser):
+class _Parser(TokenStream):
     def __init__(self, text: str, dt: float | None) -> None:
         super().__init__(text, dt)
         self.depth = 0
 
     def whole(self) -> AnyNode:
-        """All of the text."""
         try:
-            node = self.parse(LEVEL_IFF)
+            node = self.parse(Level.IFF)
         except FormulaLimitError as limit:
             self.fail(limit.expected, limit.found)
         if self.token.kind != "end":
-            self.fail(continuations(node))
+            self.fail(_continuations(node))
         return node
 
     # --- the loop
@@ -129,13 +126,13 @@ class _Parser(ExpressionParser):
     def infix_level(self) -> int:
         token = self.token
         if token.kind == "name" and token.text in INFIX_WORDS:
-            return LEVEL_UNTIL
+            return Level.UNTIL
         return _LEVELS.get(token.symbol, 0)
 
     def at_prefix_word(self, minimum: int) -> bool:
         """Whether a formula is due and the next token is an operator such as G, not a signal of that name."""
         token, second = self.token, self.second
-        if token.kind != "name" or token.text not in PREFIX_WORDS or minimum > LEVEL_PREFIX:
+        if token.kind != "name" or token.text not in PREFIX_WORDS or minimum > Level.PREFIX:
             return False
         return token.text in RESERVED or second.symbol in ("[", "(", "!") or second.kind in ("name", "number")
 
@@ -145,10 +142,10 @@ class _Parser(ExpressionParser):
             return self.group()
         if token.symbol == "!":
             self.take()
-            return Not(self.operand(LEVEL_PREFIX), position=token.position)
+            return Not(self.operand(Level.PREFIX), position=token.position)
         if token.symbol == "-":
             self.take()
-            return Negative(self.expression(LEVEL_MINUS), position=token.position)
+            return Negative(self.expression(Level.MINUS), position=token.position)
         if self.at_prefix_word(minimum):
             return self.temporal()
         if token.kind == "number":
@@ -159,7 +156,7 @@ class _Parser(ExpressionParser):
 
     def group(self) -> AnyNode:
         self.take()
-        node = self.parse(LEVEL_IFF)
+        node = self.parse(Level.IFF)
         if self.at(","):
             self.fail("')' (an interval has square brackets, as in G[0,1])")
         self.expect(")")
@@ -171,7 +168,7 @@ class _Parser(ExpressionParser):
         kinds: dict[str, type[Always | Eventually | Historically | Once]]
         kinds = {kind.letter: kind for kind in (Always, Eventually, Historically, Once)}
         kind = kinds[PREFIX_WORDS[token.text]]
-        return kind(a, b, self.operand(LEVEL_PREFIX), position=token.position)
+        return kind(a, b, self.operand(Level.PREFIX), position=token.position)
 
     def interval_or_end(self) -> tuple[int, int]:
         return self.interval() if self.at("[") else (0, END)
@@ -196,27 +193,27 @@ class _Parser(ExpressionParser):
     # --- infix operators
 
     def infix(self, left: AnyNode, level: int) -> AnyNode:
-        if level == LEVEL_COMPARE:
+        if level == Level.COMPARE:
             return self.comparison(self.as_expression(left))
-        if level > LEVEL_COMPARE:
+        if level > Level.COMPARE:
             return self.arithmetic(self.as_expression(left), level)
         first = self.as_formula(left)
         where = self.token.position
-        if level == LEVEL_UNTIL:
+        if level == Level.UNTIL:
             return self.until(first)
-        if level in (LEVEL_AND, LEVEL_OR):
+        if level in (Level.AND, Level.OR):
             return self.joined(first, level)
         self.take()
-        if level == LEVEL_XOR:
-            return xor(first, self.operand(LEVEL_XOR + 1), where)
-        if level == LEVEL_IMPLIES:
-            return Implies(first, self.operand(LEVEL_IMPLIES), position=where)
-        return iff(first, self.operand(LEVEL_IFF), where)
+        if level == Level.XOR:
+            return xor(first, self.operand(Level.XOR + 1), where)
+        if level == Level.IMPLIES:
+            return Implies(first, self.operand(Level.IMPLIES), position=where)
+        return iff(first, self.operand(Level.IFF), where)
 
     def until(self, left: Formula) -> Formula:
         token = self.take()
         a, b = self.interval_or_end()
-        right = self.operand(LEVEL_UNTIL)
+        right = self.operand(Level.UNTIL)
         letter = INFIX_WORDS[token.text]
         if letter in "US":
             kind = Until if letter == "U" else Since
@@ -225,12 +222,70 @@ class _Parser(ExpressionParser):
         return build(a, b, left, right, token.position)
 
     def joined(self, first: Formula, level: int) -> Formula:
-        kind, symbol = (And, "&") if level == LEVEL_AND else (Or, "|")
+        kind, symbol = (And, "&") if level == Level.AND else (Or, "|")
         where, args = self.token.position, [first]
         while self.at(symbol):
             self.take()
             args.append(self.operand(level + 1))
         return kind(tuple(args), position=where)
+
+    # --- arithmetic and comparisons
+
+    def call(self, name: Token) -> Call:
+        if name.text not in FUNCTIONS:
+            self.fail(f"a function ({', '.join(FUNCTIONS)})", name.shown, name.position)
+        opening = self.take()
+        args = [self.expression(Level.SUM)]
+        while self.at(","):
+            self.take()
+            args.append(self.expression(Level.SUM))
+        self.expect(")", "',' or ')'")
+        function = FUNCTIONS[name.text]
+        if not function.takes(len(args)):
+            self.fail(f"{function.arguments} of {name.text}", f"{len(args)}", opening.position)
+        return Call(name.text, tuple(args), position=name.position)
+
+    def comparison(self, left: Expression) -> Formula:
+        """One predicate, or for a chain such as `0 <= x <= 1` the conjunction of its links."""
+        links: list[Formula] = []
+        start = left.position
+        while self.infix_level() == Level.COMPARE:
+            op = self.token
+            if op.symbol not in COMPARISONS:
+                self.fail("'<=', '>=', '<' or '>' (equality of reals has no robustness: abs(x - y) <= tolerance)")
+            self.take()
+            right = self.expression(Level.SUM)
+            links.append(Predicate(op.symbol, left, right, position=left.position))
+            left = right
+        return links[0] if len(links) == 1 else And(tuple(links), position=start)
+
+    def arithmetic(self, left: Expression, level: int) -> Expression:
+        op = self.take()
+        if op.symbol == "**":
+            return self.power(left)
+        return Binary(op.symbol, left, self.expression(level + 1), position=left.position)
+
+    def power(self, base: Expression) -> Expression:
+        """`base` to the exponent that is next, a whole number."""
+        token = self.token
+        if token.kind != "number" or not float(token.text).is_integer():
+            self.fail("a whole number as exponent")
+        exponent = Number(self.number(), position=token.position)
+        if self.at("**"):
+            self.fail("parentheses around a power that is raised again")
+        return Binary("**", base, exponent, position=base.position)
+
+    def expression(self, minimum: int) -> Expression:
+        start = self.token
+        node = self.parse(minimum)
+        if not isinstance(node, Expression):
+            self.fail("an arithmetic expression", "a formula", start.position)
+        return node
+
+    def as_expression(self, node: AnyNode) -> Expression:
+        if not isinstance(node, Expression):
+            self.fail(_continuations(node))
+        return node
 
     # --- kinds of operands
 
@@ -241,3 +296,10 @@ class _Parser(ExpressionParser):
         if not isinstance(node, Formula):
             self.fail("a comparison ('<=', '>=', '<', '>')")
         return node
+
+
+def _continuations(node: AnyNode) -> str:
+    """What may follow a complete operand."""
+    if isinstance(node, Formula):
+        return "'&', '|', '->', 'U[a,b]' (or another operator between formulas) or the end of the formula"
+    return "an operator or a comparison"

@@ -1,55 +1,18 @@
-"""Formulas as frozen values that print back to the text they parse from; with expressions, the whole syntax tree.
+"""Formulas as frozen values that print back to the text they parse from.
 
-The grammar is the paper's (sec. II-B) with until, release and the past operators; `sugar` builds the others of these.
-Intervals are inclusive and in steps. Limits on nesting and size are `Node`'s.
+The grammar is the paper's (sec. II-B) with until, release and the past operators. `<->`, `xor` and `W` are built of
+these, so every evaluator has them at once, and print as typed. Intervals are inclusive and in steps. Limits on nesting
+and size are `Node`'s.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from typing import ClassVar, Final, TypeAlias
 
-from stlbench.stl.language.expressions import Binary, Call, Expression, Negative, Number, Signal, wrap
-from stlbench.stl.language.grammar import (
-    COMPARISONS,
-    LEVEL_AND,
-    LEVEL_COMPARE,
-    LEVEL_IMPLIES,
-    LEVEL_OR,
-    LEVEL_PREFIX,
-    LEVEL_SUM,
-    LEVEL_UNTIL,
-)
-from stlbench.stl.language.node import Node
-
-__all__ = [
-    "END",
-    "MAX_STEP",
-    "Always",
-    "And",
-    "AnyNode",
-    "Binary",
-    "Call",
-    "Eventually",
-    "Expression",
-    "Formula",
-    "Historically",
-    "Implies",
-    "Negative",
-    "Not",
-    "Number",
-    "Once",
-    "Or",
-    "Past",
-    "Predicate",
-    "Release",
-    "Signal",
-    "Since",
-    "Temporal",
-    "TrueFormula",
-    "Until",
-]
+from stlbench.stl.errors import Position
+from stlbench.stl.language.expressions import COMPARISONS, Expression, Level, Node, wrap
 
 #: the last step of an operator without an interval: the end of the trace, whatever that is, or for the past its begin
 END: Final = 2**62
@@ -69,7 +32,7 @@ class TrueFormula(Node):
 class Predicate(Node):
     """`left op right`. Margin of `l <= r` and `l < r` is r - l; `<=` holds iff margin >= 0, `<` iff margin > 0."""
 
-    level: ClassVar[int] = LEVEL_COMPARE
+    level: ClassVar[int] = Level.COMPARE
     op: str
     left: Expression
     right: Expression
@@ -83,41 +46,48 @@ class Predicate(Node):
             )
 
     def __str__(self) -> str:
-        return f"{wrap(self.left, LEVEL_SUM)} {self.op} {wrap(self.right, LEVEL_SUM)}"
+        return f"{wrap(self.left, Level.SUM)} {self.op} {wrap(self.right, Level.SUM)}"
 
 
 @dataclass(frozen=True)
 class Not(Node):
     """`!arg`."""
 
-    level: ClassVar[int] = LEVEL_PREFIX
+    level: ClassVar[int] = Level.PREFIX
     arg: Formula
 
     def __str__(self) -> str:
-        return f"!{wrap(self.arg, LEVEL_PREFIX)}"
+        return f"!{wrap(self.arg, Level.PREFIX)}"
 
 
 @dataclass(frozen=True)
 class _Joined(Node):
     symbol: ClassVar[str]
     args: tuple[Formula, ...]
+    typed: str | None = field(init=False, default=None, compare=False, repr=False)
+    """The text, where it was typed with an operator that it stands for."""
+    printed: tuple[Formula, ...] = field(init=False, compare=False, repr=False)
+    """The operands as printed: one that was typed with such an operator stays whole."""
 
     def __post_init__(self) -> None:
-        nested = (arg.args if isinstance(arg, type(self)) else (arg,) for arg in self.args)
+        kind = type(self)
+        printed = (arg.printed if isinstance(arg, kind) and not arg.typed else (arg,) for arg in self.args)
+        nested = (arg.args if isinstance(arg, kind) else (arg,) for arg in self.args)
+        object.__setattr__(self, "printed", tuple(chain.from_iterable(printed)))
         object.__setattr__(self, "args", tuple(chain.from_iterable(nested)))
         super().__post_init__()
         if len(self.args) < 2:
             raise ValueError(f"{type(self).__name__} takes two or more formulas, got {len(self.args)}")
 
     def __str__(self) -> str:
-        return f" {self.symbol} ".join(wrap(arg, self.level + 1) for arg in self.args)
+        return self.typed or f" {self.symbol} ".join(wrap(arg, self.level + 1) for arg in self.printed)
 
 
 @dataclass(frozen=True)
 class And(_Joined):
     """`args[0] & args[1] & ...`, two or more; conjunctions inside are flattened."""
 
-    level: ClassVar[int] = LEVEL_AND
+    level: ClassVar[int] = Level.AND
     symbol: ClassVar[str] = "&"
 
 
@@ -125,7 +95,7 @@ class And(_Joined):
 class Or(_Joined):
     """`args[0] | args[1] | ...`, two or more; disjunctions inside are flattened."""
 
-    level: ClassVar[int] = LEVEL_OR
+    level: ClassVar[int] = Level.OR
     symbol: ClassVar[str] = "|"
 
 
@@ -133,12 +103,12 @@ class Or(_Joined):
 class Implies(Node):
     """`left -> right`, that is `!left | right`."""
 
-    level: ClassVar[int] = LEVEL_IMPLIES
+    level: ClassVar[int] = Level.IMPLIES
     left: Formula
     right: Formula
 
     def __str__(self) -> str:
-        return f"{wrap(self.left, LEVEL_IMPLIES + 1)} -> {wrap(self.right, LEVEL_IMPLIES)}"
+        return f"{wrap(self.left, Level.IMPLIES + 1)} -> {wrap(self.right, Level.IMPLIES)}"
 
 
 @dataclass(frozen=True)
@@ -165,11 +135,11 @@ class _Temporal(Node):
 
 @dataclass(frozen=True)
 class _Window(_Temporal):
-    level: ClassVar[int] = LEVEL_PREFIX
+    level: ClassVar[int] = Level.PREFIX
     arg: Formula
 
     def __str__(self) -> str:
-        text = wrap(self.arg, LEVEL_PREFIX)
+        text = wrap(self.arg, Level.PREFIX)
         if self.b == END and text.startswith("-"):  # `G -x <= 1` would read as a difference of signals
             text = f"({text})"
         return f"{self.operator} {text}"
@@ -205,12 +175,12 @@ class Once(_Window):
 
 @dataclass(frozen=True)
 class _Between(_Temporal):
-    level: ClassVar[int] = LEVEL_UNTIL
+    level: ClassVar[int] = Level.UNTIL
     left: Formula
     right: Formula
 
     def __str__(self) -> str:
-        return f"{wrap(self.left, LEVEL_UNTIL + 1)} {self.operator} {wrap(self.right, LEVEL_UNTIL)}"
+        return f"{wrap(self.left, Level.UNTIL + 1)} {self.operator} {wrap(self.right, Level.UNTIL)}"
 
 
 @dataclass(frozen=True)
@@ -238,3 +208,40 @@ Past: TypeAlias = Historically | Once | Since
 Temporal: TypeAlias = Always | Eventually | Until | Release | Past
 Formula: TypeAlias = TrueFormula | Predicate | Not | And | Or | Implies | Temporal
 AnyNode: TypeAlias = Expression | Formula
+
+
+def iff(left: Formula, right: Formula, position: Position | None = None) -> Formula:
+    """`left <-> right`: (left -> right) & (right -> left)."""
+    ways = Implies(left, right, position=position), Implies(right, left, position=position)
+    return _as_typed(And(ways, position=position), Level.IFF, left, "<->", right)
+
+
+def xor(left: Formula, right: Formula, position: Position | None = None) -> Formula:
+    """`left xor right`: (left | right) & !(left & right)."""
+    both = And((left, right), position=position)
+    one = And((Or((left, right), position=position), Not(both, position=position)), position=position)
+    return _as_typed(one, Level.XOR, left, "xor", right)
+
+
+def release(a: int, b: int, left: Formula, right: Formula, position: Position | None = None) -> Formula:
+    """`left R[a,b] right`, intervals in steps: as !(!left U[a,b] !right).
+
+    At every step t' of [t+a, t+b] right holds, or left holds at some step of [t, t').
+    """
+    return Release(a, b, left, right, position=position)
+
+
+def weak_until(a: int, b: int, left: Formula, right: Formula, position: Position | None = None) -> Formula:
+    """`left W[a,b] right`: (left U[a,b] right) | G[0,b] left, that is until, or left all the way."""
+    until = Until(a, b, left, right, position=position)
+    weak = Or((until, Always(0, b, left, position=position)), position=position)
+    return _as_typed(weak, Level.UNTIL, left, until.operator.replace("U", "W"), right)
+
+
+def _as_typed(formula: And | Or, level: Level, left: Formula, operator: str, right: Formula) -> Formula:
+    """`formula`, printed as the operator between two operands: `xor` groups to the left, the others to the right."""
+    right_first = level is not Level.XOR
+    text = f"{wrap(left, level + right_first)} {operator} {wrap(right, level + 1 - right_first)}"
+    object.__setattr__(formula, "typed", text)
+    object.__setattr__(formula, "level", level)
+    return formula

@@ -1,1 +1,176 @@
-"""Predicates compiled to functions of a sample or of arrays of samples."""
+"""Expressions, and formulas without temporal operators, as functions of arrays of samples or of one sample.
+
+They run at every environment step, so the formula is turned into Python source once, which is compiled. NumPy is faster
+for many samples, plain floats for one: one writer writes both, with a `dialect` for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stlbench.stl.errors import UndefinedError, shorten
+from stlbench.stl.language.expressions import Expression
+from stlbench.stl.language.structure import as_names, check_names, require_formula, require_pointwise, signals
+from stlbench.stl.language.syntax import Formula, Not, Predicate
+from stlbench.stl.predicates.dialect import ARRAYS, FLOATS, as_array, functions, indented
+from stlbench.stl.predicates.writer import ExpressionWriter, FormulaWriter, Reading
+
+#: a function of samples (..., k)
+OfSamples: TypeAlias = Callable[[Any], Any]
+#: what a formula compiles to: a constant, or a function of samples
+Compiled: TypeAlias = OfSamples | float | bool
+Sample: TypeAlias = Sequence[float]
+Samples: TypeAlias = NDArray[np.float64]
+#: a function of one sample of floats
+OfSample: TypeAlias = Callable[[Sample], float]
+
+
+class Written(NamedTuple):
+    """A value as source.
+
+    Attributes:
+        lines, value: statements, and the text of the value after them.
+        signed: whether it never is 0 or NaN; otherwise that remains to be asked.
+        columns: of the signals that are read.
+    """
+
+    lines: tuple[str, ...]
+    value: str
+    signed: bool
+    columns: tuple[int, ...]
+
+
+def compile_margin(psi: Formula, names: tuple[str, ...]) -> Compiled:
+    """The robustness of `psi` as a constant or a function of samples (..., k)."""
+    return _of_arrays(psi, names, Reading.MARGIN)
+
+
+def compile_signed(psi: Formula, names: tuple[str, ...]) -> Compiled:
+    """The signed margin of `psi` likewise, which is never 0: see `dialect`."""
+    return _of_arrays(psi, names, Reading.SIGNED)
+
+
+@lru_cache(maxsize=256)
+def compile_sample(psi: Formula, names: tuple[str, ...], negated: bool = False) -> OfSample:
+    """The signed value of `psi` (of `!psi` if `negated`) at one sample, floats in the order of `names`.
+
+    The function raises UndefinedError where a predicate has no value; where Python alone has none, as for exp(1000),
+    NumPy's counts.
+    """
+    body = FormulaWriter(_columns(psi, names), FLOATS, Reading.SIGNED).statements(psi, negated)
+    if not isinstance(body, list):
+        return lambda sample: body
+    tried = ["try:", *indented(body), "except (ArithmeticError, ValueError): return in_arrays(sample)"]
+    return _predicate(tried, {**FLOATS.namespace, "in_arrays": _in_arrays(psi, names, negated)})
+
+
+def write_sample(psi: Formula, names: tuple[str, ...], negated: bool = False) -> Written:
+    """The same value as source, where x0, x1, ... are the floats of the sample; for `FLOATS.namespace`.
+
+    It raises ArithmeticError or ValueError where only `compile_sample` knows the value, or that there is none. Of one
+    predicate it is the margin, which may be 0 or NaN.
+    """
+    alone = isinstance(psi.arg if isinstance(psi, Not) else psi, Predicate) and bool(signals(psi))
+    writer = FormulaWriter(_columns(psi, names), FLOATS, Reading.MARGIN if alone else Reading.SIGNED)
+    value = writer.formula(psi, negated, 0)
+    return Written(tuple(writer.lines), value.text, not alone, tuple(writer.used))
+
+
+def _in_arrays(psi: Formula, names: tuple[str, ...], negated: bool) -> OfSample:
+    """The same by way of arrays, which have infinity or NaN where Python raises."""
+
+    def run(sample: Sample) -> float:
+        with np.errstate(all="ignore"):
+            value = float(_of_arrays(psi, names, Reading.SIGNED, negated)(np.array(sample, dtype=float)))  # type: ignore[operator]
+        if value != value:
+            raise UndefinedError(f"{shorten(str(psi))} has no value") from None
+        return value
+
+    return run
+
+
+@lru_cache(maxsize=512)
+def _of_arrays(psi: Formula, names: tuple[str, ...], reading: Reading, negated: bool = False) -> Compiled:
+    body = FormulaWriter(_columns(psi, names), ARRAYS, reading).statements(psi, negated)
+    if not isinstance(body, list):
+        return body
+    return _predicate(body, ARRAYS.namespace)
+
+
+def _predicate(body: Sequence[str], namespace: Mapping[str, Any]) -> Callable[[Any], Any]:
+    return functions(["def predicate(sample):", *indented(body)], namespace)["predicate"]
+
+
+def _columns(psi: Formula, names: tuple[str, ...]) -> dict[str, int]:
+    require_pointwise(psi)
+    return check_names(psi, names)
+
+
+def margin(psi: Formula, names: Sequence[str]) -> Callable[[Samples], Samples]:
+    """Compile the robustness of `psi` per sample.
+
+    Args:
+        psi: a formula without temporal operators.
+        names: the signals, in the order of the samples' last axis.
+
+    Returns:
+        A pure function: samples (..., k) of floats, in the signals' units -> rho (...,), > 0 where psi holds with that
+        margin, < 0 where it fails; for one sample (k,) a NumPy scalar. What has no value is NaN, what overflows inf.
+        Raises TypeError for a masked array.
+
+    Raises:
+        TypeError: psi is text.
+        UnknownSignalError: psi uses a signal that is not in `names`.
+        UndefinedError: a constant of psi has no value, as in 1 / 0.
+        ValueError: psi has temporal operators, or a name occurs twice.
+    """
+    require_formula(psi)
+    return _per_sample(psi, as_names(names), Reading.MARGIN, float)
+
+
+def holds(psi: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.bool_]]:
+    """Compile the Boolean verdict of `psi` per sample: `<=`, `>=` hold iff the margin is >= 0, `<`, `>` iff it is > 0.
+
+    Arguments, errors and shapes as `margin`; the function returns bool (...,). NaN margins count as false.
+    """
+    require_formula(psi)
+    return _per_sample(psi, as_names(names), Reading.HOLDS, bool)
+
+
+def values(expressions: Sequence[Expression], names: Sequence[str]) -> Callable[[Samples], Samples]:
+    """Compile arithmetic per sample: k expressions (see `parse_expression`) over n names.
+
+    Returns:
+        A pure function: samples (..., n) of floats -> (..., k), a column for each expression. What has no value is NaN,
+        what overflows inf.
+
+    Raises:
+        UnknownSignalError: an expression uses a name that is not in `names`.
+        UndefinedError: a constant has no value, as in 1 / 0.
+        ValueError: a name occurs twice.
+    """
+    columns = [_filled(_compile_expression(node, as_names(names)), float) for node in expressions]
+    return lambda samples: np.stack([column(samples) for column in columns], axis=-1)
+
+
+@lru_cache(maxsize=512)
+def _per_sample(psi: Formula, names: tuple[str, ...], reading: Reading, dtype: type) -> OfSamples:
+    return _filled(_of_arrays(psi, names, reading), dtype)
+
+
+def _compile_expression(node: Expression, names: tuple[str, ...]) -> Compiled:
+    writer = ExpressionWriter(check_names(node, names), ARRAYS)
+    part = writer.expression(node, 0)
+    return _predicate(writer.returning(part), ARRAYS.namespace) if part.value is None else part.value
+
+
+def _filled(compiled: Compiled, dtype: type) -> OfSamples:
+    """A constant formula still answers with the batch's shape. Nothing warns of NaN or infinity."""
+    if callable(compiled):
+        return np.errstate(all="ignore")(compiled)
+    return lambda samples: np.full(as_array(samples).shape[:-1], compiled, dtype=dtype)

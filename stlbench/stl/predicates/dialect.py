@@ -1,34 +1,60 @@
-"""How one operation is written, for a sample of floats and for arrays of samples: the two namespaces of the source."""
+"""Python source of predicates: how one operation is written for a sample of floats and for arrays of samples.
+
+**Signed margins.** One number says both how robustly a formula holds and whether it does. Robustness and verdict can
+disagree at robustness 0 alone: `x >= 0` holds at x = 0, `x > 0` does not. A signed margin is never 0: the smallest
+normal float stands for it, with the sign of the verdict. Minimum, maximum and negation keep signs. So a formula holds
+iff its signed value is > 0, and the bounds of a monitor and its verdict come from one pass. The robustness is the
+signed value, or 0 within `SIDE` of 0, which is exact but for margins that no normal float can tell from 0. (The
+smallest denormal would do too, but training switches denormals off.)
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from stlbench.stl.functions.table import FUNCTIONS
-from stlbench.stl.predicates.inputs import as_array
+from stlbench.stl.functions import FUNCTIONS
+from stlbench.stl.language.syntax import Predicate
+
+#: the smallest normal float
+SIDE = sys.float_info.min
+
+
+def zero_side(predicate: Predicate) -> float:
+    """What stands for a margin of 0: above 0 where that holds (<=, >=), below where it does not (<, >)."""
+    return SIDE if predicate.op in ("<=", ">=") else -SIDE
+
+
+def as_array(values: ArrayLike) -> NDArray[Any]:
+    """`values` as an array.
+
+    Raises:
+        TypeError: text, or a masked array, whose mask NumPy would drop without a word.
+    """
+    masked = sys.modules.get("numpy.ma")  # `np.ma` would import it, for every trace and none that is masked
+    if masked is not None and isinstance(values, masked.MaskedArray):
+        raise TypeError("a masked array has samples without a value; cut them off, or put values in with filled()")
+    if isinstance(values, str | bytes):
+        raise TypeError(f"samples are numbers, got {type(values).__name__}")
+    return np.asarray(values)
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """Templates of what is written differently, and what the names in the source mean.
+    """How operations are written, and what the names in the source mean."""
 
-    The templates of the operations `twice` write an operand more than once; theirs are therefore names or constants.
-    """
-
-    signal: str
-    """A column of the argument `sample`."""
+    signal: str  # a column of the argument `sample`
     templates: Mapping[str, str]
-    zero: str
-    """A statement that gives a margin of 0 the sign of the verdict."""
+    zero: str  # a statement that gives a margin of 0 the sign of the verdict
     namespace: Mapping[str, Any]
-    twice: frozenset[str] = frozenset()
-    first: str = ""
-    """A statement that goes before all others."""
+    twice: frozenset[str] = frozenset()  # operations that write an operand twice: it must be a name or a constant
+    first: str = ""  # a statement that goes before all others
 
 
 def _quotient(left: Any, right: Any) -> Any:
@@ -81,14 +107,26 @@ ARRAYS = Dialect(
     zero="{0} = where({0} == 0.0, {1}, {0})",
     namespace={name: row.arrays for name, row in FUNCTIONS.items()}
     | {"nan": math.nan, "inf": math.inf, "minimum": np.minimum, "maximum": np.maximum, "logical_not": np.logical_not}
-    | {
-        "where": np.where,
-        "isnan": np.isnan,
-        "square": np.square,
-        "quotient": _quotient,
-        "type": type,
-        "ndarray": np.ndarray,
-        "as_array": as_array,
-    },
+    | {"where": np.where, "isnan": np.isnan, "square": np.square, "quotient": _quotient}
+    | {"type": type, "ndarray": np.ndarray, "as_array": as_array},
     first="if type(sample) is not ndarray: sample = as_array(sample)",
 )
+
+
+def functions(source: Sequence[str], namespace: Mapping[str, Any]) -> dict[str, Callable[..., Any]]:
+    """The functions that the lines define, by name. They know the names of `namespace` and no others."""
+    scope: dict[str, Any] = {**namespace, "__builtins__": {}}
+    # Safe: every character of the source is ours. Signals are column numbers, constants reprs of floats and numbers of
+    # steps, operators and functions texts of our tables; `test_compiler` and `test_monitor_source` hold it to that.
+    exec(compile("\n".join(source), "<stlbench.stl>", "exec"), scope)  # noqa: S102
+    return {name: value for name, value in scope.items() if name not in namespace and callable(value)}
+
+
+def indented(lines: Iterable[str]) -> list[str]:
+    """The lines as a block under another."""
+    return [f" {line}" for line in lines]
+
+
+def block(head: str, lines: Sequence[str]) -> list[str]:
+    """`head:` and the lines under it; nothing if there are none."""
+    return [f"{head}:", *indented(lines)] if lines else []

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.stl.errors import UndefinedError, shorten
-from stlbench.stl.language.horizon import lookahead, lookbehind
+from stlbench.stl.language.structure import is_temporal, lookahead, lookbehind, signals, walk
 from stlbench.stl.language.syntax import (
     END,
     Always,
@@ -34,8 +34,7 @@ from stlbench.stl.language.syntax import (
     TrueFormula,
     Until,
 )
-from stlbench.stl.language.traversal import is_temporal, signals, walk
-from stlbench.stl.predicates.compiler import Compiled, compile_signed
+from stlbench.stl.predicates import Compiled, compile_signed
 from stlbench.stl.recorded.windows import Values, slide, until
 
 #: what a trace that ends before the horizon means; "interval": its end is unknown, and values are bounds

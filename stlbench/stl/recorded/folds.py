@@ -1,7 +1,7 @@
-"""Functions of many values that are like a minimum or a maximum: of all at once, or one value after the other.
+"""Quantitative semantics: functions that are like a minimum or a maximum, of all values at once or one by one.
 
-A few numbers hold everything that matters of the values so far, however many they are: the summary. It grows by
-`merge`. Most summaries are sums, or minima, of something that is computed for each value.
+A few numbers hold all that matters of the values so far, however many they are: the summary. It grows by `merge`. Most
+summaries are sums, or minima, of a function of each value.
 """
 
 from __future__ import annotations
@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self, TypeAlias
+from itertools import accumulate
+from typing import ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stlbench.stl.predicates.signed_margin import SIDE
+from stlbench.stl.predicates.dialect import SIDE
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -23,15 +24,10 @@ Floats: TypeAlias = NDArray[np.float64]
 class Fold(ABC):
     """A function of any number of values, none of them NaN. Summaries have shape (..., size)."""
 
-    size: ClassVar[int] = 1
-    """Numbers in a summary."""
-    joins: ClassVar[np.ufunc] = np.add
-    """Makes one summary of two, number by number."""
-    empty: ClassVar[float] = 0.0
-    """Each number of the summary of no value."""
-
-    sign: int = 1
-    """-1 for the maximum that belongs to the minimum: max(x) = -min(-x)."""
+    size: ClassVar[int] = 1  # numbers in a summary
+    joins: ClassVar[np.ufunc] = np.add  # makes one summary of two, number by number
+    empty: ClassVar[float] = 0.0  # each number of the summary of no value
+    sign: int = 1  # -1 for the maximum that belongs to the minimum: max(x) = -min(-x)
 
     def mirrored(self) -> Self:
         """The maximum that belongs to a minimum, and the other way round."""
@@ -66,12 +62,10 @@ class Fold(ABC):
         return np.asarray(self.joins.accumulate(summaries, axis=-2))
 
     @abstractmethod
-    def _lift(self, values: Floats) -> Floats:
-        """As `lift`, for the minimum."""
+    def _lift(self, values: Floats) -> Floats: ...  # of the minimum
 
     @abstractmethod
-    def _read(self, summary: Floats) -> Floats:
-        """As `read`, for the minimum."""
+    def _read(self, summary: Floats) -> Floats: ...  # of the minimum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,15 +76,13 @@ class Least(Fold):
     empty: ClassVar[float] = math.inf
 
     def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
-        """The same, if once or more."""
         return np.where(np.asarray(count)[..., None] > 0, summary, math.inf)
 
     def _lift(self, values: Floats) -> Floats:
         return values[..., None]
 
     def _read(self, summary: Floats) -> Floats:
-        least: Floats = summary[..., 0]
-        return least
+        return np.asarray(summary[..., 0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +99,6 @@ class SoftLeast(Fold):
     sharpness: float
 
     def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
-        """The sum `count` times."""
         with np.errstate(divide="ignore"):
             return summary + np.log(np.asarray(count, dtype=np.float64))[..., None]
 
@@ -132,11 +123,9 @@ class WeightedLeast(Fold):
     sharpness: float
 
     def merge(self, left: Floats, right: Floats) -> Floats:
-        """By the lesser minimum."""
         return self.merged(np.stack(np.broadcast_arrays(left, right), axis=-2))
 
     def merged(self, summaries: Floats) -> Floats:
-        """By the least minimum."""
         lows, rises, weights = np.moveaxis(summaries, -1, 0)
         least = lows.min(axis=-1, keepdims=True)
         with np.errstate(invalid="ignore"):
@@ -146,14 +135,9 @@ class WeightedLeast(Fold):
         return np.stack([least[..., 0], *(term.sum(axis=-1) for term in terms)], axis=-1)
 
     def accumulated(self, summaries: Floats) -> Floats:
-        """One after the other."""
-        found = [summaries[..., 0, :]]
-        for i in range(1, summaries.shape[-2]):
-            found.append(self.merge(found[-1], summaries[..., i, :]))
-        return np.stack(found, axis=-2)
+        return np.stack(list(accumulate(np.moveaxis(summaries, -2, 0), self.merge)), axis=-2)
 
     def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
-        """The sums `count` times."""
         times = np.asarray(count, dtype=np.float64)[..., None] * np.array([0.0, 1.0, 1.0])
         times[..., 0] = times[..., 1] > 0  # the minimum stays
         return np.asarray(np.where(times > 0, summary * times, math.inf))
@@ -176,8 +160,7 @@ class _Counted(Fold):
         return np.where(count > 0, self._of(summary, np.maximum(count, 1.0)), math.inf)
 
     @abstractmethod
-    def _of(self, summary: Floats, count: Floats) -> Floats:
-        """The function of `count` >= 1 values."""
+    def _of(self, summary: Floats, count: Floats) -> Floats: ...  # of `count` >= 1 values
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,5 +224,53 @@ class Total(Fold):
         return values[..., None]
 
     def _read(self, summary: Floats) -> Floats:
-        total: Floats = summary[..., 0]
-        return total
+        return np.asarray(summary[..., 0])
+
+
+#: the semantics that there are, see `semantics`
+SemanticsName: TypeAlias = Literal["classic", "lse", "gilpin", "agm", "gmsr"]
+
+
+@dataclass(frozen=True)
+class Semantics:
+    """A minimum-like and a maximum-like function.
+
+    Attributes:
+        least: for `&` and G.
+        greatest: for `|`.
+        eventually: for F, and the choice of the step in an until.
+        divided: whether it is made for predicates of about [-1, 1]: each predicate is a leaf of its own then.
+    """
+
+    least: Fold
+    greatest: Fold
+    eventually: Fold
+    divided: bool
+
+
+def semantics(name: SemanticsName, sharpness: float = 10.0) -> Semantics:
+    """One of the published semantics.
+
+    Args:
+        name: `classic`, minimum and maximum; `lse`, log-sum-exp for both (Pant, Abbas, Mangharam, CCTA 2017); `gilpin`,
+            log-sum-exp for the minimum and a weighted mean for the maximum (Gilpin, Kurtz, Lin, L-CSS 2020); `agm`,
+            arithmetic-geometric mean (Mehdipour, Vasile, Belta 2019); `gmsr`, generalised mean (Uzun, Elango, Garoche,
+            Acikmese, arXiv 2405.10996), with its eps = 1e-8 and p = 1.
+        sharpness: b of `lse` and `gilpin`, > 0. For n values, the minimum of both is up to log(n) / b too low. The
+            maximum of `lse` is up to log(n) / b too high: its sign can be wrong either way. That of `gilpin` is up to
+            log(n) / b too low, so its value is never above the robustness: positive means satisfied.
+    """
+    if not sharpness > 0:
+        raise ValueError(f"the sharpness is more than 0, got {sharpness}")
+    soft, weighted = SoftLeast(sharpness=sharpness), WeightedLeast(sharpness=sharpness)
+    folds: dict[str, tuple[Fold, Fold]] = {
+        "classic": (Least(), Least()),
+        "lse": (soft, soft),
+        "gilpin": (soft, weighted),
+        "agm": (GeometricLeast(), GeometricLeast()),
+        "gmsr": (RootLeast(), RootLeast()),
+    }
+    if name not in folds:
+        raise ValueError(f"there are the semantics {', '.join(folds)}, not {name!r}")
+    least, greatest = folds[name][0], folds[name][1].mirrored()
+    return Semantics(least, greatest, greatest, divided=name != "classic")

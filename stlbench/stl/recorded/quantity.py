@@ -13,13 +13,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from stlbench.stl.language.horizon import horizon
-from stlbench.stl.language.normal_form import negations_inside
+from stlbench.stl.language.structure import as_names, first_past, horizon, is_temporal, negations_inside
 from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Not, Or, Release, Until
-from stlbench.stl.language.traversal import first_past, is_temporal
-from stlbench.stl.predicates.inputs import as_names
-from stlbench.stl.predicates.pointwise import margin
-from stlbench.stl.recorded.semantics import Semantics
+from stlbench.stl.predicates import margin
+from stlbench.stl.recorded.folds import Semantics
 
 Floats: TypeAlias = NDArray[np.float64]
 #: a leaf to the function of samples (..., k) -> (...) that is its value

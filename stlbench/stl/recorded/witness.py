@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stlbench.stl.language.horizon import lookahead
+from stlbench.stl.language.structure import as_names, lookahead
 from stlbench.stl.language.syntax import (
     END,
     Always,
@@ -29,11 +29,10 @@ from stlbench.stl.language.syntax import (
     TrueFormula,
     Until,
 )
-from stlbench.stl.predicates.compiler import compile_signed
-from stlbench.stl.predicates.inputs import as_array, as_names
-from stlbench.stl.predicates.pointwise import margin
+from stlbench.stl.predicates import compile_signed, margin
+from stlbench.stl.predicates.dialect import as_array
+from stlbench.stl.recorded import robustness
 from stlbench.stl.recorded.evaluator import Traces, evaluator
-from stlbench.stl.recorded.robustness import robustness
 
 
 class Link(NamedTuple):

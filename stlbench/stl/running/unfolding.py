@@ -7,7 +7,7 @@ stands for all later ones. So the cost of a step depends on the operands alone: 
 on the interval of the until.
 
 Operands that look ahead without an interval are never decided. `unnested` rewrites many such formulas, and
-`_stays_open` finds those whose bounds stay infinite. For the others all samples are kept and evaluated at each step.
+`_stays_open` finds those whose bounds stay infinite. For the others all samples are state and evaluated at each step.
 """
 
 from __future__ import annotations
@@ -19,8 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.stl.errors import FormulaLimitError, UndefinedError
-from stlbench.stl.language.horizon import lookahead, lookbehind, unbounded
-from stlbench.stl.language.normal_form import negations_inside
+from stlbench.stl.language.structure import (
+    first_past,
+    is_temporal,
+    lookahead,
+    lookbehind,
+    negations_inside,
+    operands_of,
+    signals,
+    unbounded,
+    walk,
+)
 from stlbench.stl.language.syntax import (
     END,
     Always,
@@ -38,15 +47,14 @@ from stlbench.stl.language.syntax import (
     TrueFormula,
     Until,
 )
-from stlbench.stl.language.traversal import first_past, is_temporal, operands_of, signals, walk
-from stlbench.stl.predicates.compiler import compile_signed
+from stlbench.stl.predicates import compile_signed
 from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator
 
 Floats: TypeAlias = NDArray[np.float64]
 
 
-class Kept(NamedTuple):
-    """What is kept of n traces beside their samples."""
+class State(NamedTuple):
+    """What is state of n traces beside their samples."""
 
     best: Floats
     """(n,): the value of the until by its decided steps."""
@@ -56,12 +64,12 @@ class Kept(NamedTuple):
     """The value of each past operator without an interval before the samples, see `Traces`."""
 
 
-class Found(NamedTuple):
-    """The bounds of the until, and what is to be kept with the sample."""
+class Known(NamedTuple):
+    """The bounds of the until, and what is to be state with the sample."""
 
     lower: Floats
     upper: Floats
-    kept: Kept
+    state: State
 
 
 class Unfolding:
@@ -89,46 +97,46 @@ class Unfolding:
         endless = (node for operand in operands for node in walk(operand) if isinstance(node, Past) and node.b == END)
         self.carried = {node: max(map(lookbehind, operands_of(node))) for node in endless}
 
-    def begin(self, count: int) -> Kept:
+    def begin(self, count: int) -> State:
         """Before the first sample of `count` traces."""
-        return Kept(np.full(count, -np.inf), np.full(count, np.inf), {})
+        return State(np.full(count, -np.inf), np.full(count, np.inf), {})
 
-    def read(self, samples: Floats, now: int, kept: Kept) -> Found:
+    def read(self, samples: Floats, now: int, state: State) -> Known:
         """The bounds after the sample at step `now` <= `last`.
 
         Args:
             samples: (n, min(now + 1, window), k), the newest last.
             now: the step of the newest.
-            kept: of the samples before it.
+            state: of the samples before it.
 
         Raises:
             UndefinedError: a predicate that is read has no value, with the step and the row.
         """
         count, size = samples.shape[:2]
         first = now + 1 - size
-        traces = Traces(samples, "interval", size + self.behind, 0, kept.before if first else {})
+        traces = Traces(samples, "interval", size + self.behind, 0, state.before if first else {})
         with np.errstate(all="ignore"):
             try:
                 if self.open:
                     for part in self.parts:
                         part(traces, 0, 0, True)
-                    return Found(np.full(count, -np.inf), np.full(count, np.inf), kept)
-                found = self._bounds(traces, first, now, kept)
-                if np.isnan(found.lower).any() or np.isnan(found.upper).any():
-                    self._bounds(traces, first, now, kept, checked=True)
+                    return Known(np.full(count, -np.inf), np.full(count, np.inf), state)
+                known = self._bounds(traces, first, now, state)
+                if np.isnan(known.lower).any() or np.isnan(known.upper).any():
+                    self._bounds(traces, first, now, state, checked=True)
             except UndefinedError as error:
                 raise UndefinedError(error.what, first + (error.sample or 0), error.trace) from None
             if self.carried and size == self.window:
                 ends = ((node, self._evaluator(node)(traces, at, at, True)[:, 0]) for node, at in self.carried.items())
-                found = found._replace(kept=found.kept._replace(before=dict(ends)))
-        return found
+                known = known._replace(state=known.state._replace(before=dict(ends)))
+        return known
 
-    def _bounds(self, traces: Traces, first: int, now: int, kept: Kept, checked: bool = False) -> Found:
-        """The until from the first step that was not decided before on, joined with what is kept."""
+    def _bounds(self, traces: Traces, first: int, now: int, state: State, checked: bool = False) -> Known:
+        """The until from the first step that was not decided before on, joined with what is state."""
         at = max(0, now - self.ahead)
         start, stop = max(self.a - at, 0), min(self.b - at, traces.last - at + first)
         step, ends = at - first, list[Floats]()
-        goal = guard = np.empty((len(kept.best), 0))
+        goal = guard = np.empty((len(state.best), 0))
         left, right = self._evaluator(self.left, checked), self._evaluator(self.right, checked)
         for worst in (True, False):
             if not worst and self.reaches and now < self.b:  # a step to come may be as good as can be
@@ -138,12 +146,12 @@ class Unfolding:
             guard = np.full((len(goal), 0), np.inf)
             if not self.always and (reach := stop - (start <= stop)) >= 0:
                 guard = left(traces, step, step + reach, worst)
-            ends.append(np.maximum(kept.best, np.minimum(kept.guard, _first(goal, guard, start))))
+            ends.append(np.maximum(state.best, np.minimum(state.guard, _first(goal, guard, start))))
         if now >= self.ahead:
-            best = np.maximum(kept.best, np.minimum(kept.guard, goal[:, 0])) if start == 0 else kept.best
-            least = np.minimum(kept.guard, guard[:, 0]) if guard.shape[1] else kept.guard
-            kept = kept._replace(best=best, guard=least)
-        return Found(ends[0], ends[1], kept)
+            best = np.maximum(state.best, np.minimum(state.guard, goal[:, 0])) if start == 0 else state.best
+            least = np.minimum(state.guard, guard[:, 0]) if guard.shape[1] else state.guard
+            state = state._replace(best=best, guard=least)
+        return Known(ends[0], ends[1], state)
 
     def _evaluator(self, formula: Formula, checked: bool = False) -> Evaluator:
         return evaluator(formula, self.names, compile_signed, checked)
@@ -186,10 +194,10 @@ def unnested(formula: Formula) -> Formula:
     """
     try:
         match formula:
-            case Eventually(0, b, arg) if b == END and (found := _pulled(negations_inside(arg))):
-                return Eventually(0, END, found)
-            case Always(0, b, arg) if b == END and (found := _pulled(negations_inside(Not(arg)))):
-                return Always(0, END, Not(found))
+            case Eventually(0, b, arg) if b == END and (known := _pulled(negations_inside(arg))):
+                return Eventually(0, END, known)
+            case Always(0, b, arg) if b == END and (known := _pulled(negations_inside(Not(arg)))):
+                return Always(0, END, Not(known))
     except FormulaLimitError:
         pass
     return formula
@@ -272,7 +280,7 @@ class Recent:
         self.size += 1
         if self.size < self.rows.shape[1]:
             return
-        kept = self.rows[:, self.size - min(keep, self.size) :]
-        grown = np.empty((len(kept), max(4, 2 * kept.shape[1] + 2), kept.shape[2]))
-        grown[:, : kept.shape[1]] = kept
-        self.rows, self.size = grown, kept.shape[1]
+        state = self.rows[:, self.size - min(keep, self.size) :]
+        grown = np.empty((len(state), max(4, 2 * state.shape[1] + 2), state.shape[2]))
+        grown[:, : state.shape[1]] = state
+        self.rows, self.size = grown, state.shape[1]

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stlbench.stl import Call, Signal, StlSyntaxError, parse
-from stlbench.stl.functions.table import FUNCTIONS
-from stlbench.stl.predicates.compiler import compile_sample
+from stlbench.stl.functions import FUNCTIONS
+from stlbench.stl.predicates import compile_sample
 
 VALUES = st.one_of(
     st.integers(-8, 8).map(lambda i: i / 4), st.floats(-50, 50), st.sampled_from([math.inf, -math.inf, 1e200, -1e-310])

@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 
 from stlbench.stl import END, Always, Formula, FragmentError, UnboundedError, fragment, horizon, parse, resolve_end
 from stlbench.stl import robustness as rho
-from stlbench.stl.language.horizon import lookahead
+from stlbench.stl.language.structure import lookahead
 
 
 @pytest.mark.parametrize(

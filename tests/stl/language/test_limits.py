@@ -38,8 +38,8 @@ from stlbench.stl import (
     satisfied,
     signals,
 )
-from stlbench.stl.language.lexer import MAX_LENGTH
-from stlbench.stl.language.node import MAX_DEPTH, MAX_SIZE
+from stlbench.stl.language.expressions import MAX_DEPTH, MAX_SIZE
+from stlbench.stl.language.tokens import MAX_LENGTH
 
 TRACE = [[0.5], [2.0], [-1.0]]
 MANY = 3000

@@ -35,9 +35,9 @@ from stlbench.stl import (
     robustness,
     satisfied,
 )
-from stlbench.stl.predicates.compiler import compile_margin, compile_sample, compile_signed
+from stlbench.stl.predicates import compile_margin, compile_sample, compile_signed
 from stlbench.stl.predicates.dialect import ARRAYS, FLOATS
-from stlbench.stl.predicates.formula_source import FormulaWriter, Reading
+from stlbench.stl.predicates.writer import FormulaWriter, Reading
 
 
 def _grow(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:

@@ -47,7 +47,7 @@ from stlbench.stl import (
     robustness_trace,
     satisfied_trace,
 )
-from stlbench.stl.language.horizon import unbounded
+from stlbench.stl.language.structure import unbounded
 
 if sys.version_info >= (3, 13):
     pytest.skip("rtamt 0.4.10 needs Python < 3.13", allow_module_level=True)

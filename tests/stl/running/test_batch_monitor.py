@@ -26,8 +26,8 @@ from stlbench.stl import (
     parse,
     satisfied,
 )
-from stlbench.stl.running.batch_operators import SlidingLeast
-from stlbench.stl.running.operator_tree import last_step
+from stlbench.stl.running.batch import SlidingLeast
+from stlbench.stl.running.tree import last_step
 
 quick = settings(max_examples=60, deadline=None)
 

@@ -28,10 +28,10 @@ from stlbench.stl import (
     parse,
 )
 from stlbench.stl.predicates.dialect import FLOATS
-from stlbench.stl.running import monitor_source
-from stlbench.stl.running.monitor_source import source
-from stlbench.stl.running.operator_tree import Tree, last_step
-from stlbench.stl.running.scalar_operators import one
+from stlbench.stl.running import monitor as monitor_source
+from stlbench.stl.running.monitor import source
+from stlbench.stl.running.scalar import one
+from stlbench.stl.running.tree import Tree, last_step
 
 quick = settings(max_examples=100, deadline=None)
 #: ties, zeros of both signs, and what is next to them and to infinity

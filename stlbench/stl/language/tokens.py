@@ -1,17 +1,79 @@
-"""The tokens of a formula one by one: look at the next, take it, read numbers and intervals, or fail right there."""
+"""Formula text to tokens, and a stream of them that reads numbers and intervals or fails at the place."""
 
 from __future__ import annotations
 
 import math
+import re
 from decimal import Decimal, DecimalException
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
-from stlbench.stl.errors import Position, StlSyntaxError
-from stlbench.stl.language.lexer import Token, tokenize
+from stlbench.stl.errors import Position, StlSyntaxError, shorten
+from stlbench.stl.language.expressions import OPERATOR_WORDS
 from stlbench.stl.language.syntax import MAX_STEP
 
+#: characters that a formula's text may have
+MAX_LENGTH = 200_000
 #: how far seconds / dt may be from a whole number of steps: both are written with few digits
 _ROUNDING = Decimal("1e-6")
+_NUMBER = re.compile(r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_WORD = re.compile(r"\w+")
+_SYMBOLS = ("<->", "**", "<=", ">=", "==", "!=", "->", "&&", "||", *"+-*/^()[],<>=!&|")
+_ALIASES = {"&&": "&", "||": "|", "^": "**", **OPERATOR_WORDS}
+
+
+class Token(NamedTuple):
+    """`kind` is number, name, symbol or end; `symbol` is the operator in its one spelling, `text` as written."""
+
+    kind: str
+    text: str
+    symbol: str
+    position: Position
+
+    @property
+    def shown(self) -> str:
+        return "the end of the formula" if self.kind == "end" else repr(self.text)
+
+
+def tokenize(text: str) -> list[Token]:
+    """Tokens of `text`, ending with one of kind `end`.
+
+    Raises:
+        StlSyntaxError: a character that starts no token, or more than `MAX_LENGTH` characters.
+        TypeError: `text` is no text.
+    """
+    if not isinstance(text, str):
+        raise TypeError(f"parse takes a formula's text, got {type(text).__name__} {shorten(repr(text)[:1000])}")
+    if len(text) > MAX_LENGTH:
+        before = text[:MAX_LENGTH].splitlines()
+        place = Position(len(before), len(before[-1]) + 1)
+        limit = f"the end of the formula (at most {MAX_LENGTH:,} characters)"
+        raise StlSyntaxError("\n".join(before), place, limit, f"{len(text):,} characters")
+    tokens: list[Token] = []
+    lines = text.splitlines() or [""]
+    for line, source in enumerate(lines, start=1):
+        column = 0
+        while column < len(source):
+            if source[column].isspace():
+                column += 1
+                continue
+            token = _token(text, source, column, Position(line, column + 1))
+            tokens.append(token)
+            column += len(token.text)
+    tokens.append(Token("end", "", "", Position(len(lines), len(lines[-1]) + 1)))
+    return tokens
+
+
+def _token(text: str, source: str, column: int, position: Position) -> Token:
+    if number := _NUMBER.match(source, column):
+        return Token("number", number[0], "", position)
+    word = _WORD.match(source, column)
+    if word and word[0].isidentifier():
+        symbol = _ALIASES.get(word[0], "")
+        return Token("symbol" if symbol else "name", word[0], symbol, position)
+    for spelling in _SYMBOLS:
+        if source.startswith(spelling, column):
+            return Token("symbol", spelling, _ALIASES.get(spelling, spelling), position)
+    raise StlSyntaxError(text, position, "a name, a number or an operator", repr(source[column]))
 
 
 class TokenStream:
@@ -33,12 +95,10 @@ class TokenStream:
         return self.tokens[min(self.next + 1, len(self.tokens) - 1)]
 
     def take(self) -> Token:
-        """Move past the next token and return it."""
         self.next += 1
         return self.tokens[self.next - 1]
 
     def at(self, symbol: str) -> bool:
-        """Whether the next token is this operator."""
         return self.token.symbol == symbol
 
     def expect(self, symbol: str, or_else: str = "") -> Token:
@@ -66,11 +126,10 @@ class TokenStream:
     def interval(self) -> tuple[int, int]:
         """Take `[a,b]`, in steps."""
         opening = self.expect("[")
-        ends = [self.end_of_interval()]
+        first, a = self.end_of_interval()
         self.expect(",")
-        ends.append(self.end_of_interval())
+        last, b = self.end_of_interval()
         self.expect("]")
-        (first, a), (last, b) = ends
         if a > b:
             self.fail("an interval [a,b] with a <= b", f"[{first},{last}]", opening.position)
         return a, b

@@ -1,10 +1,9 @@
-"""Expressions as Python source: nothing that a user wrote gets into it.
+"""Expressions, and formulas without temporal operators, as the source of one flat Python function.
 
-A signal is the number of its column, a constant the `repr` of a float, and an operator or a function is looked up in a
-table of ours, whose text is taken.
-
-Deep nesting is no danger to Python's parser: an expression that nests deeper than `DEPTH` is put into a temporary
-variable. Temporaries are numbered as a stack, so that few arrays are alive at a time however long the formula.
+Nothing that a user wrote gets into the source: a signal is the number of its column, a constant the `repr` of a float,
+and an operator or a function is looked up in a table of ours, whose text is taken. An expression that nests deeper than
+`DEPTH` is put into a temporary variable, so deep nesting is no danger to Python's parser. Temporaries are numbered as a
+stack, so that few arrays are alive at a time however long the formula.
 """
 
 from __future__ import annotations
@@ -12,18 +11,20 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
+from enum import Enum, auto
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from stlbench.stl.errors import UndefinedError, shorten
-from stlbench.stl.functions.table import FUNCTIONS
-from stlbench.stl.language.syntax import Binary, Call, Expression, Negative, Number, Predicate, Signal
-from stlbench.stl.predicates.dialect import Dialect
+from stlbench.stl.functions import FUNCTIONS
+from stlbench.stl.language.expressions import Binary, Call, Expression, Negative, Number, Signal
+from stlbench.stl.language.syntax import And, Formula, Implies, Not, Or, Predicate, TrueFormula
+from stlbench.stl.predicates.dialect import Dialect, zero_side
 
 #: deepest nesting of parentheses
 DEPTH = 8
-#: most operands of min, max, norm and norminf that are written out; more of them are a call
+#: most operands of min, max, norm and norminf that are written out; a call would cost as much as all the rest
 WRITTEN_OUT = 4
 
 _OPERATORS: dict[str, Callable[..., Any]] = {
@@ -74,13 +75,16 @@ class ExpressionWriter:
                 return self.operation("one", [left], node, base)
             case Binary(op, left, right):
                 return self.operation(op, [left, right], node, base)
-            case Call(name, args) if len(args) <= WRITTEN_OUT and name in _WRITTEN_OUT:
-                return self.written_out(args, node, base)
+            case Call("norm", args) if len(args) <= WRITTEN_OUT:
+                return self.applied("sqrt", [self.between("+", "square", args, node, base)], node, base)
+            case Call("norminf", args) if len(args) <= WRITTEN_OUT:
+                return self.between("higher", "abs", args, node, base)
+            case Call("min" | "max" as name, args) if len(args) <= WRITTEN_OUT:
+                return self.between("lower" if name == "min" else "higher", None, args, node, base)
             case Call(name, args):
                 return self.operation(name, args, node, base)
 
     def returning(self, part: Part) -> list[str]:
-        """The body of the function of a sample that returns the part."""
         signals = [f"x{column} = {self.dialect.signal.format(column)}" for column in self.used]
         first = [self.dialect.first] if self.dialect.first else []
         return [*first, *signals, *self.lines, f"return {part.text}"]
@@ -120,18 +124,6 @@ class ExpressionWriter:
         self.lines.append(f"t{base} = {part.text}")
         return Part(f"t{base}", base + 1)
 
-    def written_out(self, args: Sequence[Expression], node: Call, base: int) -> Part:
-        """min, max, norm or norminf without a call, which would cost as much as all the rest."""
-        match node.name:
-            case "norm":
-                return self.applied("sqrt", [self.between("+", "square", args, node, base)], node, base)
-            case "norminf":
-                return self.between("higher", "abs", args, node, base)
-            case "min":
-                return self.between("lower", None, args, node, base)
-            case _:
-                return self.between("higher", None, args, node, base)
-
     def between(self, op: str, each: str | None, args: Sequence[Expression], node: Call, base: int) -> Part:
         """`op` between the arguments, grouped to the left, after the operation `each` on every one."""
         result: Part | None = None
@@ -143,10 +135,6 @@ class ExpressionWriter:
             result = self.atom(result, base) if op in self.dialect.twice else result
         assert result is not None
         return result
-
-
-#: the functions that `written_out` knows
-_WRITTEN_OUT = ("min", "max", "norm", "norminf")
 
 
 def constant(value: float | bool, top: int) -> Part:
@@ -163,3 +151,81 @@ def _folded(op: str, values: Sequence[float | bool], node: Expression | Predicat
     if math.isnan(value):
         raise UndefinedError(f"a constant of the formula has no value: {shorten(str(node))}")
     return value
+
+
+class Reading(Enum):
+    """What is asked of a formula: its margin, its margin with the sign of the verdict, or the verdict."""
+
+    MARGIN = auto()
+    SIGNED = auto()
+    HOLDS = auto()
+
+
+class FormulaWriter(ExpressionWriter):
+    def __init__(self, columns: Mapping[str, int], dialect: Dialect, reading: Reading) -> None:
+        super().__init__(columns, dialect)
+        self.reading = reading
+
+    def statements(self, psi: Formula, negated: bool) -> list[str] | float | bool:
+        """The body of the function for `psi` (for `!psi` if `negated`), or its value if that is constant."""
+        result = self.formula(psi, negated, 0)
+        return self.returning(result) if result.value is None else result.value
+
+    def formula(self, node: Formula, negated: bool, base: int) -> Part:
+        """Negation is moved to the predicates, where it swaps the operands, which negates floats exactly."""
+        match node:
+            case Predicate():
+                return self.predicate(node, negated, base)
+            case Not(arg):
+                return self.formula(arg, not negated, base)
+            case And(args) | Or(args):
+                return self.joined([(arg, negated) for arg in args], isinstance(node, And) is not negated, base)
+            case Implies(left, right):
+                return self.joined([(left, not negated), (right, negated)], negated, base)
+            case TrueFormula():
+                verdict = self.reading is Reading.HOLDS
+                return constant(not negated if verdict else -math.inf if negated else math.inf, base)
+            case _:
+                raise ValueError(f"expected a formula without temporal operators, got {node}")
+
+    def joined(self, args: Sequence[tuple[Formula, bool]], least: bool, base: int) -> Part:
+        """The least (or the greatest) of formulas, each negated or not."""
+        op, pick = ("least", min) if least else ("greatest", max)
+        result: Part | None = None
+        for arg, negated in args:
+            top = base if result is None else result.top
+            other = self.atom(self.formula(arg, negated, top), top)
+            if result is None:
+                result = other
+            elif result.value is not None and other.value is not None:
+                result = constant(pick(result.value, other.value), base)
+            else:
+                result = self.atom(self.write(op, [result, other]), base)
+        assert result is not None
+        return result
+
+    def predicate(self, node: Predicate, negated: bool, base: int) -> Part:
+        falls = node.op in ("<=", "<")
+        if self.reading is Reading.HOLDS:
+            return self.verdict(node, self.difference(node, falls, base), negated)
+        h = self.difference(node, falls is not negated, base)
+        if self.reading is Reading.MARGIN:
+            return h
+        side = -zero_side(node) if negated else zero_side(node)
+        if h.value is not None:
+            return constant(h.value or side, base)
+        h = self.atom(h, base)
+        self.lines.append(self.dialect.zero.format(h.text, repr(side)))
+        return h
+
+    def difference(self, node: Predicate, falls: bool, base: int) -> Part:
+        small, large = (node.left, node.right) if falls else (node.right, node.left)
+        return self.operation("-", [large, small], node, base)
+
+    def verdict(self, node: Predicate, h: Part, negated: bool) -> Part:
+        """NaN is false, and true if negated."""
+        closed = node.op in ("<=", ">=")
+        if h.value is not None:
+            return constant((h.value >= 0.0 if closed else h.value > 0.0) is not negated, h.top)
+        test = h._replace(text=f"({h.text} {'>=' if closed else '>'} 0.0)", depth=h.depth + 1)
+        return self.write("not", [test]) if negated else test

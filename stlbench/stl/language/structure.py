@@ -1,0 +1,238 @@
+"""The parts of a formula, its signals, how far it looks, and its equivalent forms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import TypeAlias, cast
+
+from stlbench.stl.errors import UnboundedError, UnknownSignalError, shorten
+from stlbench.stl.language.expressions import Expression, Node, Signal
+from stlbench.stl.language.syntax import (
+    END,
+    Always,
+    And,
+    AnyNode,
+    Eventually,
+    Formula,
+    Historically,
+    Implies,
+    Not,
+    Once,
+    Or,
+    Past,
+    Predicate,
+    Release,
+    Since,
+    Temporal,
+    TrueFormula,
+    Until,
+)
+
+#: operators that look ahead
+Ahead: TypeAlias = Always | Eventually | Until | Release
+
+
+# ------------------------------------------------------------------------------------------------------ checks, parts
+
+
+def require_formula(value: object) -> None:
+    """Raise TypeError where text, or anything else, stands for a formula."""
+    if isinstance(value, Formula):
+        return
+    hint = "; parse(text) makes one" if isinstance(value, str) else ""
+    shown = str(value) if isinstance(value, Node) else repr(value)
+    raise TypeError(f"expected a formula, got {type(value).__name__} {shorten(shown)}{hint}")
+
+
+def require_pointwise(psi: Formula) -> None:
+    """Raise ValueError for a formula with temporal operators."""
+    if is_temporal(psi):
+        raise ValueError(f"expected a formula without temporal operators, got {shorten(str(psi))}")
+
+
+def as_names(names: Sequence[str]) -> tuple[str, ...]:
+    """`names` as a tuple. Raises TypeError for one text, which would be taken letter by letter."""
+    if isinstance(names, str | bytes):
+        raise TypeError(f"names is a sequence of signal names, got one text; write [{names!r}]")
+    return tuple(names)
+
+
+def check_names(formula: Formula | Expression, names: tuple[str, ...], where: str = "trace") -> dict[str, int]:
+    """Column of each name.
+
+    Raises:
+        UnknownSignalError: `formula` uses another signal.
+        ValueError: a name occurs twice.
+    """
+    index = {name: column for column, name in enumerate(names)}
+    if len(index) < len(names):
+        raise ValueError(f"signal names must differ, got {', '.join(names)}")
+    for name in signals(formula):
+        if name not in index:
+            raise UnknownSignalError(name, names, where)
+    return index
+
+
+def walk(node: AnyNode) -> Iterator[AnyNode]:
+    """`node` and everything in it, in order of appearance."""
+    stack = [node]
+    while stack:
+        node = stack.pop()
+        yield node
+        stack.extend(reversed(cast(tuple[AnyNode, ...], node.operands)))
+
+
+def signals(formula: Formula | Expression) -> tuple[str, ...]:
+    """Names of the signals that a formula or an expression uses, each once, in order of first appearance."""
+    if not isinstance(formula, Expression):
+        require_formula(formula)
+    return tuple(dict.fromkeys(node.name for node in walk(formula) if isinstance(node, Signal)))
+
+
+def is_temporal(formula: Formula) -> bool:
+    """Whether `formula` contains a temporal operator (also one of zero length such as `G[0,0]`)."""
+    require_formula(formula)
+    return any(isinstance(node, Temporal) for node in walk(formula))
+
+
+def first_past(formula: Formula) -> Past | None:
+    """The first past operator of `formula`, if any."""
+    return next((node for node in walk(formula) if isinstance(node, Past)), None)
+
+
+def operands_of(formula: Formula) -> tuple[Formula, ...]:
+    """The formulas right below this one; none of a predicate."""
+    return tuple(operand for operand in formula.operands if isinstance(operand, Formula))
+
+
+# ---------------------------------------------------------------------------------------------------- how far it looks
+
+
+def horizon(formula: Formula) -> int:
+    """Steps that `formula` looks ahead, at least 0; a trace that decides it has `horizon + 1` samples.
+
+    Tight for until: its left operand is not read at the last step, so `p U[0,b] q` with p deeper than q counts b - 1
+    steps before p. Past operators look back, which needs no samples that follow.
+
+    Raises:
+        UnboundedError: an operator has no interval, so that no number of samples decides the formula.
+    """
+    if (operator := unbounded(formula)) is not None:
+        reason = "reaches to the end of the trace and has no horizon; give it an interval [a,b]"
+        raise UnboundedError(operator.letter, operator.position, reason)
+    return lookahead(formula)
+
+
+def unbounded(formula: Formula) -> Ahead | None:
+    """The first operator of `formula` that looks ahead without an interval, if any."""
+    require_formula(formula)
+    return next((node for node in walk(formula) if isinstance(node, Ahead) and node.b == END), None)
+
+
+def lookahead(formula: Formula) -> int:
+    """Steps that must follow step t in a recorded trace for `formula` to have a value at t.
+
+    It is the horizon, where all operators have intervals. An operator without one reads on to the last step at which
+    its operands have a value, and needs one step at least.
+    """
+    match formula:
+        case Always(_, b, arg) | Eventually(_, b, arg):
+            return lookahead(arg) + (0 if b == END else b)
+        case Until(_, b, left, right) | Release(_, b, left, right) if b != END:
+            before = b - 1 + lookahead(left) if b > 0 else 0
+            return max(before, b + lookahead(right))
+        case Historically(a, _, arg) | Once(a, _, arg):
+            return max(0, lookahead(arg) - a)
+        case Since(a, b, left, right):
+            return max(0, lookahead(right) - a, lookahead(left) if b > 0 else 0)
+        case _:
+            return max(map(lookahead, operands_of(formula)), default=0)
+
+
+def lookbehind(formula: Formula) -> int:
+    """Steps before step t at which a predicate may be read, for `formula` at t.
+
+    A past operator without an interval counts one: its value at the step before has all that matters of earlier ones.
+    """
+    behind = max(map(lookbehind, operands_of(formula)), default=0)
+    if isinstance(formula, Past):
+        return behind + (1 if formula.b == END else formula.b)
+    return behind
+
+
+# ---------------------------------------------------------------------------------------------------- equivalent forms
+
+
+def resolve_end(formula: Formula, last: int) -> Formula:
+    """`formula` with an interval for each operator without one, to be read at t = 0 of traces with samples 0..last.
+
+    The robustness and verdict of such traces stay: `G p` becomes `G[0, last - horizon(p)] p`.
+
+    Raises:
+        UnboundedError: an operator without an interval stands inside another temporal operator, where it means another
+            interval at each step.
+        ValueError: the trace ends before an operand has a value.
+    """
+    require_formula(formula)
+    match formula:
+        case Not(arg):
+            return replace(formula, arg=resolve_end(arg, last))
+        case And(args) | Or(args):
+            return replace(formula, args=tuple(resolve_end(arg, last) for arg in args))
+        case Implies(left, right):
+            return replace(formula, left=resolve_end(left, last), right=resolve_end(right, last))
+        case TrueFormula() | Predicate():
+            return formula
+    for operator in filter(None, map(unbounded, operands_of(formula))):
+        reason = "stands inside another temporal operator, where it has no fixed interval; give it one, [a,b]"
+        raise UnboundedError(operator.letter, operator.position, reason)
+    if isinstance(formula, Past) or formula.b < END:
+        return formula
+    end = last - lookahead(formula)
+    if end < 0:
+        needed = f"{formula.letter} without an interval needs {lookahead(formula) + 1} samples"
+        raise ValueError(f"{needed}, the trace has {last + 1}")
+    return replace(formula, b=end)
+
+
+def negations_inside(formula: Formula, to_predicates: bool = False) -> Formula:
+    """An equivalent formula whose negations stand at its parts without temporal operators.
+
+    Robustness and verdict are the same on every trace. `!(p U q)` is `!p R !q`, and the other way round. `!(p S q)`
+    stays as it is, since no operator is its dual.
+
+    Args:
+        formula: any formula.
+        to_predicates: push on to the predicates, also within parts without temporal operators.
+    """
+    require_formula(formula)
+    return _pushed(formula, False, to_predicates)
+
+
+_DUAL: dict[type[Node], type[Node]] = {And: Or, Always: Eventually, Historically: Once, Until: Release}
+_DUAL |= {dual: kind for kind, dual in _DUAL.items()}
+
+
+def _pushed(formula: Formula, negated: bool, to_predicates: bool) -> Formula:
+    if not to_predicates and not is_temporal(formula):
+        return Not(formula) if negated else formula
+    kind: type = _DUAL.get(type(formula), type(formula)) if negated else type(formula)
+    match formula:
+        case Not(arg):
+            return _pushed(arg, not negated, to_predicates)
+        case And(args) | Or(args):
+            return cast(Formula, kind(tuple(_pushed(arg, negated, to_predicates) for arg in args)))
+        case Implies(left, right):
+            parts = _pushed(left, not negated, to_predicates), _pushed(right, negated, to_predicates)
+            return And(parts) if negated else Or(parts)
+        case Always(a, b, arg) | Eventually(a, b, arg) | Historically(a, b, arg) | Once(a, b, arg):
+            return cast(Formula, kind(a, b, _pushed(arg, negated, to_predicates)))
+        case Until(a, b, left, right) | Release(a, b, left, right):
+            between = _pushed(left, negated, to_predicates), _pushed(right, negated, to_predicates)
+            return cast(Formula, kind(a, b, *between))
+        case Since(a, b, left, right):
+            since = Since(a, b, _pushed(left, False, to_predicates), _pushed(right, False, to_predicates))
+            return Not(since) if negated else since
+        case _:
+            return Not(formula) if negated else formula

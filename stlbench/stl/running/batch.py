@@ -1,0 +1,308 @@
+"""An online monitor of many traces at once, as a vector environment makes them: `scalar` with a NumPy call per number.
+
+Arrays are (n,), one value per trace. Each trace has its own clock, and `now` are the clocks; traces whose clock lies
+outside start..stop of an operator are carried along and do not change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stlbench.stl.errors import UndefinedError, shorten
+from stlbench.stl.language.structure import as_names, check_names, require_formula
+from stlbench.stl.language.syntax import Formula, Not
+from stlbench.stl.predicates import compile_signed
+from stlbench.stl.predicates.dialect import SIDE, as_array
+from stlbench.stl.recorded.evaluator import cause
+from stlbench.stl.running.tree import Ends, Interval, Kit, Leaf, Pointwise, Tree, last_step
+from stlbench.stl.running.unfolding import Known, Recent, State, Unfolding
+
+Floats: TypeAlias = NDArray[np.float64]
+Steps: TypeAlias = NDArray[np.int64]
+Mask: TypeAlias = NDArray[np.bool_]
+#: a mask or indices of traces
+Which: TypeAlias = Any
+
+
+class Intervals(NamedTuple):
+    """The bounds of each of n traces; arrays (n,), not to be written to.
+
+    Attributes:
+        lower, upper: bounds of the robustness at t = 0 over all continuations.
+        certainly: whether every continuation satisfies the formula (Boolean semantics).
+        possibly: whether some continuation may.
+    """
+
+    lower: Floats
+    upper: Floats
+    certainly: Mask
+    possibly: Mask
+
+
+class BatchMonitor:
+    """Watches `count` traces for `formula`, each on its own clock; says for each what `Monitor` says for one.
+
+    Costs a fixed number of NumPy calls per step for the formulas that cost `Monitor` constant work; the others are
+    evaluated again at each step, once for all traces of one age. `copy.deepcopy` forks it.
+
+    Raises:
+        UnknownSignalError: the formula uses a signal that is not in `names`.
+    """
+
+    def __init__(self, formula: Formula, names: Sequence[str], count: int) -> None:
+        """Start before the first samples; `names` are the signals of a sample, in order; count >= 1."""
+        require_formula(formula)
+        self.formula, self.names = formula, as_names(names)
+        check_names(formula, self.names)
+        if count < 1:
+            raise ValueError(f"a batch has at least 1 trace, got {count}")
+        self.horizon = last_step(formula)
+        self.steps: Steps = np.zeros(count, dtype=np.int64)
+        self._tree = Tree(formula, self.names, many(count))
+        self._youngest = self._oldest = 0  # of the clocks
+        self._answer = self._bounds()
+
+    def update(self, samples: ArrayLike) -> Intervals:
+        """Take the next sample of each trace (n, k) and return the bounds. Later arrays do not share memory.
+
+        Raises:
+            UndefinedError: a predicate that is read has no value at a sample: a signal is NaN, or its arithmetic has
+                none. All traces stay as they were before.
+            TypeError: a masked array.
+            ValueError: the samples are not of shape (n, k).
+        """
+        rows = np.array(as_array(samples), dtype=np.float64)
+        if rows.shape != (len(self.steps), len(self.names)):
+            expected = (len(self.steps), len(self.names))
+            raise ValueError(f"samples have shape {expected} for {', '.join(self.names)}, got {rows.shape}")
+        reading = [leaf for leaf in self._tree.leaves if leaf.start <= self._oldest and self._youngest <= leaf.stop]
+        with np.errstate(all="ignore"):
+            try:
+                values = [leaf.read(self.steps, rows) for leaf in reading]
+            except UndefinedError as error:
+                sample = None if error.trace is None else int(self.steps[error.trace])
+                raise UndefinedError(error.what, sample, error.trace) from None
+            for leaf, value in zip(reading, values, strict=True):
+                leaf.take(self.steps, value)
+        self.steps += 1
+        self._youngest += 1
+        self._oldest += 1
+        if reading:
+            self._answer = self._bounds()
+        return self._answer
+
+    def restart(self, which: ArrayLike) -> None:
+        """Start some traces anew, before their next sample: a mask (n,) of booleans, or indices, none allowed.
+
+        Raises:
+            ValueError: a mask of another length, an index outside 0..n-1, or no mask and no indices at all.
+        """
+        chosen = self._indices(which)
+        self.steps[chosen] = 0
+        for leaf in self._tree.leaves:
+            leaf.restart(chosen)
+        self._youngest, self._oldest = int(self.steps.min()), int(self.steps.max())
+        self._answer = self._bounds()
+
+    def _indices(self, which: ArrayLike) -> Steps:
+        chosen, count = np.atleast_1d(as_array(which)), len(self.steps)
+        if chosen.dtype == np.bool_ and chosen.shape == (count,):
+            return np.flatnonzero(chosen)
+        if chosen.size == 0:
+            return np.empty(0, dtype=np.int64)
+        if chosen.ndim == 1 and chosen.dtype.kind in "iu" and chosen.min() >= 0 and chosen.max() < count:
+            return chosen.astype(np.int64)
+        shown = shorten(repr(chosen.tolist()))
+        raise ValueError(f"which traces: a mask of {count} booleans, or indices from 0 to {count - 1}; got {shown}")
+
+    def _bounds(self) -> Intervals:
+        lower, upper = self._tree.root.bounds()
+        return Intervals(_robustness(lower), _robustness(upper), lower > 0.0, upper > 0.0)
+
+
+def _robustness(signed: Floats) -> Floats:
+    return np.where(abs(signed) <= SIDE, 0.0, signed)
+
+
+# ---------------------------------------------------------------------------------------------------------- operators
+
+
+class Operator(Leaf):
+    """A leaf that takes the samples of `count` traces; `initial` are its bounds before the first."""
+
+    def __init__(self, count: int, start: int, stop: int, initial: Ends, flipped: bool) -> None:
+        super().__init__(start, stop, flipped)
+        self.initial = initial
+        self.ends: Ends = np.full(count, initial[0]), np.full(count, initial[1])
+
+    def read(self, now: Steps, samples: Floats) -> Any:
+        """What `take` needs of the next samples (n, k): changes nothing, and raises UndefinedError with the trace."""
+        raise NotImplementedError
+
+    def take(self, now: Steps, value: Any) -> None:
+        """Count what was read."""
+        raise NotImplementedError
+
+    def restart(self, which: Which) -> None:
+        """Forget the samples of some traces."""
+        for end, value in zip(self.ends, self.initial, strict=True):
+            end[which] = value
+
+    def within(self, now: Steps) -> Mask:
+        """The traces that this leaf reads at their steps `now`."""
+        mask: Mask = (now >= self.start) & (now <= self.stop)
+        return mask
+
+
+class Until(Operator):
+    """left U[a,b] right: the least of left so far (`guard`) and the best of right within it. Without left: F."""
+
+    def __init__(self, count: int, left: Pointwise | None, right: Pointwise, interval: Interval, flipped: bool) -> None:
+        self.a, stop = interval
+        initial = (-np.inf, np.inf) if left else right.unknown
+        super().__init__(count, 0 if left else self.a, stop, initial, flipped)
+        self.left, self.right = left, right
+        self.best, self.guard = np.full(count, -np.inf), np.full(count, np.inf)
+
+    def read(self, now: Steps, samples: Floats) -> tuple[Floats | None, Floats]:
+        within = self.within(now)
+        if self.left is None:
+            return None, self.right.value(samples, within)
+        guard = self.left.value(samples, now < self.stop)
+        return guard, self.right.value(samples, within & (now >= self.a))
+
+    def take(self, now: Steps, value: tuple[Floats | None, Floats]) -> None:
+        guard, goal = value
+        active, before = self.within(now), now < self.stop
+        if self.left is None or guard is None:
+            np.maximum(self.best, goal, out=self.best, where=active)
+            for end, unknown in zip(self.ends, self.right.unknown, strict=True):
+                np.maximum(self.best, np.where(before, unknown, -np.inf), out=end, where=active)
+            return
+        np.maximum(self.best, np.minimum(goal, self.guard), out=self.best, where=active & (now >= self.a))
+        np.minimum(self.guard, guard, out=self.guard, where=before)
+        for end, left, right in zip(self.ends, self.left.unknown, self.right.unknown, strict=True):
+            ahead = np.minimum(self.guard, np.where(now >= self.a - 1, right, min(left, right)))
+            np.maximum(self.best, np.where(before, ahead, -np.inf), out=end, where=active)
+
+    def restart(self, which: Which) -> None:
+        super().restart(which)
+        self.best[which], self.guard[which] = -np.inf, np.inf
+
+
+class Nested(Operator):
+    """F[a,c] G[d,e] psi."""
+
+    def __init__(self, count: int, psi: Pointwise, outer: Interval, inner: Interval, flipped: bool) -> None:
+        (a, c), (d, e) = outer, inner
+        super().__init__(count, a + d, c + e, psi.unknown, flipped)
+        self.psi = psi
+        self.first, self.last = a + e, c + d
+        self.window = SlidingLeast(count, e - d + 1)
+        self.best, self.open = np.full(count, -np.inf), np.full(count, np.inf)
+
+    def read(self, now: Steps, samples: Floats) -> Floats:
+        return np.asarray(self.psi.value(samples, self.within(now)))
+
+    def take(self, now: Steps, value: Floats) -> None:
+        """All windows slide together: one that counts lies within a single run of a trace."""
+        active = self.within(now)
+        np.maximum(self.best, self.window.step(value), out=self.best, where=active & (now >= self.first))
+        np.minimum(self.open, value, out=self.open, where=active & (now >= self.last))
+        for end, unknown in zip(self.ends, self.psi.unknown, strict=True):
+            ahead = np.where(now < self.stop, np.minimum(self.open, unknown), -np.inf)
+            np.maximum(self.best, ahead, out=end, where=active)
+
+    def restart(self, which: Which) -> None:
+        super().restart(which)
+        self.best[which], self.open[which] = -np.inf, np.inf
+
+
+class SlidingLeast:
+    """Minimum of the last `width` samples, in constant amortised work and `width` samples of memory per trace.
+
+    Samples come in blocks of `width`. A window is the end of the block before, whose minima to its end were worked out
+    when it was full, and the beginning of this block, whose minimum is kept as it grows.
+    """
+
+    def __init__(self, count: int, width: int) -> None:
+        self.rows = np.full((width, count), np.inf)
+        self.beginning = np.full(count, np.inf)
+        self.at = 0
+
+    def step(self, values: Floats) -> Floats:
+        """Take (n,), return the minima of the last `width`; means nothing before as many were taken."""
+        self.beginning = np.minimum(self.beginning, values) if self.at else values
+        self.rows[self.at] = values
+        self.at += 1
+        if self.at < len(self.rows):
+            return np.asarray(np.minimum(self.beginning, self.rows[self.at]))
+        self.at = 0
+        self.rows = np.minimum.accumulate(self.rows[::-1], axis=0)[::-1]
+        return self.beginning
+
+
+class Replayed(Operator):
+    """Any other formula: evaluates what is not decided at each step, traces of one age together."""
+
+    def __init__(self, count: int, formula: Formula, names: tuple[str, ...], negated: bool) -> None:
+        self.until = Unfolding(formula, names)
+        super().__init__(count, 0, self.until.last, (-np.inf, np.inf), self.until.flipped is not negated)
+        self.samples, state = Recent(count, len(names)), self.until.begin(count)
+        self.state = state._replace(before={node: np.empty(count) for node in self.until.carried})
+
+    def read(self, now: Steps, samples: Floats) -> list[tuple[Steps, Known]]:
+        """The bounds of the traces of each age."""
+        rows, known = np.flatnonzero(self.within(now)), list[tuple[Steps, Known]]()
+        for age in np.unique(now[rows]).tolist():
+            same = rows[now[rows] == age]
+            recent = self.samples.with_newest(samples, min(age + 1, self.until.window))[same]
+            before = {node: values[same] for node, values in self.state.before.items()}
+            try:
+                state = State(self.state.best[same], self.state.guard[same], before)
+                known.append((same, self.until.read(recent, age, state)))
+            except UndefinedError as error:
+                raise UndefinedError(error.what, trace=int(same[error.trace or 0])) from None
+        return known
+
+    def take(self, now: Steps, value: list[tuple[Steps, Known]]) -> None:
+        self.samples.take(min(int(now.max()) + 1, self.until.window))
+        for same, known in value:
+            for end, new in zip(self.ends, (known.lower, known.upper), strict=True):
+                end[same] = new
+            self.state.best[same], self.state.guard[same] = known.state.best, known.state.guard
+            for node, values in known.state.before.items():
+                self.state.before[node][same] = values
+
+    def restart(self, which: Which) -> None:
+        super().restart(which)
+        self.state.best[which], self.state.guard[which] = -np.inf, np.inf
+
+
+def many(count: int) -> Kit[Operator]:
+    """The operators for `count` traces."""
+    return Kit(
+        np.minimum.reduce, np.maximum.reduce, _value, *(partial(kind, count) for kind in (Until, Nested, Replayed))
+    )
+
+
+def _value(psi: Formula, names: tuple[str, ...], negated: bool) -> Callable[[Floats, Mask], Floats]:
+    """(samples (n, k), the traces that must have a value) -> signed margins (n,)."""
+    compiled = compile_signed(Not(psi) if negated else psi, names)
+    if not callable(compiled):
+        return lambda samples, needed: np.full(len(samples), compiled)
+
+    def run(samples: Floats, needed: Mask) -> Floats:
+        values: Floats = compiled(samples)
+        wrong = np.isnan(values)
+        if wrong.any() and (wrong & needed).any():
+            trace = int((wrong & needed).argmax())
+            raise UndefinedError(cause(psi, names, samples[trace]), trace=trace)
+        return values
+
+    return run

@@ -1,0 +1,182 @@
+"""A formula as a tree of online operators, the same for one trace (`scalar`) and for many (`batch`).
+
+Values are signed margins (see `dialect`), and bounds are of the value at t = 0 over all continuations of the samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple, Protocol, TypeAlias, TypeVar
+
+from stlbench.stl.language.expressions import MAX_DEPTH
+from stlbench.stl.language.structure import horizon, is_temporal, unbounded
+from stlbench.stl.language.syntax import END, Always, And, Eventually, Formula, Implies, Not, Or, Release, Until
+from stlbench.stl.predicates import compile_signed
+from stlbench.stl.recorded.evaluator import unknown
+
+#: least and greatest value, as floats or as arrays
+Ends: TypeAlias = tuple[Any, Any]
+Interval: TypeAlias = tuple[int, int]
+
+
+class Part(Protocol):
+    """Any node of the tree."""
+
+    def bounds(self) -> Ends: ...
+
+
+class Pointwise(NamedTuple):
+    """A formula without temporal operators, to be read at a sample.
+
+    Attributes:
+        psi: the formula, without a negation that `value` has.
+        value: its value at a sample, as the operators of the tree read it; UndefinedError where there is none.
+        unknown: its least and greatest value at a sample that has not come yet.
+    """
+
+    psi: Formula
+    value: Any
+    unknown: tuple[float, float]
+
+
+class Leaf:
+    """A node that reads samples, at steps `start`..`stop` alone; its bounds `ends` cannot change at others.
+
+    All leaves first read a sample, which may fail and changes nothing. Then all take it, which cannot fail. So a sample
+    that is refused leaves no trace.
+
+    Every leaf is a maximum: G psi is !(F !psi), so a `flipped` leaf publishes its bounds negated and swapped.
+    """
+
+    def __init__(self, start: int, stop: int, flipped: bool) -> None:
+        self.start, self.stop, self.flipped = start, stop, flipped
+        self.ends: Ends
+
+    def bounds(self) -> Ends:
+        lower, upper = self.ends
+        return (-upper, -lower) if self.flipped else (lower, upper)
+
+
+L = TypeVar("L", bound=Leaf)
+
+
+@dataclass(frozen=True)
+class Joined:
+    """Conjunction (`pick` is the least of a sequence) or disjunction (the greatest): bounds combine end by end."""
+
+    parts: Sequence[Part]
+    pick: Callable[[Sequence[Any]], Any]
+
+    def bounds(self) -> Ends:
+        ends = [part.bounds() for part in self.parts]
+        return self.pick([lower for lower, _ in ends]), self.pick([upper for _, upper in ends])
+
+
+@dataclass(frozen=True)
+class Kit(Generic[L]):
+    """The operators that a tree is made of.
+
+    Attributes:
+        least, greatest: of a sequence of values.
+        value: (psi, names, negated) -> the value of psi, or of !psi, for psi without temporal operators.
+        until: (left, right, (a, b), flipped) -> left U[a,b] right; F[a,b] right where left is None.
+        nested: (psi, (a, c), (d, e), flipped) -> F[a,c] G[d,e] psi.
+        replayed: (formula, names, negated) -> any temporal formula.
+    """
+
+    least: Callable[[Sequence[Any]], Any]
+    greatest: Callable[[Sequence[Any]], Any]
+    value: Callable[[Formula, tuple[str, ...], bool], Any]
+    until: Callable[[Pointwise | None, Pointwise, Interval, bool], L]
+    nested: Callable[[Pointwise, Interval, Interval, bool], L]
+    replayed: Callable[[Formula, tuple[str, ...], bool], L]
+
+
+class Tree(Generic[L]):
+    """The cheapest operators that are exact for `formula`: `root` answers, `leaves` take the samples."""
+
+    def __init__(self, formula: Formula, names: tuple[str, ...], kit: Kit[L]) -> None:
+        self.kit, self.names = kit, names
+        self.leaves: list[L] = []
+        self.root = self._build(formula, False)
+
+    def _build(self, formula: Formula, negated: bool) -> Part:
+        kit = self.kit
+        match formula:
+            case _ if not is_temporal(formula):
+                return self._eventually(formula, (0, 0), negated, False)
+            case Not(arg):
+                return self._build(arg, not negated)
+            case And() | Or():
+                parts = [self._build(arg, negated) for arg in _together(formula)]
+                return Joined(parts, kit.least if isinstance(formula, And) is not negated else kit.greatest)
+            case Implies(left, right):
+                parts = [self._build(left, not negated), self._build(right, negated)]
+                return Joined(parts, kit.least if negated else kit.greatest)
+            case _:
+                return self._temporal(formula, negated)
+
+    def _temporal(self, formula: Formula, negated: bool) -> Part:
+        always = isinstance(formula, Always)
+        match formula:
+            case Always(a, b, psi) | Eventually(a, b, psi) if not is_temporal(psi):
+                return self._eventually(psi, (a, b), always, always is not negated)
+            case Always(a, c, Always(d, e, psi)) | Eventually(a, c, Eventually(d, e, psi)) if not is_temporal(psi):
+                both = a + d, END if END in (c, e) else c + e
+                return self._eventually(psi, both, always, always is not negated)
+            case Eventually(a, c, Always(d, e, psi)) | Always(a, c, Eventually(d, e, psi)) if not is_temporal(psi):
+                return self._nested(psi, (a, c), (d, e), always, always is not negated)
+            case Until(a, b, left, right) | Release(a, b, left, right) if not (is_temporal(left) or is_temporal(right)):
+                dual = isinstance(formula, Release)  # a release is the opposite of an until of the opposites
+                psis = self._pointwise(left, dual), self._pointwise(right, dual)
+                return self._leaf(self.kit.until(*psis, (a, b), dual is not negated))
+            case _:
+                return self._leaf(self.kit.replayed(formula, self.names, negated))
+
+    def _eventually(self, psi: Formula, interval: Interval, negated: bool, flipped: bool) -> Part:
+        return self._leaf(self.kit.until(None, self._pointwise(psi, negated), interval, flipped))
+
+    def _nested(self, psi: Formula, outer: Interval, inner: Interval, negated: bool, flipped: bool) -> Part:
+        if inner[1] == END:  # of windows that reach on for ever the last one demands least; the first reads most
+            windows = [self._eventually(psi, (start, END), not negated, not flipped) for start in outer]
+            return Joined(windows, self.kit.least if flipped else self.kit.greatest)
+        return self._leaf(self.kit.nested(self._pointwise(psi, negated), outer, inner, flipped))
+
+    def _pointwise(self, psi: Formula, negated: bool) -> Pointwise:
+        whole = Not(psi) if negated else psi
+        lower, upper = (unknown(whole, self.names, compile_signed, worst) for worst in (True, False))
+        return Pointwise(psi, self.kit.value(psi, self.names, negated), (lower, upper))
+
+    def _leaf(self, leaf: L) -> L:
+        self.leaves.append(leaf)
+        return leaf
+
+
+def _together(formula: And | Or) -> Sequence[Formula]:
+    """The operands, where all G[a,b] psi of an `&` (all F of an `|`) with the same interval become one.
+
+    So thousands of conjuncts are a few operators.
+    """
+    kind, window = (And, Always) if isinstance(formula, And) else (Or, Eventually)
+    now, windows, others = list[Formula](), dict[Interval, list[Formula]](), list[Formula]()
+    for arg in formula.args:
+        if not is_temporal(arg):
+            now.append(arg)
+        elif isinstance(arg, window) and not is_temporal(arg.arg):
+            windows.setdefault((arg.a, arg.b), []).append(arg.arg)
+        else:
+            others.append(arg)
+    if formula.depth >= MAX_DEPTH - 1:
+        return formula.args
+
+    def one(psis: Sequence[Formula]) -> Formula:
+        return kind(tuple(psis)) if len(psis) > 1 else psis[0]
+
+    joined = [window(a, b, one(psis)) for (a, b), psis in windows.items()]
+    return [*([one(now)] if now else []), *joined, *others]
+
+
+def last_step(formula: Formula) -> int:
+    """The last step that `formula` reads at t = 0: its horizon, or `END`."""
+    return END if unbounded(formula) is not None else horizon(formula)
