@@ -1,8 +1,8 @@
 """Formulas compiled to functions that evaluate many traces at once.
 
-An evaluator answers "the values at steps lo..hi" and asks its operands for exactly the steps it needs, so that t = 0
-alone reads only the windows the formula names. Values are robustness, or signed values (see `signed_margin`), whose
-sign is the verdict: only the way that predicates are compiled differs.
+An evaluator returns the values at steps lo..hi and evaluates its operands at exactly the steps that it needs, so t = 0
+alone reads only the windows that the formula names. Values are robustness, or signed margins (see `dialect`), whose
+sign is the verdict; only predicates are compiled differently.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ Compile: TypeAlias = Callable[[Formula, tuple[str, ...]], Compiled]
 class Traces(NamedTuple):
     """Samples (n, T+1, k) of n traces, and how the steps after T are read.
 
-    `last` is the last step with a value of its own: T. Under `interval` it is the first step from which on nothing
+    `last` is the last step with a value of its own: T. Under `interval` it is the first step from which on no operator
     can reach back to a known sample: that one step stands for the whole unknown future.
 
     `before` is for samples that are not the first of their trace. It has the value of each past operator without an
-    interval at the step before the first at which its operands can be told from these samples.
+    interval at the step before the first at which its operands have a value from these samples.
     """
 
     samples: NDArray[np.float64]
@@ -60,8 +60,8 @@ class Traces(NamedTuple):
     before: Mapping[Formula, Values] = {}
 
 
-#: (traces, lo, hi, worst) -> values (n, hi - lo + 1) at steps lo..hi <= last; `worst` says which end of the values
-#: that unknown samples may still take is asked for, the least or the greatest
+#: (traces, lo, hi, worst) -> values (n, hi - lo + 1) at steps lo..hi <= last: the least (`worst`) or the greatest that
+#: unknown samples may still give
 Evaluator: TypeAlias = Callable[[Traces, int, int, bool], Values]
 
 
@@ -86,22 +86,25 @@ def evaluator(formula: Formula, names: tuple[str, ...], compile_: Compile, check
             return _joined([of(arg) for arg in args], np.maximum)
         case Implies(left, right):
             return _joined([_negated(of(left)), of(right)], np.maximum)
-        case Always(a, b, arg):
-            return _window(of(arg), a, b, lookahead(arg), np.minimum, math.inf)
-        case Eventually(a, b, arg):
-            return _window(of(arg), a, b, lookahead(arg), np.maximum, -math.inf)
+        case Always(a, b, arg) | Eventually(a, b, arg):
+            return _window(of(arg), a, b, lookahead(arg), *_EXTREMES[type(formula)])
         case Until(a, b, left, right):
             return _until(of(left), of(right), a, b, lookahead(formula))
         case Release(a, b, left, right):
             return _negated(_until(_negated(of(left)), _negated(of(right)), a, b, lookahead(formula)))
-        case Historically(a, b, arg):
-            return _past_window(formula, of(arg), a, b, np.minimum, math.inf)
-        case Once(a, b, arg):
-            return _past_window(formula, of(arg), a, b, np.maximum, -math.inf)
+        case Historically(a, b, arg) | Once(a, b, arg):
+            return _past_window(formula, of(arg), a, b, *_EXTREMES[type(formula)])
         case Since(a, b, left, right):
             return _since(formula, of(left), of(right), a, b)
         case _:  # pragma: no cover - predicates and True are pointwise
             raise AssertionError(formula)
+
+
+#: the extreme that a window operator takes, and its value of an empty window
+_EXTREMES: dict[type, tuple[np.ufunc, float]] = {
+    **dict.fromkeys((Always, Historically), (np.minimum, math.inf)),
+    **dict.fromkeys((Eventually, Once), (np.maximum, -math.inf)),
+}
 
 
 def _pointwise(psi: Formula, names: tuple[str, ...], compile_: Compile, checked: bool) -> Evaluator:
@@ -169,13 +172,11 @@ def _joined(args: list[Evaluator], pick: np.ufunc) -> Evaluator:
 
 
 def _window(arg: Evaluator, a: int, b: int, beyond: int, pick: np.ufunc, empty: float) -> Evaluator:
-    """G or F; `beyond` steps must follow one at which `arg` is told."""
+    """G or F; `beyond` steps must follow one at which `arg` has a value."""
 
     def run(traces: Traces, lo: int, hi: int, worst: bool) -> Values:
         if b == END and traces.end == "strict":
             return _to_the_end(arg(traces, lo, traces.last - beyond, worst), hi - lo + 1, pick)
-        if hi + b <= traces.last:
-            return slide(arg(traces, lo + a, hi + b, worst), b - a + 1, pick)
         start, stop = _capped(traces, a, b, lo)
         ahead = _ahead(arg, traces, lo + start, hi + stop, worst, empty)
         return slide(ahead, stop - start + 1, pick)

@@ -1,6 +1,6 @@
 """A formula under any quantitative semantics, on recorded traces: one evaluator for all of them.
 
-The robustness of `robustness.py` is the special case of minimum and maximum, and is worked out much faster there.
+`robustness` is the special case of minimum and maximum, and much faster.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from stlbench.stl.language.structure import as_names, first_past, horizon, is_temporal, negations_inside
+from stlbench.stl.language.structure import as_names, first_past, horizon, is_temporal, negations_inside, operands_of
 from stlbench.stl.language.syntax import Always, And, Eventually, Formula, Not, Or, Release, Until
 from stlbench.stl.predicates import margin
 from stlbench.stl.recorded.folds import Semantics
@@ -121,17 +121,8 @@ class Quantity:
 
 def _leaves(node: Formula, predicates: bool) -> Iterator[Formula]:
     inner = node.arg if isinstance(node, Not) else node
-    if not is_temporal(node) and not (predicates and isinstance(inner, And | Or)):
+    if is_temporal(node) or (predicates and isinstance(inner, And | Or)):
+        for part in operands_of(inner):
+            yield from _leaves(part, predicates)
+    else:
         yield node
-        return
-    match inner:
-        case And(args) | Or(args):
-            parts = args
-        case Always(_, _, arg) | Eventually(_, _, arg):
-            parts = (arg,)
-        case Until(_, _, left, right) | Release(_, _, left, right):
-            parts = (left, right)
-        case _:  # pragma: no cover - a leaf
-            raise AssertionError(node)
-    for part in parts:
-        yield from _leaves(part, predicates)

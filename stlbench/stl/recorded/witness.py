@@ -1,10 +1,10 @@
-"""Where in a trace a robustness comes from: the one predicate, at the one step, whose margin it is."""
+"""The origin of a robustness in a trace: the one predicate, at the one step, whose margin it is."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,7 +36,7 @@ from stlbench.stl.recorded.evaluator import Traces, evaluator
 
 
 class Link(NamedTuple):
-    """A part of a formula, and the step of the trace at which it is asked."""
+    """A part of a formula, and the step of the trace at which it is evaluated."""
 
     formula: Formula
     step: int
@@ -112,7 +112,7 @@ def witness(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> Witness
 
 
 class _Search(NamedTuple):
-    """One trace, searched by signed values (see `signed_margin`), which know the verdict at a robustness of 0."""
+    """One trace, searched by signed margins (see `dialect`), which know the verdict at a robustness of 0."""
 
     traces: Traces
     names: tuple[str, ...]
@@ -121,31 +121,28 @@ class _Search(NamedTuple):
         """Signed values at steps first..last, (last - first + 1,)."""
         with np.errstate(all="ignore"):
             rows = evaluator(formula, self.names, compile_signed)(self.traces, first, last, True)
-        found: NDArray[np.float64] = rows[0]
-        return found
+        return np.asarray(rows[0])
 
     def below(self, formula: Formula, t: int) -> tuple[Link, int]:
         """The operand that the value of `formula` at step t is of, at its step, and the sign between the two."""
         match formula:
             case Not(arg):
                 return Link(arg, t), -1
-            case And(args):
-                return Link(args[int(np.argmin([self.values(arg, t, t)[0] for arg in args]))], t), 1
-            case Or(args):
-                return Link(args[int(np.argmax([self.values(arg, t, t)[0] for arg in args]))], t), 1
+            case And(args) | Or(args):
+                pick = np.argmin if isinstance(formula, And) else np.argmax
+                return Link(args[int(pick([self.values(arg, t, t)[0] for arg in args]))], t), 1
             case Implies(left, right):
                 vacuous = -self.values(left, t, t)[0] >= self.values(right, t, t)[0]
                 return (Link(left, t), -1) if vacuous else (Link(right, t), 1)
-            case Always() | Historically():
-                return self._window(formula, t, np.argmin), 1
-            case Eventually() | Once():
-                return self._window(formula, t, np.argmax), 1
+            case Always() | Historically() | Eventually() | Once():
+                return self._window(formula, t), 1
             case Until() | Release() | Since():
                 return self._between(formula, t), 1
             case _:  # pragma: no cover - nothing is below predicates and True
                 raise AssertionError(formula)
 
-    def _window(self, formula: Always | Eventually | Historically | Once, t: int, pick: Callable[..., Any]) -> Link:
+    def _window(self, formula: Always | Eventually | Historically | Once, t: int) -> Link:
+        pick = np.argmin if isinstance(formula, Always | Historically) else np.argmax
         near, far = formula.a, self._far(formula, t)
         first, last = (t - far, t - near) if isinstance(formula, Past) else (t + near, t + far)
         return Link(formula.arg, first + int(pick(self.values(formula.arg, first, last))))

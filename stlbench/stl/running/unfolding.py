@@ -54,22 +54,48 @@ Floats: TypeAlias = NDArray[np.float64]
 
 
 class State(NamedTuple):
-    """What is state of n traces beside their samples."""
+    """What the decided steps of n traces mean, beside their samples.
+
+    Attributes:
+        best: (n,), the value of the until by its decided steps.
+        guard: (n,), the least value of its left operand at the decided steps.
+        before: the value of each past operator without an interval before the samples, see `Traces`.
+    """
 
     best: Floats
-    """(n,): the value of the until by its decided steps."""
     guard: Floats
-    """(n,): the least value of its left operand at the decided steps."""
     before: Mapping[Formula, Floats]
-    """The value of each past operator without an interval before the samples, see `Traces`."""
 
 
 class Known(NamedTuple):
-    """The bounds of the until, and what is to be state with the sample."""
+    """The bounds of the until, and the state after the sample."""
 
     lower: Floats
     upper: Floats
     state: State
+
+
+class Recent:
+    """The newest samples of n traces that are all given a sample at a time."""
+
+    def __init__(self, count: int, signals: int) -> None:
+        self.rows: Floats = np.empty((count, 4, signals))
+        self.size = 0
+
+    def with_newest(self, samples: Floats, count: int) -> Floats:
+        """The last `count` with `samples` (n, k) as the newest, which is not taken yet: a view (n, count, k)."""
+        self.rows[:, self.size] = samples
+        return self.rows[:, self.size + 1 - count : self.size + 1]
+
+    def take(self, keep: int) -> None:
+        """Take the newest, and keep the last `keep` with it, or more."""
+        self.size += 1
+        if self.size < self.rows.shape[1]:
+            return
+        recent = self.rows[:, self.size - min(keep, self.size) :]
+        grown = np.empty((len(recent), max(4, 2 * recent.shape[1] + 2), recent.shape[2]))
+        grown[:, : recent.shape[1]] = recent
+        self.rows, self.size = grown, recent.shape[1]
 
 
 class Unfolding:
@@ -132,7 +158,7 @@ class Unfolding:
         return known
 
     def _bounds(self, traces: Traces, first: int, now: int, state: State, checked: bool = False) -> Known:
-        """The until from the first step that was not decided before on, joined with what is state."""
+        """The until from the first step on that was not decided before, joined with the state."""
         at = max(0, now - self.ahead)
         start, stop = max(self.a - at, 0), min(self.b - at, traces.last - at + first)
         step, ends = at - first, list[Floats]()
@@ -261,26 +287,3 @@ def _pointwise_parts(formula: Formula) -> list[Formula]:
     if not is_temporal(formula):
         return [formula]
     return [part for operand in operands_of(formula) for part in _pointwise_parts(operand)]
-
-
-class Recent:
-    """The newest samples of n traces that are all given a sample at a time."""
-
-    def __init__(self, count: int, signals: int) -> None:
-        self.rows: Floats = np.empty((count, 4, signals))
-        self.size = 0
-
-    def with_newest(self, samples: Floats, count: int) -> Floats:
-        """The last `count`, the newest being `samples` (n, k), which is not taken yet: a view (n, count, k)."""
-        self.rows[:, self.size] = samples
-        return self.rows[:, self.size + 1 - count : self.size + 1]
-
-    def take(self, keep: int) -> None:
-        """Take the newest, and keep the last `keep` with it, or more."""
-        self.size += 1
-        if self.size < self.rows.shape[1]:
-            return
-        state = self.rows[:, self.size - min(keep, self.size) :]
-        grown = np.empty((len(state), max(4, 2 * state.shape[1] + 2), state.shape[2]))
-        grown[:, : state.shape[1]] = state
-        self.rows, self.size = grown, state.shape[1]
