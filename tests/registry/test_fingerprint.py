@@ -207,6 +207,6 @@ def test_an_edit_that_keeps_size_and_second_is_seen(site):
 
 def test_the_harness_is_what_trains_and_scores_and_neither_reports_nor_the_command_line():
     names = {name for name, _ in code_of("stlbench.study.trial").files}
-    assert {"stlbench.rollout.referee", "stlbench.stl.recorded.robustness", "stlbench.task.starts"} <= names
+    assert {"stlbench.rollout.referee", "stlbench.stl.recorded", "stlbench.task.starts"} <= names
     others = ("stlbench.cli", "stlbench.report", "stlbench.gate", "stlbench.records.ledger", "stlbench.study.run")
     assert not [name for name in names if f"{name}.".startswith(tuple(f"{other}." for other in others))]

@@ -135,7 +135,7 @@ class WeightedLeast(Fold):
         return np.stack([least[..., 0], *(term.sum(axis=-1) for term in terms)], axis=-1)
 
     def accumulated(self, summaries: Floats) -> Floats:
-        return np.stack(list(accumulate(np.moveaxis(summaries, -2, 0), self.merge)), axis=-2)
+        return np.stack(list(accumulate(list(np.moveaxis(summaries, -2, 0)), self.merge)), axis=-2)
 
     def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
         times = np.asarray(count, dtype=np.float64)[..., None] * np.array([0.0, 1.0, 1.0])

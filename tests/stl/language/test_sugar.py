@@ -28,6 +28,7 @@ from stlbench.stl import (
     is_temporal,
     parse,
     release,
+    resolve_end,
     robustness,
     robustness_trace,
     satisfied,
@@ -71,12 +72,27 @@ def test_what_is_written(text: str, formula: Formula) -> None:
     assert parse(str(formula)) == formula
 
 
-def test_what_they_stand_for() -> None:
-    assert str(parse("p >= 0 <-> q >= 0")) == "(p >= 0 -> q >= 0) & (q >= 0 -> p >= 0)"
-    assert str(parse("p >= 0 xor q >= 0")) == "(p >= 0 | q >= 0) & !(p >= 0 & q >= 0)"
-    assert str(parse("p >= 0 R[1,2] q >= 0")) == "p >= 0 R[1,2] q >= 0"
-    assert str(parse("p >= 0 W[1,2] q >= 0")) == "p >= 0 U[1,2] q >= 0 | G[0,2] p >= 0"
-    assert str(parse("p >= 0 W q >= 0")) == "p >= 0 U q >= 0 | G p >= 0"
+@pytest.mark.parametrize(
+    ("typed", "longer"),
+    [
+        ("p >= 0 <-> q >= 0", "(p >= 0 -> q >= 0) & (q >= 0 -> p >= 0)"),
+        ("p >= 0 xor q >= 0", "(p >= 0 | q >= 0) & !(p >= 0 & q >= 0)"),
+        ("p >= 0 W[1,2] q >= 0", "p >= 0 U[1,2] q >= 0 | G[0,2] p >= 0"),
+        ("p >= 0 W q >= 0", "p >= 0 U q >= 0 | G p >= 0"),
+        ("(p >= 0 <-> q >= 0) & r >= 0", "(p >= 0 -> q >= 0) & (q >= 0 -> p >= 0) & r >= 0"),
+        ("r >= 0 | p >= 0 W q >= 0", "r >= 0 | p >= 0 U q >= 0 | G p >= 0"),
+        ("!(p >= 0 xor (q >= 0 xor r >= 0)) -> p >= 0 W q >= 0 W r >= 0", None),
+        ("(p >= 0 <-> q >= 0) <-> p >= 0 -> q >= 0 <-> r >= 0", None),
+    ],
+)
+def test_prints_as_typed_and_is_the_longer_form(typed: str, longer: str | None) -> None:
+    formula = parse(typed)
+    assert parse(str(formula)) == formula
+    assert str(formula) == typed
+    if longer:
+        assert formula == parse(longer)
+        assert str(parse(longer)) == longer
+        assert str(resolve_end(formula, 9)) == str(resolve_end(parse(longer), 9))
 
 
 def test_letters_and_words_may_name_signals() -> None:

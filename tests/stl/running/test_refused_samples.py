@@ -66,7 +66,7 @@ def watch(monitor: Any, samples: Any, bad: Any) -> list[Any]:
         if isinstance(monitor, Monitor):
             assert shown(monitor) == shown(before)
         else:
-            assert all(np.array_equal(*ends) for ends in zip(monitor._ask(), before._ask(), strict=True))
+            assert all(np.array_equal(*ends) for ends in zip(monitor._bounds(), before._bounds(), strict=True))
         answers.append(monitor.update(sample))
     return answers
 
