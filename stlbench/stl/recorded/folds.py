@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from itertools import accumulate
 from typing import ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
@@ -135,7 +134,10 @@ class WeightedLeast(Fold):
         return np.stack([least[..., 0], *(term.sum(axis=-1) for term in terms)], axis=-1)
 
     def accumulated(self, summaries: Floats) -> Floats:
-        return np.stack(list(accumulate(list(np.moveaxis(summaries, -2, 0)), self.merge)), axis=-2)
+        merged = [summaries[..., 0, :]]
+        for i in range(1, summaries.shape[-2]):
+            merged.append(self.merge(merged[-1], summaries[..., i, :]))
+        return np.stack(merged, axis=-2)
 
     def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
         times = np.asarray(count, dtype=np.float64)[..., None] * np.array([0.0, 1.0, 1.0])
