@@ -7,6 +7,10 @@ import re
 import sqlite3
 from collections.abc import Iterable
 from difflib import get_close_matches
+from pathlib import Path
+from types import ModuleType
+
+import stlbench
 
 __all__ = ["NO_SPACE", "DiskFull", "UsageError", "did_you_mean", "in_words", "unwritable"]
 
@@ -140,3 +144,24 @@ def _shortened(text: str, most: int, left_out: int = 0) -> str:
 
 def _escaped(found: re.Match[str]) -> str:
     return found[0].encode("unicode_escape").decode()
+
+
+# ---------------------------------------------------------------------- another package in place of this one
+
+
+DISTRIBUTION = "stlbench-rl"
+"""What is installed to get this package. `stlbench.DISTRIBUTION` has the same value where the package is this one."""
+
+
+def foreign(package: ModuleType = stlbench) -> str | None:
+    """The place of another project's `stlbench` and how to mend it, in one line; None where `package` is this one.
+
+    Where both are installed, their files share a folder, and the last one installed has the `__init__`.
+    """
+    if getattr(package, "DISTRIBUTION", None) == DISTRIBUTION:
+        return None
+    place = Path(package.__file__).parent if package.__file__ else next(iter(package.__path__), "an unknown place")
+    return (
+        f"the package stlbench in {place} is not that of {DISTRIBUTION}: the distribution 'stlbench' is another "
+        f"project; pip uninstall stlbench, then pip install --force-reinstall --no-deps {DISTRIBUTION}"
+    )

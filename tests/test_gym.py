@@ -18,6 +18,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from helpers.latch import Latch
 from helpers.line_task import Probe, line, text
+from helpers.stepwise import one_step
 from helpers.walk_env import Walk
 from helpers.walk_task import WalkTask, walk
 
@@ -246,7 +247,7 @@ def test_a_held_action_is_paid_the_mean_and_shows_every_sample() -> None:
     assert info["t"] == hold
     trace = np.concatenate([before[None], info["signals"]])[:, None]
     rewards = [
-        env.method.step(trace[t], np.zeros((1, 2)), trace[t + 1], np.array([t]), np.zeros((1, 0)))[0]
+        one_step(env.method, trace[t], np.zeros((1, 2)), trace[t + 1], np.array([t]), np.zeros((1, 0)))[0]
         for t in range(hold)
     ]
     assert reward == pytest.approx(float(np.mean(rewards)))

@@ -32,7 +32,7 @@ from stlbench.cli.show import app as show
 from stlbench.cli.tune import tune
 from stlbench.cli.verify import verify
 from stlbench.cli.watch import watch
-from stlbench.contract import origin
+from stlbench.errors import foreign
 
 __all__ = ["app", "main"]
 
@@ -102,6 +102,6 @@ def stlbench(
 
 def main() -> None:
     """The console script `stlbench`."""
-    if problem := origin.foreign():
+    if problem := foreign():
         sys.exit(refuse(problem))
     app(prog_name="stlbench")

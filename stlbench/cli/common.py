@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 import typer
 from typer.core import TyperGroup
 
-from stlbench.contract import exits
-from stlbench.contract.exits import exits_raise
 from stlbench.errors import NO_SPACE, DiskFull, UsageError, cause, in_words, one_line, printable
+from stlbench.registry import exits
+from stlbench.registry.exits import exits_raise
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -1,44 +1,85 @@
-"""The contract: what a plugin author reads. A plugin imports nothing else of stlbench but `stlbench.stl`, and
-`stlbench.contract.presentation` if it has something to show. Each part is a file of its own in `stlbench/contract`, and
-is imported from here.
+'''The contract: what a plugin imports of stlbench, beside `stlbench.stl`.
 
-Five kinds of plugin, each found by its entry-point group and named by its entry point:
+A complete reward method, the robustness of the terms that are active:
 
-- `stlbench.methods`, a `RewardMethod` subclass: the reward of a transition, and its own memory;
-- `stlbench.tasks`, a `System` subclass: dynamics, beside a `task.yaml` in its package; or a `GymTask` or
-  `WorldTask` subclass, where starts are seeds;
-- `stlbench.agents`, an `Agent` subclass: training, environment in, policy out;
-- `stlbench.executors`, an `Executor` subclass: cells run in processes, here or on a cluster;
-- `stlbench.logs`, a `RunLog` subclass: how a run goes on, for tools that show it.
+    import numpy as np
+    from stlbench.contract import Array, Integers, RewardMethod, Specification
 
-Conventions, everywhere: arrays are NumPy float64 and batched, rows first. `N` is the number of copies that run in
-lock-step, `n` the state's size, `k` the number of signals, `m` the memory's size, `D` the observation's. Time is a
-step count: a trace of an episode has samples 0..T, transition t leads from sample t to sample t + 1, so t is 0 at
-the first transition and T - 1 at the last. One step lasts the task's sampling time, in seconds.
+    class Raw(RewardMethod):
+        """The least margin of the terms whose interval includes t; 0 where there is none."""
 
-Parameters of a plugin are the keyword-only arguments of its constructor, with annotations and defaults, such as those
-of a `dataclass(frozen=True, kw_only=True)`. The harness checks what a user writes (`funnel[variant=code,ginf=0.02]`)
-against the annotations, so `Literal[...]`, `float`, `int`, `bool` and `str` give clear messages without any code.
-"""
+        def __init__(self, specification: Specification) -> None:
+            super().__init__(specification)
+            self._terms = [(term.start, term.end, specification.margin(term.psi)) for term in specification.terms]
+            self.scale = max(abs(end) for term in specification.terms for end in specification.range(term.psi))
+
+        def arrival(self, signals: Array, t: Integers) -> Array:
+            least = np.full(t.shape, np.inf)
+            for start, end, margin in self._terms:
+                least = np.where((start <= t) & (t <= end), np.minimum(least, margin(signals)), least)
+            return np.where(np.isfinite(least), least, 0.0)
+
+Its distribution names it in `pyproject.toml`: `[project.entry-points."stlbench.methods"]`, `my-raw = "my_package:Raw"`.
+`stlbench new method NAME` writes such a distribution, and `stlbench check NAME` checks the rules.
+
+**Required.** There are five kinds of plugins. Each has an entry-point group, a base class, and methods to write:
+
+| group | base class | write |
+|---|---|---|
+| `stlbench.methods` | `RewardMethod` | `arrival`, where the reward depends on the sample and the time; else `along` |
+| `stlbench.tasks` | `System` | `step`, `signals`, `features`; `task.yaml` in the same package says the rest |
+| `stlbench.agents` | `Agent` | `train`: steps an `Environment`, returns a `Policy` with `act` |
+| `stlbench.executors` | `Executor` | `run`: calls a function on items in processes of their own |
+| `stlbench.logs` | `RunLog` | `ended`: takes the result of a cell |
+
+Arrays are NumPy float64 and batched, rows first. `N` is the number of copies in lock-step, `n` the size of the state,
+`k` the number of signals, `m` the size of the memory, `D` the size of the observation. Time is a step count: a trace
+has samples 0..T, and transition t leads from sample t to sample t + 1. One step lasts the task's sampling time.
+
+The parameters of a plugin are keyword-only arguments of its constructor with annotations and defaults, for example of a
+`dataclass(frozen=True, kw_only=True)`. The harness checks what a user writes, as in `funnel[ginf=0.02]`, by the
+annotations. A plugin that cannot be applied raises `Unsuitable` with one line.
+
+**Additions.** Leave them out unless you need them:
+
+| addition | who needs it |
+|---|---|
+| `RewardMethod.memory_size`, `initial_memory`, `inputs`, `input_size` | rewards of the past, as of flag |
+| `RewardMethod.scale`, `floor` | rewards whose size is far from 1 |
+| `RewardMethod.can_end`, `over` | methods that know when nothing more is paid: hprs, machine |
+| `RewardMethod.counterfactuals`, `counterfactual` | methods that know the reward from other memories: cfer, machine |
+| `CounterfactualEnvironment` | agents that learn from other memories: dqn |
+| `RewardMethod.extension` | methods that go beyond the form of their publication |
+| `System.initial_states`, `scaled_state`, `controller` | other coordinates, the track `plain`, reference scores |
+| `GymTask`, `WorldTask`, `World` | environments of Gymnasium, simulations in C++ or on a GPU |
+| `Agent.search_space`, `cost` | agents for `stlbench tune`, agents to which inputs are dear |
+| `Agent.restore`, `Policy.arrays`, `Policy.onnx` | policies that are stored and exported |
+| `Agent.uncompiled`, `preload` | agents that compile code or load large libraries |
+| `Agent.plans`, `Model`, `End`, `StatePolicy` | agents that plan |
+| `Agent.trains` | agents without training, such as a controller |
+| `Work.prepare`, `log`, `facts` | executors that fork, store output, or use other machines |
+| `stlbench.contract.presentation` | plugins with something to show in tables, figures and films |
+'''
 
 from __future__ import annotations
 
-from stlbench.contract import origin
-from stlbench.contract.actions import ActionBox, ActionGrid, Actions
-from stlbench.contract.agent import Agent, Cost, Training
+from stlbench.contract.agent import Agent, Cost, End, Model, Policy, StatePolicy, Training
 from stlbench.contract.arrays import Array, Arrays, Integers, Truth
-from stlbench.contract.environment import CounterfactualEnvironment, Environment, Event, Transition
-from stlbench.contract.environment_tasks import GymTask, WorldTask
+from stlbench.contract.environment import (
+    ActionBox,
+    ActionGrid,
+    Actions,
+    CounterfactualEnvironment,
+    Environment,
+    Event,
+    Transition,
+)
 from stlbench.contract.executor import Executor, Outcome, Work
 from stlbench.contract.log import LoggedCell, LoggedCheckpoint, RunLog
 from stlbench.contract.method import RewardMethod
-from stlbench.contract.model import End, Model
-from stlbench.contract.policy import Policy, StatePolicy
-from stlbench.contract.refusals import Intractable, Unsuitable
-from stlbench.contract.specification import Specification
-from stlbench.contract.system import System
-from stlbench.contract.world import World
-from stlbench.errors import cause
+from stlbench.contract.specification import Intractable, Specification, Unsuitable
+from stlbench.contract.system import GymTask, System, World, WorldTask
+from stlbench.errors import cause, foreign
 
 __all__ = [
     "ActionBox",
@@ -76,5 +117,5 @@ __all__ = [
     "cause",
 ]
 
-if _problem := origin.foreign():
+if _problem := foreign():
     raise ImportError(_problem)

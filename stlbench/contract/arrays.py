@@ -1,4 +1,4 @@
-"""Arrays, as everything of the contract has them. Import them from `stlbench.contract`."""
+"""Types of arrays. Import them from `stlbench.contract`."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Arrays = Mapping[str, NDArray[Any]]
 
 
 def are_numbers(values: Any) -> bool:
-    """Whether values are real numbers, none of them masked. NumPy makes floats of texts, times and complex numbers."""
+    """Whether values are real numbers, none of them masked. NumPy would make floats of texts and times."""
     if type(values) is np.ndarray:
         return values.dtype.kind in "biuf"
     return not isinstance(values, np.ma.MaskedArray) and np.asarray(values).dtype.kind in "biuf"
 
 
 def kind_of(values: Any) -> str:
-    """What values are, for a message: "complex128", "a masked array"."""
+    """The type of values for a message: "complex128", "a masked array"."""
     return "a masked array" if isinstance(values, np.ma.MaskedArray) else str(np.asarray(values).dtype)

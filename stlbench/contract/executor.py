@@ -1,4 +1,4 @@
-"""What runs cells: the contract of executors, which import it from `stlbench.contract`."""
+"""Executors: they run cells. Import them from `stlbench.contract`."""
 
 from __future__ import annotations
 
@@ -15,22 +15,20 @@ def _nothing() -> None:
 
 @dataclass(frozen=True)
 class Work:
-    """A function for an executor, and what an executor may do for it. It is called as the function itself is."""
+    """A function of one item, with additions that an executor may use. Call it like the function itself."""
 
     function: Callable[[Any], Any]
-    """Importable, of one item."""
+    """Importable."""
     prepare: Callable[[], None] = _nothing
-    """Importable. It imports and loads what the function needs for many items, and changes nothing else: an executor
-    may call it once in a process from which those of items are forked. What it raises, the function raises again."""
+    """Importable. It loads what the function needs, and changes nothing else. An executor that forks may call it once
+    before. What it raises, the function raises again."""
     log: Callable[[Any], Path] | None = None
-    """Where what an item writes to standard output and error may be kept; the folder need not be there."""
-
+    """Where the standard output and error of an item may be stored; the folder need not exist."""
     facts: Callable[[], Mapping[str, str]] | None = None
-    """Importable. It says where it is called: an executor that runs items on other machines calls it there, and gives
-    what it says in `Outcome.facts`."""
+    """Importable. An executor that uses other machines calls it there, and puts its result in `Outcome.facts`."""
 
     def __call__(self, item: Any) -> Any:
-        """What the function returns."""
+        """Call the function."""
         return self.function(item)
 
 
@@ -42,24 +40,22 @@ class Outcome:
     """Which of the items."""
     status: Literal["done", "raised", "timeout", "killed"]
     value: Any = None
-    """What the function returned, where status is `done`."""
+    """The function's result, where status is `done`."""
     reason: str = ""
     """One line for a person: "ValueError: ..." or "no result after 60 s" or "killed by signal 9"."""
     details: str = field(default="", repr=False)
     """The traceback, where there is one."""
     facts: Mapping[str, str] | None = field(default=None, repr=False)
-    """What `Work.facts` says where the item ran; empty where that is not known. None means that it ran on the machine
-    of the caller."""
+    """The result of `Work.facts` where the item ran, or empty. None means: on the machine of the caller."""
 
 
 class Executor(ABC):
     """Runs a function on many items, each isolated: one that raises, hangs or dies leaves the others alone.
 
-    The constructor, and `run`, raise `stlbench.contract.Unsuitable` where nothing can be run, as without a library or
-    without a cluster that answers; its text is what the user is told.
+    The constructor and `run` raise `Unsuitable` where nothing can be run, as without a library or a cluster.
 
     Args:
-        jobs: items at a time. The harness leaves it out where the user does not say, so that the default counts.
+        jobs: items at a time. The harness leaves it out where the user does not set it.
 
     Attributes:
         jobs: the same; 0 where it is only known while items run.

@@ -1,4 +1,4 @@
-"""What is told how a run goes on: the contract of logs, which import it from `stlbench.contract`."""
+"""Logs: they follow a run. Import them from `stlbench.contract`."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class LoggedCheckpoint:
-    """A checkpoint of one cell, scored on starts that are kept for selection."""
+    """A checkpoint of one cell, scored on the starts for selection."""
 
     cell: str
-    """Its name, task/method/agent/seed, and the track where that is not `shared`."""
+    """Its name, task/method/agent/seed, and the track unless that is `shared`."""
     steps: int
     """Environment steps of the training so far."""
     satisfaction: float
@@ -33,34 +33,31 @@ class LoggedCell:
     reason: str = ""
     """One line, where the status is not `done`."""
     numbers: Mapping[str, float] = field(default_factory=dict)
-    """Of a cell that is `done`, the referee's: `satisfaction` and `robustness` of the selected policy over the reported
-    starts, `final_satisfaction` and `final_robustness` of the last one, `cpu_seconds`, `wall_seconds`, `env_steps`."""
+    """Of a cell that is `done`: `satisfaction` and `robustness` of the selected policy on the report starts,
+    `final_satisfaction` and `final_robustness` of the last one, `cpu_seconds`, `wall_seconds`, `env_steps`."""
     curve: tuple[LoggedCheckpoint, ...] = ()
     """All checkpoints, scored by the referee on more starts than while the cell ran."""
 
 
 class RunLog(ABC):
-    """Is told how a run goes on, for a tool that shows it, such as TensorBoard.
+    """Follows a run for a tool that shows it, such as TensorBoard.
 
-    One instance is made for each run, in the process of `stlbench run`. Its functions are called one at a time, in a
-    thread of its own: `begin` first, `end` last. What it raises, and what takes too long, turns it off, with a line
-    that says so; the run goes on. Nothing that it does may change a result.
-
-    The constructor raises `stlbench.contract.Unsuitable` where it cannot work, as without a library; its text is what
-    the user is told, before anything runs.
+    Each run has one instance, in the process of `stlbench run`. Its functions are called one at a time, in a thread of
+    its own: `begin` first, `end` last. If one raises or takes too long, the log is turned off, and the run goes on.
+    Nothing that it does may change a result. The constructor raises `Unsuitable` where it cannot work, as without a
+    library.
     """
 
     def begin(self, folder: Path, cells: tuple[str, ...]) -> None:  # noqa: B027
         """A run begins.
 
         Args:
-            folder: of results, where files may be put in a folder of one's own. It may have some of an earlier run,
-                which this one continues.
-            cells: the names of those that are going to run.
+            folder: of results. The log may write to a folder of its own there, which may have files of an earlier run.
+            cells: the names of the cells that are going to run.
         """
 
     def checkpoint(self, checkpoint: LoggedCheckpoint) -> None:  # noqa: B027
-        """A cell that runs has come to a checkpoint, scored on a few starts. Of quick cells some are left out."""
+        """A running cell has reached a checkpoint, scored on a few starts. Quick cells leave some out."""
 
     @abstractmethod
     def ended(self, cell: LoggedCell) -> None:

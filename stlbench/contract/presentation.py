@@ -1,7 +1,4 @@
-"""What a plugin may show beside its work, in tables, figures and films. All of it is optional.
-
-A reward method or a system that has one of these methods is shown by it; no base class is needed.
-"""
+"""Additions for plugins with something to show in tables, figures and films. They need no base class."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ Pixels = NDArray[np.uint8]
 
 @runtime_checkable
 class Described(Protocol):
-    """A reward method that says what it makes of a task."""
+    """A reward method that says how it reads a task."""
 
     def describe(self) -> Mapping[str, Any]:
         """For `stlbench show task`: short names to numbers, texts or lists."""
@@ -30,7 +27,7 @@ class Described(Protocol):
 
 @dataclass(frozen=True)
 class Band:
-    """Between which bounds a method wants the margin of a term in the course of time."""
+    """Bounds of a method on the margin of a term, over time."""
 
     term: Term
     """One of `Specification.terms`."""
@@ -44,7 +41,7 @@ class Band:
 
 @runtime_checkable
 class Banded(Protocol):
-    """A reward method that bounds the robustness of terms, which figures draw."""
+    """A reward method with bounds on the robustness of terms. Figures draw them."""
 
     def band(self) -> Sequence[Band]:
         """At most one band per term."""
@@ -57,5 +54,5 @@ class Drawn(Protocol):
     def frame(self, state: Array) -> Pixels:
         """A picture of one state (n,): (height, width, 3), always of one size.
 
-        Raises `RuntimeError`, in one line, where this machine lacks what it takes to draw.
+        Raises `RuntimeError`, in one line, where this machine cannot draw.
         """

@@ -1,4 +1,4 @@
-"""What a reward method knows about a task. Import it from `stlbench.contract`."""
+"""What a reward method knows about a task, and how a plugin refuses one. Import them from `stlbench.contract`."""
 
 from __future__ import annotations
 
@@ -8,20 +8,24 @@ from functools import cached_property
 
 from stlbench import stl
 from stlbench.contract.arrays import Array, Truth
-from stlbench.contract.refusals import Unsuitable
+
+
+class Intractable(Exception):
+    """A method would make training too dear; the message says what it would take. Ends a cell as `intractable`."""
+
+
+class Unsuitable(ValueError):
+    """A plugin cannot be applied to this task, or on this machine; the message names the rule that is broken."""
 
 
 @dataclass(frozen=True)
 class Specification:
-    """What a reward method knows about a task: the formula, and the signals it is read from.
-
-    Intervals of the formulas are in steps. A method sees no system, no agent and no budget.
-    """
+    """The formula of a task and its signals. Intervals are in steps. A method sees no system, agent or budget."""
 
     formula: stl.Formula
-    """The task. Its robustness at t = 0 is what the referee measures."""
+    """The task. The referee measures its robustness at t = 0."""
     signals: tuple[str, ...]
-    """Names of the k signals, in the order of the columns that `RewardMethod.step` is given."""
+    """Names of the k signals, in the order of the columns of samples."""
     low: tuple[float, ...]
     """Lower end of each signal's range; with `high` the box S of the paper's rho_max = max over S."""
     high: tuple[float, ...]
@@ -63,5 +67,5 @@ class Specification:
 
     @cached_property
     def _ranges(self) -> dict[stl.Formula, tuple[float, float]]:
-        """Those that were asked for, since every method asks for those of all terms."""
+        """A cache, as every method asks for the ranges of all terms."""
         return {}

@@ -15,11 +15,10 @@ from types import ModuleType
 from typing import Any
 
 from stlbench import contract
-from stlbench.contract import origin
-from stlbench.contract.exits import exits_raise
-from stlbench.errors import UsageError, cause, did_you_mean, one_line
+from stlbench.errors import DISTRIBUTION, UsageError, cause, did_you_mean, one_line
 from stlbench.registry import choices
 from stlbench.registry.choices import Choice
+from stlbench.registry.exits import exits_raise
 
 _CONTRACTS: Mapping[str, tuple[type, ...]] = {
     "methods": (contract.RewardMethod,),
@@ -32,7 +31,7 @@ _CONTRACTS: Mapping[str, tuple[type, ...]] = {
 KINDS = tuple(_CONTRACTS)
 """The kinds of plugin; the entry-point group of a kind is "stlbench.<kind>"."""
 
-OWN = origin.DISTRIBUTION
+OWN = DISTRIBUTION
 """The distribution whose names nobody can take over."""
 
 

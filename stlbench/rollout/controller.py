@@ -54,11 +54,9 @@ def score(task: Task) -> Score | None:
 class Unpaid(RewardMethod):
     """No reward and no memory: a controller needs neither."""
 
-    def step(
-        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
-    ) -> tuple[Array, Array]:
-        """Nothing is paid: zeros (N,)."""
-        return np.zeros(len(t)), memory
+    def arrival(self, signals: Array, t: Integers) -> Array:
+        """Zeros (...)."""
+        return np.zeros(np.shape(t))
 
 
 def _checked(task: Task, answer: Any, t: Integers) -> Array:

@@ -25,7 +25,7 @@ def check_counterfactual(
     other = rules.function("counterfactual", method.counterfactual, (signals, at, memory, chance), memory.shape)
     inputs = method.inputs(other)
     rules.keep(bool(np.all(np.abs(inputs) <= 2)), "inputs of a counterfactual memory are about in [-1, 1]", inputs)
-    reward, after = method.step(signals, np.zeros((rows, 1)), next_signals, at, other)
+    reward, after = method.along(np.stack([signals, next_signals]), np.zeros((rows, 1)), at, other)
     finite = bool(np.isfinite(reward).all() and np.isfinite(after).all())
     rules.keep(finite, "a step from a counterfactual memory is finite", reward)
     within = bool(np.all(reward >= method.floor - 1e-9) and np.all(np.abs(reward) <= 1.5 * method.scale))

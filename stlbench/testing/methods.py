@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Array, Intractable, RewardMethod, Specification, Unsuitable
+from stlbench.contract import Array, Integers, Intractable, RewardMethod, Specification, Unsuitable
 from stlbench.contract.arrays import are_numbers, kind_of
 from stlbench.contract.presentation import Described
 from stlbench.registry import plugins
@@ -29,7 +30,7 @@ _SPECIFICATIONS = tuple(
 def check_method(method: type[RewardMethod] | str, task: str | None = None, rules: Rules | None = None) -> None:
     """Check a reward method on random traces from the box of the signals.
 
-    The rules: `initial_memory`, `step` and `inputs` give finite values of the contract's shapes, are pure and leave
+    The rules: `initial_memory`, `along` and `inputs` give finite values of the contract's shapes, are pure and leave
     their arguments alone; a batch is its rows one by one, also where rows are at different times; inputs are about in
     [-1, 1], rewards at most about `scale` in size and none below `floor`; `describe` gives what JSON can hold.
 
@@ -73,12 +74,13 @@ def _check_episode(method: RewardMethod, rules: Rules) -> None:
     first = (traces[:, 0], np.zeros(_ROWS, dtype=np.int64))
     memories, rewards = [rules.function("initial_memory", method.initial_memory, first, (_ROWS, m))], list[Array]()
     for t in range(steps):
-        arguments = (traces[:, t], action, traces[:, t + 1], np.full(_ROWS, t), memories[-1])
-        reward, memory = method.step(*arguments)
-        rules.keep(*_step_shapes(reward, memory, m))
-        rules.keep(are_numbers(reward), "rewards are an array of real numbers", kind_of(reward))
+        arguments = (traces[:, t], traces[:, t + 1], action, np.full(_ROWS, t), memories[-1])
+        paid, memory = method.along(traces[:, [t, t + 1]].swapaxes(0, 1), action, *arguments[3:])
+        rules.keep(*_shapes(paid, memory, m))
+        rules.keep(are_numbers(paid), "rewards are an array of real numbers", kind_of(paid))
+        reward = paid[0]
         if t % max(1, steps // 12) == 0 or t == steps - 1:
-            rules.function("step", lambda *values: np.column_stack(method.step(*values)), arguments, (_ROWS, 1 + m))
+            rules.function("along", partial(_one_step, method), arguments, (_ROWS, 1 + m))
             inputs = rules.function("inputs", method.inputs, (memory,), (_ROWS, method.input_size))
             rules.keep(bool(np.all(np.abs(inputs) <= 2)), "inputs are about in [-1, 1]", inputs)
             if method.counterfactuals:
@@ -93,12 +95,16 @@ def _check_episode(method: RewardMethod, rules: Rules) -> None:
     rule = f"{type(method).__name__}: no reward in the box of the signals is below its floor = {floor:g}"
     rules.keep(least >= floor - 1e-9, rule, least)
     row, at = np.arange(_ROWS), np.linspace(0, steps - 1, _ROWS).astype(np.int64)
-    mixed, _ = method.step(traces[row, at], action, traces[row, at + 1], at, np.stack(memories)[at, row])
-    rules.keep(np.allclose(mixed, np.stack(rewards)[at, row]), "rows may be at different times", mixed)
+    mixed, _ = method.along(traces[row, [at, at + 1]], action, at, np.stack(memories)[at, row])
+    rules.keep(np.allclose(mixed[0], np.stack(rewards)[at, row]), "rows may be at different times", mixed[0])
     held = np.arange(4)[:, None] + np.minimum(at, steps - 3)
     along, memory = method.along(traces[row, held], action, held[0], np.stack(memories)[held[0], row])
     same = np.allclose(along, np.stack(rewards)[held[:3], row])
-    rules.keep(same and np.allclose(memory, np.stack(memories)[held[3], row]), "along is step after step", along)
+    rules.keep(
+        same and np.allclose(memory, np.stack(memories)[held[3], row]),
+        "along is step after step",
+        along,
+    )
 
 
 def _initialised(method: RewardMethod) -> tuple[bool, str, object]:
@@ -106,14 +112,20 @@ def _initialised(method: RewardMethod) -> tuple[bool, str, object]:
     return problem is None, "the constructor calls super().__init__(specification)", problem
 
 
-def _step_shapes(reward: Array, memory: Array, m: int) -> tuple[bool, str, object]:
-    shapes, expected = (np.shape(reward), np.shape(memory)), ((_ROWS,), (_ROWS, m))
-    rule = f"step gives {_shapes(expected)}, for {_ROWS} copies"
-    return shapes == expected, rule, _shapes(shapes)
+def _one_step(
+    method: RewardMethod, signals: Array, next_signals: Array, action: Array, t: Integers, memory: Array
+) -> Array:
+    """The reward and the memory of each copy in a row, (N, 1 + m)."""
+    samples = np.stack([signals, next_signals])
+    rewards, after = method.along(samples, action, t, memory)
+    signals[:], next_signals[:] = samples  # shows a change in place
+    return np.column_stack([rewards[0], after])
 
 
-def _shapes(shapes: tuple[tuple[int, ...], tuple[int, ...]]) -> str:
-    return f"reward {shapes[0]} and memory {shapes[1]}"
+def _shapes(rewards: Array, memory: Array, m: int) -> tuple[bool, str, object]:
+    shapes, expected = (np.shape(rewards), np.shape(memory)), ((1, _ROWS), (_ROWS, m))
+    rule, got = (f"rewards {each[0]} and memory {each[1]}" for each in (expected, shapes))
+    return shapes == expected, f"along gives {rule}, for a step of {_ROWS} copies", got
 
 
 def _described(method: RewardMethod) -> tuple[bool, str, object]:

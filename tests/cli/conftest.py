@@ -67,8 +67,8 @@ class Raw(RewardMethod):
     def __init__(self, specification, *, weight: float = 1.0):
         super().__init__(specification)
         self.weight = weight
-    def step(self, signals, action, next_signals, t, memory):
-        return self.weight * (1 - next_signals[:, 0]), memory
+    def along(self, samples, action, t, memory):
+        return self.weight * (1 - samples[1:, :, 0]), memory
     def describe(self): return {"weight": self.weight}
 
 class Large(Raw):
@@ -78,7 +78,7 @@ class Large(Raw):
 
 class Wrong(Raw):
     """Raises."""
-    def step(self, signals, action, next_signals, t, memory):
+    def along(self, samples, action, t, memory):
         raise ValueError("no [such] luck")
 '''
 

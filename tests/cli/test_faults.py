@@ -30,17 +30,17 @@ class Mute(Exception):
 
 class Mutes(Raw):
     """Raises what has no text."""
-    def step(self, *arguments): raise Mute
+    def along(self, *arguments): raise Mute
 
 
 class Bytes(Raw):
     """Looks for a file whose name is no UTF-8."""
-    def step(self, *arguments): Path(os.fsdecode(b"caf\\xe9")).read_text()
+    def along(self, *arguments): Path(os.fsdecode(b"caf\\xe9")).read_text()
 
 
 class Escapes(Raw):
     """Raises escape codes, in the traceback too."""
-    def step(self, *arguments): raise ValueError("\\x1b[2Jgone\\x07\\x00" + 1000 * "x" + "\\r\\nnext")
+    def along(self, *arguments): raise ValueError("\\x1b[2Jgone\\x07\\x00" + 1000 * "x" + "\\r\\nnext")
 
 
 class Refuses(Raw):
@@ -61,7 +61,7 @@ class Extended(Raw):
 class Eats(Raw):
     """Keeps more and more."""
     kept = []
-    def step(self, *arguments):
+    def along(self, *arguments):
         while len(self.kept) < 20:
             self.kept.append(bytearray(b"x") * 2**26)
         time.sleep(60)
@@ -82,7 +82,7 @@ np.seterr(all="raise")
 
 class Leaks(Raw):
     """Changes all that it can reach, and is gone."""
-    def step(self, *arguments):
+    def along(self, *arguments):
         from stlbench.rollout import referee
         os.chdir("/")
         os.umask(0o777)
@@ -304,19 +304,19 @@ from toy_plugins.methods import Raw
 
 class Deletes(Raw):
     \"\"\"Takes the results of others away.\"\"\"
-    def step(self, *arguments):
+    def along(self, *arguments):
         with sqlite3.connect(os.environ["ZZ_LEDGER"], timeout=30) as database:
             database.execute("DELETE FROM cells")
-        return super().step(*arguments)
+        return super().along(*arguments)
 
 class Forks(Raw):
     \"\"\"A child of it leaves by an exception, and comes back to where the cell was called.\"\"\"
-    def step(self, *arguments):
+    def along(self, *arguments):
         child = os.fork()
         if child == 0:
             raise SystemExit(0)
         os.waitpid(child, 0)
-        return super().step(*arguments)
+        return super().along(*arguments)
 """
 
 

@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 import stlbench
-from stlbench.contract import origin
+from stlbench.errors import foreign
 
 OTHER = '"""STL files for resin printers."""\n__version__ = "1.3.4"\n'
 
@@ -29,14 +29,14 @@ def mixed(tmp_path: Path) -> Path:
 
 
 def test_this_package_is_ours() -> None:
-    assert origin.foreign() is None
+    assert foreign() is None
     assert stlbench.DISTRIBUTION == "stlbench-rl"
 
 
 def test_the_message_says_where_the_other_lies_and_how_to_mend_it() -> None:
     other = ModuleType("stlbench")
     other.__file__ = "/somewhere/stlbench/__init__.py"
-    assert origin.foreign(other) == (
+    assert foreign(other) == (
         "the package stlbench in /somewhere/stlbench is not that of stlbench-rl: the distribution 'stlbench' is "
         "another project; pip uninstall stlbench, then pip install --force-reinstall --no-deps stlbench-rl"
     )
@@ -46,7 +46,7 @@ def test_what_is_left_when_the_other_is_uninstalled() -> None:
     """Its `__init__` is gone, and ours with it: Python makes a namespace of the folder."""
     left = ModuleType("stlbench")
     left.__file__, left.__path__ = None, ["/somewhere/stlbench"]
-    assert "the package stlbench in /somewhere/stlbench is not that of stlbench-rl" in str(origin.foreign(left))
+    assert "the package stlbench in /somewhere/stlbench is not that of stlbench-rl" in str(foreign(left))
 
 
 def test_the_command_says_so_in_one_line(mixed: Path) -> None:

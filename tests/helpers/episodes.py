@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
+from helpers.stepwise import one_step
 from stlbench import stl
 from stlbench.contract import Array, RewardMethod, Specification
 
@@ -45,8 +46,8 @@ def run(method: RewardMethod, traces: ArrayLike) -> tuple[Array, Array]:
         [method.initial_memory(traces[:, 0], np.zeros(rows, dtype=np.int64))],
     )
     for t in range(samples - 1):
-        reward, memory = method.step(
-            traces[:, t], np.zeros((rows, 1)), traces[:, t + 1], np.full(rows, t), memories[-1]
+        reward, memory = one_step(
+            method, traces[:, t], np.zeros((rows, 1)), traces[:, t + 1], np.full(rows, t), memories[-1]
         )
         rewards[:, t + 1] = reward
         memories.append(memory)

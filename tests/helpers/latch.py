@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from stlbench.contract import Array, Integers, RewardMethod, Truth
+from helpers.stepwise import Stepwise
+from stlbench.contract import Array, Integers, Truth
 
 
-class Latch(RewardMethod):
+class Latch(Stepwise):
     """1 at the first sample with x >= 1, and all is over; before that, a tenth of x. The other memory is 0 or 1."""
 
     memory_size = 1

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from helpers.stepwise import Stepwise, one_step
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array, End, Integers, Model, RewardMethod, Specification, StatePolicy, System
 from stlbench_agents.planning.axes import Axis
@@ -50,7 +51,7 @@ class Paid(RewardMethod):
         return np.broadcast_to(self.pay(signals, t), signals.shape[:-1])
 
 
-class Stepped(RewardMethod):
+class Stepped(Stepwise):
     """Pays for transitions: a function of s_t, the action, s_{t+1} and t."""
 
     def __init__(self, specification: Specification, pay: Callable[[Array, Array, Array, Integers], Array]) -> None:
@@ -126,7 +127,7 @@ def returns(model: Model, plans: Plans, gamma: float, beyond: Callable[[Array], 
         rewards = np.zeros(count)
         for t in range(d * hold, (d + 1) * hold):
             now = np.full(count, t)
-            paid, memory = method.step(plans.samples[t], vectors, plans.samples[t + 1], now, memory)
+            paid, memory = one_step(method, plans.samples[t], vectors, plans.samples[t + 1], now, memory)
             rewards += paid / hold
         ended = np.zeros(count, dtype=bool)
         for end in model.ends:

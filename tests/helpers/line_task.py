@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from stlbench.contract import Array, Integers, Policy, RewardMethod, System
+from helpers.stepwise import Stepwise
+from stlbench.contract import Array, Integers, Policy, System
 from stlbench.registry.choices import Choice
 from stlbench.task.reading import read_task_file
 from stlbench.task.task import Task
@@ -78,7 +79,7 @@ def steered(control: Callable[[Array, Integers], Any], **changes: Any) -> Task:
     return replace(task, dynamics=Steered(task.system.dt))
 
 
-class Probe(RewardMethod):
+class Probe(Stepwise):
     """Reward 100 t + 10 x_{t+1} + x_t: which transition it was, and where it led. With or without a memory."""
 
     scale = 1.0

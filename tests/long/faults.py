@@ -108,7 +108,7 @@ def change_all():
 
 class Innocent(RewardMethod):
     """One minus x."""
-    def step(self, *arguments): return 1 - arguments[2][:, 0], arguments[4]
+    def along(self, *arguments): return 1 - arguments[0][1:, :, 0], arguments[3]
     def describe(self): return {}
 '''
 
@@ -117,11 +117,11 @@ _CLASS = '''
 class {name}(Innocent):
     """{kind}"""
     ended = False
-    def step(self, *arguments):
+    def along(self, *arguments):
         if not self.ended:
             {name}.ended = True
             {body}
-        return super().step(*arguments)
+        return super().along(*arguments)
 '''
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from helpers.episodes import specification
+from helpers.stepwise import one_step
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
@@ -78,7 +79,7 @@ def step_after_step(
     """What `along` must say."""
     rewards = list[Array]()
     for i in range(len(samples) - 1):
-        reward, memory = method.step(samples[i], action, samples[i + 1], t + i, memory)
+        reward, memory = one_step(method, samples[i], action, samples[i + 1], t + i, memory)
         rewards.append(reward)
     return np.array(rewards), memory
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.episodes import specification
+from helpers.stepwise import one_step
 
 from stlbench.contract.presentation import Banded
 from stlbench_methods.flag import Flag
@@ -46,7 +47,7 @@ def test_a_reward_is_positive_exactly_inside_the_linear_funnel() -> None:
     for t in range(1, len(band.lower)):
         for x, inside in ((band.lower[t] + 0.5 + 0.01, True), (band.lower[t] + 0.5 - 0.01, False)):
             arrived = np.array([[x]])
-            reward, _ = method.step(arrived, np.zeros((1, 1)), arrived, np.array([t - 1]), np.zeros((1, 0)))
+            reward, _ = one_step(method, arrived, np.zeros((1, 1)), arrived, np.array([t - 1]), np.zeros((1, 0)))
             assert (reward[0] > 0) == inside
 
 

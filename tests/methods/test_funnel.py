@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 import pytest
 from helpers.episodes import run, specification
+from helpers.stepwise import one_step
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -26,7 +27,9 @@ BOX = {"x": (-2.0, 2.0)}
 
 def paid(method: Funnel, x: float, t: int) -> float:
     """r'(x, t): the reward of arriving at x at step t."""
-    reward, _ = method.step(np.array([[0.0]]), np.zeros((1, 1)), np.array([[x]]), np.array([t - 1]), np.zeros((1, 0)))
+    reward, _ = one_step(
+        method, np.array([[0.0]]), np.zeros((1, 1)), np.array([[x]]), np.array([t - 1]), np.zeros((1, 0))
+    )
     return float(reward[0])
 
 
@@ -100,8 +103,8 @@ class TestSequence:
     def test_without_overlap_it_is_raw_plus_a_function_of_time(self, x: float, y: float, t: int) -> None:
         raw = Raw(self.method.specification)
         signals, when = np.array([[x], [y]]), np.array([t - 1, t - 1])
-        ours, _ = self.method.step(signals, np.zeros((2, 1)), signals, when, np.zeros((2, 0)))
-        theirs, _ = raw.step(signals, np.zeros((2, 1)), signals, when, np.zeros((2, 0)))
+        ours, _ = one_step(self.method, signals, np.zeros((2, 1)), signals, when, np.zeros((2, 0)))
+        theirs, _ = one_step(raw, signals, np.zeros((2, 1)), signals, when, np.zeros((2, 0)))
         difference = ours - theirs
         assert difference[0] == pytest.approx(difference[1], abs=1e-12)
 

@@ -23,8 +23,8 @@ class {name}(RewardMethod):
     """
     def __init__(self, specification, *, ginf: float = 0.01, variant: Literal["paper", "code"] = "paper"):
         self.specification, self.ginf, self.variant = specification, ginf, variant
-    def step(self, signals, action, next_signals, t, memory):
-        return 1 + 0 * next_signals[:, 0], memory
+    def arrival(self, signals, t):
+        return 1 + 0 * signals[..., 0]
 '''
 
 
@@ -77,11 +77,11 @@ BROKEN = {
     "other": ("class One: pass", "it must be a subclass of stlbench.contract.RewardMethod"),
     "neither": (
         "from stlbench.contract import RewardMethod\nclass One(RewardMethod): pass",
-        "must have one of arrival, step and along, and has none of them",
+        "must have one of arrival and along, and has neither",
     ),
     "both": (
-        "from stlbench.contract import RewardMethod\nclass One(RewardMethod):\n    step = along = None",
-        "One must have one of arrival, step and along, and has step and along",
+        "from stlbench.contract import RewardMethod\nclass One(RewardMethod):\n    arrival = along = None",
+        "One must have one of arrival and along, and has both",
     ),
 }
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from helpers.latch import Latch
 from helpers.line_task import Line, Probe, line
+from helpers.stepwise import Stepwise
 
 from stlbench.contract import Array, Integers, RewardMethod
 from stlbench.registry.choices import Choice
@@ -211,7 +212,7 @@ def test_a_scale_that_nothing_can_be_divided_by(scale: float, monkeypatch: pytes
 def test_rewards_that_are_no_real_numbers_are_refused(odd: Any, kind: str, hold: int, size: int) -> None:
     """NumPy would make floats of all these, and leave out what makes them something else."""
 
-    class Odd(RewardMethod):
+    class Odd(Stepwise):
         """Pays in another type, for all transitions that it is asked about."""
 
         memory_size = size
@@ -232,7 +233,7 @@ def test_rewards_that_are_no_real_numbers_are_refused(odd: Any, kind: str, hold:
 def test_the_number_of_rewards_of_one_step(hold: int, size: int, shape: tuple[int, ...]) -> None:
     """One for all copies is not stretched to as many as there are."""
 
-    class Odd(RewardMethod):
+    class Odd(Stepwise):
         """Rewards of another shape."""
 
         memory_size = size

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.episodes import specification
+from helpers.stepwise import Stepwise
 
 from stlbench.contract import Array, Integers, RewardMethod
 from stlbench.task import build_method, fitting_methods, load_task
@@ -27,7 +28,7 @@ class Paid(RewardMethod):
         return paid + self.rate * t + self.constant
 
 
-class Stepped(RewardMethod):
+class Stepped(Stepwise):
     """x, by transitions."""
 
     def step(self, signals: Array, action: Any, next_signals: Array, t: Any, memory: Array) -> tuple[Array, Array]:

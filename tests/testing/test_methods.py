@@ -70,7 +70,7 @@ def broken(**methods: Any) -> type[RewardMethod]:
 
 
 def changed(function: Callable[..., Any]) -> type[RewardMethod]:
-    """`Sound` with `function` of self, what `step` returned and what it was given, in place of `step`."""
+    """`Sound` with another step: a function of self, of the result of `Sound.step`, and of its arguments."""
 
     def step(self: Any, *given: Any) -> Any:
         return function(self, *Sound.step(self, *given), *given)
@@ -105,11 +105,11 @@ def in_place(self: Any, reward: Any, memory: Any, *given: Any) -> Any:
         (broken(inputs=lambda self, m: m), r"inputs are about in \[-1, 1\]"),
         (
             changed(lambda self, r, m, *given: (r[:, None], m)),
-            r"step gives reward \(6,\) and memory \(6, 2\), for 6 copies; got reward \(6, 1\) and memory \(6, 2\)",
+            r"along gives rewards \(1, 6\) and memory \(6, 2\), for a step of 6 copies; got rewards \(1, 6, 1\)",
         ),
         (
             changed(lambda self, r, m, *given: (r, np.hstack([m, m[:, :1]]))),
-            r"step gives reward \(6,\) and memory \(6, 2\), for 6 copies; got reward \(6,\) and memory \(6, 3\)",
+            r"along gives rewards \(1, 6\) and memory \(6, 2\), .*; got rewards \(1, 6\) and memory \(6, 3\)",
         ),
         (
             changed(lambda self, r, m, *given: (r + 0j, m)),
@@ -119,10 +119,10 @@ def in_place(self: Any, reward: Any, memory: Any, *given: Any) -> Any:
             broken(__init__=lambda self, specification: None),
             r"the constructor calls super\(\).__init__\(specification\); got the constructor of Broken does not call",
         ),
-        (changed(lambda self, r, m, *given: (r / 0, m)), "step is finite"),
-        (changed(impure_step), "step is pure"),
-        (changed(in_place), "step leaves its arguments alone"),
-        (changed(lambda self, r, m, *given: (r - r.mean(), m)), "step of a batch is that of its rows"),
+        (changed(lambda self, r, m, *given: (r / 0, m)), "along is finite"),
+        (changed(impure_step), "along is pure"),
+        (changed(in_place), "along leaves its arguments alone"),
+        (changed(lambda self, r, m, *given: (r - r.mean(), m)), "along of a batch is that of its rows"),
         (changed(lambda self, r, m, *given: (r * 0 + given[3][0] ** 2, m)), "rows may be at different times"),
     ],
 )

@@ -27,12 +27,10 @@ TRACES = np.array([[1, 0, 1, -1], [0, 0, 1, -1], [1, -1, 2, -1]], dtype=float)
 def test_each_term_is_paid_when_it_is_due(pay: str, expected: list[list[float]]) -> None:
     """Rewards of three traces at once, one column a transition."""
     method = Verdict(specification("F[0,1] x >= 1 & G[1,2] x >= 0"), pay=pay)
-    memory, rewards = method.initial_memory(TRACES[:, :1], np.zeros(3, dtype=np.int64)), []
-    for t in range(3):
-        before, after = TRACES[:, t : t + 1], TRACES[:, t + 1 : t + 2]
-        reward, memory = method.step(before, np.zeros((3, 1)), after, np.full(3, t), memory)
-        rewards.append(reward)
-    assert np.array_equal(np.stack(rewards, axis=1), expected)
+    start = np.zeros(3, dtype=np.int64)
+    memory = method.initial_memory(TRACES[:, :1], start)
+    rewards, _ = method.along(TRACES.T[..., None], np.zeros((3, 1)), start, memory)
+    assert np.array_equal(rewards.T, expected)
 
 
 def test_a_flag_is_not_enough_for_eventually_always() -> None:

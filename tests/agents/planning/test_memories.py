@@ -5,17 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers import lattice
+from helpers.stepwise import Stepwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stlbench.contract import Array, Integers, RewardMethod, Unsuitable
+from stlbench.contract import Array, Integers, Unsuitable
 from stlbench_agents.planning.memories import USUAL, Limits, Memories
 from stlbench_agents.planning.moves import ActionSet
 
 FLAGS = st.lists(st.tuples(*[st.integers(-2, 3)] * 3), min_size=1, max_size=20, unique=True)
 
 
-class Counts(RewardMethod):
+class Counts(Stepwise):
     """Counts samples up to a limit."""
 
     memory_size = 1

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from helpers import lattice
 from helpers.lattice import Paid, Stepped
+from helpers.stepwise import Stepwise
 
 from stlbench.contract import Array, End, Integers, Model, RewardMethod, Specification, Truth
 from stlbench_agents.planning import sums
@@ -87,7 +88,7 @@ class TestAgainstAllPlans:
         np.testing.assert_allclose(of_samples.shift, of_steps.shift, atol=1e-6)
 
 
-class Latched(RewardMethod):
+class Latched(Stepwise):
     """Remembers whether x was 2 and whether it was -2, and pays for coming home once each has been."""
 
     memory_size = 2
@@ -103,7 +104,7 @@ class Latched(RewardMethod):
         return after.sum(axis=1) * home + 0.3 * after[:, 1] - 0.01 * np.abs(action[:, 0]), after
 
 
-class Counting(RewardMethod):
+class Counting(Stepwise):
     """Counts the samples at 1 or more in a row, up to 3, and pays at 3. What is counted decides, not where x is."""
 
     memory_size = 1
@@ -115,7 +116,7 @@ class Counting(RewardMethod):
         return (after[:, 0] == 3) + 0.1 * (next_signals[:, 0] == -1), after
 
 
-class Deciding(RewardMethod):
+class Deciding(Stepwise):
     """Is over at 2, which pays 1, and at -1, which pays -0.4; until then, a little for where x is."""
 
     memory_size, can_end = 1, True

@@ -40,13 +40,13 @@ class Verdict(RewardMethod):
         fresh = np.tile(self._always.astype(float), (len(signals), 1))
         return self._updated(fresh, signals, t)
 
-    def step(
-        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
-    ) -> tuple[Array, Array]:
-        """What the flags that are due at t + 1 are worth, in [0, 1], and all flags after s_{t+1}."""
-        flags = self._updated(memory, next_signals, t + 1)
-        due = self._due == (t + 1)[:, None]
-        return (flags * due).mean(axis=1), flags
+    def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+        """The rewards (h, N) for the flags that are due, in [0, 1], and the flags at the last sample, (N, n)."""
+        rewards = np.empty((len(samples) - 1, len(t)))
+        for i in range(1, len(samples)):
+            memory = self._updated(memory, samples[i], t + i)
+            rewards[i - 1] = (memory * (self._due == (t + i)[:, None])).mean(axis=1)
+        return rewards, memory
 
     def inputs(self, memory: Array) -> Array:
         """The flags as -1 and 1."""
