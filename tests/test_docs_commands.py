@@ -176,10 +176,23 @@ def test_the_examples_of_task_and_agent_run_together(site: Callable[..., Path], 
         assert set(result.measurement.selected) == {"formula", "rest"}
 
 
+HELD = {
+    "title": "Keep the tip of a pole in the middle",
+    "source": "Gymnasium's CartPole-v1",
+    "formula": "G[0,100] abs(tip) <= 1",
+    "sampling_time": 0.02,
+    "steps": 100,
+    "signals": {"tip": {"low": -3, "high": 3, "unit": "m"}},
+    "parameters": {"length": 1.0},
+}
+"""A task file for the class on the page."""
+
+
 def test_the_examples_on_an_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(plugins._ADDED, "tasks", {})
     page = DOCS / "howto/environment.md"
-    steady, held, several = blocks(page, "yaml")
+    steady, several = blocks(page, "yaml")
+    held = yaml.safe_dump(HELD | {"agents": {"dqn": {}}, "budgets": yaml.safe_load(steady)["budgets"]})
     for name, files in {
         "steady-pole": {"task.yaml": steady},
         "held-pole": {

@@ -9,7 +9,7 @@ from stlbench.contract import Cost
 
 _UNIT = 40
 """Multiplications that take as long as what a unit of a layer takes beside its products, in an update: fitted to times
-of `dqn` and `td3` with 16 to 6000 inputs (docs/performance.md), whose ratios are met within 30 %."""
+of `dqn` and `td3` with 16 to 6000 inputs (docs/performance-tables.md), whose ratios are met within 30 %."""
 _STORED = 2 * 4
 """Bytes of an input in replay: in single precision, before and after the transition."""
 
