@@ -21,8 +21,8 @@ from stlbench.contract.presentation import Drawn, Pixels
 from stlbench.records.result import reported
 from stlbench.records.saved_traces import Film
 from stlbench.registry import plugins
-from stlbench.report.film import film
-from stlbench.report.film.video import FRAMES_A_SECOND
+from stlbench.report import film
+from stlbench.report.video import FRAMES_A_SECOND
 from stlbench.rollout.controller import Unpaid, nearest
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.referee import follow, score

@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("stlbench", *(f"plugins/stlbench_{kind}" for kind in ("agents", "executors", "logs", "methods")))
 EXTRAS = ("torch", "stable_baselines3", "mujoco", "dm_control", "gymnasium_robotics", "pettingzoo", "optuna")
-EXTRAS += ("Box2D", "highway_env", "onnx", "onnxruntime", "plotly", "jinja2", "dask", "distributed", "submitit")
+EXTRAS += ("Box2D", "highway_env", "onnx", "onnxruntime", "jinja2", "dask", "distributed", "submitit")
 EXTRAS += ("tensorboardX", "wandb", "shimmy", "mpe2")
 OWN = {"stlbench", "stlbench_agents", "stlbench_executors", "stlbench_logs", "stlbench_methods", "stlbench_tasks"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

@@ -58,6 +58,7 @@ def plot(
     from stlbench.report.figures import trace_figures
     from stlbench.report.figures.palette import colours_of
     from stlbench.report.figures.style import fitting
+    from stlbench.study.plugin_guard import ask, load_guarded
 
     groups = condense(stored.read(run), stored.missing(run))
     settings = [group.setting for group in groups if group.tried]
@@ -69,7 +70,8 @@ def plot(
         result for result in stored.read(run) if result.id.task in some_tasks and result.id.method in some_methods
     )
     figures = out or inside(run / "figures", run)
-    job = trace_figures.Job(run, figures, _tell, warn, colours_of(groups), _kinds(only, rewarded))
+    colours = colours_of(groups)
+    job = trace_figures.Job(run, figures, _tell, warn, colours, load_guarded, ask, _kinds(only, rewarded))
     with fitting(width):
         for path in trace_figures.draw(chosen, job):
             typer.echo(path)

@@ -49,9 +49,9 @@ def render(
       stlbench render results "robot-nav/funnel[variant=code]/dqn/0" --format mp4 --out films
     """
     from stlbench.records.outputs import inside
-    from stlbench.report.film import video
-    from stlbench.report.film.of_cell import Filming
+    from stlbench.report import video
     from stlbench.rollout.questions import Question, plugins_of
+    from stlbench.study.filming import Filming
     from stlbench.study.plugin_guard import ask_one
     from stlbench.study.policies import Start, parse_start
     from stlbench.study.results import Results

@@ -1,4 +1,4 @@
-"""`stlbench report`: the tables and figures of a folder of results, from its ledger."""
+"""`stlbench report`: tables, figures and the page of a folder of results, or of bundles."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,16 +15,23 @@ from stlbench.cli.options import Explain, Fitting, TaskFolders
 from stlbench.errors import DiskFull, UsageError
 
 if TYPE_CHECKING:
-    from stlbench.report import Group, Width
+    from stlbench.records.identity import CellId
+    from stlbench.records.result import Result
+    from stlbench.report import Group, Report, Width
     from stlbench.rollout.standards import Standard
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that `stlbench run` wrote.")],
+    paths: Annotated[
+        list[Path], typer.Argument(metavar="DIR | BUNDLE...", help="A folder that `stlbench run` wrote, or bundles.")
+    ],
     html: Annotated[bool, typer.Option("--html", help="Write report.html alone: one page with everything.")] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="With --html: the page's file.", show_default="DIR/report.html")
     ] = None,
+    rescore: Annotated[
+        bool, typer.Option("--rescore", help="Of bundles: score the stored policies again, and use these scores.")
+    ] = False,
     width: Fitting = "page",
     explain: Explain = False,
     task_folders: TaskFolders = None,
@@ -36,8 +43,12 @@ def report(
     DIR, it warns and prints the tables alone. --width column makes figures and LaTeX for one column of a paper.
     --explain prints the notes of the tables too. --json prints an object with the lists robustness, comparisons,
     aggregates, improvement, controllers, alignment, time and cells. --html writes one file in place of all that: tables
-    to sort and filter, charts, traces, and every cell, for any browser, without a network. It needs the extra `page`.
-    Prints its path; with --json an object with path and bytes.
+    to sort and filter, figures, and every cell, for any browser, without a network. It needs the extra `page`. Prints
+    its path; with --json an object with path and bytes.
+
+    Several bundles stand in the same tables, methods with the name of their bundle; a bundle that `stlbench verify`
+    finds damaged is left out. Nothing is written but a page. --rescore lets each selected policy act again. Exit code 1
+    where a bundle is damaged, or claims more than the referee finds.
 
     \b
     Examples:
@@ -46,41 +57,84 @@ def report(
       stlbench report results --width column
       stlbench report results --html --out page.html
       stlbench report results --json
+      stlbench report mine.zip theirs.zip --rescore
     """
-    if html:
-        from stlbench.cli.report_page import report_page
-
-        report_page(folder, out, as_json)
-        return
-    if out is not None:
-        raise UsageError("--out is the file of the page that --html writes; add --html")
     from stlbench.records import stored
-    from stlbench.report import condense
+    from stlbench.records.status import NOT_RUN
+    from stlbench.report import Report, condense
 
+    if html:
+        from stlbench.report.page import require
+
+        require()
+    elif out is not None:
+        raise UsageError("--out is the file of the page that --html writes; add --html")
+    if all(path.suffix == ".zip" for path in paths):
+        _report_bundles(paths, rescore, out or Path("report.html") if html else None, explain, as_json)
+        return
+    if len(paths) > 1 or rescore:
+        raise UsageError(
+            "name one folder, or bundles, which end in .zip; `stlbench results merge` puts folders together"
+        )
+    (folder,) = paths
     groups = condense(stored.read(folder), stored.missing(folder))
-    if not groups:
+    if not groups or (html and all(row.status == NOT_RUN for group in groups for row in group.rows)):
         raise UsageError(f"{stored.locate(folder)} holds no result yet")
-    if as_json:
-        known = standards_of(groups)
-        _write(groups, known, folder, width)
-        print_json(_content(groups, known))
+    found = Report(groups, standards_of(groups))
+    if html:
+        with stored.OneByOne(folder) as results:
+            _write_page(found, results, folder if folder.is_dir() else folder.parent, out, as_json)
+    elif as_json:
+        _write(found, folder, width)
+        _print_json(found)
     else:
-        show_report(groups, groups, folder, explain, width)
+        _show(found, found, folder, explain, width)
 
 
-def show_report(
-    shown: Sequence[Group], groups: Sequence[Group], folder: Path, explain: bool, width: Width = "page"
-) -> None:
+def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, explain: bool, as_json: bool) -> None:
+    """Show bundles in one report, or write their page; exit with code 1 where one is damaged or claims more."""
+    from stlbench.report import Report, condense, to_screen
+    from stlbench.share.together import bundles_table, read_bundles
+
+    bundles = read_bundles(paths, rescore, lambda cell, verdict: typer.echo(f"{cell}: {verdict}", err=True))
+    results = {result.id: result for bundle in bundles for result in bundle.results}
+    groups = condense(results.values())
+    found = Report(groups, standards_of(groups), first=(bundles_table(bundles),))
+    if page is not None:
+        _write_page(found, results, paths[0], page, as_json)
+    elif as_json:
+        _print_json(found)
+    else:
+        for table in found.summary:
+            to_screen(table, console(), explain=explain or table in found.first)
+    if not all(bundle.is_fine for bundle in bundles):
+        raise typer.Exit(1)
+
+
+def _print_json(report: Report) -> None:
+    from stlbench.report import to_records
+
+    tables = {table.title.lower(): table for table in report.first} | report.tables
+    print_json({name: to_records(table) for name, table in tables.items()})
+
+
+def show_report(shown: Sequence[Group], groups: Sequence[Group], folder: Path, explain: bool) -> None:
     """Write all files, of all groups; then print the tables of those that are to be shown, and where the files lie.
 
     The notes of the tables are printed if the user asks to `explain`; else two lines say where they are.
     """
-    from stlbench.report import split, summary, to_screen
+    from stlbench.report import Report
 
-    out, known = console(), standards_of(groups)
-    is_written = _write(groups, known, folder, width)
-    tasks = {group.setting.task.name for group in shown}
-    for table in summary(shown, {task: each for task, each in known.items() if task in tasks}, groups):
+    found = Report(groups, standards_of(groups))
+    part = found if list(shown) == list(groups) else Report(shown, found.standards, groups)
+    _show(part, found, folder, explain, "page")
+
+
+def _show(shown: Report, written: Report, folder: Path, explain: bool, width: Width) -> None:
+    from stlbench.report import to_screen
+
+    is_written, out = _write(written, folder, width), console()
+    for table in shown.summary:
         to_screen(table, out, explain=explain)
     if not explain:
         typer.echo(f"How to read the tables: stlbench report {shlex.quote(str(folder))} --explain")
@@ -88,23 +142,55 @@ def show_report(
         return
     if not explain:
         typer.echo(f"All columns, with the notes below each table: {folder}/report.md")
-    planned = ", alignment" if split(groups)[1] else ""
+    planned = ", alignment" if written.aligned else ""
     files = f"report.md, robustness, comparisons, controllers{planned} and time (.csv, .tex), cells.csv, figures/"
     typer.echo(f"Written to {folder}/: {files}")
 
 
-def _write(groups: Sequence[Group], known: Mapping[str, Standard], folder: Path, width: Width) -> bool:
+def _write(report: Report, folder: Path, width: Width) -> bool:
     """Write all files. Whether that was possible: who may only read a folder is shown the tables, with a warning."""
     from stlbench.report import write
+    from stlbench.study.plugin_guard import load_guarded
 
     try:
-        write(groups, known, folder, width)
+        write(report, folder, load_guarded, width)
     except DiskFull:
         raise
     except UsageError as error:
         warn(str(error))
         return False
     return True
+
+
+def _write_page(
+    report: Report, results: Mapping[CellId, Result], folder: Path, out: Path | None, as_json: bool
+) -> None:
+    """Write the page, with a bar on stderr where that is a terminal, and say where it is."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from stlbench.report.page import write_page
+    from stlbench.study.plugin_guard import ask, load_guarded
+
+    console = Console(stderr=True, highlight=False)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    bars = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    with bars as bar:
+        stage = bar.add_task("figures of the methods", total=None)
+        path = write_page(
+            report,
+            results,
+            folder,
+            load_guarded,
+            ask,
+            out,
+            lambda done, total: bar.update(stage, completed=done, total=total),
+        )
+    size = path.stat().st_size
+    if as_json:
+        print_json({"path": str(path), "bytes": size})
+    else:
+        typer.echo(f"{path}: {size / 1e6:.1f} MB, {len(results)} cells")
 
 
 def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:
@@ -121,24 +207,6 @@ def standards_of(groups: Sequence[Group]) -> dict[str, Standard]:
             f"not installed: {', '.join(sorted(unknown))}; what needs the task is left out. "
             "If you trust its folder, name it: --task-folder PATH"
         )
-    said = Console(stderr=True, highlight=False)
-    with said.status("controllers of the tasks") if said.is_terminal else nullcontext():
+    progress = Console(stderr=True, highlight=False)
+    with progress.status("controllers of the tasks") if progress.is_terminal else nullcontext():
         return standards((group.setting for group in groups), ask)
-
-
-def _content(groups: Sequence[Group], known: Mapping[str, Standard]) -> dict[str, Any]:
-    from stlbench import report
-
-    learned, best = report.split(groups)[0], report.best_known(groups, known)
-    found = report.fields(learned, known, best)
-    tables = {
-        "robustness": report.robustness_table(learned, best, known, report.outside(groups)),
-        "comparisons": report.comparisons_table(report.compare(learned, known, best)),
-        "aggregates": report.aggregates_table(found),
-        "improvement": report.improvement_table(found),
-        "controllers": report.controllers_table(known),
-        "alignment": report.alignment_table(report.align(groups, known)),
-        "time": report.time_table(learned),
-        "cells": report.cells_table(row for group in groups for row in group.rows),
-    }
-    return {name: report.to_records(table) for name, table in tables.items()}

@@ -108,7 +108,7 @@ def _stored(
 ) -> None:
     """A stored cell: its score is shown beside the recorded one, and nothing is written."""
     from stlbench.report import to_screen
-    from stlbench.report.tables.cell import scores_table
+    from stlbench.report.tables.cells import scores_table
     from stlbench.share.again import score_question
     from stlbench.study.plugin_guard import ask_one
     from stlbench.study.results import Results
@@ -182,8 +182,8 @@ def _show(result: Result, results: Path, as_json: bool) -> None:
     from stlbench.cli.show_cell import facts
     from stlbench.records import stored
     from stlbench.records.cell_files import cell_files
-    from stlbench.report import condense, outside, robustness_table, split, to_screen
-    from stlbench.report.tables.cell import scores_table
+    from stlbench.report import Report, condense, to_screen
+    from stlbench.report.tables.cells import scores_table
 
     if as_json:
         print_json(facts(result, cell_files(results, result.id, result.key).log))
@@ -197,7 +197,7 @@ def _show(result: Result, results: Path, as_json: bool) -> None:
     to_screen(scores_table({"": result.measurement.selected}), console())
     _warn_of_ends(result.measurement.selected)
     groups = condense(each for each in stored.read(results) if each.id.task == result.id.task)
-    to_screen(robustness_table(split(groups)[0], outside=outside(groups)), console())
+    to_screen(Report(groups, {}).robustness, console())
     counts = sorted({each.starts for group in groups for each in group.done if each.starts is not None})
     if len(counts) > 1:
         rule = "compare those from as many; --budget says which are counted"

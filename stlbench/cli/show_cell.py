@@ -33,7 +33,7 @@ def cell(
     from stlbench.records.cell_files import cell_files
     from stlbench.records.identity import OUTSIDE
     from stlbench.report import to_screen
-    from stlbench.report.tables.cell import cost_table, scores_table
+    from stlbench.report.tables.cells import cost_table, scores_table
     from stlbench.study.results import Results
 
     results = Results.load(folder)

@@ -26,7 +26,7 @@ from stlbench.gate.metrics import COSTS, QUALITIES, Metric
 from stlbench.gate.snapshot import Pair, Sample
 from stlbench.records.identity import CellId, Setting
 from stlbench.records.status import ACCIDENTS
-from stlbench.report.statistics.holm import holm
+from stlbench.report.statistics.differences import holm
 
 Floats = NDArray[np.float64]
 Verdict = Literal["no worse", "worse", "cannot tell", "missing", "not judged"]

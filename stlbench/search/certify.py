@@ -10,8 +10,7 @@ from typing import Literal
 import numpy as np
 
 from stlbench.errors import UsageError
-from stlbench.report.statistics.intervals import Interval, share_interval
-from stlbench.report.statistics.sequence import share_sequence
+from stlbench.report.statistics.intervals import Interval, share_interval, share_sequence
 from stlbench.search.space import space_of
 from stlbench.search.subject import Subject, Unsearchable
 from stlbench.study.cell import derive_seed

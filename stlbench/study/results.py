@@ -132,14 +132,12 @@ class Results:
         """
         import pandas as pd
 
-        from stlbench.report import best_known, compare, comparisons_table, condense, split, to_records
+        from stlbench.report import Report, condense, to_records
         from stlbench.rollout.standards import standards
         from stlbench.study.plugin_guard import ask
 
         groups = condense(self.results, self.missing)
-        known = standards((group.setting for group in groups), ask)
-        learned, best = split(groups)[0], best_known(groups, known)
-        table = comparisons_table(compare(learned, known, best))
+        table = Report(groups, standards((group.setting for group in groups), ask)).comparisons
         titles = [title for column in table.columns for title in column.headings]
         return pd.DataFrame(to_records(table), columns=titles)
 

@@ -27,7 +27,7 @@ from scipy import special
 from stlbench.errors import UsageError
 from stlbench.gate.judge import ALPHA, EXIT, FREEDOM, LEVEL, Verdict
 from stlbench.report import Column, Table, to_markdown
-from stlbench.report.statistics.holm import holm
+from stlbench.report.statistics.differences import holm
 
 Side = Literal["base", "head"]
 

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import base64
-import gzip
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
 
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result
-from stlbench.report import condense
-from stlbench.report.page.build import write_page
+from stlbench.report import Report, condense
+from stlbench.report.page import write_page
 from stlbench.rollout.standards import Standard
+from stlbench.study.plugin_guard import ask, load_guarded
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
 
@@ -27,8 +24,6 @@ class Page(HTMLParser):
         self.open = list[str]()
         self.elements = list[tuple[str, dict[str, str | None]]]()
         self.texts = list[str]()
-        self.scripts = dict[str, str]()
-        self.name = ""
         self.feed(html)
         self.close()
         assert not self.open, self.open
@@ -37,32 +32,29 @@ class Page(HTMLParser):
         self.elements.append((tag, dict(attrs)))
         if tag not in VOID:
             self.open.append(tag)
-        self.name = dict(attrs).get("id") or ""
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        if self.open and self.open[-1] == "script":
-            self.scripts[self.name] = self.scripts.get(self.name, "") + data
-        elif not self.open or self.open[-1] != "style":
+        if not self.open or self.open[-1] not in ("script", "style"):
             self.texts.append(data)
 
     @property
     def text(self) -> str:
         return " ".join("".join(self.texts).split())
 
-    def attributes(self, name: str) -> list[str]:
-        return [value for _, attributes in self.elements if (value := attributes.get(name)) is not None]
+    def attributes(self, name: str, of: str = "") -> list[str]:
+        """The values of an attribute, of all elements or of one tag."""
+        return [value for tag, found in self.elements if of in ("", tag) and (value := found.get(name)) is not None]
 
-    def payload(self, key: str) -> Any:
-        return json.loads(gzip.decompress(base64.b64decode(self.scripts[f"payload-{key}"])))
-
-    def payloads(self) -> dict[str, Any]:
-        names = [name.removeprefix("payload-") for name in self.scripts if name.startswith("payload-")]
-        return {name: self.payload(name) for name in names}
+    @property
+    def cells(self) -> list[str]:
+        """The names of the cells that can be opened."""
+        return self.attributes("aria-label", "article")
 
 
 def write(made: Sequence[Result], missing: Iterable[CellId], standards: Mapping[str, Standard], folder: Path) -> Path:
     """The page of these results."""
-    return write_page(condense(made, missing), {result.id: result for result in made}, standards, folder)
+    results = {result.id: result for result in made}
+    return write_page(Report(condense(made, missing), standards), results, folder, load_guarded, ask)

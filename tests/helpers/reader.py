@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 from stlbench.cli import app
 from stlbench.contract import Outcome, cause
 from stlbench.registry import plugins
-from stlbench.report.film import film
+from stlbench.report import film
 from stlbench.study import study
 from stlbench.task import task
 from stlbench.task.file import Budget, TaskFile

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 
+from helpers.reports import write
 from helpers.synthetic_results import by_hand, plan, result
 
-from stlbench.report import condense, write
+from stlbench.report import condense
 
 RESULTS = [
     *(result(method, seed) for method in ("funnel", "flag") for seed in range(2)),
@@ -48,7 +49,7 @@ def test_the_report_has_all_tables(tmp_path):
 
 
 def test_one_row_for_each_controller(tmp_path):
-    write(condense(RESULTS), SCORES | by_hand(other=(-0.5,)), tmp_path)
+    write(condense([*RESULTS, result(task="other")]), SCORES | by_hand(other=(-0.5,)), tmp_path)
     rows = [
         "task,mean robustness,worst start,satisfied [%]",
         f"hold-disc,{(0.4 + 0.2) / 2!r},0.2,100.0",

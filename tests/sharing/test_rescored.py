@@ -11,6 +11,7 @@ from stlbench.errors import UsageError
 from stlbench.records.result import MAIN, Score
 from stlbench.rollout.questions import ask_here
 from stlbench.share.rescored import Rescored, rescore
+from stlbench.share.together import read_bundles
 
 
 @pytest.fixture
@@ -45,6 +46,21 @@ def test_a_claim_is_not_believed(bundle, tmp_path) -> None:
     (found,) = rescore(bundles.claiming(bundle, tmp_path / "claim.zip", main_score(better)))
     assert found.verdict == "claims more"
     assert found.recorded[MAIN].mean == pytest.approx(found.found[MAIN].mean + 0.5)
+
+
+def test_a_report_of_bundles_has_the_scores_that_are_found_and_not_the_claimed(bundle, tmp_path) -> None:
+    better = lambda score: replace(score, robustness=tuple(value + 0.5 for value in score.robustness))  # noqa: E731
+    claim = bundles.claiming(bundle, tmp_path / "claim.zip", main_score(better))
+    said = list[tuple[str, str]]()
+    claimed, (again,) = (
+        read_bundles([claim], False, print)[0],
+        read_bundles([claim], True, lambda *told: said.append(told)),
+    )
+    assert said == [("zz-line/raw/zz-kept/0", "claims more")]
+    assert (claimed.is_fine, again.is_fine) == (True, False)
+    assert str(again.results[0].id.method) == "raw[bundle=claim]"
+    means = [each.results[0].measurement.selected[MAIN].mean for each in (claimed, again)]
+    assert means[0] == pytest.approx(means[1] + 0.5)
 
 
 def test_a_task_that_is_not_installed_is_said(bundle, monkeypatch) -> None:

@@ -13,7 +13,7 @@ from stlbench.errors import UsageError
 from stlbench.records.identity import Setting
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.report.bands import bands_of
+from stlbench.report.figures.margins import bands_of
 from stlbench.report.figures.units import UNKNOWN, scale_of_task
 from stlbench.rollout.questions import Unanswered, ask_here
 from stlbench.rollout.standards import at_random, by_hand, payment, standards
@@ -95,7 +95,7 @@ def test_what_others_pay_is_the_same_as_in_this_process(bad: None) -> None:
 def test_bounds_that_cannot_be_asked_for_are_none_and_a_warning(bad: None) -> None:
     names = [Choice(f"zz-{name}") for name in ("same", "raise", "refuse", "exit")]
     with pytest.warns(plugins.PluginWarning) as told:
-        found = bands_of(Choice("hold-disc"), [*names, Choice("funnel"), Choice("there-is-none")])
+        found = bands_of(Choice("hold-disc"), [*names, Choice("funnel"), Choice("there-is-none")], plugin_guard.ask)
     assert [len(bands) for bands in found.values()] == [0, 0, 0, 0, 1, 0]
     assert [str(each.message) for each in told] == [
         "task hold-disc: method zz-raise cannot be asked for its bounds: ValueError: no luck",
@@ -140,8 +140,8 @@ def test_tasks_of_others_are_scored_in_processes_of_their_own(tasks: None) -> No
         "task zz-left: it cannot be loaded: the process ended with exit code 3",
         "task zz-gone: its controller cannot be scored: the process ended with exit code 0",
     ]
-    assert scale_of_task(Choice("zz-good")).unit == "m"
-    assert scale_of_task(Choice("zz-left")).unit == UNKNOWN
+    assert scale_of_task(Choice("zz-good"), plugin_guard.load_guarded).unit == "m"
+    assert scale_of_task(Choice("zz-left"), plugin_guard.load_guarded).unit == UNKNOWN
 
 
 def test_a_controller_that_hangs_is_waited_for_no_longer_than_said(tasks: None) -> None:

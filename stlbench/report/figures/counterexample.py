@@ -16,9 +16,8 @@ from stlbench import stl
 from stlbench.contract import Array
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.palette import MARK, TRACE
-from stlbench.report.figures.parts import parts
-from stlbench.report.figures.signals import signals_in_time
-from stlbench.report.figures.style import small, styled, width
+from stlbench.report.figures.regions import parts, signals_in_time
+from stlbench.report.figures.style import SINGLE, small, styled, width
 from stlbench.report.figures.units import robustness_unit, signal_label, time_label
 from stlbench.rollout.reasons import first_loss
 from stlbench.task.task import Task
@@ -27,6 +26,8 @@ _PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1}
 """Behind a text that would else be crossed by lines."""
 _LETTERS = 90
 """Of a line in the legend."""
+_PLANE = 2.6
+"""Inches of the plane where it stands below the rows, as in one column."""
 _CLOSE = 8
 """The row of the margin shows at most so many times the margin that decides; what is beyond leaves the picture."""
 
@@ -53,7 +54,7 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
     """Draw a trace with the predicate and the step that its robustness comes from.
 
     One row per signal, with the regions of the terms; below, the margin of the predicate at every step. Where the task
-    names a plane, it is drawn beside them.
+    names a plane, it is drawn beside them, or below in one column.
 
     Args:
         task: what was tried.
@@ -63,8 +64,13 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
     """
     here, wide = place_of(task, trace, witness), task.file.plane is not None
     rows = len(task.signals) + (here.predicate is not None)
-    figure = Figure(figsize=(width(), max(3.2, 1.2 + 1.1 * rows)), layout="constrained")
-    grid = figure.add_gridspec(rows, 2 if wide else 1)
+    beside = wide and width() > 2 * SINGLE
+    tall = max(3.2, 1.2 + 1.1 * rows) + (_PLANE if wide and not beside else 0.0)
+    figure = Figure(figsize=(width(), tall), layout="constrained")
+    if beside or not wide:
+        grid = figure.add_gridspec(rows, 2 if wide else 1)
+    else:
+        grid = figure.add_gridspec(rows + 1, 1, height_ratios=[*[1.1] * rows, _PLANE])
     in_time = [figure.add_subplot(grid[0, 0])]
     in_time += [figure.add_subplot(grid[row, 0], sharex=in_time[0]) for row in range(1, rows)]
     drawn = set(_signals(in_time[: len(task.signals)], task, trace, here))
@@ -73,7 +79,7 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
     in_time[-1].set_xlabel(time_label(task))
     in_time[-1].tick_params(labelbottom=True)
     if wide:
-        drawn |= set(_plane(figure.add_subplot(grid[:, 1]), task, trace, here))
+        drawn |= set(_plane(figure.add_subplot(grid[:, 1] if beside else grid[rows, 0]), task, trace, here))
     layout.title(figure, title)
     keys = _keys(task, sorted(drawn), here)
     layout.legend(figure, keys, 1)

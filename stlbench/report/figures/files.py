@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from functools import cache
 from hashlib import sha256
 from importlib import metadata
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import stlbench
 from stlbench.errors import UsageError
@@ -101,7 +102,18 @@ def save(figure: Figure, folder: Path, name: str, source: str = "") -> list[Path
 
 def save_svg(figure: Figure, path: Path) -> None:
     """Write the figure as SVG alone, the same bytes whenever it is drawn again."""
+    path.write_bytes(_svg(figure))
+
+
+def svg_of(figure: Figure) -> bytes:
+    """The figure as SVG without a background, letters as shapes: it looks the same without its font."""
+    return _svg(figure, {"svg.fonttype": "path"}, transparent=True)
+
+
+def _svg(figure: Figure, settings: Mapping[str, Any] | None = None, **words: Any) -> bytes:
     import matplotlib as mpl
 
-    with mpl.rc_context(rc()):
-        figure.savefig(path, format="svg", metadata={"Date": None})
+    file = BytesIO()
+    with mpl.rc_context(rc() | dict(settings or {})):
+        figure.savefig(file, format="svg", metadata={"Date": None}, **words)
+    return file.getvalue()

@@ -14,10 +14,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter
 
 from stlbench.report.figures import layout
-from stlbench.report.figures.beyond import below, beyond_key, number, window
+from stlbench.report.figures.axes import below, beyond_key, number, window
 from stlbench.report.figures.palette import Colours, GroupStyle, styles
 from stlbench.report.figures.style import SINGLE, styled, width
-from stlbench.report.statistics.curves import MeanCurve, mean_curve
+from stlbench.report.statistics.intervals import MeanCurve, mean_curve
 from stlbench.report.tables.rows import Group
 
 _LINE = 30

@@ -1,9 +1,9 @@
-"""Robustness against time: each term's margin along the recorded traces, in the term's interval and in its funnel."""
+"""Robustness against time: each term's margin along the recorded traces, in its interval and in the method's bounds."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -11,17 +11,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from stlbench.contract import Array
-from stlbench.contract.presentation import Band
+from stlbench.contract import Array, Intractable, Unsuitable
+from stlbench.contract.presentation import Band, Banded
+from stlbench.registry.choices import Choice
 from stlbench.report.figures import layout
+from stlbench.report.figures.axes import linear_threshold, set_symlog
 from stlbench.report.figures.palette import BOUNDS, TRACE
 from stlbench.report.figures.regions import rewarded_terms, terms
-from stlbench.report.figures.scale import linear_threshold, set_symlog
 from stlbench.report.figures.style import SINGLE as COLUMN
 from stlbench.report.figures.style import small, styled, width
 from stlbench.report.figures.units import robustness_unit, time_label
+from stlbench.rollout.questions import Ask, Question, answers
 from stlbench.rollout.traces import Recording
 from stlbench.stl import Term
+from stlbench.task import build_method, load_task
 from stlbench.task.task import Task
 
 SINGLE, READ = "0.45", "0.88"
@@ -121,3 +124,31 @@ def _keys(bands: Sequence[Band], shown: object, colour: str) -> list[Artist]:
     elif bands:
         keys.append(layout.absent_patch(BAND_ELSEWHERE))
     return keys
+
+
+def bands_of(task: Choice, methods: Iterable[Choice], ask: Ask) -> Mapping[Choice, Sequence[Band]]:
+    """The bounds of each method on a task; none of a method that is not installed here any more.
+
+    Of one that cannot be asked, a `PluginWarning` says why.
+    """
+    questions = {method: _question(task, method) for method in methods}
+    found = answers(list(questions.values()), ask)
+    return {method: found.get(question, ()) for method, question in questions.items()}
+
+
+def _question(task: Choice, method: Choice) -> Question[tuple[Band, ...]]:
+    plugins = ("tasks", task.name), ("methods", method.name)
+    return Question(_bands, (task, method), plugins, f"task {task}: method {method} cannot be asked for its bounds")
+
+
+def _bands(task: Choice, method: Choice) -> tuple[Band, ...]:
+    """None of a method without any, or of one that does not fit."""
+    try:
+        built = build_method(load_task(task), method)
+    except (Unsuitable, Intractable):
+        return ()
+    return tuple(map(_plain, built.band())) if isinstance(built, Banded) else ()
+
+
+def _plain(band: Band) -> Band:
+    return Band(band.term, int(band.start), *(np.asarray(each, dtype=np.float64) for each in (band.lower, band.upper)))

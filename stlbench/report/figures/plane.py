@@ -15,8 +15,7 @@ from matplotlib.lines import Line2D
 from stlbench.contract import Array, Truth
 from stlbench.report.figures.layout import REGION_ALPHA
 from stlbench.report.figures.palette import TIME, term_style
-from stlbench.report.figures.parts import parts
-from stlbench.report.figures.regions import region
+from stlbench.report.figures.regions import parts, region
 from stlbench.report.figures.units import signal_label
 from stlbench.task.task import Task
 

@@ -5,65 +5,138 @@ A figure whose files are there, drawn from the same, is not drawn again: matplot
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
+from stlbench.registry.choices import Choice
 from stlbench.report.figures.files import drawn, file_name, save, source_of
-from stlbench.report.figures.palette import Colours, pages
-from stlbench.report.figures.units import Scale, scale_of_task
+from stlbench.report.figures.palette import Colours, colours_of, pages
+from stlbench.report.figures.style import fitting
+from stlbench.report.figures.units import Load, Scale, scale_of_task
 from stlbench.report.tables.across import Field
 from stlbench.report.tables.alignment import Aligned
 from stlbench.report.tables.rows import Group
+from stlbench.report.tables.table import Width
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Kind = Literal["robustness", "learning"]
+    from stlbench.report.report import Report
+
 ROWS_PER_FIGURE = 24
 """Groups that have a row each."""
 
 
-def draw(groups: Sequence[Group], folder: Path, colours: Colours) -> list[Path]:
-    """Draw what has changed of both figures of each task that has a finished cell; the paths of all files.
+@dataclass(frozen=True)
+class Drawing:
+    """A figure that can be drawn."""
 
-    Where a task has more groups than one figure takes, further figures have names that end in _2, _3, ... There are no
-    learning curves of results without checkpoints.
+    name: str
+    """Of its files."""
+    label: str
+    """What it shows, for those who cannot see it."""
+    values: tuple[object, ...]
+    """What it is drawn from."""
+    draw: Callable[[], Figure]
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write the files, unless they are there and were drawn from the same; their paths."""
+        source = source_of(self.name, *self.values)
+        return drawn(folder, self.name, source) or save(self.draw(), folder, self.name, source)
+
+
+def write_figures(report: Report, folder: Path, load: Load, width: Width) -> list[Path]:
+    """Draw what has changed of a report's figures; the paths of all files."""
+    colours = colours_of(report.groups)
+    with fitting(width):
+        drawings = [
+            *(drawing for several in drawings_of_tasks(report.learned, colours, load).values() for drawing in several),
+            *drawings_across(report.fields, colours),
+            *drawings_of_alignment(report.aligned, load),
+        ]
+        return [path for drawing in drawings for path in drawing.write(folder)]
+
+
+def drawings_of_tasks(groups: Sequence[Group], colours: Colours, load: Load) -> dict[Choice, list[Drawing]]:
+    """Robustness by method, and learning curves, of each task that has a finished cell.
+
+    Where a task has more groups than one figure takes, further figures have names that end in _2, _3, ...
     """
-    paths = []
-    for _, members in groupby(groups, key=lambda group: group.setting.task):
-        of_task = list(members)
+    found = dict[Choice, list[Drawing]]()
+    for task, members in groupby(groups, key=lambda group: group.setting.task):
+        of_task, scale = list(members), scale_of_task(task, load)
         if any(group.done for group in of_task):
-            for end, page in pages(of_task, ROWS_PER_FIGURE):
-                paths += _draw("robustness", page, folder, end, colours)
-            paths += draw_learning(of_task, folder, colours)
-    return paths
+            found[task] = [
+                Drawing(
+                    file_name("robustness", str(task)) + end,
+                    f"Robustness by seed of {len(page)} methods on {task}; the table of robustness has the numbers",
+                    (scale, page, _own(colours, page)),
+                    partial(_robustness, page, scale, colours),
+                )
+                for end, page in pages(of_task, ROWS_PER_FIGURE)
+            ]
+            found[task] += drawings_of_learning(of_task, colours, scale)
+    return found
 
 
-def draw_learning(groups: Sequence[Group], folder: Path, colours: Colours) -> list[Path]:
-    """Draw the learning curves of one task's groups, each track by itself, on as many pages as it takes; the paths."""
-    tracks = dict.fromkeys(group.setting.track for group in groups)
+def drawings_of_learning(groups: Sequence[Group], colours: Colours, scale: Scale) -> list[Drawing]:
+    """Learning curves of one task's groups, each track by itself; none of results without checkpoints."""
     return [
-        path
-        for track in tracks
+        Drawing(
+            file_name("learning", str(page[0].setting.task)) + ("" if track == "shared" else f"-{track}") + end,
+            f"Satisfaction and robustness of the checkpoints of {len(page)} methods, against environment steps",
+            (scale, page, _own(colours, page)),
+            partial(_learning, page, scale, colours),
+        )
+        for track in dict.fromkeys(group.setting.track for group in groups)
         for end, page in pages([group for group in groups if group.setting.track == track])
         if any(numbers.curve for group in page for numbers in group.done)
-        for path in _draw("learning", page, folder, f"{'' if track == 'shared' else f'-{track}'}{end}", colours)
     ]
 
 
-def draw_across(fields: Sequence[Field], folder: Path, colours: Colours) -> list[Path]:
-    """Draw what has changed of the figures over all tasks, one of each budget and track; the paths of all files."""
-    paths = []
-    for (budget, track), members in groupby(fields, key=lambda field: (field.budget, field.track)):
-        shown = tuple(members)
-        name, source = (
-            file_name("across", budget, track),
-            source_of("across", shown, [colours[each.method] for each in shown[0].entries]),
+def drawings_across(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
+    """One figure over all tasks of each budget and track."""
+    by_kind = dict[tuple[str, str], list[Field]]()
+    for field in fields:
+        by_kind.setdefault((field.budget, field.track), []).append(field)
+    return [
+        Drawing(
+            file_name("across", *kind),
+            "Interquartile means of the methods over all tasks, and the share of runs above each score; the table "
+            "across tasks has the numbers",
+            (several, [colours[entry.method] for entry in several[0].entries]),
+            partial(_across, several, colours),
         )
-        paths += drawn(folder, name, source) or save(_across(shown, colours), folder, name, source)
-    return paths
+        for kind, several in by_kind.items()
+    ]
+
+
+def drawings_of_alignment(rows: Sequence[Aligned], load: Load) -> list[Drawing]:
+    """One figure of all that was planned; none where nothing was."""
+    finished = [row for row in rows if row.reward_optimal is not None]
+    units = {row.task: scale_of_task(row.task, load).unit for row in finished}
+    label = "The best known robustness, the best policy by each reward, and what was learned with it"
+    return [Drawing("alignment", label, (units, finished), partial(_alignment, finished, units))] if finished else []
+
+
+def _own(colours: Colours, groups: Sequence[Group]) -> list[str]:
+    return [colours[str(group.setting.method)] for group in groups]
+
+
+def _robustness(groups: Sequence[Group], scale: Scale, colours: Colours) -> Figure:
+    from stlbench.report.figures.robustness import robustness_by_method
+
+    return robustness_by_method(groups, scale.unit, colours)
+
+
+def _learning(groups: Sequence[Group], scale: Scale, colours: Colours) -> Figure:
+    from stlbench.report.figures.learning import learning_curves
+
+    return learning_curves(groups, scale.unit, colours, scale.most)
 
 
 def _across(fields: Sequence[Field], colours: Colours) -> Figure:
@@ -72,33 +145,7 @@ def _across(fields: Sequence[Field], colours: Colours) -> Figure:
     return across_tasks(fields, colours)
 
 
-def draw_alignment(rows: Sequence[Aligned], folder: Path) -> list[Path]:
-    """Draw what has changed of the one figure of all that was planned; the files' paths, none where nothing was."""
-    finished = [row for row in rows if row.reward_optimal is not None]
-    if not finished:
-        return []
-    units = {row.task: scale_of_task(row.task).unit for row in finished}
-    source = source_of("alignment", units, finished)
-    return drawn(folder, "alignment", source) or save(_alignment(finished, units), folder, "alignment", source)
-
-
 def _alignment(rows: Sequence[Aligned], units: Mapping[str, str]) -> Figure:
-    from stlbench.report.figures.alignment import alignment
+    from stlbench.report.figures.across import alignment
 
     return alignment(rows, units)
-
-
-def _draw(kind: Kind, page: Sequence[Group], folder: Path, end: str, colours: Colours) -> list[Path]:
-    task = page[0].setting.task
-    name, scale = file_name(kind, str(task)) + end, scale_of_task(task)
-    source = source_of(kind, scale, page, [colours[str(group.setting.method)] for group in page])
-    return drawn(folder, name, source) or save(_figure(kind, page, scale, colours), folder, name, source)
-
-
-def _figure(kind: Kind, page: Sequence[Group], scale: Scale, colours: Colours) -> Figure:
-    from stlbench.report.figures.learning import learning_curves
-    from stlbench.report.figures.robustness import robustness_by_method
-
-    if kind == "robustness":
-        return robustness_by_method(page, scale.unit, colours)
-    return learning_curves(page, scale.unit, colours, scale.most)

@@ -16,19 +16,18 @@ from stlbench.records.cell_files import TRACES
 from stlbench.records.identity import Setting
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
-from stlbench.report.bands import bands_of
 from stlbench.report.figures.files import file_name, save
-from stlbench.report.figures.margins import robustness_in_time
-from stlbench.report.figures.overview import METHODS_PER_OVERVIEW, overview
+from stlbench.report.figures.margins import bands_of, robustness_in_time
 from stlbench.report.figures.palette import Colours, pages
-from stlbench.report.figures.planned import PLANS_PER_FIGURE, Plan, planned
-from stlbench.report.figures.report_figures import draw_learning
-from stlbench.report.figures.trajectories import TRACES_PER_PANEL, trajectories
+from stlbench.report.figures.report_figures import drawings_of_learning
+from stlbench.report.figures.robustness import METHODS_PER_OVERVIEW, overview
+from stlbench.report.figures.trajectories import PLANS_PER_FIGURE, TRACES_PER_PANEL, Plan, planned, trajectories
+from stlbench.report.figures.units import Load, scale_of_task
 from stlbench.report.tables.alignment import RECIPE, setting_text
 from stlbench.report.tables.planned import RESOLUTION, Maximised, maximised, split
 from stlbench.report.tables.rows import Group, Row, group, row
+from stlbench.rollout.questions import Ask
 from stlbench.rollout.traces import Recording, gather, load
-from stlbench.study.plugin_guard import load_guarded
 from stlbench.task.task import Task
 
 Tell = Callable[[str], None]
@@ -55,6 +54,10 @@ class Job:
     """Is told what could not be drawn, and why."""
     colours: Colours
     """Of the methods of the whole run, also of those that are not drawn."""
+    load: Load
+    """Loads a task."""
+    ask: Ask
+    """Asks methods for their bounds."""
     only: Collection[str] = USUAL
     """Which of KINDS are drawn."""
 
@@ -82,7 +85,9 @@ def draw(results: Iterable[Result], job: Job) -> list[Path]:
         of_task, learned, shown, plans = list(members), list[Group](), list[Array | None](), list[Plan]()
         if "learning" in job.only:
             curves = [member for member in of_task if member.setting in learners]
-            paths += draw_learning(curves, job.out, job.colours)
+            scale = scale_of_task(choice, job.load)
+            for drawing in drawings_of_learning(curves, job.colours, scale):
+                paths += drawing.write(job.out)
         task = _task(choice, job) if any(member.setting in finished for member in of_task) else None
         bands = _bands(task, of_task, job)
         for member in of_task:
@@ -116,7 +121,7 @@ def _condensed(results: Iterable[Result]) -> tuple[tuple[Group, ...], dict[Setti
 
 def _task(choice: Choice, job: Job) -> Task | None:
     try:
-        return load_guarded(choice)
+        return job.load(choice)
     except UsageError as error:
         job.warn(f"no traces of {choice} are drawn: {error}")
         return None
@@ -139,7 +144,7 @@ def _bands(task: Task | None, groups: Sequence[Group], job: Job) -> Mapping[Choi
     """The bounds of each method; none are asked for where none are drawn."""
     if task is None or not {"time", "rewarded"} & {*job.only}:
         return {}
-    return bands_of(task.choice, (each.setting.method for each in groups))
+    return bands_of(task.choice, (each.setting.method for each in groups), job.ask)
 
 
 def _draw_group(

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
 from stlbench.stl.language.structure import walk
-from stlbench.study.plugin_guard import load_guarded
 from stlbench.task.task import Task
 
+Load = Callable[[Choice | str], Task]
+"""Loads a task; raises `UsageError` where that is not possible."""
 NO_UNIT = "-"
 """Where the task file names none."""
 UNKNOWN = "unit of the predicates"
@@ -74,10 +76,10 @@ class Scale(NamedTuple):
     """No trace within the signals' ranges has more robustness; inf where nothing is known."""
 
 
-def scale_of_task(choice: Choice | str) -> Scale:
+def scale_of_task(choice: Choice | str, load: Load) -> Scale:
     """Of the robustness of a task's formula; "unit of the predicates" where the task is not installed here."""
     try:
-        task = load_guarded(choice)
+        task = load(choice)
     except UsageError:
         return Scale(UNKNOWN, math.inf)
     return Scale(robustness_unit(task, task.formula), _most(task, task.formula))

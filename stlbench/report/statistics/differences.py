@@ -1,4 +1,4 @@
-"""What seeds say of two methods on one task: how far they are apart, and in a word which is better.
+"""Two methods on one task: how far they are apart, and in a word which is better.
 
 The test is exact and looks at means, at ranks, and at the seeds that learned (`exact`). The seeds of two methods are
 not paired, since pairing them was measured to buy nothing.
@@ -15,7 +15,6 @@ from typing import Literal
 import numpy as np
 
 from stlbench.report.statistics.exact import Look, Sample, exact_test
-from stlbench.report.statistics.holm import holm
 from stlbench.report.statistics.intervals import LEVEL, Interval
 
 Word = Literal["better", "worse", "mixed", "no difference found", "cannot tell", "="]
@@ -171,3 +170,12 @@ def _enough(tested: _Tested, alpha: float) -> int:
         decided = np.maximum(decided, within[0] + within[1] - 1)
     enough = np.flatnonzero(decided >= POWER)
     return int(counts[enough[0]]) if len(enough) else MOST_SEEDS + 1
+
+
+def holm(chances: Sequence[float]) -> list[float]:
+    """P-values corrected for their number by Holm's step-down procedure, in the order given."""
+    corrected, least = [1.0] * len(chances), 0.0
+    for rank, index in enumerate(sorted(range(len(chances)), key=chances.__getitem__)):
+        least = max(least, min(1.0, chances[index] * (len(chances) - rank)))
+        corrected[index] = least
+    return corrected

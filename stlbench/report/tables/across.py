@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ from stlbench.registry.choices import Choice
 from stlbench.report.statistics import across
 from stlbench.report.statistics.across import Estimate, Runs
 from stlbench.report.statistics.intervals import Interval
-from stlbench.report.tables.contests import Contest, contests, level
+from stlbench.report.tables.comparisons import Contest, contests, level
 from stlbench.report.tables.rows import Group, Row
 from stlbench.report.tables.table import Column, Table, Value
 
@@ -62,6 +62,11 @@ class Field:
     name: str
     """Which tasks these are: "all 12"; "9 of 12, not trivial"; "4 of 12, not trivial, all methods fit"."""
     entries: tuple[Entry, ...]
+
+    @cached_property
+    def aggregates(self) -> tuple[Aggregate, ...]:
+        """Of each entry; they take a second, and are computed once."""
+        return _aggregates(self)
 
 
 @dataclass(frozen=True)
@@ -148,9 +153,7 @@ def _score(row: Row, low: float, high: float) -> float:
     return (value - low) / (high - low) if math.isfinite(value) else 0.0
 
 
-@lru_cache(maxsize=64)
-def aggregates(field: Field) -> tuple[Aggregate, ...]:
-    """Of each method of a field. Cached: it takes a second, and screen, files and figures ask for it."""
+def _aggregates(field: Field) -> tuple[Aggregate, ...]:
     return tuple(
         Aggregate(entry, across.mean(entry.runs), across.middle(entry.runs), rank)
         for entry, rank in zip(field.entries, across.ranks(_by_task(field)), strict=True)
@@ -169,7 +172,6 @@ def _by_task(field: Field) -> list[list[tuple[int, NDArray[np.float64]] | None]]
     ]
 
 
-@lru_cache(maxsize=64)
 def _improvements(field: Field) -> tuple[tuple[str, str, int, Estimate], ...]:
     """Of each two methods that fit a common task: how many such tasks there are, and how often the first is better."""
     found, tasks = [], _by_task(field)
@@ -204,7 +206,7 @@ def aggregates_table(found: Iterable[Field]) -> Table:
         Column("rank 95 % interval", digits=2, kind=Interval),
         Column("without a result", right=False),
     )
-    rows = tuple(_row(field, each) for field in found for each in aggregates(field))
+    rows = tuple(_row(field, each) for field in found for each in field.aggregates)
     return Table("Across tasks", columns, rows, _NOTES)
 
 

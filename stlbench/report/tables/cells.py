@@ -1,11 +1,12 @@
-"""Tables with a row per cell: all of them for other programs, and those without a result for people."""
+"""Tables with a row per cell, and the tables of one cell."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 
 from stlbench.records.identity import IDENTITY
+from stlbench.records.result import Measurement, Score
 from stlbench.records.status import ACCIDENTS
 from stlbench.report.statistics.intervals import Interval, share_interval
 from stlbench.report.tables.rows import Group, Numbers, Row
@@ -58,9 +59,89 @@ def _plan(row: Row) -> tuple[Value, ...]:
     return (None, None) if planned is None else (planned.maximised, planned.value)
 
 
+def page_table(rows: Sequence[Row], left_out: str = "") -> Table:
+    """One row per cell for people; `left_out` is said of cells that are not among them."""
+    columns = (
+        *(Column(title, right=False) for title in ("cell", "budget", "status")),
+        Column("mean robustness", digits=3),
+        Column("worst start", digits=3),
+        Column("satisfied", unit="%", digits=1),
+        Column("ended early", unit="%", digits=1),
+        Column("cell CPU", unit="s", digits=1),
+        Column("reason", right=False),
+    )
+    note = "Of the selected policy, from the report's starts. Open a cell for its scores, cost, provenance and log."
+    early = any(row.numbers and row.numbers.ended_early for row in rows)
+    notes = (*([left_out] if left_out else []), note, *([ENDED_EARLY] if early else []))
+    body = tuple(
+        (row.id.name, row.id.budget, row.status, *_page_numbers(row.numbers, early), row.reason or None) for row in rows
+    )
+    return Table("Cells", columns, body, notes)
+
+
+def _page_numbers(numbers: Numbers | None, early: bool) -> tuple[float | None, ...]:
+    if numbers is None:
+        return (None,) * 5
+    ended = None if numbers.ended_early is None or not early else 100 * numbers.ended_early
+    return numbers.robustness_mean, numbers.robustness_min, 100 * numbers.satisfaction, ended, numbers.cpu_seconds
+
+
 def unfinished_table(groups: Iterable[Group]) -> Table:
     """The cells that ended by accident: raised, out of time, killed."""
     rows = [row for group in groups for row in group.rows if row.status in ACCIDENTS]
     columns = tuple(Column(title, right=False) for title in ("cell", "budget", "status", "reason"))
     cells = tuple((row.id.name, row.id.budget, row.status, row.reason or None) for row in rows)
     return Table("Cells without a result", columns, cells, ("`stlbench run --retry failed` runs them again.",))
+
+
+ENDED_EARLY = (
+    "Ended early: share of the starts whose episode the environment ended before the formula's horizon. The task's "
+    "`terminated` says how such an episode is judged: under `hold` the last sample stays, so an early end can satisfy."
+)
+"""The note on the column of that name."""
+
+
+def scores_table(policies: Mapping[str, Mapping[str, Score]]) -> Table:
+    """One row per protocol and policy, from the scores of policies by name; of a single one without a name no name."""
+    early = any(score.ended_early for scores in policies.values() for score in scores.values())
+    columns = (
+        Column("protocol", right=False),
+        *([Column("policy", right=False)] if any(policies) else []),
+        Column("mean robustness", "mean", digits=3),
+        Column("worst start", digits=3),
+        Column("satisfied", unit="%", digits=1),
+        *([Column("ended early", unit="%", digits=1)] if early else []),
+        Column("starts", digits=0),
+        Column("failed first", right=False),
+    )
+    rows = tuple(
+        (
+            protocol,
+            *([policy] if any(policies) else []),
+            *(score.mean, score.minimum, 100 * score.satisfaction),
+            *([None if score.ended_early is None else 100 * score.ended_early] if early else []),
+            score.starts,
+            "\n".join(f"{formula}: {count}" for formula, count in score.first_failed.items()) or None,
+        )
+        for protocol in next(iter(policies.values()))
+        for policy, scores in policies.items()
+        for score in [scores[protocol]]
+    )
+    return Table("Scores", columns, rows, (ENDED_EARLY,) if early else ())
+
+
+def cost_table(measurement: Measurement) -> Table:
+    """What the cell took, one row per number."""
+    columns = (Column("what", right=False), Column("value"))
+    names = {
+        "selected at environment step": measurement.selected_steps,
+        "environment steps": measurement.env_steps,
+        "checkpoints": len(measurement.curve),
+        "training CPU [s]": measurement.training_cpu_seconds,
+        "training wall [s]": measurement.training_wall_seconds,
+        "cell CPU [s]": measurement.cpu_seconds,
+        "cell wall [s]": measurement.wall_seconds,
+        "reward [ns/step]": measurement.reward_nanoseconds,
+        "inputs added": measurement.inputs_added,
+    }
+    return Table("Cost", columns, tuple(names.items()))

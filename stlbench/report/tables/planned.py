@@ -11,8 +11,7 @@ import numpy as np
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
-from stlbench.report.tables.outside import trained
-from stlbench.report.tables.rows import Group
+from stlbench.report.tables.rows import Group, trained
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard

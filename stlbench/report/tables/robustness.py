@@ -1,4 +1,4 @@
-"""How well trained policies satisfy the formula: selected and final ones, with intervals."""
+"""How well trained policies satisfy the formula: all methods at a glance, and one row per group with intervals."""
 
 from __future__ import annotations
 
@@ -11,15 +11,88 @@ import numpy as np
 from stlbench.records.identity import Setting
 from stlbench.registry.choices import Choice
 from stlbench.report.statistics.intervals import FEWEST, Interval, median, median_interval, share_interval
-from stlbench.report.tables.cell import ENDED_EARLY
-from stlbench.report.tables.contests import contests, mark, mark_notes
-from stlbench.report.tables.outside import MARK, outside_notes
-from stlbench.report.tables.rows import LEARNED, Group
-from stlbench.report.tables.setting import SETTING, setting_values
-from stlbench.report.tables.table import Column, FirstFailed, Table, Value
+from stlbench.report.tables.cells import ENDED_EARLY
+from stlbench.report.tables.comparisons import Contest, contests, mark, mark_notes
+from stlbench.report.tables.rows import LEARNED, SETTING, Group, setting_values
+from stlbench.report.tables.table import Column, FirstFailed, Learned, Table, Value
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
+
+
+def overview(
+    groups: Sequence[Group],
+    standards: Mapping[str, Standard],
+    best: Mapping[Choice, float] | None = None,
+    advice: Iterable[str] = (),
+) -> Table:
+    """The median robustness of every method on every task with its interval, and on how many seeds it was learned.
+
+    Args:
+        groups: of one or more tasks, agents, budgets and tracks, which are the rows.
+        standards: what is known of the tasks, such as what their controllers get.
+        best: the best known robustness of the tasks, where it is known.
+        advice: lines to say below.
+    """
+    by_hand = any(standard.by_hand for standard in standards.values())
+    methods = sorted({group.setting.method for group in groups})
+    columns = (
+        Column("task", right=False, shared=True),
+        Column("agent", right=False, shared=True),
+        Column("budget", right=False, shared=True),
+        Column("track", right=False, shared=True),
+        *([Column("by hand", digits=3)] if by_hand else []),
+        *([Column("possible", digits=3)] if best else []),
+        *(Column(str(method), digits=3, kind=Learned) for method in methods),
+        Column("cell CPU", unit="s", digits=0, drop=1),
+    )
+    found = contests(groups)
+    body = tuple(
+        (
+            *map(str, key),
+            *([_by_hand(key[0], standards)] if by_hand else []),
+            *([best.get(key[0])] if best else []),
+            *_entries(contest, methods, standards),
+            _cpu_seconds(contest),
+        )
+        for key, contest in found.items()
+    )
+    marks = mark_notes(mark(group, contest, standards) for contest in found.values() for group in contest)
+    return Table("Overview", columns, body, (_OVERVIEW, *marks, *advice))
+
+
+_OVERVIEW = (
+    "Robustness of the selected policies: the median seed, with its 95 % interval, of five seeds or more. In "
+    "parentheses the seeds that learned the task, with the selected policy and with the final one: the policy "
+    f"satisfies the formula from at least {100 * LEARNED:.0f} % of the starts."
+)
+
+
+def _by_hand(task: Choice, standards: Mapping[str, Standard]) -> float | None:
+    """What the controller of the task, or of the task that it is an ablation of, gets."""
+    standard = standards.get(task.name)
+    return standard.by_hand.mean if standard and standard.by_hand else None
+
+
+def _entries(contest: Contest, methods: Iterable[Choice], standards: Mapping[str, Standard]) -> list[Value]:
+    by_method = {group.setting.method: _median_learned(group, mark(group, contest, standards)) for group in contest}
+    return [by_method.get(method) for method in methods]
+
+
+def _median_learned(group: Group, marks: str) -> Value:
+    """Where no seed finished, how they ended."""
+    if not group.done:
+        return ", ".join(sorted({row.status for row in group.rows}))
+    values = group.values(lambda numbers: numbers.robustness_mean)
+    low, high = median_interval(values) or (None, None)
+    learned, final = sum(each.learned for each in group.done), sum(each.final_learned for each in group.done)
+    return Learned(median(values), low, high, learned, final, group.tried, marks)
+
+
+def _cpu_seconds(groups: Iterable[Group]) -> float | None:
+    """Per cell, mean over all of them."""
+    seconds = [numbers.cpu_seconds for group in groups for numbers in group.done]
+    return float(np.mean(seconds)) if seconds else None
 
 
 def robustness_table(
@@ -80,6 +153,8 @@ def _only_selected(columns: Sequence[Column], row: tuple[Value, ...], outside: b
     )
 
 
+MARK = "o"
+"""Of policies that were not trained by stlbench."""
 _SHARE = "share of best known (median, both above 0)"
 
 
@@ -157,3 +232,20 @@ def _notes(further: Sequence[str], early: bool) -> tuple[str, ...]:
         names = ", ".join(further)
         notes.append(f"Mean robustness under the task's further protocols (`stlbench show task NAME`): {names}.")
     return tuple(notes)
+
+
+def outside_notes(groups: Sequence[Group]) -> tuple[str, ...]:
+    """What the mark means, and a line for each policy: where it comes from."""
+    if not groups:
+        return ()
+    rule = "not trained by stlbench: its budget is unknown. It is in no comparison and in no statistic."
+    return (f"Marked {MARK}: {rule}", *(_origin(group) for group in groups))
+
+
+def _origin(group: Group) -> str:
+    sources = []
+    for row in group.rows:
+        facts = row.provenance
+        starts = ", from starts of its own" if facts.get("begun_at") == "starts of its own" else ""
+        sources.append(f"{facts.get('source', 'unknown')} (sha256 {facts.get('sha256', 'unknown')[:12]}){starts}")
+    return f"{group.setting.agent} on {group.setting.task}: {'; '.join(dict.fromkeys(sources))}."

@@ -11,7 +11,7 @@ from typing import Literal
 from stlbench.records.identity import OUTSIDE, CellId, Setting
 from stlbench.records.result import LEARNED, MAIN, RANDOM, Measurement, Planned, Result, reported
 from stlbench.records.status import NOT_RUN, Status
-from stlbench.report.tables.table import FirstFailed, Seeds
+from stlbench.report.tables.table import Column, FirstFailed, Seeds, Value
 
 __all__ = ["LEARNED", "CurveRow", "Group", "Numbers", "Row", "group", "missing_row", "row"]
 
@@ -187,3 +187,30 @@ def _numbers(measurement: Measurement) -> Numbers:
         first_failed=dict(selected.first_failed),
         curve=tuple((point.steps, point.satisfaction, point.robustness_mean) for point in measurement.curve),
     )
+
+
+def outside(groups: Iterable[Group]) -> tuple[Group, ...]:
+    """The groups of policies that were trained elsewhere, or by nobody."""
+    return tuple(group for group in groups if group.outside)
+
+
+def trained(groups: Iterable[Group]) -> tuple[Group, ...]:
+    """All others."""
+    return tuple(group for group in groups if not group.outside)
+
+
+SETTING = (
+    Column("task", right=False, shared=True),
+    Column("method", right=False),
+    Column("agent", right=False, shared=True),
+    Column("budget", right=False, shared=True),
+    Column("track", right=False, shared=True),
+    Column("seeds", right=False, kind=Seeds),
+)
+
+
+def setting_values(group: Group) -> tuple[Value, ...]:
+    """The values of a group in these columns."""
+    setting = group.setting
+    budget = "unknown" if group.outside else setting.budget
+    return (str(setting.task), str(setting.method), str(setting.agent), budget, setting.track, group.seeds)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from stlbench.report.figures import report_figures
 from stlbench.report.figures.across import across_tasks, place, ticks
 from stlbench.report.figures.palette import COLOURS
+from stlbench.report.figures.report_figures import drawings_across
 from stlbench.report.tables.across import Entry, Field
 
 COLOURED = dict(zip(["bad", "good", *(f"method-{i}" for i in range(9))], COLOURS, strict=False))
@@ -84,8 +84,8 @@ def test_no_panel_of_profiles_has_a_colour_twice():
 
 def test_one_figure_for_each_budget_and_track(tmp_path):
     plain = Field("quick", "plain", EVERY.tasks, "all 3", EVERY.entries)
-    paths = report_figures.draw_across((plain, EVERY, COMMON), tmp_path, COLOURED)
+    paths = [path for each in drawings_across((plain, EVERY, COMMON), COLOURED) for path in each.write(tmp_path)]
     assert [path.name for path in paths] == [
         f"across-quick-{track}.{end}" for track in ("plain", "shared") for end in ("png", "svg", "pdf")
     ]
-    assert report_figures.draw_across((), tmp_path, COLOURED) == []
+    assert drawings_across((), COLOURED) == []

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stlbench.report.figures.alignment import alignment
-from stlbench.report.figures.report_figures import draw_alignment
+from stlbench.report.figures.across import alignment
+from stlbench.report.figures.report_figures import drawings_of_alignment
 from stlbench.report.tables.alignment import Aligned
+from stlbench.task import load_task
 
 ROWS = (
     Aligned("overlap", "funnel", "recipe", 0.235, 0.119, selected=0.12, final=0.1),
@@ -78,14 +79,18 @@ def test_thirty_rows_have_room(tmp_path: Path):
 
 
 def test_it_is_drawn_again_only_where_something_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    paths = draw_alignment(ROWS, tmp_path)
+    paths = _write(ROWS, tmp_path)
     assert {path.name for path in paths} == {"alignment.png", "alignment.svg", "alignment.pdf"}
     before = paths[0].stat().st_mtime_ns
-    assert draw_alignment(ROWS, tmp_path) == paths
+    assert _write(ROWS, tmp_path) == paths
     assert paths[0].stat().st_mtime_ns == before
-    assert draw_alignment(ROWS[:3], tmp_path)
+    assert _write(ROWS[:3], tmp_path)
     assert paths[0].stat().st_mtime_ns != before
 
 
 def test_without_a_planned_policy_there_is_no_figure(tmp_path: Path):
-    assert draw_alignment([Aligned("overlap", "(formula)", "recipe", 0.2)], tmp_path) == []
+    assert _write([Aligned("overlap", "(formula)", "recipe", 0.2)], tmp_path) == []
+
+
+def _write(rows, folder):
+    return [path for each in drawings_of_alignment(rows, load_task) for path in each.write(folder)]

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from stlbench.report.figures.beyond import Window, below, beside, number, window
+from stlbench.report.figures.axes import Window, below, beside, number, window
 
 
 @pytest.mark.parametrize(

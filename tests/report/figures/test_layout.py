@@ -12,9 +12,8 @@ from matplotlib.text import Text
 from stlbench.report import condense
 from stlbench.report.figures.learning import learning_curves
 from stlbench.report.figures.margins import robustness_in_time
-from stlbench.report.figures.overview import overview
 from stlbench.report.figures.palette import colours_of
-from stlbench.report.figures.robustness import robustness_by_method
+from stlbench.report.figures.robustness import overview, robustness_by_method
 from stlbench.report.figures.trajectories import trajectories
 from stlbench.rollout.traces import Recording
 from stlbench.task import build_method, load_task

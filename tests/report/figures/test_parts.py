@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from helpers.line_task import line
 
-from stlbench.report.figures.parts import parts
+from stlbench.report.figures.regions import parts
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from helpers.line_task import line
 
-from stlbench.report.figures.planned import Plan, planned
+from stlbench.report.figures.trajectories import Plan, planned
 
 PLANE = {name: {"low": -10, "high": 10, "unit": "m"} for name in "xy"}
 

@@ -13,11 +13,16 @@ from matplotlib.figure import Figure
 from stlbench.errors import UsageError
 from stlbench.records.result import CurvePoint, Result
 from stlbench.registry.choices import Choice
-from stlbench.report import Group, condense
+from stlbench.report import Group, Report, condense
 from stlbench.report.figures import report_figures
-from stlbench.report.figures.palette import Colours, colours_of
-from stlbench.report.figures.report_figures import ROWS_PER_FIGURE
+from stlbench.report.figures.report_figures import ROWS_PER_FIGURE, Drawing, write_figures
 from stlbench.report.figures.units import Scale
+from stlbench.task import load_task
+
+
+def draw_figures(groups: Sequence[Group], folder: Path) -> list[Path]:
+    return write_figures(Report(groups, {}), folder, load_task, "page")
+
 
 CURVE = (CurvePoint(100, 0.0, 1.0, 0.1),)
 CELLS = [*(result(method, seed) for method in ("funnel", "flag") for seed in (0, 1)), result(task="other")]
@@ -25,7 +30,7 @@ CELLS = [*(result(method, seed) for method in ("funnel", "flag") for seed in (0,
 
 def test_two_figures_a_task_as_png_svg_and_pdf(tmp_path: Path) -> None:
     groups = condense([result(), result(task="other"), result(task="third", status="raised")])
-    paths = report_figures.draw(groups, tmp_path, colours_of(groups))
+    paths = draw_figures(groups, tmp_path)
     names = {
         f"{kind}-{task}.{end}"
         for kind in ("robustness", "learning")
@@ -37,8 +42,8 @@ def test_two_figures_a_task_as_png_svg_and_pdf(tmp_path: Path) -> None:
 
 
 def test_the_same_results_give_the_same_file(tmp_path: Path) -> None:
-    report_figures.draw(condense(CELLS), tmp_path / "a", colours_of(condense(CELLS)))
-    report_figures.draw(condense(CELLS), tmp_path / "b", colours_of(condense(CELLS)))
+    draw_figures(condense(CELLS), tmp_path / "a")
+    draw_figures(condense(CELLS), tmp_path / "b")
     for path in (tmp_path / "a").iterdir():
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
 
@@ -46,32 +51,32 @@ def test_the_same_results_give_the_same_file(tmp_path: Path) -> None:
 def test_a_task_cannot_leave_the_folder(tmp_path: Path) -> None:
     elsewhere = replace(result(), id=replace(result().id, task=Choice("../x")))
     with pytest.raises(UsageError, match=r"'\.\./x' cannot name a figure's file"):
-        report_figures.draw(condense([elsewhere]), tmp_path / "figures", colours_of(condense([elsewhere])))
+        draw_figures(condense([elsewhere]), tmp_path / "figures")
     assert not list(tmp_path.iterdir())
 
 
 def test_groups_that_do_not_fit_into_one_figure_go_into_the_next(tmp_path: Path) -> None:
     results = [result(f"method-{i:02}", curve=CURVE) for i in range(ROWS_PER_FIGURE + 1)]
-    names = {path.stem for path in report_figures.draw(condense(results), tmp_path, colours_of(condense(results)))}
+    names = {path.stem for path in draw_figures(condense(results), tmp_path)}
     learning = {"learning-hold-disc", *(f"learning-hold-disc_{i}" for i in range(2, 5))}
     assert names == {"robustness-hold-disc", "robustness-hold-disc_2", *learning}  # 7 colours for 25 groups
 
 
 def test_each_track_has_its_learning_curves(tmp_path: Path) -> None:
     results = [result(method, track=track) for method in ("funnel", "raw") for track in ("shared", "plain")]
-    names = {path.stem for path in report_figures.draw(condense(results), tmp_path, colours_of(condense(results)))}
+    names = {path.stem for path in draw_figures(condense(results), tmp_path)}
     assert names == {"robustness-hold-disc", "learning-hold-disc", "learning-hold-disc-plain"}
 
 
 def test_results_without_checkpoints_have_no_learning_curves(tmp_path: Path) -> None:
     groups = condense([result(curve=())])
-    names = {path.name for path in report_figures.draw(groups, tmp_path, colours_of(groups))}
+    names = {path.name for path in draw_figures(groups, tmp_path)}
     assert names == {f"robustness-hold-disc.{end}" for end in ("png", "svg", "pdf")}
 
 
 def test_a_report_names_the_unit_of_the_task(tmp_path: Path) -> None:
     groups = condense([result(task="pendulum")])
-    svg = next(path for path in report_figures.draw(groups, tmp_path, colours_of(groups)) if path.suffix == ".svg")
+    svg = next(path for path in draw_figures(groups, tmp_path) if path.suffix == ".svg")
     assert "[rad or rad/s]" in svg.read_text(encoding="utf-8")
 
 
@@ -80,17 +85,21 @@ def draw(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Sequence[
     """Draw the figures of results in one folder, all of them blank, and say which are not those of before."""
     new = set[str]()
 
-    def blank(kind: str, page: Sequence[Group], scale: Scale, colours: Colours) -> Figure:
-        new.add(f"{kind}-{page[0].setting.task}")
-        return Figure(figsize=(1, 1))
+    class Blank(Drawing):
+        def write(self, folder: Path) -> list[Path]:
+            def draw() -> Figure:
+                new.add(self.name)
+                return Figure(figsize=(1, 1))
+
+            return Drawing(self.name, self.label, self.values, draw).write(folder)
 
     def draw(results: Sequence[Result]) -> set[str]:
         new.clear()
-        paths = report_figures.draw(condense(results), tmp_path, colours_of(condense(results)))
+        paths = draw_figures(condense(results), tmp_path)
         assert set(paths) == set(tmp_path.iterdir())
         return set(new)
 
-    monkeypatch.setattr(report_figures, "_figure", blank)
+    monkeypatch.setattr(report_figures, "Drawing", Blank)
     return draw
 
 
@@ -132,5 +141,5 @@ def test_another_unit_is_drawn_again(
     draw: Callable[[Sequence[Result]], set[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     draw(CELLS)
-    monkeypatch.setattr(report_figures, "scale_of_task", lambda task: Scale("km", 1.0))
+    monkeypatch.setattr(report_figures, "scale_of_task", lambda task, load: Scale("km", 1.0))
     assert draw(CELLS) == OF_HOLD_DISC | OF_OTHER

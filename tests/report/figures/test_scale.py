@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from stlbench.report.figures.scale import linear_threshold, set_symlog, symlog_ticks
+from stlbench.report.figures.axes import linear_threshold, set_symlog, symlog_ticks
 
 
 @pytest.mark.parametrize(

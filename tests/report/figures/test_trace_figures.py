@@ -14,6 +14,7 @@ from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.figures import trace_figures
 from stlbench.report.figures.palette import GROUPS_PER_FIGURE, colours_of
+from stlbench.study.plugin_guard import ask, load_guarded
 from stlbench.task import load_task
 
 
@@ -35,7 +36,7 @@ class Run:
     def draw(self, *results, kinds=trace_figures.USUAL):
         colours = colours_of(condense(results))
         job = trace_figures.Job(
-            self.folder, self.folder / "out", self.told.append, self.warnings.append, colours, kinds
+            self.folder, self.folder / "out", self.told.append, self.warnings.append, colours, load_guarded, ask, kinds
         )
         paths = trace_figures.draw(results, job)
         assert all(path.stat().st_size > 1000 for path in paths)

@@ -48,7 +48,7 @@ def test_unit_of_robustness(formula, unit):
     ],
 )
 def test_unit_of_a_task(name, unit):
-    assert scale_of_task(name).unit == unit
+    assert scale_of_task(name, load_task).unit == unit
 
 
 def test_labels():

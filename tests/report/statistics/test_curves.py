@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from stlbench.report.statistics.curves import aligned, mean_curve
+from stlbench.report.statistics.intervals import aligned, mean_curve
 
 
 def test_checkpoints_at_other_steps_are_interpolated_where_all_seeds_have_some():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from stlbench.report.statistics.holm import holm
+from stlbench.report.statistics.differences import holm
 
 
 def test_holm() -> None:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from stlbench.report.statistics.intervals import share_interval
-from stlbench.report.statistics.sequence import log_evidence, share_sequence
+from stlbench.report.statistics.intervals import log_evidence, share_interval, share_sequence
 
 
 def test_the_evidence_is_the_average_likelihood_by_the_likelihood() -> None:

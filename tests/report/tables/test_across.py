@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from helpers.reports import summary
 from helpers.synthetic_results import alike, result, score
 
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
-from stlbench.report.tables.across import aggregates, aggregates_table, fields, improvement_table
-from stlbench.report.tables.summary import summary
+from stlbench.report.tables.across import aggregates_table, fields, improvement_table
 from stlbench.rollout.standards import Standard
 
 TASKS = ("one", "two", "three", "four")
@@ -92,7 +92,7 @@ def test_two_tasks_or_one_method_have_no_aggregate():
 
 def test_aggregates_have_intervals_and_ranks():
     every, _ = fields(condense(RESULTS), STANDARDS, {})
-    bad, good = aggregates(every)
+    bad, good = every.aggregates
     assert good.mean.value == pytest.approx(0.925)
     assert good.mean.interval.low < 0.925 < good.mean.interval.high
     assert (bad.rank, good.rank) == ((2.0, (2.0, 2.0)), (1.0, (1.0, 1.0)))
@@ -104,9 +104,9 @@ def test_a_method_that_does_not_fit_has_no_rank_there_and_its_rival_is_ranked_am
         each for task in TASKS for each in seeds("third", *((0.95,) * 2 if task == "four" else (0.5,) * 2), task=task)
     ]
     every, common = fields(condense([*RESULTS, *third]), STANDARDS, {})
-    ranks = {each.entry.method: (each.rank.value, each.entry.coverage) for each in aggregates(every)}
+    ranks = {each.entry.method: (each.rank.value, each.entry.coverage) for each in every.aggregates}
     assert ranks == {"bad": (3.0, "3 of 4"), "good": (1.25, "4 of 4"), "third": (1.75, "4 of 4")}
-    assert [each.rank.value for each in aggregates(common)] == [3.0, 1.0, 2.0]
+    assert [each.rank.value for each in common.aggregates] == [3.0, 1.0, 2.0]
     both = {row[3:5]: row[5:7] for row in improvement_table((every,)).rows}
     assert both == {
         ("bad", "good"): ("3 of 4", 0.0),
@@ -122,8 +122,8 @@ def test_methods_that_pay_the_same_share_a_rank_whatever_stands_between_them():
     same = STANDARDS | {"one": replace(STANDARDS["one"], alike=alike("one", good_twin="="))}
     found = condense([*RESULTS[:8], *twin, *third])
     (field,), (tied,) = fields(found, STANDARDS, {}), fields(found, same, {})
-    assert [each.rank.value for each in aggregates(field)] == [1.0, 2.0, 3.0]  # good, third, twin
-    good, third_rank, twin_rank = aggregates(tied)
+    assert [each.rank.value for each in field.aggregates] == [1.0, 2.0, 3.0]  # good, third, twin
+    good, third_rank, twin_rank = tied.aggregates
     assert [each.rank.value for each in (good, third_rank, twin_rank)] == [1.375, 1.75, 2.875]
     assert good.rank.interval.low < good.rank.interval.high  # which of the four seeds are drawn decides on third
     rows = {row[3:5]: row[6] for row in improvement_table((tied,)).rows}

@@ -10,8 +10,9 @@ from helpers.synthetic_results import plan, result
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result, Score
 from stlbench.registry.choices import Choice
-from stlbench.report import align, alignment_table, best_known, condense, split
-from stlbench.report.tables.alignment import Aligned
+from stlbench.report import condense
+from stlbench.report.tables.alignment import Aligned, align, alignment_table
+from stlbench.report.tables.planned import best_known, split
 from stlbench.rollout.standards import Standard
 from stlbench.task.file import BestKnown
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 from helpers.synthetic_results import result
 
-from stlbench.report import circumstances, condense
+from stlbench.report import condense
+from stlbench.report.tables.costs import circumstances
 
 
 def test_versions_machine_days_and_hours():

@@ -8,27 +8,16 @@ import re
 from dataclasses import replace
 
 import pytest
+from helpers.reports import summary
 from helpers.synthetic_results import by_hand, result
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
 from stlbench.registry.choices import Choice
-from stlbench.report import (
-    Column,
-    Table,
-    condense,
-    robustness_table,
-    show,
-    summary,
-    to_csv,
-    to_latex,
-    to_markdown,
-    to_records,
-    to_screen,
-)
+from stlbench.report import Column, Table, condense, show, to_csv, to_latex, to_markdown, to_records, to_screen
 from stlbench.report.statistics.intervals import Interval
-from stlbench.report.tables.overview import overview
+from stlbench.report.tables.robustness import overview, robustness_table
 from stlbench.report.tables.table import FirstFailed, Learned, Seeds
 
 OTHER = Choice("another-task")

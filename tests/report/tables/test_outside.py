@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from helpers.reports import summary
 from helpers.synthetic_results import plan, result
 
 from stlbench.records.result import Result
-from stlbench.report import best_known, condense, robustness_table, split, summary, to_records
-from stlbench.report.tables.planned import maximised
+from stlbench.report import condense, to_records
+from stlbench.report.tables.planned import best_known, maximised, split
+from stlbench.report.tables.robustness import robustness_table
 
 FACTS = {"source": "net.onnx", "sha256": 64 * "a", "begun_at": "starts of its own"}
 

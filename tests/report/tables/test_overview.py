@@ -7,7 +7,7 @@ from helpers.synthetic_results import alike, by_hand, result
 
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
-from stlbench.report.tables.overview import overview
+from stlbench.report.tables.robustness import overview
 from stlbench.rollout.standards import Standard
 
 

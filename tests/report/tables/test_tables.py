@@ -6,24 +6,17 @@ import pickle
 from dataclasses import replace
 
 import pytest
+from helpers.reports import summary
 from helpers.synthetic_results import alike, by_hand, plan, result, score
 from scipy import stats
 
 from stlbench.records.result import MAIN, RANDOM, Score, Summary
 from stlbench.registry.choices import Choice
-from stlbench.report import (
-    cells_table,
-    condense,
-    controllers_table,
-    only,
-    robustness_table,
-    summary,
-    time_table,
-    to_csv,
-    unfinished_table,
-)
-from stlbench.report.page.cells import cells_listed
-from stlbench.report.tables.cell import scores_table
+from stlbench.report import condense, only, to_csv
+from stlbench.report.tables.cells import cells_table, page_table, scores_table, unfinished_table
+from stlbench.report.tables.controllers import controllers_table
+from stlbench.report.tables.costs import time_table
+from stlbench.report.tables.robustness import robustness_table
 from stlbench.report.tables.table import FirstFailed, Seeds
 from stlbench.rollout.standards import Standard
 from stlbench.task.file import BestKnown
@@ -71,9 +64,9 @@ def test_early_ends_have_a_column_where_there_are_any():
     assert "ended early [%]" not in [column.heading for column in robustness_table(condense(ended)).columns]
     rows = condense(early)[0].rows
     assert [cell(cells_table(rows), "ended_early", row) for row in range(3)] == [0.5, 0.0, None]
-    page = cells_listed(rows)
-    place = [head.text for head in page.heads].index("ended early [%]")
-    assert [row[place].key for row in page.rows] == [50, 0, None]
+    page = page_table(rows)
+    place = [column.header for column in page.columns].index("ended early [%]")
+    assert [row[place] for row in page.rows] == [50, 0, None]
     measured = early[0].measurement
     assert cell(scores_table({"": measured.selected}), "ended early [%]") == 50
 

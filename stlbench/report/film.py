@@ -22,12 +22,11 @@ from stlbench.records.saved_traces import Film
 from stlbench.report.figures import plane
 from stlbench.report.figures.layout import patch
 from stlbench.report.figures.palette import TRACE
-from stlbench.report.figures.parts import parts
-from stlbench.report.figures.signals import READ, signals_in_time
+from stlbench.report.figures.regions import READ, parts, signals_in_time
 from stlbench.report.figures.trajectories import part_keys
 from stlbench.report.figures.units import signal_label
-from stlbench.report.film.video import FRAMES_A_SECOND
-from stlbench.report.film.video import write as write_video
+from stlbench.report.video import FRAMES_A_SECOND
+from stlbench.report.video import write as write_video
 from stlbench.rollout.traces import Recording
 from stlbench.task.file import Signal
 from stlbench.task.task import Task

@@ -1,4 +1,4 @@
-"""What training took."""
+"""What training took, and on which machine, with which versions it was done."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stlbench.report.statistics.intervals import Interval, mean_interval
-from stlbench.report.tables.rows import Group
-from stlbench.report.tables.setting import SETTING, setting_values
+from stlbench.report.tables.rows import SETTING, Group, setting_values
 from stlbench.report.tables.table import Column, Table, Value
 
 
@@ -60,3 +59,41 @@ def seconds_interval(values: Sequence[float]) -> Interval | None:
 
 def _mean(values: Sequence[float]) -> float | None:
     return float(np.mean(values)) if values else None
+
+
+_NO_VERSIONS = {"machine", "jobs", "time", "code", "task_folder", "load"}
+_NO_VERSIONS |= {"training_calibration_seconds", "reward_calibration_seconds"}
+"""What provenance holds beside versions of packages."""
+
+
+def circumstances(groups: Sequence[Group]) -> Table:
+    """Machine, versions, code, cells at a time, days, cells and CPU time: one row each; where cells differ, all."""
+    rows = [row for group in groups for row in group.rows]
+    values: dict[str, set[str]] = {}
+    for row in rows:
+        for name, value in row.provenance.items():
+            values.setdefault(name, set()).add(value)
+    said = {name: "; ".join(sorted(found)) for name, found in values.items()}
+    versions = ", ".join(f"{name} {said[name]}" for name in sorted(said.keys() - _NO_VERSIONS))
+    seconds = sum(row.numbers.cpu_seconds for row in rows if row.numbers)
+    ended = sum(row.numbers is not None for row in rows)
+    parts = (part.partition(" ") for row in rows for part in row.provenance.get("code", "").split(", "))
+    code = sorted({version for part, _, version in parts if part == "harness"})
+    days = sorted({time.partition("T")[0] for time in values.get("time", ())})
+    lines = {
+        "machine": said.get("machine", ""),
+        "versions": versions,
+        "code of stlbench": "; ".join(code),
+        "cells at a time": said.get("jobs", ""),
+        "begun": days[0] if len(days) == 1 else " to ".join([*days[:1], *days[-1:]]),
+        "cells": f"{len(rows)}, {ended} of them with a result",
+        "CPU time": f"{_time(seconds)}, training and evaluation",
+    }
+    columns = (Column("what", right=False), Column("value", right=False))
+    return Table("Circumstances", columns, tuple((name, text) for name, text in lines.items() if text))
+
+
+def _time(seconds: float) -> str:
+    if seconds < 60:
+        return f"{seconds:.1f} seconds"
+    return f"{seconds / 60:.1f} minutes" if seconds < 3600 else f"{seconds / 3600:.2f} hours"

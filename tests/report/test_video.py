@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from stlbench.errors import UsageError
-from stlbench.report.film import video
+from stlbench.report import video
 
 COLOURS = np.array([[200, 0, 0], [0, 150, 0], [0, 0, 250]], dtype=np.uint8)
 

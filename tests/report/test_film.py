@@ -9,7 +9,7 @@ from PIL import Image
 
 from stlbench.records.saved_traces import Film
 from stlbench.registry.choices import Choice
-from stlbench.report.film import film
+from stlbench.report import film
 from stlbench.rollout.traces import Recording
 from stlbench.task import load_task
 from stlbench.task.task import Task

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 from stlbench.contract import GymTask
+from stlbench.contract.presentation import Banded
 from stlbench.errors import UsageError
 from stlbench.records.result import MAIN, Result
 from stlbench.records.saved_policies import Which
-from stlbench.report.figures.cell_figures import draw_cell
-from stlbench.report.figures.files import file_name
-from stlbench.report.film import film
+from stlbench.report import film
+from stlbench.report.figures.files import file_name, save
+from stlbench.report.figures.margins import robustness_in_time
+from stlbench.report.figures.trajectories import trajectories
 from stlbench.rollout.reenactment import Reenactment
 from stlbench.rollout.traces import load
 from stlbench.study.policies import Replay, Start, reenact, replay
@@ -49,27 +52,37 @@ class Filming:
         shown = self._recorded() if recorded else replay(self.run, self.result, self.which, self.start)
         acted, remarks = (None, list[str]()) if self.form == "png" else self._before_camera(shown)
         if self.form == "png":
-            paths = draw_cell(shown.task, shown.method, shown.recording, self._title, self.out, self._name)
-            return Filmed(tuple(paths), ())
+            return Filmed(tuple(self._pictures(shown)), ())
         path = self.out / f"film-{self._name}.{self.form}"
         remark = film.write(shown.task, shown.recording, shown.robustness, self._title, path, acted)
         return Filmed((path,), (*remarks, *_remarks(shown, acted, remark)))
 
+    def _pictures(self, shown: Replay) -> Iterator[Path]:
+        """Write still pictures: trajectories and, where the formula has terms, robustness against time."""
+        bands = shown.method.band() if isinstance(shown.method, Banded) else ()
+        figures = {
+            "trajectories": trajectories(shown.task, shown.recording, self._title),
+            "time": robustness_in_time(shown.task, shown.recording, bands, self._title),
+        }
+        for kind, figure in figures.items():
+            if figure is not None:
+                yield from save(figure, self.out, f"{kind}-{self._name}")
+
     @property
-    def _said(self) -> list[str]:
+    def _options(self) -> list[str]:
         """What the user chose."""
-        said: list[str] = [] if self.which == "selected" else [self.which]
+        chosen: list[str] = [] if self.which == "selected" else [self.which]
         if self.start.point is not None:
-            return [*said, "start-" + ",".join(repr(number).removesuffix(".0") for number in self.start.point)]
-        return said if self.start.index is None else [*said, f"start-{self.start.index}"]
+            return [*chosen, "start-" + ",".join(repr(number).removesuffix(".0") for number in self.start.point)]
+        return chosen if self.start.index is None else [*chosen, f"start-{self.start.index}"]
 
     @property
     def _title(self) -> str:
-        return self.result.id.name + ", ".join(["", *self._said]).replace("start-", "start ")
+        return self.result.id.name + ", ".join(["", *self._options]).replace("start-", "start ")
 
     @property
     def _name(self) -> str:
-        return file_name(*self.result.id.name.split("/"), self.result.id.budget, *self._said)
+        return file_name(*self.result.id.name.split("/"), self.result.id.budget, *self._options)
 
     def _recorded(self) -> Replay:
         """What was recorded when the cell was trained, which needs no policy."""

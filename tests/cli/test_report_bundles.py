@@ -1,0 +1,55 @@
+"""`stlbench report` of bundles, on made-up plugins."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from helpers.bundles import changed
+from helpers.pages import Page
+
+RUN = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here", "--methods", "toy-raw")
+
+
+@pytest.fixture
+def bundles(say, toy) -> None:
+    for name, seeds in (("mine", "0-1"), ("theirs", "2-3")):
+        assert say(*RUN, "--seeds", seeds, "--results", name).exit_code == 0
+        assert say("bundle", name, f"{name}.zip", "--author", "Ada Lovelace").exit_code == 0
+
+
+def test_bundles_stand_in_one_table_and_are_scored_again_where_asked(say, bundles) -> None:
+    done = say("report", "theirs.zip", "mine.zip", "--rescore", "--json")
+    said = json.loads(done.stdout)
+    assert done.exit_code == 0
+    assert done.stderr.splitlines() == [f"toy-line/toy-raw/toy-agent/{seed}: as recorded" for seed in range(4)]
+    assert [(row["bundle"], row["by"], row["policies"]) for row in said["bundles"]] == [
+        (name, "Ada Lovelace", "as recorded") for name in ("mine", "theirs")
+    ]
+    methods = ["toy-raw[bundle=mine]", "toy-raw[bundle=theirs]"]
+    assert [(row["method"], row["seeds done"]) for row in said["robustness"]] == [(method, 2) for method in methods]
+    (pair,) = said["comparisons"]
+    assert [pair["method"], pair["other"]] == methods
+
+
+def test_a_damaged_bundle_is_left_out_and_a_failure(say, bundles) -> None:
+    changed(Path("mine.zip"), Path("changed.zip"), {"cells.jsonl": b"{}"})
+    done = say("report", "changed.zip", "mine.zip")
+    assert done.exit_code == 1
+    assert "changed.zip is refused: cells.jsonl: 2 bytes, and" in " ".join(done.stdout.split())
+    assert "bundle=mine" in done.stdout
+
+
+def test_bundles_have_a_page(say, bundles) -> None:
+    assert say("report", "mine.zip", "theirs.zip", "--html").stdout.endswith(" MB, 4 cells\n")
+    page = Page(Path("report.html").read_text())
+    assert len(page.cells) == 4
+    assert "Ada Lovelace" in page.text
+
+
+@pytest.mark.parametrize("words", [("no.zip",), ("one", "two"), ("one", "--rescore"), ("a b.zip",)])
+def test_bad_input_is_one_line(say, words) -> None:
+    Path("a b.zip").write_bytes(b"")
+    done = say("report", *words)
+    assert (done.exit_code, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)

@@ -1,0 +1,114 @@
+"""The page as a file: whole, alone, and nothing of the results is markup."""
+
+from __future__ import annotations
+
+import base64
+import re
+from pathlib import Path
+
+import pytest
+from helpers.hostile_results import HOSTILE, all_results
+from helpers.pages import Page, write
+from helpers.synthetic_results import by_hand, result
+
+from stlbench.errors import UsageError
+from stlbench.records.identity import CellId
+from stlbench.report import condense, page, show
+from stlbench.report.tables.robustness import robustness_table
+
+SVG = "data:image/svg+xml;base64,"
+
+
+@pytest.fixture(scope="module")
+def parsed(page: Path) -> Page:
+    return Page(page.read_text(encoding="utf-8"))
+
+
+def test_it_loads_nothing(page: Path, parsed: Page) -> None:
+    assert not [name for name in ("data", "action", "srcset", "ping") if parsed.attributes(name)]
+    assert all(source.startswith(SVG) for source in parsed.attributes("src"))
+    assert all(link.startswith("#") for link in parsed.attributes("href"))
+    assert "default-src 'none'" in " ".join(parsed.attributes("content"))
+    style = re.search("<style>(.*?)</style>", page.read_text(encoding="utf-8"), re.DOTALL)
+    assert style is not None
+    assert not re.search(r"url\(|@import", style[1])
+
+
+def test_every_name_of_an_element_is_used_once_and_every_link_leads_somewhere(parsed: Page) -> None:
+    names = parsed.attributes("id")
+    assert len(names) == len(set(names))
+    assert {link[1:] for link in parsed.attributes("href")} | {*parsed.attributes("aria-labelledby")} <= {*names}
+
+
+def test_hostile_texts_are_texts(parsed: Page) -> None:
+    assert [tag for tag, _ in parsed.elements if tag in ("script", "b")] == ["script"]
+    assert len(parsed.attributes("nonce")) == 1
+    assert " ".join(f"Traceback {HOSTILE}".split()) in parsed.text
+    assert "<b>results" in parsed.text
+
+
+def test_figures_are_images_without_scripts_and_say_what_they_show(parsed: Page) -> None:
+    pictures = [base64.b64decode(source.removeprefix(SVG)) for source in parsed.attributes("src")]
+    labels = parsed.attributes("alt", "img")
+    assert len(pictures) == len(labels) == 2 + 2 * 3 + 2
+    assert not any(re.search(rb'<script|<image|href="(?!#)', picture) for picture in pictures)
+    assert (
+        "flag (dqn, quick): why the worst start has robustness -0.5: norm(x - 2, y - 2) <= 1: margin -0.5 at step 100 "
+        "(1 s), in G[0,200] norm(x - 2, y - 2) <= 1"
+    ) in labels
+
+
+def test_every_cell_can_be_opened(parsed: Page) -> None:
+    names = [*(f"hold-disc/{method}/dqn/0" for method in ("flag", "funnel", "mine")), "integrator-or/raw/dqn/0"]
+    assert parsed.cells == names
+    assert [link for link in parsed.attributes("href") if link.startswith("#cell-")] == [f"#cell-{i}" for i in range(4)]
+
+
+def test_numbers_are_those_of_the_tables(tmp_path: Path, parsed: Page) -> None:
+    table = robustness_table(condense(all_results(tmp_path)))
+    place = [column.title for column in table.columns].index("median robustness")
+    for row in table.rows:
+        assert show(row[place], 3) in parsed.text
+
+
+def test_why_the_worst_start_fails(parsed: Page) -> None:
+    row = "flag hold-disc/flag/dqn/0, start 1-0.500G[0,200] norm(x - 2, y - 2) <= 1100norm(x - 2, y - 2) <= 1100-0.500"
+    assert row.replace(" ", "") in parsed.text.replace(" ", "")
+
+
+def test_what_is_said_of_many_tables_is_said_once(parsed: Page) -> None:
+    said = "Robustness is in the unit of the task's predicates"
+    assert parsed.text.count(said) == 1
+    assert parsed.text.index(said) > parsed.text.index("Notes: how to read the tables")
+    assert parsed.text.count("How to read this table: Robustness") == 3  # the overview, and two tasks
+
+
+def test_what_a_folder_lacks_is_said(tmp_path: Path) -> None:
+    made = [result(), result("flag", curve=())]
+    page = Page(write(made, (CellId.parse("hold-disc/raw/dqn/0", "quick"),), {}, tmp_path).read_text())
+    assert "There is no folder traces/ beside these results: what policies did is not shown." in page.text
+    assert "not run" in page.text
+    assert "The task is not known here" in Page(write([result(task="gone")], (), {}, tmp_path).read_text()).text
+
+
+def test_the_same_results_give_the_same_bytes(tmp_path: Path) -> None:
+    one, other = (write([result()], (), by_hand(hold_disc=(0.4,)), tmp_path).read_bytes() for _ in range(2))
+    assert one == other
+
+
+def test_of_very_many_cells_it_has_the_first_of_each_setting_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page, "MOST", 4)
+    made = [
+        result(method, seed, robustness=[0.1 + 0.1 * seed, 0.4]) for method in ("funnel", "raw") for seed in range(5)
+    ]
+    found = Page(write(made, (), {}, tmp_path).read_text())
+    assert "Of 10 cells the first 2 seeds of each setting; `stlbench show cell` shows any." in found.text
+    assert found.cells == [f"hold-disc/{method}/dqn/{seed}" for method in ("funnel", "raw") for seed in (0, 1)]
+
+
+def test_without_the_extra_a_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page, "find_spec", lambda name: None)
+    with pytest.raises(UsageError, match=r"pip install \"stlbench-rl\[page\]\""):
+        write([result()], (), {}, tmp_path)
