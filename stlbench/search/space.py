@@ -11,8 +11,8 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import Array, Integers, System, Truth
 from stlbench.task import starts
-from stlbench.task.region import Region
-from stlbench.task.start_sets import SeedStarts, StateStarts
+from stlbench.task.entry import Region
+from stlbench.task.starts import SeedStarts, StateStarts
 from stlbench.task.task import Task
 
 

@@ -22,7 +22,7 @@ from stlbench.rollout.reenactment import Reenactment
 from stlbench.rollout.traces import Recording
 from stlbench.study.tracks import Recipe, on_track
 from stlbench.task import Task, build_method, load_task
-from stlbench.task.start_sets import StateStarts
+from stlbench.task.starts import StateStarts
 
 
 class LoadedPolicy(NamedTuple):

@@ -1,15 +1,18 @@
-"""What the entries of a task file consist of: numbers within limits, formulas, and mappings that know their keys."""
+"""The values of a task file: numbers within limits, formulas, regions of states, and mappings that know their keys."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo
+import numpy as np
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationInfo
 from pydantic_core import CoreSchema, core_schema
 
 from stlbench import stl
+from stlbench.contract import Array, Truth
 
 Count = Annotated[int, Field(ge=1)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -20,6 +23,10 @@ class Entry(BaseModel):
     """A mapping of the file. It has the keys that are declared and no others."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+Parts = Mapping[str, Any]
+"""Entry -> its value where it is right; of an entry of several, nested likewise. A wrong value is not there."""
 
 
 class Timing(NamedTuple):
@@ -75,3 +82,54 @@ Formula = Annotated[stl.Formula, Read(_read_formula)]
 
 PointFormula = Annotated[stl.Formula, Read(read_point_formula)]
 """A formula without temporal operators."""
+
+
+def _both(value: Any) -> Any:
+    """A number, where a state is fixed, as an interval."""
+    if isinstance(value, int | float):
+        return value, value
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"expected a number or [low, high], got {value!r}")
+    return value
+
+
+def _ordered(ends: tuple[float, float]) -> tuple[float, float]:
+    if ends[0] > ends[1]:
+        raise ValueError(f"low must not exceed high, got {list(ends)}")
+    return ends
+
+
+def _written(ends: tuple[float, float]) -> tuple[float, float] | float:
+    return ends if ends[0] < ends[1] else ends[0]
+
+
+Ends = Annotated[
+    tuple[Finite, Finite], BeforeValidator(_both), AfterValidator(_ordered), PlainSerializer(_written, return_type=Any)
+]
+
+
+class Region(Entry):
+    """A set of initial states: a box over the state's names, numbers where a state is fixed, a condition."""
+
+    box: dict[str, Ends]
+    where: PointFormula | None = None
+    """Over the state's names; initial states fulfil it."""
+
+    @property
+    def low(self) -> Array:
+        """Lower corner, (n,)."""
+        return np.array([low for low, _ in self.box.values()])
+
+    @property
+    def high(self) -> Array:
+        """Upper corner, (n,)."""
+        return np.array([high for _, high in self.box.values()])
+
+    def keep(self, states: Array) -> Array:
+        """Those of the states (N, n) that fulfil `where`."""
+        return states if self.where is None else states[_predicate(self.where, tuple(self.box))(states)]
+
+
+@cache
+def _predicate(formula: stl.Formula, names: tuple[str, ...]) -> Callable[[Array], Truth]:
+    return stl.holds(formula, names)

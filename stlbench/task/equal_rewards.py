@@ -60,32 +60,15 @@ def payments(method: RewardMethod) -> Paid | None:
 
 
 def equal_payments(paid: Mapping[str, Paid | None]) -> tuple[Difference, ...]:
-    """Those pairs of methods of one task, by name, whose rewards are the same but for a function of time."""
+    """Those pairs of methods of one task, by name, whose rewards are the same but for a function of time.
+
+    Where every episode lasts as long, such methods ask for the same policies: the sum of a function of time is the same
+    for all. Where training episodes end early, it also pays for ending sooner, or later. Samples are drawn evenly from
+    the box of the signals, so a difference in a very small part of it can be missed.
+    """
     known = {name: each for name, each in paid.items() if each is not None}
     found = (_difference(known[one], known[other], (one, other)) for one, other in combinations(known, 2))
     return tuple(difference for difference in found if difference is not None)
-
-
-def same_up_to_time(
-    one: RewardMethod, other: RewardMethod, names: tuple[str, str] = ("one", "other")
-) -> Difference | None:
-    """Compare the rewards of two methods, in the unit of the predicates, on random samples at all times.
-
-    Where every episode lasts as long, such methods ask for the same policies, as the sum of a function of time is the
-    same for all. Where training episodes end early, it also pays for ending sooner, or later.
-
-    Args:
-        one: a method for a task.
-        other: a method for the same task.
-        names: of the two.
-
-    Returns:
-        How they differ; None where they differ by more than time, or where one is not a function of samples and time
-        alone (`RewardMethod.arrival`). Samples are drawn evenly from the box of the signals, so what happens in a very
-        small part of it can be missed.
-    """
-    first, second = payments(one), payments(other)
-    return None if first is None or second is None else _difference(first, second, names)
 
 
 def _difference(one: Paid, other: Paid, names: tuple[str, str]) -> Difference | None:

@@ -22,12 +22,11 @@ from stlbench.contract import (
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
-from stlbench.task.checks import check_regions
+from stlbench.task.checks import check_regions, check_system, check_world
+from stlbench.task.entry import Parts
 from stlbench.task.file import Axis, Budget, TaskFile
-from stlbench.task.kinds import check_system, check_world
-from stlbench.task.parts import Parts
 from stlbench.task.reading import errors_of, read
-from stlbench.task.start_sets import SeedStarts, StateStarts
+from stlbench.task.starts import SeedStarts, StateStarts
 
 if TYPE_CHECKING:
     from stlbench.task.gym_source import GymSource

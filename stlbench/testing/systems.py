@@ -7,7 +7,7 @@ import numpy as np
 from stlbench.contract import Array
 from stlbench.rollout import controller, referee
 from stlbench.task import Task, starts
-from stlbench.task.start_sets import StateStarts
+from stlbench.task.starts import StateStarts
 from stlbench.testing.rules import Rules
 
 

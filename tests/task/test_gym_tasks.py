@@ -22,7 +22,7 @@ from stlbench.study.keys import task_part
 from stlbench.study.plan import plan_cells
 from stlbench.task import gym_make, load_task
 from stlbench.task.gym_spaces import Observed, entries_of
-from stlbench.task.start_sets import SeedStarts
+from stlbench.task.starts import SeedStarts
 from stlbench.testing import check_task
 
 POLE: dict[str, Any] = {

@@ -10,8 +10,8 @@ from helpers.line_task import text
 
 from stlbench import stl
 from stlbench.errors import UsageError
+from stlbench.task.entry import Region
 from stlbench.task.reading import read_task_file
-from stlbench.task.region import Region
 from stlbench.task.yaml_text import load_yaml
 
 

@@ -9,7 +9,7 @@ from scipy.stats import qmc
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.task import load_task, starts
-from stlbench.task.region import Region
+from stlbench.task.entry import Region
 
 DISC = Region(box={"x": (-1, 1), "y": (-1, 1), "heading": 0.5}, where="norm(x, y) <= 0.9")
 
