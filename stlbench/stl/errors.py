@@ -1,4 +1,4 @@
-"""What can go wrong in `stlbench.stl`, each with a message that names the broken rule and what would be right."""
+"""The errors of `stlbench.stl`; each message names the broken rule and what would be right."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ class StlSyntaxError(ValueError):
     """
 
     def __init__(self, text: str, position: Position, expected: str, found: str) -> None:
-        """Build the message: place, rule, source line and a caret under the place, both cut to what fits a line."""
         self.line, self.column = position
         self.expected = expected
         lines = text.splitlines()
@@ -45,7 +44,6 @@ class FormulaLimitError(ValueError):
     """
 
     def __init__(self, expected: str, found: str) -> None:
-        """Build "a formula has `expected`, got `found`"."""
         self.expected, self.found = expected, found
         super().__init__(f"a formula has {expected}, got {found}")
 
@@ -54,7 +52,6 @@ class UnknownSignalError(ValueError):
     """A formula uses a signal that the trace (or the box) does not have."""
 
     def __init__(self, signal: str, names: Sequence[str], where: str = "trace") -> None:
-        """Name the signal, the signals there are, and the nearest of them."""
         self.signal = signal
         near = difflib.get_close_matches(signal, names, n=1)
         hint = f" (did you mean {near[0]!r}?)" if near else ""
@@ -63,10 +60,9 @@ class UnknownSignalError(ValueError):
 
 
 class ShortTraceError(ValueError):
-    """A trace ends before the formula's horizon and nothing was said about such traces."""
+    """A trace ends before the formula's horizon, under the policy `strict`."""
 
     def __init__(self, needed: int, got: int) -> None:
-        """Say how many samples are needed and how many there are."""
         self.needed, self.got = needed, got
         rule = "policy='clip' cuts the intervals, robustness_bounds and satisfaction_bounds bound the answer"
         super().__init__(f"needs {needed} samples, got {got} ({rule})")
@@ -80,7 +76,6 @@ class UnboundedError(ValueError):
     """
 
     def __init__(self, operator: str, position: Position | None, reason: str) -> None:
-        """Build "`operator` without an interval at column c `reason`"."""
         self.position = position
         super().__init__(f"{operator} without an interval{f' at {position}' if position else ''} {reason}")
 
@@ -94,7 +89,6 @@ class UndefinedError(ValueError):
     """
 
     def __init__(self, what: str, sample: int | None = None, trace: int | None = None) -> None:
-        """Build "`what` at sample i of trace j"."""
         self.what, self.sample, self.trace = what, sample, trace
         place = "" if sample is None else f" at sample {sample}"
         super().__init__(what + place + ("" if trace is None else f" of trace {trace}"))
@@ -109,7 +103,6 @@ class FragmentError(ValueError):
     """
 
     def __init__(self, what: str, position: Position | None, reason: str) -> None:
-        """Build "`what` at column c is not in the funnel fragment: `reason`"."""
         self.position = position
         self.reason = reason
         place = f" at {position}" if position else ""

@@ -21,7 +21,7 @@ from stlbench.stl.recorded.evaluator import cause
 
 @dataclass(frozen=True)
 class Bounds:
-    """What was proven of a margin over a box: it lies in [low, high] at every point, and how tight that is."""
+    """Proven bounds of a margin over a box: it lies in [low, high] at every point; the errors say how tight that is."""
 
     low: float
     high: float
@@ -91,7 +91,6 @@ def _error(maximum: Maximum) -> float:
 def _ends(
     psi: Formula, box: Mapping[str, tuple[float, float]] | ArrayLike, names: Sequence[str] | None
 ) -> dict[str, tuple[float, float]]:
-    """Finite ends of each signal of psi, in order of appearance."""
     if not isinstance(box, Mapping):
         if names is None:
             raise ValueError("an array of bounds needs the signals' names")

@@ -34,7 +34,7 @@ def enclosure(target: AnyNode, boxes: Boxes, proven: Proven) -> Range:
 
 
 def mean_value_range(target: AnyNode, boxes: Boxes, proven: Proven, rates: Enclosure | None = None) -> Range:
-    """The mean-value form on each box, NaN where no derivative bounds it; `rates` are what is known of `boxes`."""
+    """The mean-value form on each box, NaN where no derivative bounds it; `rates` are the derivatives on `boxes`."""
     rates = rates or Enclosure(boxes, proven, with_derivatives=True)
     middles = {name: low / 2 + high / 2 for name, (low, high) in boxes.items()}
     at = {name: (middle, middle) for name, middle in middles.items()}

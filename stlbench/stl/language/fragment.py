@@ -82,20 +82,14 @@ def _outside(formula: Formula) -> FragmentError:
     if not is_temporal(formula):
         reason = f"it speaks of t = 0 alone; write G[0,0] ({shorten(str(formula))}) or give an interval"
         return FragmentError("a formula without F or G", formula.position, reason)
-    parent, blamed = _blamed(formula)
+    parent, blamed = None, formula
+    match formula:
+        case Eventually(_, _, Always(_, _, blamed) as parent):
+            pass
+        case Always(_, _, blamed) | Eventually(_, _, blamed):
+            parent = formula
     what, reason = _reason(parent, blamed)
     return FragmentError(what, blamed.position, reason)
-
-
-def _blamed(formula: Formula) -> tuple[Formula | None, Formula]:
-    """The operator that is at fault and the F or G it is wrongly inside of, if any."""
-    match formula:
-        case Eventually(_, _, Always(_, _, arg) as parent):
-            return parent, arg
-        case Always(_, _, arg) | Eventually(_, _, arg):
-            return formula, arg
-        case _:
-            return None, formula
 
 
 def _reason(parent: Formula | None, blamed: Formula) -> tuple[str, str]:

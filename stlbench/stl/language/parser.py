@@ -39,11 +39,11 @@ from stlbench.stl.language.syntax import (
     Once,
     Or,
     Predicate,
+    Release,
     Since,
     TrueFormula,
     Until,
     iff,
-    release,
     weak_until,
     xor,
 )
@@ -58,6 +58,9 @@ _LEVELS = {
     **BINARY_LEVELS,
     **dict.fromkeys((*COMPARISONS, "==", "!=", "="), Level.COMPARE),
 }
+_WINDOWS: dict[str, type[Always | Eventually | Historically | Once]]
+_WINDOWS = {kind.letter: kind for kind in (Always, Eventually, Historically, Once)}
+_BETWEEN = {"U": Until, "S": Since, "R": Release}
 
 
 def parse(text: str, dt: float | None = None) -> Formula:
@@ -165,9 +168,7 @@ class _Parser(TokenStream):
     def temporal(self) -> Formula:
         token = self.take()
         a, b = self.interval_or_end()
-        kinds: dict[str, type[Always | Eventually | Historically | Once]]
-        kinds = {kind.letter: kind for kind in (Always, Eventually, Historically, Once)}
-        kind = kinds[PREFIX_WORDS[token.text]]
+        kind = _WINDOWS[PREFIX_WORDS[token.text]]
         return kind(a, b, self.operand(Level.PREFIX), position=token.position)
 
     def interval_or_end(self) -> tuple[int, int]:
@@ -197,8 +198,7 @@ class _Parser(TokenStream):
             return self.comparison(self.as_expression(left))
         if level > Level.COMPARE:
             return self.arithmetic(self.as_expression(left), level)
-        first = self.as_formula(left)
-        where = self.token.position
+        first, where = self.as_formula(left), self.token.position
         if level == Level.UNTIL:
             return self.until(first)
         if level in (Level.AND, Level.OR):
@@ -214,12 +214,9 @@ class _Parser(TokenStream):
         token = self.take()
         a, b = self.interval_or_end()
         right = self.operand(Level.UNTIL)
-        letter = INFIX_WORDS[token.text]
-        if letter in "US":
-            kind = Until if letter == "U" else Since
+        if kind := _BETWEEN.get(INFIX_WORDS[token.text]):
             return kind(a, b, left, right, position=token.position)
-        build = release if letter == "R" else weak_until
-        return build(a, b, left, right, token.position)
+        return weak_until(a, b, left, right, token.position)
 
     def joined(self, first: Formula, level: int) -> Formula:
         kind, symbol = (And, "&") if level == Level.AND else (Or, "|")
@@ -234,8 +231,7 @@ class _Parser(TokenStream):
     def call(self, name: Token) -> Call:
         if name.text not in FUNCTIONS:
             self.fail(f"a function ({', '.join(FUNCTIONS)})", name.shown, name.position)
-        opening = self.take()
-        args = [self.expression(Level.SUM)]
+        opening, args = self.take(), [self.expression(Level.SUM)]
         while self.at(","):
             self.take()
             args.append(self.expression(Level.SUM))
@@ -266,7 +262,6 @@ class _Parser(TokenStream):
         return Binary(op.symbol, left, self.expression(level + 1), position=left.position)
 
     def power(self, base: Expression) -> Expression:
-        """`base` to the exponent that is next, a whole number."""
         token = self.token
         if token.kind != "number" or not float(token.text).is_integer():
             self.fail("a whole number as exponent")

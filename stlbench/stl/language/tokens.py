@@ -86,12 +86,10 @@ class TokenStream:
 
     @property
     def token(self) -> Token:
-        """The next token."""
         return self.tokens[self.next]
 
     @property
     def second(self) -> Token:
-        """The token after the next, or the end."""
         return self.tokens[min(self.next + 1, len(self.tokens) - 1)]
 
     def take(self) -> Token:
@@ -113,7 +111,6 @@ class TokenStream:
         raise StlSyntaxError(self.text, position or token.position, expected, found or token.shown)
 
     def number(self) -> float:
-        """Take a finite number."""
         token = self.token
         if token.kind != "number":
             self.fail("a number")
@@ -124,7 +121,6 @@ class TokenStream:
         return value
 
     def interval(self) -> tuple[int, int]:
-        """Take `[a,b]`, in steps."""
         opening = self.expect("[")
         first, a = self.end_of_interval()
         self.expect(",")

@@ -27,7 +27,7 @@ SIDE = sys.float_info.min
 
 
 def zero_side(predicate: Predicate) -> float:
-    """What stands for a margin of 0: above 0 where that holds (<=, >=), below where it does not (<, >)."""
+    """The signed margin for a margin of 0: above 0 where that holds (<=, >=), below where it does not (<, >)."""
     return SIDE if predicate.op in ("<=", ">=") else -SIDE
 
 
@@ -63,7 +63,7 @@ def _quotient(left: Any, right: Any) -> Any:
 
 
 def _zero_or_nan(h: float, side: float) -> float:
-    """What stands for a margin that is neither above nor below 0."""
+    """The signed margin for one that is neither above nor below 0."""
     if h == 0.0:
         return side
     raise ArithmeticError
@@ -123,7 +123,6 @@ def functions(source: Sequence[str], namespace: Mapping[str, Any]) -> dict[str, 
 
 
 def indented(lines: Iterable[str]) -> list[str]:
-    """The lines as a block under another."""
     return [f" {line}" for line in lines]
 
 

@@ -99,7 +99,7 @@ class ExpressionWriter:
         return self.applied(op, parts, node, base)
 
     def applied(self, op: str, parts: Sequence[Part], node: Expression | Predicate, base: int) -> Part:
-        """`op` of operands that are written; `node` is what a message names."""
+        """`op` of operands that are written; a message names `node`."""
         values = [part.value for part in parts if part.value is not None]
         if op == "/" and parts[1].value is not None:
             if parts[1].value == 0.0:
@@ -154,7 +154,7 @@ def _folded(op: str, values: Sequence[float | bool], node: Expression | Predicat
 
 
 class Reading(Enum):
-    """What is asked of a formula: its margin, its margin with the sign of the verdict, or the verdict."""
+    """The value to write of a formula: its margin, its signed margin, or its verdict."""
 
     MARGIN = auto()
     SIGNED = auto()
@@ -189,7 +189,6 @@ class FormulaWriter(ExpressionWriter):
                 raise ValueError(f"expected a formula without temporal operators, got {node}")
 
     def joined(self, args: Sequence[tuple[Formula, bool]], least: bool, base: int) -> Part:
-        """The least (or the greatest) of formulas, each negated or not."""
         op, pick = ("least", min) if least else ("greatest", max)
         result: Part | None = None
         for arg, negated in args:

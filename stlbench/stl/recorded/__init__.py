@@ -24,7 +24,7 @@ from stlbench.stl.recorded.evaluator import Compile, End, Evaluator, Traces, eva
 
 Floats: TypeAlias = NDArray[np.float64]
 Bools: TypeAlias = NDArray[np.bool_]
-#: what to do with a trace that ends before the horizon
+#: how a trace that ends before the horizon is treated
 ShortTraces: TypeAlias = Literal["strict", "clip"]
 
 
@@ -184,7 +184,6 @@ class _Program:
 
 @lru_cache(maxsize=128)
 def _program(formula: Formula, names: tuple[str, ...], compile_: Compile) -> _Program:
-    """The program of `formula` on `names`, which are checked."""
     check_names(formula, names)
     ahead, behind, to_the_end = lookahead(formula), lookbehind(formula), unbounded(formula) is not None
     return _Program(formula, names, compile_, ahead, behind, to_the_end, evaluator(formula, names, compile_))

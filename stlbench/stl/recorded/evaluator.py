@@ -37,7 +37,7 @@ from stlbench.stl.language.syntax import (
 from stlbench.stl.predicates import Compiled, compile_signed
 from stlbench.stl.recorded.windows import Values, slide, until
 
-#: what a trace that ends before the horizon means; "interval": its end is unknown, and values are bounds
+#: how a trace that ends before the horizon is read; "interval": its end is unknown, and values are bounds
 End: TypeAlias = Literal["strict", "clip", "interval"]
 #: a formula without temporal operators to a function of samples, or to a constant: `compile_margin`, `compile_signed`
 Compile: TypeAlias = Callable[[Formula, tuple[str, ...]], Compiled]

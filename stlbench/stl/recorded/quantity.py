@@ -21,7 +21,7 @@ from stlbench.stl.recorded.folds import Semantics
 Floats: TypeAlias = NDArray[np.float64]
 #: a leaf to the function of samples (..., k) -> (...) that is its value
 Valued: TypeAlias = Callable[[Formula], Callable[[Floats], Floats]]
-#: what an empty F and an empty G are worth
+#: the values of an empty F and an empty G
 Ends: TypeAlias = tuple[float, float]
 
 
@@ -60,11 +60,11 @@ class Quantity:
         return np.stack([np.broadcast_to(read(samples), samples.shape[:-1]) for read in self._read], axis=-1)
 
     def values(self, leaves: Floats) -> Floats:
-        """The formula's value at each step at which it can be told: (n, T+1, J) -> (n, T+1-horizon)."""
+        """The formula's value at each step at which it has one: (n, T+1, J) -> (n, T+1-horizon)."""
         return self._at(self.formula, leaves, (0, leaves.shape[1] - 1 - self.horizon), (-math.inf, math.inf))
 
     def clipped(self, leaves: Floats, ends: Ends) -> Floats:
-        """The same at every step, (n, T+1), with windows cut at T; `ends` is what an empty F and an empty G have."""
+        """The same at every step, (n, T+1), with windows cut at T; `ends` are those of an empty F and G."""
         return self._at(self.formula, leaves, (0, leaves.shape[1] - 1), ends)
 
     def _at(self, node: Formula, leaves: Floats, steps: tuple[int, int], ends: Ends) -> Floats:

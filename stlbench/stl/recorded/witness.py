@@ -44,7 +44,7 @@ class Link(NamedTuple):
 
 @dataclass(frozen=True)
 class Witness:
-    """Why a trace has the robustness that it has.
+    """The origin of a trace's robustness.
 
     A robustness is made of minima, maxima and changes of sign alone, so it is the margin of one predicate at one
     sample, or minus that. Every part on the path to it has the same robustness at its step, up to the sign.

@@ -77,8 +77,7 @@ class BatchMonitor:
             ValueError: the samples are not of shape (n, k).
         """
         rows = np.array(as_array(samples), dtype=np.float64)
-        if rows.shape != (len(self.steps), len(self.names)):
-            expected = (len(self.steps), len(self.names))
+        if rows.shape != (expected := (len(self.steps), len(self.names))):
             raise ValueError(f"samples have shape {expected} for {', '.join(self.names)}, got {rows.shape}")
         reading = [leaf for leaf in self._tree.leaves if leaf.start <= self._oldest and self._youngest <= leaf.stop]
         with np.errstate(all="ignore"):
@@ -145,7 +144,6 @@ class Operator(Leaf):
         raise NotImplementedError
 
     def take(self, now: Steps, value: Any) -> None:
-        """Count what was read."""
         raise NotImplementedError
 
     def restart(self, which: Which) -> None:
@@ -154,7 +152,6 @@ class Operator(Leaf):
             end[which] = value
 
     def within(self, now: Steps) -> Mask:
-        """The traces that this leaf reads at their steps `now`."""
         mask: Mask = (now >= self.start) & (now <= self.stop)
         return mask
 
@@ -196,13 +193,10 @@ class Until(Operator):
 
 
 class Nested(Operator):
-    """F[a,c] G[d,e] psi."""
-
     def __init__(self, count: int, psi: Pointwise, outer: Interval, inner: Interval, flipped: bool) -> None:
         (a, c), (d, e) = outer, inner
         super().__init__(count, a + d, c + e, psi.unknown, flipped)
-        self.psi = psi
-        self.first, self.last = a + e, c + d
+        self.psi, self.first, self.last = psi, a + e, c + d
         self.window = SlidingLeast(count, e - d + 1)
         self.best, self.open = np.full(count, -np.inf), np.full(count, np.inf)
 
@@ -257,7 +251,6 @@ class Replayed(Operator):
         self.state = state._replace(before={node: np.empty(count) for node in self.until.carried})
 
     def read(self, now: Steps, samples: Floats) -> list[tuple[Steps, Known]]:
-        """The bounds of the traces of each age."""
         rows, known = np.flatnonzero(self.within(now)), list[tuple[Steps, Known]]()
         for age in np.unique(now[rows]).tolist():
             same = rows[now[rows] == age]
@@ -285,7 +278,6 @@ class Replayed(Operator):
 
 
 def many(count: int) -> Kit[Operator]:
-    """The operators for `count` traces."""
     return Kit(
         np.minimum.reduce, np.maximum.reduce, _value, *(partial(kind, count) for kind in (Until, Nested, Replayed))
     )

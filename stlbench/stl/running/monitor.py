@@ -148,15 +148,12 @@ def _checked(names: tuple[str, ...]) -> Callable[[Any], Sequence[float]]:
 
 
 class Span(NamedTuple):
-    """Steps, and the statements for them."""
-
     first: int
     last: int
     lines: list[str]
 
 
 def _spans(leaves: Sequence[Operator], horizon: int, signals: int, answer: list[str]) -> list[Span]:
-    """Spans that cover all steps to the horizon."""
     pieces = [leaf.pieces() for leaf in leaves]
     cuts = sorted({0} | {piece.first for each in pieces for piece in each} | {each[-1].last + 1 for each in pieces})
     every = -(-len(cuts) * len(leaves) // PIECES)
@@ -169,7 +166,7 @@ def _spans(leaves: Sequence[Operator], horizon: int, signals: int, answer: list[
 
 
 def _span(here: Sequence[Piece], first: int, last: int, answer: list[str]) -> list[str]:
-    """All that is read, and then all that is taken."""
+    """The statements of a span: all pieces read, and then all take."""
     partly = {id(piece): piece.first > first or piece.last < last for piece in here}
 
     def of(part: Callable[[Piece], list[str]]) -> list[str]:
@@ -196,7 +193,7 @@ def _find(spans: Sequence[Span]) -> list[str]:
 
 
 def _answer(root: Part) -> list[str]:
-    """The statements that say what is known, by the bounds of the operators."""
+    """The statements that make the answer from the bounds of the operators."""
     lines: list[str] = []
     lower, upper = _joined(root, lines)
     side = repr(SIDE)

@@ -70,17 +70,14 @@ class Operator(Leaf):
         return set()
 
     def piece(self, first: int, last: int) -> Piece:
-        """The statements for the steps from one cut to before the next."""
         raise NotImplementedError
 
     def pieces(self) -> list[Piece]:
-        """All of them, in order."""
         cuts = {self.start, self.stop + 1, *self.cuts()}
         steps = sorted(step for step in cuts if self.start <= step <= self.stop + 1)
         return [self.piece(first, after - 1) for first, after in pairwise(steps)]
 
     def publish(self, lower: str, upper: str) -> list[str]:
-        """Set the bounds."""
         if self.flipped:
             lower, upper = f"-({upper})", f"-({lower})"
         return [f"{self.lower} = {lower}", f"{self.upper} = {upper}", "changed = True"]
@@ -123,19 +120,16 @@ def _value(psi: Formula, names: tuple[str, ...], negated: bool) -> Value:
 
 
 def _constant(value: float) -> str:
-    """A number as an operand."""
     return repr(float(value)) if value >= 0 else f"({float(value)!r})"
 
 
 def _least_of(name: str, value: float) -> str:
-    """The lesser of a name and a constant."""
     if math.isinf(value):
         return name if value > 0 else "-inf"
     return f"({name} if {name} < {value!r} else {value!r})"
 
 
 def _greatest_of(name: str, other: str) -> str:
-    """The greater of a name and an expression."""
     if other in ("inf", "-inf", "(-inf)"):
         return "inf" if other == "inf" else name
     return f"({name} if {name} > {other} else {other})"
@@ -218,7 +212,6 @@ class Nested(Operator):
         return {self.last, self.stop}
 
     def piece(self, first: int, last: int) -> Piece:
-        """Count the window that is complete, and from `last` on the last one."""
         n, v, best = self.number, self.v, f"m.best{self.number}"
         columns, read, sign = self.reading(v, self.psi)
         if first == self.stop:

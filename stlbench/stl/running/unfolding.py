@@ -124,7 +124,6 @@ class Unfolding:
         self.carried = {node: max(map(lookbehind, operands_of(node))) for node in endless}
 
     def begin(self, count: int) -> State:
-        """Before the first sample of `count` traces."""
         return State(np.full(count, -np.inf), np.full(count, np.inf), {})
 
     def read(self, samples: Floats, now: int, state: State) -> Known:
@@ -230,7 +229,7 @@ def unnested(formula: Formula) -> Formula:
 
 
 def _pulled(arg: Formula) -> Formula | None:
-    """What F is asked of in place of `arg`, without operators that look ahead without an interval."""
+    """A formula q with F arg = F q, without operators that look ahead without an interval."""
     parts = arg.args if isinstance(arg, And) else (arg,)
     endless = [part for part in parts if unbounded(part)]
     rest = [part for part in parts if not unbounded(part)]
@@ -251,7 +250,7 @@ def _all(parts: list[Formula]) -> Formula:
 
 
 def _varies(formula: Formula) -> bool:
-    """Whether no predicate is a constant and no part looks back: at a step to come, any value is possible."""
+    """Whether no predicate is a constant and no part looks back: then any value is possible at a step to come."""
     constant = any(
         isinstance(node, TrueFormula) or (isinstance(node, Predicate) and not signals(node)) for node in walk(formula)
     )
@@ -283,7 +282,6 @@ def _stays_open(formula: Formula, names: tuple[str, ...], worst: bool) -> bool:
 
 
 def _pointwise_parts(formula: Formula) -> list[Formula]:
-    """The largest parts without temporal operators."""
     if not is_temporal(formula):
         return [formula]
     return [part for operand in operands_of(formula) for part in _pointwise_parts(operand)]
