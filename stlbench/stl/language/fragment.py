@@ -82,12 +82,12 @@ def _outside(formula: Formula) -> FragmentError:
     if not is_temporal(formula):
         reason = f"it speaks of t = 0 alone; write G[0,0] ({shorten(str(formula))}) or give an interval"
         return FragmentError("a formula without F or G", formula.position, reason)
-    parent, blamed = None, formula
-    match formula:
-        case Eventually(_, _, Always(_, _, blamed) as parent):
-            pass
-        case Always(_, _, blamed) | Eventually(_, _, blamed):
-            parent = formula
+    parent: Formula | None = None
+    blamed = formula
+    if isinstance(formula, Eventually) and isinstance(formula.arg, Always):
+        parent, blamed = formula.arg, formula.arg.arg
+    elif isinstance(formula, Always | Eventually):
+        parent, blamed = formula, formula.arg
     what, reason = _reason(parent, blamed)
     return FragmentError(what, blamed.position, reason)
 

@@ -60,7 +60,7 @@ _LEVELS = {
 }
 _WINDOWS: dict[str, type[Always | Eventually | Historically | Once]]
 _WINDOWS = {kind.letter: kind for kind in (Always, Eventually, Historically, Once)}
-_BETWEEN = {"U": Until, "S": Since, "R": Release}
+_BETWEEN: dict[str, type[Until | Since | Release]] = {"U": Until, "S": Since, "R": Release}
 
 
 def parse(text: str, dt: float | None = None) -> Formula:
