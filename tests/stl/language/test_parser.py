@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from stlbench.stl import (
     Always,
@@ -156,37 +154,3 @@ def test_errors_point_at_the_place(text: str, line: int, column: int, expected: 
     assert first.startswith(f"line {line}, column {column}: expected {error.expected} but found {found}")
     assert source[4:] == (text.splitlines() or [""])[line - 1]
     assert caret == " " * (3 + column) + "^"
-
-
-PIECES = [
-    "x",
-    "1",
-    ">=",
-    "<",
-    "&",
-    "|",
-    "->",
-    "(",
-    ")",
-    "G[0,1]",
-    "F",
-    "[",
-    "]",
-    ",",
-    "U[1,2]",
-    "-",
-    "!",
-    "norm",
-    "True",
-    "**",
-]
-
-
-@settings(max_examples=300, deadline=None)
-@given(st.lists(st.sampled_from(PIECES), max_size=12).map(" ".join) | st.text(max_size=20))
-def test_any_text_parses_or_is_a_syntax_error(text: str) -> None:
-    try:
-        formula = parse(text)
-    except StlSyntaxError:
-        return
-    assert parse(str(formula)) == formula

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.generated_formulas import LIPSCHITZ, NAMES, SEEDS, formulas, intervals, naive, traces
+from helpers.generated_formulas import LIPSCHITZ, NAMES, PREDICATES, SEEDS, formulas, intervals, naive, traces
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -108,10 +108,12 @@ def test_letters_and_words_may_name_signals() -> None:
     assert is_temporal(parse("always -x <= 1"))
 
 
-@settings(max_examples=300, deadline=None)
-@given(formulas(st.one_of(LETTERS, LIPSCHITZ), leaves=10, endless=True))
+@settings(max_examples=200, deadline=None)
+@given(formulas(st.one_of(LETTERS, PREDICATES), leaves=10, endless=True))
 def test_text_parses_back_to_the_same_value(formula: Formula) -> None:
-    assert parse(str(formula)) == formula
+    again = parse(str(formula))
+    assert again == formula
+    assert (hash(again), str(again)) == (hash(formula), str(formula))
 
 
 def rho(formula: Formula, trace: NDArray[np.float64]) -> float:

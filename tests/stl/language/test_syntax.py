@@ -9,8 +9,6 @@ import sys
 from typing import Any
 
 import pytest
-from helpers.generated_formulas import formulas
-from hypothesis import given, settings
 
 from stlbench.stl import (
     Always,
@@ -34,16 +32,6 @@ from stlbench.stl import (
 
 X, Y = Signal("x"), Signal("y")
 P, Q = Predicate("<=", X, Number(1)), Predicate(">", Y, Number(0.5))
-
-
-@settings(max_examples=400, deadline=None)
-@given(formulas(leaves=12))
-def test_text_parses_back_to_the_same_value(formula: Formula) -> None:
-    again = parse(str(formula))
-    assert again == formula
-    assert hash(again) == hash(formula)
-    assert str(again) == str(formula)
-    assert (horizon(again), signals(again)) == (horizon(formula), signals(formula))
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ def of_sample(psi: Formula, sample: Sequence[float], negated: bool = False) -> f
         return math.nan
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(FORMULAS, st.lists(SAMPLES, min_size=1, max_size=8), st.booleans())
 def test_floats_and_arrays_are_the_definition_to_the_bit(
     psi: Formula, samples: list[tuple[float, float, float]], negated: bool

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.generated_formulas import NAMES, PREDICATES, SEEDS, naive, naive_satisfied, pointwise, traces
+from helpers.generated_formulas import NAMES, PREDICATES, SEEDS, traces
 from hypothesis import given, settings
 
 from stlbench.stl import (
-    Formula,
     Predicate,
     StlSyntaxError,
     UndefinedError,
@@ -54,14 +53,6 @@ def test_shapes_follow_the_batch(text: str, shape: tuple[int, ...]) -> None:
     assert np.asarray(verdict).dtype == bool
 
 
-@settings(max_examples=100, deadline=None)
-@given(pointwise(), SEEDS)
-def test_equals_the_definition(psi: Formula, seed: int) -> None:
-    samples = traces(20, seed)
-    np.testing.assert_allclose(margin(psi, NAMES)(samples), [naive(psi, samples, t) for t in range(20)], rtol=1e-12)
-    assert holds(psi, NAMES)(samples).tolist() == [naive_satisfied(psi, samples, t) for t in range(20)]
-
-
 def test_is_pure() -> None:
     samples = np.array([[1.0, 2.0]])
     result = margin(parse("x >= 0 & norm(x, y) <= 9"), ["x", "y"])(samples)
@@ -82,12 +73,6 @@ def test_unknown_signal() -> None:
 def test_temporal_formulas_are_refused() -> None:
     with pytest.raises(ValueError, match="without temporal operators"):
         margin(parse("G[0,1] x >= 0"), ["x"])
-
-
-@pytest.mark.parametrize("text", ["1 / 0 >= x", "sqrt(-1) >= x", "exp(9999) - exp(9999) >= x"])
-def test_a_constant_without_a_value_is_refused(text: str) -> None:
-    with pytest.raises(UndefinedError, match="constant"):
-        margin(parse(text), ["x"])
 
 
 class TestValues:

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from stlbench.stl import (
     Formula,
     UndefinedError,
-    UnknownSignalError,
     holds_trace,
     horizon,
     margin_trace,
@@ -46,8 +45,3 @@ def test_a_sample_without_a_value_is_an_error_where_it_is_read() -> None:
         with pytest.raises(UndefinedError, match=r"^signal 'x' is NaN at sample 2 of trace 0$"):
             compiled(samples)
         assert compiled(samples[:, :2]).shape == (1, 1)
-
-
-def test_an_unknown_signal() -> None:
-    with pytest.raises(UnknownSignalError, match="'z'"):
-        margin_trace(parse("F[0,2] z >= 0"), ["x", "y"])

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from stlbench.stl import (
     Formula,
     ShortTraceError,
-    UnknownSignalError,
     horizon,
     parse,
     robustness,
@@ -103,16 +102,6 @@ def test_clip_equals_the_definition_on_short_traces(formula: Formula, seed: int,
 
 
 @quick
-@given(formulas(), SEEDS)
-def test_t0_is_the_head_of_the_full_trace(formula: Formula, seed: int) -> None:
-    trace = traces(horizon(formula) + 4, seed)
-    np.testing.assert_allclose(
-        robustness(formula, trace, NAMES), robustness_trace(formula, trace, NAMES)[0], atol=1e-12
-    )
-    assert satisfied(formula, trace, NAMES) == satisfied_trace(formula, trace, NAMES)[0]
-
-
-@quick
 @given(formulas(past=False), SEEDS)
 def test_full_trace_is_shift_invariant(formula: Formula, seed: int) -> None:
     trace = traces(horizon(formula) + 4, seed)
@@ -180,13 +169,6 @@ def test_short_trace_is_an_error() -> None:
         robustness(parse("F[0,2000] x >= 0"), np.zeros((200, 1)), ["x"])
     assert (caught.value.needed, caught.value.got) == (2001, 200)
     assert robustness(parse("F[0,2000] x >= 0"), np.zeros((200, 1)), ["x"], "clip") == 0
-
-
-def test_unknown_signal_names_the_nearest() -> None:
-    with pytest.raises(
-        UnknownSignalError, match=r"formula uses signal 'speeed'; the trace has x, speed \(did you mean 'speed'"
-    ):
-        robustness(parse("speeed >= 0"), np.zeros((1, 2)), ["x", "speed"])
 
 
 @pytest.mark.parametrize(

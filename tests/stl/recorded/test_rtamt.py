@@ -144,6 +144,7 @@ def rtamt_robustness(formula: Formula, trace: NDArray[np.float64]) -> NDArray[np
     return np.array([value for _, value in values])
 
 
+@pytest.mark.slow
 def test_equals_rtamt(record_property: Any) -> None:
     logging.getLogger().setLevel(logging.ERROR)
     rng = np.random.default_rng(20240607)

@@ -29,10 +29,19 @@ from stlbench.stl import (
 from stlbench.stl.running.batch import SlidingLeast
 from stlbench.stl.running.tree import last_step
 
-quick = settings(max_examples=60, deadline=None)
+PSI = pointwise(LIPSCHITZ)
+WATCHED = st.one_of(
+    formulas(leaves=4),
+    formulas(leaves=4, endless=True),
+    st.builds(lambda ac, de, psi: Eventually(*ac, Always(*de, psi)), intervals(6), intervals(6), PSI),
+    st.builds(lambda ac, de, psi: Not(Always(*ac, Eventually(*de, psi))), intervals(6), intervals(6), PSI),
+    st.builds(lambda ab, left, right: Until(*ab, left, right), intervals(8), PSI, PSI),
+)
 
 
-def check(formula: Formula, seed: int, restarts: bool = True) -> None:
+@settings(max_examples=200, deadline=None)
+@given(WATCHED, SEEDS, st.booleans())
+def test_equals_scalar_monitors(formula: Formula, seed: int, restarts: bool) -> None:
     count, rng = 4, np.random.default_rng(seed)
     batch, single = BatchMonitor(formula, NAMES, count), [Monitor(formula, NAMES) for _ in range(count)]
     for samples in traces(2 * min(last_step(formula), 20) + 4, seed, (count,)).swapaxes(0, 1):
@@ -45,42 +54,6 @@ def check(formula: Formula, seed: int, restarts: bool = True) -> None:
         np.testing.assert_allclose(now.upper, [one.upper for one in expected], rtol=1e-12, atol=1e-12)
         assert now.certainly.tolist() == [one.verdict is True for one in expected]
         assert now.possibly.tolist() == [one.verdict is not False for one in expected]
-
-
-@quick
-@given(formulas(leaves=4), SEEDS)
-def test_equals_scalar_monitors(formula: Formula, seed: int) -> None:
-    check(formula, seed)
-
-
-@quick
-@given(formulas(leaves=4, endless=True), SEEDS)
-def test_without_intervals_too(formula: Formula, seed: int) -> None:
-    check(formula, seed)
-
-
-@quick
-@given(intervals(6), intervals(6), pointwise(LIPSCHITZ), st.booleans(), st.booleans(), st.booleans(), SEEDS)
-def test_nested_windows_equal_scalar_monitors(
-    outer: tuple[int, int],
-    inner: tuple[int, int],
-    psi: Formula,
-    always: bool,
-    negated: bool,
-    restarts: bool,
-    seed: int,
-) -> None:
-    formula: Formula = Always(*outer, Eventually(*inner, psi)) if always else Eventually(*outer, Always(*inner, psi))
-    check(Not(formula) if negated else formula, seed, restarts)
-
-
-@quick
-@given(intervals(8), pointwise(LIPSCHITZ), pointwise(LIPSCHITZ), st.booleans(), SEEDS)
-def test_until_equals_scalar_monitors(
-    ends: tuple[int, int], left: Formula, right: Formula, negated: bool, seed: int
-) -> None:
-    formula = Until(*ends, left, right)
-    check(Not(formula) if negated else formula, seed)
 
 
 def test_a_run_by_hand() -> None:
