@@ -63,7 +63,7 @@ def _traces(task: Task, begun: Array, sequences: Array) -> Array:
         vectors: Array = sequences[:, int(simulator.t[0]) // simulator.hold]
         return nearest(task.actions, vectors) if isinstance(task.actions, ActionGrid) else vectors
 
-    return referee.follow(task, Unpaid(task.specification), act, begun).traces
+    return referee.simulate(task, Unpaid(task.specification), act, begun).traces
 
 
 def _robustness(task: Task, begun: Array, sequences: Array) -> Array:
@@ -142,7 +142,7 @@ def _recorded(task: Task, begun: Array, act: Callable[[Simulator], Array]) -> Ar
         taken.append(np.clip(act(simulator), task.actions.low, task.actions.high))
         return nearest(task.actions, taken[-1]) if isinstance(task.actions, ActionGrid) else taken[-1]
 
-    referee.follow(task, Unpaid(task.specification), recording, begun)
+    referee.simulate(task, Unpaid(task.specification), recording, begun)
     return np.stack(taken, axis=1)
 
 

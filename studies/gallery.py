@@ -25,7 +25,7 @@ from stlbench.report import film
 from stlbench.report.video import FRAMES_A_SECOND
 from stlbench.rollout.controller import Unpaid, nearest
 from stlbench.rollout.environment import Simulator
-from stlbench.rollout.referee import follow, score
+from stlbench.rollout.referee import score, simulate
 from stlbench.rollout.traces import Recording
 from stlbench.study.policies import load_policy
 from stlbench.study.results import Results
@@ -134,7 +134,7 @@ def shoot(name: str, results: Path | None) -> Filmed:
     task, every = of.task, of.task.starts.report_and_selection()[0]
     starts = every[:: max(1, len(every) // STARTS)]
     visited = list[Array]()
-    traces = follow(task, of.method, of.act, starts, visited).traces
+    traces = simulate(task, of.method, of.act, starts, visited).traces
     robustness = score(task, traces).robustness
     chosen = int(np.argsort(robustness)[len(robustness) // 2])
     start, own = starts[[chosen]], isinstance(task.dynamics, Drawn | GymTask)

@@ -93,8 +93,8 @@ def _stated(task: Task, baseline: Baseline) -> Score:
 
 def _score(task: Task, policy: Policy) -> Score:
     begun = task.starts.report_and_selection()[0]
-    found = referee.record(task, Unpaid(task.specification), policy, begun)
-    return referee.score(task, found.traces, lasted=found.lasted)
+    episodes = referee.record(task, Unpaid(task.specification), policy, begun)
+    return referee.score(task, episodes.traces, lasted=episodes.lasted)
 
 
 class _Constant(Policy):
@@ -105,7 +105,6 @@ class _Constant(Policy):
         self._action: Integers | Array = nearest(actions, one) if isinstance(actions, ActionGrid) else one
 
     def act(self, observation: Array) -> Integers | Array:
-        """See `Policy`."""
         which = np.zeros(len(observation), dtype=np.int64)
         return self._action[which]
 
@@ -117,7 +116,6 @@ class _AtRandom(Policy):
         self._actions, self._generator = task.actions, np.random.default_rng(0)
 
     def act(self, observation: Array) -> Integers | Array:
-        """See `Policy`."""
         actions, count = self._actions, len(observation)
         if isinstance(actions, ActionGrid):
             return self._generator.integers(actions.size, size=count)

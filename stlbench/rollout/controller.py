@@ -39,7 +39,7 @@ def record(task: Task, begun: Array) -> Episodes | None:
         vectors = _checked(task, simulator.world.by_hand(simulator.t), simulator.t)
         return nearest(actions, vectors) if isinstance(actions, ActionGrid) else vectors
 
-    return referee.follow(task, unpaid, act, begun)
+    return referee.simulate(task, unpaid, act, begun)
 
 
 def score(task: Task) -> Score | None:
@@ -47,8 +47,8 @@ def score(task: Task) -> Score | None:
 
     Raises whatever the controller and the system raise.
     """
-    found = record(task, task.starts.report_and_selection()[0])
-    return None if found is None else referee.score(task, found.traces, lasted=found.lasted)
+    episodes = record(task, task.starts.report_and_selection()[0])
+    return None if episodes is None else referee.score(task, episodes.traces, lasted=episodes.lasted)
 
 
 class Unpaid(RewardMethod):

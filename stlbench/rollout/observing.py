@@ -21,21 +21,21 @@ def scaled_times(steps: int) -> Array:
     return np.arange(steps + 1, dtype=np.int64)[:, None] * np.float64(2.0 / steps) - 1.0
 
 
-def beside(method: RewardMethod, times: Array, t: Integers, memory: Array) -> list[Array]:
+def time_and_inputs(method: RewardMethod, times: Array, t: Integers, memory: Array) -> list[Array]:
     """What follows the numbers of the task: the scaled times (N, 1), and the inputs (N, i) of a method with memory."""
     return [times[t], method.inputs(memory)] if method.memory_size else [times[t]]
 
 
 def observation_of(task: Task, method: RewardMethod, name: str = "") -> Observation:
     """What policies see of a task, with the inputs of a method; `name` is what users call the method."""
-    beside = Observation.beside(task.file.steps, method.input_size, name, task.name)
+    shown = Observation.beside(task.file.steps, method.input_size, name, task.name)
     if isinstance(task.dynamics, GymTask):
-        return task.source.observed.described(beside)
+        return task.source.observed.described(shown)
     names: tuple[str, ...] = ()
     if isinstance(task.dynamics, System):
         more = task.dynamics.beyond_state if task.file.features == "engineered" else ()
         names = (*task.dynamics.state, *more)
-    return replace(beside, size=size_without(task) - 1, names=names)
+    return replace(shown, size=size_without(task) - 1, names=names)
 
 
 def observation_size(task: Task, method: RewardMethod) -> int:

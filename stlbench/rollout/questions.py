@@ -76,10 +76,10 @@ def answered_here(question: Question[_T]) -> _T | Unanswered:
 
 def answers(questions: Sequence[Question[_T]], ask: Ask) -> dict[Question[_T], _T]:
     """The answers that there are. Where one fails and is no refusal, a `PluginWarning` says why."""
-    found = dict[Question[_T], _T]()
+    answered = dict[Question[_T], _T]()
     for question, answer in zip(questions, ask(questions), strict=True):
         if not isinstance(answer, Unanswered):
-            found[question] = answer
+            answered[question] = answer
         elif not answer.is_refusal:
             warnings.warn(f"{question.failed}: {answer.reason}", PluginWarning, stacklevel=3)
-    return found
+    return answered

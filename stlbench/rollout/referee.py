@@ -42,10 +42,10 @@ def record(
     few = len(begun) <= at_once(task) or not isinstance(task.dynamics, GymTask)
     parts = [begun] if few else np.array_split(begun, -(-len(begun) // at_once(task)))
     each: list[list[Array]] = [[] for _ in parts]
-    found = [follow(task, method, _acting(policy), part, seen) for part, seen in zip(parts, each, strict=True)]
+    episodes = [simulate(task, method, _acting(policy), part, seen) for part, seen in zip(parts, each, strict=True)]
     if visited is not None:
         visited += [np.concatenate(seen) for seen in zip(*each, strict=True)]
-    return Episodes(*map(np.concatenate, zip(*found, strict=True))) if len(found) > 1 else found[0]
+    return Episodes(*map(np.concatenate, zip(*episodes, strict=True))) if len(episodes) > 1 else episodes[0]
 
 
 def _acting(policy: Policy | StatePolicy) -> Callable[[Simulator], Integers | Array]:
@@ -64,7 +64,7 @@ def at_once(task: Task) -> int:
     return 64 if isinstance(task.dynamics, GymTask) else 1024
 
 
-def follow(
+def simulate(
     task: Task,
     method: RewardMethod,
     act: Callable[[Simulator], Integers | Array],
@@ -97,12 +97,12 @@ def score(task: Task, traces: Array, formula: stl.Formula | None = None, *, last
     continuation satisfies. `lasted` (N,) is that of `Episodes`; without it, nobody knows how many ended early.
     """
     formula = task.formula if formula is None else formula
-    found = judge(formula, traces, task.specification, task.file.terminated)
-    satisfied, open_ = found.satisfied[:, 0], found.satisfied[:, 0] != found.satisfied[:, 1]
+    verdicts = judge(formula, traces, task.specification, task.file.terminated)
+    satisfied, open_ = verdicts.satisfied[:, 0], verdicts.satisfied[:, 0] != verdicts.satisfied[:, 1]
     failed = first_failed(formula, traces[~satisfied & ~open_], task.signals)
     failed[OPEN] = int(open_.sum())
     return Score(
-        robustness=tuple(found.robustness[:, 0].tolist()),
+        robustness=tuple(verdicts.robustness[:, 0].tolist()),
         satisfied=tuple(satisfied.tolist()),
         first_failed={part: count for part, count in failed.items() if count},
         ended_early=None if lasted is None else float(np.mean(lasted < stl.horizon(formula))),
@@ -189,12 +189,12 @@ class Referee:
         def play(which: Integers, part: slice) -> tuple[Truth, Array]:
             return self._verdicts([policies[i] for i in which], begun[part])
 
-        found = race(play, len(policies), len(begun))
-        if found.starts[found.best] < len(begun):
-            satisfied, robustness = self._verdicts([policies[found.best]], begun)
-            found.satisfaction[found.best], found.robustness_mean[found.best] = satisfied.mean(), robustness.mean()
-            found.starts[found.best] = len(begun)
-        return found
+        result = race(play, len(policies), len(begun))
+        if result.starts[result.best] < len(begun):
+            satisfied, robustness = self._verdicts([policies[result.best]], begun)
+            result.satisfaction[result.best], result.robustness_mean[result.best] = satisfied.mean(), robustness.mean()
+            result.starts[result.best] = len(begun)
+        return result
 
     def _verdicts(self, policies: Sequence[Policy | StatePolicy], states: Array) -> tuple[Truth, Array]:
         """Satisfaction and robustness when each of the policies (k,) acts from each of the states (n, ...): (k, n)."""
@@ -202,9 +202,9 @@ class Referee:
         satisfied, robustness = [], []
         for crowd, count in _crowds(policies, together):
             traces = record(self.task, self.method, crowd, np.tile(states, (count, 1))).traces
-            found = judge(self.task.formula, traces, self.task.specification, self.task.file.terminated)
-            satisfied.append(found.satisfied[:, 0])
-            robustness.append(found.robustness[:, 0])
+            verdicts = judge(self.task.formula, traces, self.task.specification, self.task.file.terminated)
+            satisfied.append(verdicts.satisfied[:, 0])
+            robustness.append(verdicts.robustness[:, 0])
         shape = len(policies), len(states)
         return np.concatenate(satisfied).reshape(shape), np.concatenate(robustness).reshape(shape)
 
@@ -213,8 +213,8 @@ class Referee:
         visited, evaluations = list[Array](), self._protocols.values()
         counts = np.cumsum([len(evaluation.starts) for evaluation in evaluations])
         begun = np.concatenate([evaluation.starts for evaluation in evaluations])
-        found = record(self.task, self.method, policy, begun, visited)
-        traces, lasted = np.split(found.traces, counts[:-1]), np.split(found.lasted, counts[:-1])
+        episodes = record(self.task, self.method, policy, begun, visited)
+        traces, lasted = np.split(episodes.traces, counts[:-1]), np.split(episodes.lasted, counts[:-1])
         scores = {
             name: score(self.task, part, evaluation.formula, lasted=steps)
             for (name, evaluation), part, steps in zip(self._protocols.items(), traces, lasted, strict=True)

@@ -137,20 +137,20 @@ def standards(settings: Iterable[Setting], ask: Ask = ask_here) -> dict[str, Sta
     facts = answers(list(map(about, by_task)), ask)
     tasks = [question.arguments[0] for question in facts]
     scores: list[Question[Any]] = [question(task) for task in tasks for question in _OF_SCORES]
-    found = answers(scores, ask)
+    answered = answers(scores, ask)
     alike = _alike(answers([question for task in tasks for question in _payments(by_task[task])], ask))
-    return {task.name: _standard(task, facts[about(task)], found, alike) for task in tasks}
+    return {task.name: _standard(task, facts[about(task)], answered, alike) for task in tasks}
 
 
 def _standard(
-    task: Choice, facts: Known, found: Mapping[Any, Any], alike: Mapping[str, Mapping[_Pair, Likeness]]
+    task: Choice, facts: Known, answered: Mapping[Any, Any], alike: Mapping[str, Mapping[_Pair, Likeness]]
 ) -> Standard:
-    constants: baselines.Constants | None = found.get(constant_actions(task))
+    constants: baselines.Constants | None = answered.get(constant_actions(task))
     return Standard(
-        by_hand=found.get(by_hand(task)),
+        by_hand=answered.get(by_hand(task)),
         best_known=facts.best_known,
         own_agent=facts.own_agent,
-        at_random=found.get(at_random(task)),
+        at_random=answered.get(at_random(task)),
         zero=constants.zero if constants else None,
         constant=constants.best if constants else None,
         trivial=constants.trivial if constants else False,
@@ -182,11 +182,11 @@ def _alike(paid: Mapping[Question[Paid | None], Paid | None]) -> dict[str, dict[
     for question, answer in paid.items():
         task, track, method = question.arguments
         by_kind.setdefault((task, track), {})[method] = answer
-    found = dict[str, dict[_Pair, Likeness]]()
+    by_task = dict[str, dict[_Pair, Likeness]]()
     for (task, track), payments_of in by_kind.items():
         for each in equal_payments(payments_of):
-            found.setdefault(task.name, {})[task, track, frozenset((each.one, each.other))] = _likeness(each)
-    return found
+            by_task.setdefault(task.name, {})[task, track, frozenset((each.one, each.other))] = _likeness(each)
+    return by_task
 
 
 def _likeness(difference: Difference) -> Likeness:

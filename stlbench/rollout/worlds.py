@@ -46,7 +46,6 @@ class SystemWorld(World):
         return self._state
 
     def restart(self, rows: Integers, starts: Array) -> None:
-        """See `World`."""
         if len(rows) == len(self._state):  # at the first time there is nothing to keep
             self._state = np.array(starts, dtype=np.float64)
             self.signals = self.system.signals(self._state)
@@ -55,7 +54,6 @@ class SystemWorld(World):
         self.signals[rows] = self.system.signals(starts)
 
     def advance(self, action: Array, steps: int) -> Array:
-        """See `World`."""
         states = np.empty((steps + 1, *self._state.shape))
         states[0] = state = self._state
         for i in range(steps):
@@ -65,14 +63,11 @@ class SystemWorld(World):
         return samples
 
     def features(self, t: Integers) -> Array:
-        """See `World`."""
         system = self.system
         return system.features(self._state, t) if self._engineered else system.scaled_state(self._state)
 
     def frames(self) -> tuple[Pixels, ...] | None:
-        """See `World`: of a system that draws itself."""
         return tuple(map(self.system.frame, self._state)) if isinstance(self.system, Drawn) else None
 
     def by_hand(self, t: Integers) -> Array | None:
-        """See `World`."""
         return self.system.controller(self._state, t)

@@ -1,4 +1,4 @@
-"""Tasks: the task file, the system beside it, the initial states, and what is built for a task."""
+"""Tasks: the task file, the dynamics, the starts, and the methods and agents that are built for a task."""
 
 from stlbench.task.build import build_agent, build_method, fitting_methods
 from stlbench.task.task import Task, load_task

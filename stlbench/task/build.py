@@ -33,16 +33,16 @@ def fitting_methods(task: Task, choices: Iterable[Choice | str] | None = None) -
 
     Of one that raises what the contract does not name, a `PluginWarning` says so.
     """
-    found = dict[str, RewardMethod]()
+    methods = dict[str, RewardMethod]()
     for choice in plugins.available("methods") if choices is None else choices:
         try:
-            found[str(choice)] = build_method(task, choice)
+            methods[str(choice)] = build_method(task, choice)
         except (Intractable, Unsuitable, UsageError):
             continue
         except Exception as error:
-            said = f"method {choice} cannot be built for task {task.name}: {cause(error)}"
-            warnings.warn(said, plugins.PluginWarning, stacklevel=2)
-    return found
+            message = f"method {choice} cannot be built for task {task.name}: {cause(error)}"
+            warnings.warn(message, plugins.PluginWarning, stacklevel=2)
+    return methods
 
 
 def build_agent(task: Task, choice: Choice | str) -> Agent:

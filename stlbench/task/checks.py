@@ -103,8 +103,8 @@ def _time(parts: Parts) -> Iterator[str]:
         yield f"hold: an episode of {steps} steps is no multiple of hold = {hold}"
     for name, budget in ({} if steps % hold else parts.get("budgets", {})).items():
         if budget and "steps" in budget and budget["steps"] % hold:
-            said = f"{budget['steps']} steps are no multiple of hold = {hold}"
-            yield f"budgets.{name}: {said}, the steps of a decision; the nearest is {_nearest(budget['steps'], hold)}"
+            rule = f"{budget['steps']} steps are no multiple of hold = {hold}"
+            yield f"budgets.{name}: {rule}, the steps of a decision; the nearest is {_nearest(budget['steps'], hold)}"
     for cut in (parts.get("training") or {}).get("cuts", ()):
         if cut % hold or cut >= steps:
             yield f"training.cuts: {cut} is no multiple of hold = {hold} below steps = {steps}"

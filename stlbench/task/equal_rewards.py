@@ -67,8 +67,8 @@ def equal_payments(paid: Mapping[str, Paid | None]) -> tuple[Difference, ...]:
     the box of the signals, so a difference in a very small part of it can be missed.
     """
     known = {name: each for name, each in paid.items() if each is not None}
-    found = (_difference(known[one], known[other], (one, other)) for one, other in combinations(known, 2))
-    return tuple(difference for difference in found if difference is not None)
+    differences = (_difference(known[one], known[other], (one, other)) for one, other in combinations(known, 2))
+    return tuple(difference for difference in differences if difference is not None)
 
 
 def _difference(one: Paid, other: Paid, names: tuple[str, str]) -> Difference | None:

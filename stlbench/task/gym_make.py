@@ -80,9 +80,9 @@ def software(env: Gym) -> tuple[tuple[str, str], ...]:
     """Distribution -> version, of the modules that define the environment, of those that these import, and of engines
     that one of these distributions needs."""
     tops = {name.partition(".")[0] for name in _imported(type(env.unwrapped))} - _OURS
-    found = {each for top in tops for each in _distributions().get(top, ())}
-    found |= {engine for each in found for engine in _engines(each)}
-    return tuple(sorted((name, _version(name)) for name in found))
+    names = {each for top in tops for each in _distributions().get(top, ())}
+    names |= {engine for each in names for engine in _engines(each)}
+    return tuple(sorted((name, _version(name)) for name in names))
 
 
 def modules(env: Gym) -> tuple[str, ...]:
@@ -118,8 +118,8 @@ def _distributions() -> Mapping[str, list[str]]:
 
 def _engines(distribution: str) -> Iterator[str]:
     """Those that it cannot be installed without."""
-    for said in requires(distribution) or ():
-        name, _, condition = said.partition(";")
+    for requirement in requires(distribution) or ():
+        name, _, condition = requirement.partition(";")
         name = re.split(r"[^\w.-]", name.strip())[0].lower()
         if name in _ENGINES and "extra" not in condition:
             yield name

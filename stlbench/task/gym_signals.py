@@ -28,7 +28,7 @@ class Expressions:
             raise UsageError(f"signals: {error}") from error
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """What is compiled cannot be pickled, and is compiled again."""
+        """Compiled code cannot be pickled: the copy compiles the texts."""
         return Expressions, (self._texts, self.entries)
 
     def values(self, named: Array, infos: Sequence[Mapping[str, Any]], places: Sequence[str] = ()) -> Array:
@@ -45,8 +45,8 @@ class Expressions:
         if not self.from_info:
             return self._values(named)
         at = [f" {place}" for place in places] or [""] * len(infos)
-        others = [[self._number(name, *each) for name in self.from_info] for each in zip(infos, at, strict=True)]
-        return self._values(np.concatenate([named, np.array(others)], axis=1))
+        from_info = [[self._number(name, *each) for name in self.from_info] for each in zip(infos, at, strict=True)]
+        return self._values(np.concatenate([named, np.array(from_info)], axis=1))
 
     def _number(self, name: str, info: Mapping[str, Any], place: str) -> float:
         if name not in info:

@@ -98,10 +98,10 @@ class Entries:
             rows = [np.asarray(part, dtype=np.float64).reshape(count, -1) for part in parts]
         except (TypeError, ValueError) as error:
             raise outside_space(str(error)) from error
-        found = rows[0] if len(rows) == 1 else np.concatenate([np.empty((count, 0)), *rows], axis=1)
-        if found.shape[1] != len(self.names):
-            raise outside_space(f"{found.shape[1]} numbers in place of {len(self.names)}")
-        return found
+        numbers = rows[0] if len(rows) == 1 else np.concatenate([np.empty((count, 0)), *rows], axis=1)
+        if numbers.shape[1] != len(self.names):
+            raise outside_space(f"{numbers.shape[1]} numbers in place of {len(self.names)}")
+        return numbers
 
 
 def outside_space(what: str) -> UsageError:
@@ -170,13 +170,13 @@ class Observed:
         """What the number at a place of the flat observation is called: 'v', or number 3 of the observation."""
         return f"'{self._names[place]}'" if place in self._names else f"number {place} of the observation"
 
-    def described(self, beside: Observation) -> Observation:
-        """The record of what a policy sees; `beside` is what it is shown beside these numbers."""
+    def described(self, shown: Observation) -> Observation:
+        """The record of what a policy sees: `shown`, of the time and the inputs, with these numbers."""
         if self.size > MOST:
-            return replace(beside, size=self.size)
+            return replace(shown, size=self.size)
         names = tuple(self._names.get(place, "") for place in range(self.size))
         middle, reach = tuple(self._middle.tolist()), tuple(self._reach.tolist())
-        return replace(beside, size=self.size, names=names, middle=middle, reach=reach)
+        return replace(shown, size=self.size, names=names, middle=middle, reach=reach)
 
     def flat(self, observation: Any) -> Array:
         """The numbers (d,) of one observation, as they are."""

@@ -140,8 +140,8 @@ def fields_at(kind: type[BaseModel], place: Iterable[str]) -> Iterable[str]:
             declared = several.model_fields[name].annotation
         else:
             declared = get_args(several)[1 if get_origin(several) is dict else 0]
-    found: type[BaseModel] = _without_none(declared)
-    return found.model_fields
+    model: type[BaseModel] = _without_none(declared)
+    return model.model_fields
 
 
 def as_parts(value: Any) -> Any:

@@ -66,7 +66,6 @@ class StateStarts(StartSets):
         return grid_apart(self.initial, self.file.starts, self.system.initial_states)
 
     def at_random(self, count: int) -> Array:
-        """See `StartSets`."""
         return self._drawn(self.initial, np.random.default_rng(_REPORTED), count)
 
     def of_protocol(self, protocol: Protocol) -> Array:
@@ -74,11 +73,9 @@ class StateStarts(StartSets):
         return self.system.initial_states(grid(protocol.initial or self.initial, protocol.starts))
 
     def of_training(self, generator: np.random.Generator, count: int) -> Array:
-        """See `StartSets`."""
         return self._drawn(self.file.training.starts or self.initial, generator, count)
 
     def of_exploring(self, generator: np.random.Generator, count: int) -> Array:
-        """See `StartSets`."""
         exploring = self.file.training.exploring
         assert exploring is not None
         assert exploring.states is not None
@@ -107,15 +104,12 @@ class SeedStarts(StartSets):
         return _seeds(0, self.file.starts), _seeds(_SELECTION, self.file.starts)
 
     def at_random(self, count: int) -> Array:
-        """See `StartSets`."""
         return _seeds(_RANDOM, count)
 
     def of_protocol(self, protocol: Protocol) -> Array:
-        """See `StartSets`."""
         return _seeds(_PROTOCOLS, protocol.starts)
 
     def of_training(self, generator: np.random.Generator, count: int) -> Array:
-        """See `StartSets`."""
         return generator.integers(_TRAINING, _END, (count, 1)).astype(np.float64)
 
     def fresh(self, seed: int, count: int) -> Array:
@@ -172,17 +166,17 @@ def grid_apart(region: Region, count: int, begun: Callable[[Array], Array]) -> t
     """
     blocks = _blocks(region, count)
     first = begun(next(blocks))
-    seen, others = {_key(state) for state in first}, list[Array]()
+    seen, rest = {_key(state) for state in first}, list[Array]()
     for block in islice(blocks, _ROUNDS_APART):
         for state in begun(block):
             if _key(state) not in seen:
                 seen.add(_key(state))
-                others.append(state)
-        if len(others) >= count:
+                rest.append(state)
+        if len(rest) >= count:
             break
-    if not others:
+    if not rest:
         return first, first
-    return first, np.resize(np.stack(others), (count, first.shape[1]))
+    return first, np.resize(np.stack(rest), (count, first.shape[1]))
 
 
 def _key(state: Array) -> bytes:

@@ -1,4 +1,4 @@
-"""A task: its file, and the system whose dynamics lie beside it."""
+"""A task: its file, and its dynamics."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def load_task(choice: Choice | str) -> Task:
         raise errors_of(name, errors)
     task = Task(choice, _varied(reading.file, choice, dynamics), dynamics)
     if isinstance(dynamics, GymTask):
-        _ = task.source  # what of the file does not fit the environment is said now
+        _ = task.source  # checks the file against the environment
     return task
 
 

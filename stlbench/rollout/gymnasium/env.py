@@ -59,10 +59,10 @@ class _Copies:
 
     def reset(self, generators: Sequence[np.random.Generator], options: Info | None) -> tuple[Single, Info]:
         """Start an episode in each copy: observations (N, D), and signals (N, 1, k) and time of the first sample."""
-        others = dict(options or {})
-        state = others.pop("state", None)
-        if others:
-            name = next(iter(others))
+        unknown = dict(options or {})
+        state = unknown.pop("state", None)
+        if unknown:
+            name = next(iter(unknown))
             raise UsageError(f"reset: no option '{name}'{did_you_mean(name, ['state'])}")
         if state is None:
             states = np.concatenate([self._draw(generator) for generator in generators])
@@ -249,7 +249,7 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
         return self._copies.pictures()
 
     def _masked(self, info: Info) -> Info:
-        """Gymnasium wants a mask beside each value: which copies it is there for. Here: all."""
+        """Gymnasium wants a mask with each value: which copies have it. Here all have it."""
         return info | {f"_{name}": np.ones(self.num_envs, dtype=np.bool_) for name in info}
 
 

@@ -15,7 +15,7 @@ from stlbench.errors import UsageError
 from stlbench.rollout.early_ends import EarlyEnds, judge, without_end
 from stlbench.rollout.faults import check_inputs, check_memory, check_rewards, pay
 from stlbench.rollout.gymnasium.scoring import Scoring
-from stlbench.rollout.observing import beside, scaled_times
+from stlbench.rollout.observing import scaled_times, time_and_inputs
 
 
 class Episodes:
@@ -100,7 +100,7 @@ class Episodes:
     def observe(self) -> Array:
         """What a policy sees after the numbers of the environment, (N, 1 + inputs)."""
         method = self._scoring.method
-        parts = beside(method, self._times, self.t, self._memory)
+        parts = time_and_inputs(method, self._times, self.t, self._memory)
         for inputs in parts[1:]:
             check_inputs(method, inputs, self.t)
         return np.concatenate(parts, axis=1)

@@ -20,7 +20,7 @@ KEY = "stl"
 """Under which a Dict observation has the time and the memory."""
 
 OBSERVATION = "observation"
-"""Under which what is neither a vector nor a Dict stands beside them."""
+"""The key of an observation that is neither a vector nor a Dict."""
 
 
 class Observing:
@@ -31,14 +31,14 @@ class Observing:
     unless a part of the observation is no vector: nobody knows how a policy flattens that part.
     """
 
-    def __init__(self, space: Space[Any], entries: Entries, scale: Mapping[str, float], beside: Observation) -> None:
+    def __init__(self, space: Space[Any], entries: Entries, scale: Mapping[str, float], record: Observation) -> None:
         """What is observed.
 
         Args:
             space: of one environment.
             entries: those of the observation that have names.
             scale: named entry -> about its largest magnitude.
-            beside: what is shown beside the environment's numbers.
+            record: of the time and the inputs.
 
         Raises:
             UsageError: a scale of no entry, or that is none; or a key `KEY` in the observation.
@@ -56,7 +56,7 @@ class Observing:
         }
         self._shapes = {key: parts[key].shape for key in self._observed}
         shown = {key: _scaled_space(part, self._observed.get(key)) for key, part in parts.items()}
-        ends = np.full(beside.total, np.inf)
+        ends = np.full(record.total, np.inf)
         ends[0] = 1.0
         own = Box(-ends.astype(np.float32), ends.astype(np.float32))
         self._dtypes = {key: shown[key].dtype for key in self._observed}
@@ -66,7 +66,7 @@ class Observing:
             low, high = np.concatenate([vector.low, own.low]), np.concatenate([vector.high, own.high])
             self.space = Box(low.astype(dtype), high.astype(dtype), dtype=cast(Any, dtype))
         if len(self._observed) == len(parts):
-            described = [observed.described(beside) for observed in self._observed.values()]
+            described = [observed.described(record) for observed in self._observed.values()]
             Observation.joined(described).save_in(self.space)
 
     def join(self, observation: Any, own: Array, t: Integers, copy: int | None = None) -> Any:

@@ -1,4 +1,4 @@
-"""What a user asked for, checked: formula, signals, method, and what an early end means."""
+"""The checked options of `stlbench.wrap`: formula, signals, method, and what an early end means."""
 
 from __future__ import annotations
 

@@ -32,14 +32,14 @@ class GymWorld(World):
         self.ended, self.lived = np.ones(count, dtype=np.bool_), np.zeros(count, dtype=np.int64)
 
     def restart(self, rows: Integers, starts: Array) -> None:
-        """See `World`. Raises `UsageError` as `advance`."""
+        """Raises `UsageError` as `advance`."""
         for row, seed in zip(rows.tolist(), starts[:, 0].tolist(), strict=True):
             self._last[row] = self._begun(row, int(seed))
         self.ended[rows], self.lived[rows] = False, 0
         self.signals[rows] = self._read(rows)
 
     def advance(self, action: Array, steps: int) -> Array:
-        """See `World`. Raises `UsageError` where an observation is outside its space, or a signal is missing."""
+        """Raises `UsageError` where an observation is outside its space, or a signal is missing."""
         samples = np.empty((steps + 1, *self.signals.shape))
         samples[0] = self.signals
         taken = [as_action(self._source.action_space, vector) for vector in action]
@@ -55,11 +55,10 @@ class GymWorld(World):
         return samples
 
     def features(self, t: Integers) -> Array:
-        """See `World`: the observation, scaled."""
         return self._source.observed.scaled(self._seen)
 
     def frames(self) -> tuple[Pixels, ...] | None:
-        """See `World`: what the environment renders, of copies that are drawn."""
+        """What the environment renders; None unless copies are drawn."""
         if not self._drawn:
             return None
         pictures = tuple(np.asarray(copy.render()) for copy in self._copies)
@@ -68,7 +67,6 @@ class GymWorld(World):
         return pictures
 
     def by_hand(self, t: Integers) -> Array | None:
-        """See `World`."""
         each = zip(self._last, t.tolist(), strict=True)
         actions = [self._task.controller(observation, info, at) for (observation, info), at in each]
         return None if any(action is None for action in actions) else np.array(actions, dtype=np.float64)

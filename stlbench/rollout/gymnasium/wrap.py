@@ -146,8 +146,8 @@ def wrap(
     reader = _reader(signals, ranges, entries, batched)
     scoring = Scoring(reader, method, specify(formula, reader.names, ranges, length, dt), scaled, terminated, discount)
     called = str(choice_of(method)) if isinstance(method, str) else ""
-    beside = Observation.beside(length, scoring.inputs, called, env.spec.id if env.spec else "")
-    observing = Observing(single, entries, scale or {}, beside)
+    shown = Observation.beside(length, scoring.inputs, called, env.spec.id if env.spec else "")
+    observing = Observing(single, entries, scale or {}, shown)
     if isinstance(env, VectorEnv):
         return StlVectorWrapper(env, scoring, observing)
     return StlWrapper(env, scoring, observing)
@@ -175,7 +175,7 @@ def _reader(
 
 
 def steps_of(env: gymnasium.Env[Any, Any], steps: int | None) -> int:
-    """Those that were asked for, else the time limit. Raises `UsageError`: neither, or more than the limit."""
+    """The given number, else the time limit. Raises `UsageError`: neither, or more than the limit."""
     limit = _wrapped_limit(env)
     if steps is None:
         return _known(limit or _registered(env))
