@@ -13,11 +13,9 @@ from stlbench.cli.bundle import bundle
 from stlbench.cli.certify import certify
 from stlbench.cli.check import check
 from stlbench.cli.common import Commands, refuse
-from stlbench.cli.compare import compare
-from stlbench.cli.export import export
-from stlbench.cli.export_policy import export_policy
+from stlbench.cli.export import export, export_policy
 from stlbench.cli.falsify import falsify
-from stlbench.cli.gate import gate
+from stlbench.cli.gate import compare, gate
 from stlbench.cli.listing import list_plugins
 from stlbench.cli.monitor import monitor
 from stlbench.cli.new import new

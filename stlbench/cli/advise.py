@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from statistics import fmean
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from stlbench.cli.common import Json, console, print_json, warn
+from stlbench.cli.common import Json, show, warn
 from stlbench.cli.completion import names
-from stlbench.cli.fit import fit
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, cause, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from stlbench.report import Group
+    from stlbench.contract import RewardMethod
+    from stlbench.report import Table
     from stlbench.task.task import Task
 
 _NOTES = (
@@ -61,28 +64,24 @@ def advise(
     chosen = None if methods is None else parse_choices(methods)
     for choice in chosen or ():
         plugins.check("methods", choice)
-    content = facts(task, known, None if chosen is None else list(map(str, chosen)))
-    if as_json:
-        print_json(content)
-    else:
-        _print(content, bool(known))
+    facts = _facts(task, known, None if chosen is None else list(map(str, chosen)))
+    show(as_json, facts, _text(facts, bool(known)))
 
 
-def facts(task: Task, known: Mapping[str, Mapping[str, Any]], asked: Iterable[str] | None = None) -> dict[str, Any]:
-    """Formula and its other forms, the methods that fit and those that do not, as plain values.
+def _facts(task: Task, known: Mapping[str, Mapping[str, Any]], methods: Iterable[str] | None) -> dict[str, Any]:
+    """The task's formula in its forms, the methods that fit, and the methods that do not.
 
     Args:
-        task: whose formula it is.
-        known: of some methods, what results say.
-        asked: methods; all that are installed and all that are known where None.
+        task: that the methods should fit.
+        known: method -> what results say of it.
+        methods: to ask about; None for all that are installed and all in `known`.
     """
     from stlbench.registry import plugins
 
-    choices = asked or dict.fromkeys([*plugins.available("methods"), *known])
-    found = list(_each(task, choices, known))
-    fitting = [row for row in found if "status" not in row]
+    rows = list(_rows(task, methods or dict.fromkeys([*plugins.available("methods"), *known]), known))
+    fitting = [row for row in rows if "status" not in row]
     fitting.sort(key=lambda row: (_rank(row.get("known")), row["extension"] != "", row["inputs"]))
-    refused = [row for row in found if "status" in row]
+    refused = [row for row in rows if "status" in row]
     given = task.specification
     return {
         "task": task.name,
@@ -94,18 +93,18 @@ def facts(task: Task, known: Mapping[str, Mapping[str, Any]], asked: Iterable[st
     }
 
 
-def _each(task: Task, choices: Iterable[str], known: Mapping[str, Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+def _rows(task: Task, choices: Iterable[str], known: Mapping[str, Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
     from stlbench.contract import RewardMethod
     from stlbench.registry import plugins
 
     for choice in choices:
         try:
-            found = fit(task, choice)
+            fitted = fit(task, choice)
         except plugins.PluginError as error:
             warn(str(error))
             continue
-        if (method := found.method) is None:
-            yield {"method": choice, "status": found.status, "reason": found.reason}
+        if (method := fitted.method) is None:
+            yield {"method": choice, "status": fitted.status, "reason": fitted.reason}
             continue
         ends = method.can_end and type(method).over is not RewardMethod.over  # some say what an early end is paid alone
         also = {"counterfactuals": method.counterfactuals, "ends": ends}
@@ -120,53 +119,42 @@ def _each(task: Task, choices: Iterable[str], known: Mapping[str, Mapping[str, A
 
 
 def _rank(known: Mapping[str, Any] | None) -> tuple[float, float]:
-    """The best first, and then those of which nothing is known."""
+    """The best first; unknown methods last."""
     return (1, 0) if known is None else (-known["satisfaction"], -known["robustness"])
 
 
 def _known(task: Task, folder: Path) -> dict[str, dict[str, Any]]:
-    """Method -> what it reached; of several budgets that with the most steps. Raises `UsageError` without any."""
+    """Method -> its scores with the task's own agent on the track shared, at the budget with the most steps."""
     from stlbench.records import stored
     from stlbench.report import condense
 
-    found = dict[str, dict[str, Any]]()
-    groups = [group for group in condense(stored.read(folder)) if _matches(task, group)]
+    known = dict[str, dict[str, Any]]()
+    groups = [group for group in condense(stored.read(folder)) if group.done]
     for group in sorted(groups, key=lambda group: max(group.values(lambda numbers: numbers.env_steps))):
-        satisfaction, robustness = (
-            sum(values) / len(values)
-            for values in (
-                group.values(lambda numbers: numbers.satisfaction),
-                group.values(lambda numbers: numbers.robustness_mean),
-            )
-        )
         setting = group.setting
-        found[str(setting.method)] = {
+        if (setting.task, str(setting.agent), setting.track) != (task.choice, task.own_agent, "shared"):
+            continue
+        known[str(setting.method)] = {
             "budget": setting.budget,
             "seeds": len(group.done),
-            "satisfaction": satisfaction,
-            "robustness": robustness,
+            "satisfaction": fmean(group.values(lambda numbers: numbers.satisfaction)),
+            "robustness": fmean(group.values(lambda numbers: numbers.robustness_mean)),
         }
-    if not found:
+    if not known:
         own = f"with {task.own_agent} on the track shared"
         raise UsageError(f"{folder} has no finished cell of {task.name} {own}; leave --results out, or name others")
-    return found
+    return known
 
 
-def _matches(task: Task, group: Group) -> bool:
-    setting = group.setting
-    own = str(setting.agent) == task.own_agent and setting.track == "shared"
-    return bool(group.done) and own and setting.task == task.choice
+def _text(facts: Mapping[str, Any], known: bool) -> Iterator[str | Table]:
+    from stlbench.report import Column, Table
 
-
-def _print(content: dict[str, Any], known: bool) -> None:
-    from stlbench.report import Column, Table, to_screen
-
-    typer.echo(f"{content['task']}: {content['formula']}")
-    if content["rewarded"] != content["formula"]:
-        typer.echo(f"as methods see it: {content['rewarded']}")
-    if content["nested"] is not None:
-        typer.echo(f"as windows: {content['nested']}")
-    typer.echo()
+    yield f"{facts['task']}: {facts['formula']}"
+    if facts["rewarded"] != facts["formula"]:
+        yield f"as methods see it: {facts['rewarded']}"
+    if facts["nested"] is not None:
+        yield f"as windows: {facts['nested']}"
+    yield ""
     results = (Column("budget", right=False), Column("seeds"), Column("satisfied %"), Column("robustness"))
     columns = (
         Column("method", right=False),
@@ -178,23 +166,60 @@ def _print(content: dict[str, Any], known: bool) -> None:
     )
     rows = tuple(
         (
-            row["method"],
-            row["inputs"],
-            row["memory"],
-            ", ".join(row["also"]),
-            *(_shown(row.get("known")) if known else ()),
+            *(row["method"], row["inputs"], row["memory"], ", ".join(row["also"])),
+            *(_known_cells(row.get("known")) if known else ()),
             row["extension"],
         )
-        for row in content["fit"]
+        for row in facts["fit"]
     )
-    to_screen(Table("Methods that fit", columns, rows, _NOTES), console())
-    refused = tuple((row["method"], row["status"], row["reason"]) for row in content["do_not_fit"])
+    yield Table("Methods that fit", columns, rows, _NOTES)
+    refused = tuple((row["method"], row["status"], row["reason"]) for row in facts["do_not_fit"])
     if refused:
-        others = tuple(Column(heading, right=False) for heading in ("method", "status", "reason"))
-        to_screen(Table("Methods that do not", others, refused, (_ASK,)), console())
+        titles = tuple(Column(title, right=False) for title in ("method", "status", "reason"))
+        yield Table("Methods that do not", titles, refused, (_ASK,))
 
 
-def _shown(known: Mapping[str, Any] | None) -> tuple[str | int | float | None, ...]:
+def _known_cells(known: Mapping[str, Any] | None) -> tuple[str | int | float | None, ...]:
     if known is None:
         return None, None, None, None
     return known["budget"], known["seeds"], round(100 * known["satisfaction"], 1), round(known["robustness"], 3)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A method that was built for a task, or why it was not."""
+
+    status: Literal["suitable", "unsuitable", "intractable", "raised"]
+    method: RewardMethod | None = None
+    reason: str = ""
+
+
+def fit(task: Task, choice: str) -> Fit:
+    """Build a method for a task, as a run does. Raises `PluginError` if the method cannot be loaded."""
+    from stlbench.contract import Intractable, Unsuitable
+    from stlbench.registry import plugins
+    from stlbench.task import build_method
+
+    try:
+        method = build_method(task, choice)
+        _refuse_dear(task, method)
+    except plugins.PluginError:
+        raise
+    except Intractable as reason:
+        return Fit("intractable", reason=one_line(reason))
+    except (Unsuitable, UsageError) as reason:
+        return Fit("unsuitable", reason=one_line(reason))
+    except Exception as error:
+        return Fit("raised", reason=cause(error))
+    return Fit("suitable", method)
+
+
+def _refuse_dear(task: Task, method: RewardMethod) -> None:
+    """Refuse a slow method for the task's own agent and largest budget, if that agent can be built here."""
+    from stlbench.contract import Unsuitable
+    from stlbench.rollout.cost import refuse_dear
+    from stlbench.task import build_agent
+
+    with suppress(Unsuitable, UsageError):
+        agent = build_agent(task, task.own_agent)
+        refuse_dear(task, method, agent, max(budget.steps for budget in task.file.budgets.values()))

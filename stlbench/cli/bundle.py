@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from stlbench.cli.common import Json, print_json
+from stlbench.cli.common import Json, show
 
 
 def bundle(
@@ -40,18 +40,14 @@ def bundle(
     """
     from datetime import UTC, datetime
 
-    from stlbench.share.bundle import pack
-    from stlbench.share.crate import About
+    from stlbench.share.bundle import About, pack
 
     name = folder.resolve().name
     path = Path(f"{name}.zip") if target is None else target
-    said = description or f"Cells of stlbench, recorded in {name}."
-    about = About(title or name, said, tuple(author or ()), license, datetime.now(UTC).date().isoformat())
+    what = description or f"Cells of stlbench, recorded in {name}."
+    about = About(title or name, what, tuple(author or ()), license, datetime.now(UTC).date().isoformat())
     packed = pack(folder, path, about, traces)
-    if as_json:
-        print_json({"file": str(path), **packed._asdict()})
-        return
     counts = f"{packed.cells} cells, policies of {packed.policies}, {packed.files} files, {packed.size / 1e6:.1f} MB"
-    typer.echo(f"Written to {path}: {counts}; licence {license}")
-    if not author:
-        typer.echo("It has no citation file: name the authors with --author")
+    text = [f"Written to {path}: {counts}; licence {license}"]
+    text += [] if author else ["It has no citation file: name the authors with --author"]
+    show(as_json, {"file": str(path), **packed._asdict()}, text)

@@ -1,42 +1,24 @@
-"""`stlbench certify`: the probability that a policy satisfies its task's formula, with a confidence that is kept."""
+"""`stlbench certify`: the probability that a policy satisfies its task's formula, with a stated confidence."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stlbench.cli.common import Json, console, print_json
+from stlbench.cli.actors import Chosen, one_by_one, takes_actors
+from stlbench.cli.common import Json, show
 from stlbench.cli.options import TaskFolders
-from stlbench.cli.subjects import (
-    All,
-    Budget,
-    Controller,
-    Method,
-    Named,
-    On,
-    Policies,
-    RunFolder,
-    TaskName,
-    Which,
-    subjects,
-)
 
 if TYPE_CHECKING:
+    from stlbench.report import Table
     from stlbench.search.certify import Certificate
 
 
+@takes_actors
 def certify(
-    policies: Policies = None,
-    results: RunFolder = Path("results"),
-    every: All = False,
-    controller: Controller = None,
-    budget: Budget = None,
-    which: Which = "selected",
-    task: TaskName = None,
-    method: Method = None,
-    on: On = "observation",
+    chosen: Chosen,
     confidence: Annotated[float, typer.Option(metavar="C", help="With which the answer is right.")] = 0.99,
     starts: Annotated[
         int | None,
@@ -66,55 +48,22 @@ def certify(
       stlbench certify hold-disc/funnel/dqn/0 --at-least .95
       stlbench certify --controller robot-nav --until .02
     """
-    from stlbench.cli.counter import one_by_one
     from stlbench.search import certify as search
 
     claim = search.Claim(confidence, starts, at_least, until, seed)
     search.check(claim)
-    chosen = Named(policies or [], results, every, controller, budget, which, task, method, on)
-    named = subjects(chosen)
     one_by_one(
-        named,
+        chosen.load(),
         claim.most,
-        lambda subject, told: search.certify(subject, claim, told),
+        lambda actor, progress: search.certify(actor, claim, progress),
         _line,
-        lambda found: _show(found, as_json),
+        lambda certificates: show(as_json, [_facts(one) for one in certificates], _text(certificates)),
     )
 
 
-def _show(found: list[Certificate], as_json: bool) -> None:
-    from stlbench.report import to_screen
-    from stlbench.search.tables import certificates
-
-    if as_json:
-        print_json([_facts(one) for one in found])
-    elif len(found) == 1:
-        typer.echo(_line(found[0]))
-    else:
-        to_screen(certificates(found), console())
-
-
-def _line(one: Certificate) -> str:
-    """One certificate in words."""
-    from stlbench.search.certify import plain
-
-    low, high = one.interval
-    counts, what = f"{one.satisfied} of {one.starts} random starts", "the probability"
-    if one.open:
-        counts += f", violated from {one.violated}, open from {one.open} that ended early"
-        what = "the probability that every continuation satisfies"
-    confidence = plain(one.claim.confidence)
-    told = f"{one.subject.name}: satisfied from {counts}; with confidence {confidence} {what} is in "
-    told += f"[{low:.4f}, {high:.4f}]"
-    if one.claim.at_least is None:
-        return told
-    return f"{told}; that it is at least {plain(one.claim.at_least)} is {one.verdict}"
-
-
 def _facts(one: Certificate) -> dict[str, Any]:
-    """One certificate as plain values."""
     return {
-        "certified": one.subject.name,
+        "certified": one.actor.name,
         "confidence": one.claim.confidence,
         "starts": one.starts,
         "satisfied": one.satisfied,
@@ -128,3 +77,24 @@ def _facts(one: Certificate) -> dict[str, Any]:
         "seed": one.claim.seed,
         "cpu_seconds": one.cpu_seconds,
     }
+
+
+def _text(certificates: list[Certificate]) -> Iterator[str | Table]:
+    from stlbench.search.outputs import certificates as table
+
+    yield _line(certificates[0]) if len(certificates) == 1 else table(certificates)
+
+
+def _line(one: Certificate) -> str:
+    from stlbench.search.certify import plain
+
+    counts, what = f"{one.satisfied} of {one.starts} random starts", "the probability"
+    if one.open:
+        counts += f", violated from {one.violated}, open from {one.open} that ended early"
+        what = "the probability that every continuation satisfies"
+    interval = f"[{one.interval.low:.4f}, {one.interval.high:.4f}]"
+    line = f"{one.actor.name}: satisfied from {counts}; "
+    line += f"with confidence {plain(one.claim.confidence)} {what} is in {interval}"
+    if one.claim.at_least is None:
+        return line
+    return f"{line}; that it is at least {plain(one.claim.at_least)} is {one.verdict}"

@@ -11,7 +11,7 @@ import re
 import sys
 import traceback
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack, redirect_stdout, suppress
 from io import TextIOWrapper
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
@@ -25,6 +25,8 @@ from stlbench.registry.exits import exits_raise
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from stlbench.report import Table
 
 DISK_FULL = 74
 """The exit code where results cannot be written since the disk is full; that of an input/output error in sysexits.h."""
@@ -212,8 +214,26 @@ def _finite(value: Any) -> Any:
     return value if isinstance(value, str | int | float | None) else str(value)
 
 
+def show(as_json: bool, facts: Any, text: Iterable[str | Table]) -> None:
+    """Print the result of a command once: its facts as JSON, or else its text, lines and tables in their order.
+
+    Commands yield the text from a generator, which does not run for JSON.
+    """
+    if as_json:
+        print_json(facts)
+        return
+    from stlbench.report import to_screen
+
+    out = console()
+    for part in text:
+        if isinstance(part, str):
+            typer.echo(part)
+        else:
+            to_screen(part, out)
+
+
 def console() -> Console:
-    """Where tables are printed: as wide as the terminal; elsewhere `COLUMNS` wide, or 120 without it."""
+    """For tables: as wide as the terminal; elsewhere `COLUMNS` wide, or 120 without it."""
     from rich.console import Console
 
     class Out(Console):

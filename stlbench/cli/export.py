@@ -1,4 +1,4 @@
-"""`stlbench export`: results for other programs."""
+"""`stlbench export` and `stlbench export-policy`: results and policies for other programs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from stlbench.cli.common import Json, print_json
+from stlbench.cli.common import Json, show
+from stlbench.cli.options import TaskFolders
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -51,11 +52,8 @@ def export(
     else:
         results = Results.load(folder)
         paths = _write(results, out or inside(results.folder / "export", results.folder), form)
-    if as_json:
-        print_json([str(path) for path in paths])
-    else:
-        for path in paths:
-            typer.echo(path)
+    names = list(map(str, paths))
+    show(as_json, names, names)
 
 
 def _write(results: Results, folder: Path, form: Literal["csv", "parquet"]) -> list[Path]:
@@ -70,3 +68,46 @@ def _write(results: Results, folder: Path, form: Literal["csv", "parquet"]) -> l
             raise UsageError("Parquet needs the package pyarrow: pip install pyarrow") from None
         write(path, content)
     return paths
+
+
+def export_policy(
+    cell: Annotated[str, typer.Argument(metavar="CELL", help="task/method/agent/seed, as the run's lines name it.")],
+    out: Annotated[Path, typer.Argument(metavar="FILE", help="What is written; its ending is .onnx.")],
+    results: Annotated[Path, typer.Option(metavar="DIR", help="Folder of results that has the cell.")] = Path(
+        "results"
+    ),
+    budget: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Budget of the cell.", show_default="the only one in DIR")
+    ] = None,
+    which: Annotated[
+        Literal["selected", "final"], typer.Option("--policy", help="Which of a cell's two policies.")
+    ] = "selected",
+    task_folders: TaskFolders = None,
+    as_json: Json = False,
+) -> None:
+    """Write a stored policy as an ONNX file, and compare the two.
+
+    The file has one input, 'observation', and the output 'action' in the task's units. It is run by onnxruntime on all
+    observations of the report's episodes; the share of equal actions is printed. Needs the extra onnx.
+
+    \b
+    Example:
+      stlbench export-policy hold-disc/funnel/dqn/0 policy.onnx
+    """
+    from stlbench.rollout.questions import Question, plugins_of
+    from stlbench.share import onnx
+    from stlbench.study.plugin_guard import ask_one
+    from stlbench.study.results import Results
+
+    if out.suffix.lower() != ".onnx":
+        raise UsageError(f"{out}: a policy is written as .onnx")
+    result = Results.load(results).cell(cell, budget)
+    plugins, failed = plugins_of(result.id), f"{result.id.name} cannot be exported"
+    exported = ask_one(Question(onnx.export, (results, result, which, out), plugins, failed))
+    share, away = f"{100 * exported.same:.4g} %", f"{exported.largest:.2g}"
+    text = [
+        str(out),
+        f"its observation: {exported.observation}",
+        f"the same action in {share} of {exported.observations} observations; largest difference {away} of a span",
+    ]
+    show(as_json, {"file": str(out), **exported._asdict()}, text)

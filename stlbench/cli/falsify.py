@@ -2,44 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stlbench.cli.common import Json, console, print_json
+from stlbench.cli.actors import Chosen, one_by_one, takes_actors
+from stlbench.cli.common import Json, show
 from stlbench.cli.options import TaskFolders
-from stlbench.cli.subjects import (
-    All,
-    Budget,
-    Controller,
-    Method,
-    Named,
-    On,
-    Policies,
-    RunFolder,
-    TaskName,
-    Which,
-    subjects,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from stlbench.report import Table
+    from stlbench.search.actor import Actor
     from stlbench.search.falsify import Falsification
-    from stlbench.search.subject import Subject
+
+    _Written = tuple[Falsification, list[Path]]
+    """A result, and the files that it was written to."""
 
 
+@takes_actors
 def falsify(
-    policies: Policies = None,
-    results: RunFolder = Path("results"),
-    every: All = False,
-    controller: Controller = None,
-    budget: Budget = None,
-    which: Which = "selected",
-    task: TaskName = None,
-    method: Method = None,
-    on: On = "observation",
+    chosen: Chosen,
     evaluations: Annotated[int, typer.Option(metavar="N", help="Episodes that are simulated at most.")] = 10_000,
     optimiser: Annotated[
         str | None,
@@ -73,84 +59,32 @@ def falsify(
       stlbench falsify --controller hold-disc,robot-nav --least
       stlbench falsify --task pendulum my_controllers:energy --on state
     """
-    from stlbench.cli.counter import one_by_one
     from stlbench.records.outputs import inside
     from stlbench.search import falsify as search
-    from stlbench.search.files import write
+    from stlbench.search.outputs import write
 
     how = search.How(optimiser, evaluations, least, seed)
     search.check(how)
-    chosen = Named(policies or [], results, every, controller, budget, which, task, method, on)
-    named, place = subjects(chosen), out or inside(results / "falsified", results)
+    actors, place = chosen.load(), out or inside(chosen.results / "falsified", chosen.results)
 
-    def work(subject: Subject, told: Callable[[int, float], None]) -> _Written:
-        found = search.falsify(subject, how, told)
-        return _Written(found, write(found, place) if found.found or found.open or least else [])
+    def work(actor: Actor, progress: Callable[[int, float], None]) -> _Written:
+        found = search.falsify(actor, how, progress)
+        return found, write(found, place) if found.found or found.open or least else []
 
-    one_by_one(named, evaluations, work, lambda one: _line(one.found), lambda found: _show(found, as_json))
-
-
-class _Written(NamedTuple):
-    """What was found, and the files that it was written to."""
-
-    found: Falsification
-    files: list[Path]
-
-
-def _show(searched: list[_Written], as_json: bool) -> None:
-    from stlbench.report import to_screen
-    from stlbench.search.tables import falsifications
-
-    if as_json:
-        print_json([_facts(one.found, one.files) for one in searched])
-        return
-    if len(searched) == 1:
-        for line in [*_lines(searched[0].found), *map(str, searched[0].files)]:
-            typer.echo(line)
-        return
-    to_screen(falsifications([one.found for one in searched]), console())
-    if files := [path for one in searched for path in one.files]:
-        typer.echo(f"{len(files)} files in {files[0].parent}")
-
-
-def _line(one: Falsification) -> str:
-    """What was found, in short."""
-    spent = f"{one.evaluations} evaluations, {one.cpu_seconds:.1f} s CPU"
-    words = {"violated": "counterexample", "open": "no counterexample, verdict open"}
-    word = words.get(one.worst.verdict, "no counterexample")
-    if one.first is not None:
-        word += f", the first in evaluation {one.first}"
-    return f"{one.subject.name}: {word} ({one.how.optimiser}, {spent})"
-
-
-def _lines(one: Falsification) -> list[str]:
-    """One search in full."""
-    lines = [
-        _line(one),
-        f"start:      {one.start_text(9)}",
-        f"robustness: {_robustness(one)}",
-        f"{'failed:' if one.found else 'open:' if one.open else 'least:':<11} {one.failed}",
-    ]
-    if (witness := one.witness) is not None:
-        predicate = f"{'not ' if witness.sign < 0 else ''}{witness.predicate}"
-        at = f"step {witness.step} ({witness.step * one.subject.task.file.sampling_time:.6g} s)"
-        lines.append(f"because:    {predicate} at {at}: margin {witness.margin:.6g}")
-    return lines
-
-
-def _robustness(one: Falsification) -> str:
-    """Its value and the verdict."""
-    if not one.open:
-        return f"{one.worst.robustness:.6g}, {one.worst.verdict}"
-    return f"at least {one.worst.robustness:.6g}, verdict open: the episode ended early, what would follow decides"
+    one_by_one(
+        actors,
+        evaluations,
+        work,
+        lambda one: _line(one[0]),
+        lambda results: show(as_json, [_facts(*one) for one in results], _text(results)),
+    )
 
 
 def _facts(one: Falsification, files: list[Path]) -> dict[str, Any]:
-    """One search as plain values."""
     witness, loss = one.witness, one.loss
     early = one.steps if loss is None else loss.step
     return {
-        "searched": one.subject.name,
+        "searched": one.actor.name,
         "optimiser": one.how.optimiser,
         "seed": one.how.seed,
         "evaluations": one.evaluations,
@@ -166,3 +100,40 @@ def _facts(one: Falsification, files: list[Path]) -> dict[str, Any]:
         "cpu_seconds": one.cpu_seconds,
         "files": [str(path) for path in files],
     }
+
+
+def _text(results: list[_Written]) -> Iterator[str | Table]:
+    from stlbench.search.outputs import falsifications
+
+    files = [path for _, paths in results for path in paths]
+    if len(results) == 1:
+        yield from _lines(results[0][0])
+        yield from map(str, files)
+        return
+    yield falsifications([one for one, _ in results])
+    if files:
+        yield f"{len(files)} files in {files[0].parent}"
+
+
+def _lines(one: Falsification) -> Iterator[str]:
+    robustness = f"{one.worst.robustness:.6g}, {one.worst.verdict}"
+    if one.open:
+        what = "verdict open: the episode ended early, what would follow decides"
+        robustness = f"at least {one.worst.robustness:.6g}, {what}"
+    yield _line(one)
+    yield f"start:      {one.start_text(9)}"
+    yield f"robustness: {robustness}"
+    yield f"{'failed:' if one.found else 'open:' if one.open else 'least:':<11} {one.failed}"
+    if (witness := one.witness) is not None:
+        predicate = f"{'not ' if witness.sign < 0 else ''}{witness.predicate}"
+        at = f"step {witness.step} ({witness.step * one.actor.task.file.sampling_time:.6g} s)"
+        yield f"because:    {predicate} at {at}: margin {witness.margin:.6g}"
+
+
+def _line(one: Falsification) -> str:
+    spent = f"{one.evaluations} evaluations, {one.cpu_seconds:.1f} s CPU"
+    words = {"violated": "counterexample", "open": "no counterexample, verdict open"}
+    word = words.get(one.worst.verdict, "no counterexample")
+    if one.first is not None:
+        word += f", the first in evaluation {one.first}"
+    return f"{one.actor.name}: {word} ({one.how.optimiser}, {spent})"

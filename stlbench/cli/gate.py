@@ -1,4 +1,4 @@
-"""`stlbench gate`: measure again what a reference holds, and say whether it is worse."""
+"""`stlbench gate` and `stlbench compare`: are new results worse than a reference, or than other results?"""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stlbench.cli.common import Json, print_json
+from stlbench.cli.common import Json, show
 from stlbench.cli.options import names, study_options, tasks_of
 from stlbench.errors import UsageError
 
@@ -19,10 +19,37 @@ if TYPE_CHECKING:
     from stlbench import contract
     from stlbench.gate.judge import Judgement
     from stlbench.gate.snapshot import Snapshot
+    from stlbench.gate.summary import Named
     from stlbench.study.cell import Cell
 
 SEEDS = "10"
 """Seeds of a new reference."""
+
+
+def compare(
+    base: Annotated[Path, typer.Argument(metavar="BASE", help="Folder of results, ledger, reference, or bundle.")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="The same of what is to be judged.")],
+    results: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Also write gate.md, gate.json, gate.xml (JUnit), comment.md there."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Say whether NEW is worse than BASE.
+
+    Cells are paired by task, method, agent, seed and budget; cells of NEW alone are left out. Exit codes: 0 no worse,
+    1 worse, 3 these seeds cannot tell, 4 nothing measured or cells of BASE are missing, 2 bad input.
+
+    \b
+    Examples:
+      stlbench compare results-before results-after
+      stlbench compare results/gate-reference results/gate/ledger.sqlite --json
+    """
+    from stlbench.gate.judge import judge
+    from stlbench.gate.snapshot import load
+
+    first, second = (str(base), load(base)), (str(new), load(new))
+    _end("stlbench compare", judge(first[1], second[1]), first, second, results, as_json)
 
 
 @study_options("jobs", "executor")
@@ -45,8 +72,7 @@ def gate(
         str | None, typer.Option(metavar="LIST", help="Agents, a comma list.", show_default="all in the reference")
     ] = None,
     seeds: Annotated[
-        str | None,
-        typer.Option(metavar="SEEDS", help="As in `stlbench run`.", show_default="all in the reference"),
+        str | None, typer.Option(metavar="SEEDS", help="As in `stlbench run`.", show_default="all in the reference")
     ] = None,
     results: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the ledger and of the summaries.")] = Path(
         "results/gate"
@@ -74,50 +100,49 @@ def gate(
     """
     from stlbench.gate.judge import judge
     from stlbench.gate.measure import Selection, cells_of, select
-    from stlbench.gate.snapshot import pair
     from stlbench.study.run import build_executor
     from stlbench.study.study import Study, parse_seeds
 
     if results.resolve() == reference.resolve():
         raise UsageError(f"--results {results} is the reference itself; what is measured now needs another folder")
-    some_seeds = None if seeds is None else parse_seeds(seeds)
-    selection = Selection(budget, tasks_of(tasks), names(methods), names(agents), some_seeds)
+    selected_seeds = None if seeds is None else parse_seeds(seeds)
+    selection = Selection(budget, tasks_of(tasks), names(methods), names(agents), selected_seeds)
     executor = options.get("executor", "local")
     place = build_executor(executor, options.get("jobs"))
     if against is not None and (update or executor != "local"):
         raise UsageError("--against trains here and writes no reference: leave out --update and --executor")
-    if update and not selection.is_everything:
-        chosen = {"tasks": tasks or "hold-disc", "methods": methods or "funnel,flag", "seeds": seeds or SEEDS}
-        study = Study.of({**chosen, "agents": agents, "budget": budget})
-        _update(reference, _measured(study.cells(), results, place), as_json)
+    if update:
+        if selection.is_everything:
+            cells = cells_of(select(reference, selection))
+        else:
+            chosen = {"tasks": tasks or "hold-disc", "methods": methods or "funnel,flag", "seeds": seeds or SEEDS}
+            cells = Study.of({**chosen, "agents": agents, "budget": budget}).cells()
+        _update(reference, _measured(cells, results, place), as_json)
         return
     base = select(reference, selection)
     cells = cells_of(base)
-    if update:
-        _update(reference, _measured(cells, results, place), as_json)
-        return
     if against is None:
         new = _measured(cells, results, place)
-        judgement = judge(pair(base, new))
+        judgement = judge(base, new)
     else:
         base, new, judgement = _by_turns(base, against)
-    _end(judgement, (str(reference), base), (str(results), new), results, as_json)
+    _end("stlbench gate", judgement, (str(reference), base), (str(results), new), results, as_json)
 
 
 def _by_turns(reference: Snapshot, revision: str) -> tuple[Snapshot, Snapshot, Judgement]:
-    """The reference, which says what the costs were compared with; what the change gave; and the verdict."""
+    """The reference with the base of its costs, the snapshot of the change, and the verdict."""
     from stlbench.gate.cost import judge_turns
     from stlbench.gate.revision import both_trees
     from stlbench.gate.turns import take_turns
 
     try:
-        with both_trees(revision) as (base, new):
-            turns = take_turns(reference.samples, base, new, partial(typer.echo, err=True))
+        with both_trees(revision) as (base, change):
+            turns = take_turns(reference.samples, base, change, partial(typer.echo, err=True))
     except KeyboardInterrupt:
         raise typer.Exit(130) from None
-    judgement, found = judge_turns(reference, turns)
-    compared = {**reference.provenance, "costs against": base.name}
-    return replace(reference, provenance=compared), found, judgement
+    judgement, new = judge_turns(reference, turns)
+    provenance = {**reference.provenance, "costs against": base.name}
+    return replace(reference, provenance=provenance), new, judgement
 
 
 def _measured(cells: Sequence[Cell], folder: Path, executor: contract.Executor) -> Snapshot:
@@ -132,34 +157,30 @@ def _measured(cells: Sequence[Cell], folder: Path, executor: contract.Executor) 
         raise typer.Exit(130) from None
 
 
-def _end(
-    judgement: Judgement, base: tuple[str, Snapshot], new: tuple[str, Snapshot], folder: Path, as_json: bool
-) -> None:
+def _end(title: str, judgement: Judgement, base: Named, new: Named, folder: Path | None, as_json: bool) -> None:
     """Write and print the summaries, and exit."""
-    from stlbench.gate import outputs, summary
+    from stlbench.gate import summary
     from stlbench.gate.judge import EXIT
 
-    outputs.write(folder, "stlbench gate", judgement, base, new)
-    if as_json:
-        print_json(summary.facts(judgement, base, new))
-    else:
-        typer.echo(summary.markdown("stlbench gate", judgement, base, new), nl=False)
+    if folder is not None:
+        summary.write(folder, title, judgement, base, new)
+    text = summary.markdown(title, judgement, base, new).removesuffix("\n")
+    show(as_json, summary.facts(judgement, base, new), [text])
     raise typer.Exit(EXIT[judgement.verdict])
 
 
 def _update(reference: Path, snapshot: Snapshot, as_json: bool) -> None:
     """Write the reference, unless a cell ended by accident."""
-    from stlbench.gate import files
+    from stlbench.gate.snapshot import save
     from stlbench.records.status import ACCIDENTS
 
+    count = len(snapshot.samples)
     failed = [sample for sample in snapshot.samples.values() if sample.status in ACCIDENTS]
     if failed:
         for sample in failed:
             typer.echo(f"{sample.id.name} {sample.status}: {sample.reason}", err=True)
-        typer.echo(f"{len(failed)} of {len(snapshot.samples)} cells failed; no reference was written", err=True)
+        typer.echo(f"{len(failed)} of {count} cells failed; no reference was written", err=True)
         raise typer.Exit(1)
-    files.save(reference, snapshot)
-    if as_json:
-        print_json({"reference": str(reference), "cells": len(snapshot.samples)})
-    else:
-        typer.echo(f"Written to {reference}/: cells.csv, provenance.json; {len(snapshot.samples)} cells")
+    save(reference, snapshot)
+    written = f"Written to {reference}/: cells.csv, provenance.json; {count} cells"
+    show(as_json, {"reference": str(reference), "cells": count}, [written])

@@ -1,17 +1,18 @@
-"""`stlbench list`: which plugins there are, and where they come from."""
+"""`stlbench list`: the installed plugins, and their distributions."""
 
 from __future__ import annotations
 
-import inspect
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stlbench.cli.common import Json, console, print_json, warn
+from stlbench.cli.common import Json, show, warn
+from stlbench.cli.show import parameter_facts
 from stlbench.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
-    from stlbench.registry.plugins import Plugin
+    from stlbench.report import Table
 
 
 def list_plugins(
@@ -35,41 +36,23 @@ def list_plugins(
     listed = []
     for plugin in plugins.available(kind).values():
         try:
-            listed.append(_facts(plugin))
+            facts = {"name": plugin.name, "distribution": plugin.distribution, "version": plugin.version}
+            listed.append(facts | {"summary": plugin.summary, "parameters": parameter_facts(plugin)})
         except plugins.PluginError as error:
             warn(str(error))
-    if as_json:
-        print_json(listed)
-    else:
-        _print(kind, listed)
+    show(as_json, listed, _text(kind, listed))
 
 
-def _facts(plugin: Plugin) -> dict[str, Any]:
-    from stlbench.registry import plugins
-
-    return {
-        "name": plugin.name,
-        "distribution": plugin.distribution,
-        "version": plugin.version,
-        "summary": plugin.summary,
-        "parameters": {
-            name: {"type": text} | ({} if default is inspect.Parameter.empty else {"default": default})
-            for name, (text, default) in plugins.parameters(plugin).items()
-        },
-    }
-
-
-def _print(kind: str, listed: list[dict[str, Any]]) -> None:
-    from stlbench.report import Column, Table, to_screen
+def _text(kind: str, listed: list[dict[str, Any]]) -> Iterator[Table]:
+    from stlbench.report import Column, Table
 
     titles = ["name", "from", "summary", *(["parameters"] if any(facts["parameters"] for facts in listed) else [])]
     rows = tuple(
-        (facts["name"], f"{facts['distribution']} {facts['version']}", facts["summary"], _parameters(facts))[
-            : len(titles)
-        ]
+        (facts["name"], f"{facts['distribution']} {facts['version']}", facts["summary"], _parameters(facts))
         for facts in listed
     )
-    to_screen(Table(kind.capitalize(), tuple(Column(title, right=False) for title in titles), rows), console())
+    columns = tuple(Column(title, right=False) for title in titles)
+    yield Table(kind.capitalize(), columns, tuple(row[: len(titles)] for row in rows))
 
 
 def _parameters(facts: dict[str, Any]) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
-from stlbench.cli.common import Json, print_json, warn
+from stlbench.cli.common import Json, show, warn
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ class Verdict(NamedTuple):
     satisfied: bool
     start: int | None
 
-    def content(self) -> dict[str, Any]:
-        """As JSON has it."""
+    def facts(self) -> dict[str, Any]:
+        """As JSON values."""
         content = self._asdict()
         return content if self.start is not None else {name: content[name] for name in self._fields if name != "start"}
 
@@ -95,11 +95,7 @@ def monitor(
         for source, formula in zip(sources, parsed, strict=True)
         for verdict in _judge(source, formula, traces, starts, policy)
     ]
-    if as_json:
-        print_json([verdict.content() for verdict in verdicts])
-        return
-    for verdict in verdicts:
-        typer.echo(str(verdict))
+    show(as_json, [verdict.facts() for verdict in verdicts], map(str, verdicts))
 
 
 def _sources(inputs: list[str], formulas: Path | None) -> tuple[list[Source], Path]:

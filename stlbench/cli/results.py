@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stlbench.cli.common import Json, print_json, warn
+from stlbench.cli.common import Json, show, warn
+
+if TYPE_CHECKING:
+    from stlbench.records.upkeep import Merged
 
 app = typer.Typer(rich_markup_mode=None)
 
@@ -58,10 +62,12 @@ def remove(
         if not yes:
             typer.confirm(f"Remove {_count(len(chosen))} from {folder}/?", abort=True, err=True)
     upkeep.remove(folder, [result.id for result in chosen])
-    if as_json:
-        print_json([{"cell": result.id.name, "budget": result.id.budget, "status": result.status} for result in chosen])
-    else:
-        typer.echo(f"Removed {_count(len(chosen))} from {folder}/; the tables there change with `stlbench report`")
+    facts = [{"cell": result.id.name, "budget": result.id.budget, "status": result.status} for result in chosen]
+    show(
+        as_json,
+        facts,
+        [f"Removed {_count(len(chosen))} from {folder}/; the tables there change with `stlbench report`"],
+    )
 
 
 @app.command("merge")
@@ -84,12 +90,14 @@ def merge(
     from stlbench.records import upkeep
 
     counts = {source: upkeep.merge(into, source) for source in sources}
-    if as_json:
-        print_json([{"from": str(source), **counts[source]._asdict()} for source in sources])
-        return
+    facts = [{"from": str(source), **count._asdict()} for source, count in counts.items()]
+    show(as_json, facts, _merged(into, counts))
+
+
+def _merged(into: Path, counts: Mapping[Path, Merged]) -> Iterator[str]:
     for source, count in counts.items():
         planned = f", {count.planned} planned without a result" if count.planned else ""
-        typer.echo(f"{source}: {count.added} new, {count.replaced} better or newer, {count.kept} left out{planned}")
+        yield f"{source}: {count.added} new, {count.replaced} better or newer, {count.kept} left out{planned}"
         for name in count.conflicts:
             warn(f"{name} has other scores in {source}/ than in {into}/, though the keys are the same")
         for file in count.damaged:

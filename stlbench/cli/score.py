@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from stlbench.cli.common import Json, console, print_json, warn
+from stlbench.cli.common import Json, show, warn
+from stlbench.cli.show import cell_facts
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
     from stlbench.records.result import Result, Score
     from stlbench.registry.choices import Choice
-    from stlbench.share.again import Again
+    from stlbench.report import Table
     from stlbench.share.source import Source
 
 
@@ -83,67 +84,62 @@ def score(
       stlbench score hold-disc-coarse q.pt --architecture "mlp[6,64,64,189;relu]"
       stlbench score hold-disc hold-disc/funnel/dqn/0
     """
+    from stlbench.records.cell_files import cell_files
     from stlbench.registry.folders import task_of
     from stlbench.share.source import find_source
 
     source, choice = find_source(policy, architecture, actions), task_of(task)
     if source.kind == "cell":
         _refuse_options({"--method": method, "--on": on, "--name": name, "--seed": seed}, "is a stored cell", policy)
-        _stored(choice, source, results, budget, which or "selected", as_json)
+        _score_cell(choice, source, results, budget, which or "selected", as_json)
         return
     _refuse_options({"--policy": which}, "is no stored cell", policy)
-    budget = budget or _usual(results, choice)
-    result = _outside(choice, source, results, budget, method, on, name, seed or 0)
-    _show(result, results, as_json)
+    result = _score_outside(choice, source, results, budget or _usual(results, choice), method, on, name, seed or 0)
+    facts = cell_facts(result, cell_files(results, result.id, result.key).log)
+    show(as_json, facts, _text(result, results))
 
 
-def _refuse_options(said: Mapping[str, object], reason: str, policy: str) -> None:
-    """Options of another kind of policy would change nothing. Raises `UsageError`."""
-    if found := [option for option, value in said.items() if value is not None]:
-        raise UsageError(f"{policy} {reason}; leave {' and '.join(found)} out")
+def _refuse_options(given: Mapping[str, object], reason: str, policy: str) -> None:
+    """Refuse options for another kind of policy, which would change nothing."""
+    if names := [option for option, value in given.items() if value is not None]:
+        raise UsageError(f"{policy} {reason}; leave {' and '.join(names)} out")
 
 
-def _stored(
+def _score_cell(
     task: Choice, source: Source, results: Path, budget: str | None, which: Literal["selected", "final"], as_json: bool
 ) -> None:
-    """A stored cell: its score is shown beside the recorded one, and nothing is written."""
-    from stlbench.report import to_screen
+    """Show a cell's score beside the recorded one; nothing is written."""
+    from stlbench.records.result import plain_scores
     from stlbench.report.tables.cells import scores_table
-    from stlbench.share.again import score_question
+    from stlbench.share.rescored import score_question
     from stlbench.study.plugin_guard import ask_one
     from stlbench.study.results import Results
 
     question = score_question(task, Results.load(results).cell(source.text, budget), results, which)
     again = ask_one(question)
-    if as_json:
-        print_json(_facts(again, which, str(task)))
-        return
-    typer.echo(f"{again.cell.name}, {which} policy, on {task}: {again.said}")
-    to_screen(scores_table({"": again.scores}), console())
-    _warn_of_ends(again.scores)
+    facts = {"cell": again.cell.name, "policy": which, "task": str(task), "as_recorded": again.as_recorded}
+
+    def text() -> Iterator[str | Table]:
+        yield f"{again.cell.name}, {which} policy, on {task}: {again.said}"
+        yield scores_table({"": again.scores})
+        _warn_of_ends(again.scores)
+
+    show(as_json, facts | {"scores": plain_scores(again.scores)}, text())
 
 
 def _usual(results: Path, task: Choice) -> str | None:
-    """The budget of the task's cells in a folder, so that a row is from their starts; None without one budget."""
+    """The budget of the task's cells in a folder, for scores from the same starts; None without a single one."""
     from stlbench.records import stored
     from stlbench.records.identity import OUTSIDE
 
     if stored.locate(results) is None:
         return None
     cells = (result.id for result in stored.read(results))
-    found = {cell.budget for cell in cells if cell.task == task and cell.track != OUTSIDE}
-    return found.pop() if len(found) == 1 else None
+    budgets = {cell.budget for cell in cells if cell.task == task and cell.track != OUTSIDE}
+    return budgets.pop() if len(budgets) == 1 else None
 
 
-def _facts(again: Again, which: str, task: str) -> dict[str, Any]:
-    """All that is said of a stored cell, as plain values; its scores in the form that `show cell --json` has."""
-    from stlbench.records.result import plain_scores
-
-    said = {"cell": again.cell.name, "policy": which, "task": task, "as_recorded": again.as_recorded}
-    return {**said, "scores": plain_scores(again.scores)}
-
-
-def _outside(
+def _score_outside(
     task: Choice,
     source: Source,
     results: Path,
@@ -153,7 +149,7 @@ def _outside(
     name: str | None,
     seed: int,
 ) -> Result:
-    """Score it and record the row."""
+    """Score a policy from outside and record the row."""
     from stlbench.registry.choices import parse_choice
     from stlbench.share.record import outside_question, record
     from stlbench.share.scoring import UNKNOWN, Shown
@@ -168,38 +164,32 @@ def _outside(
 
 
 def _warn_of_ends(scores: Mapping[str, Score]) -> None:
-    """Say that episodes ended before their formula was decided."""
+    """Warn of episodes that ended before their formula was decided."""
     from stlbench.records.result import reported
 
     if share := reported(scores).ended_early:
-        warn(
-            f"from {100 * share:.3g} % of the starts the episode ended before the formula's horizon; see the note above"
-        )
+        what = f"from {100 * share:.3g} % of the starts the episode ended before the formula's horizon"
+        warn(f"{what}; see the note above")
 
 
-def _show(result: Result, results: Path, as_json: bool) -> None:
+def _text(result: Result, results: Path) -> Iterator[str | Table]:
     """The score, and the row beside the cells of its task."""
-    from stlbench.cli.show_cell import facts
     from stlbench.records import stored
-    from stlbench.records.cell_files import cell_files
-    from stlbench.report import Report, condense, to_screen
+    from stlbench.report import Report, condense
     from stlbench.report.tables.cells import scores_table
 
-    if as_json:
-        print_json(facts(result, cell_files(results, result.id, result.key).log))
-        return
     assert result.measurement is not None
-    typer.echo(f"{result.id.name}: {result.provenance['source']}, from {result.provenance['begun_at']}")
+    yield f"{result.id.name}: {result.provenance['source']}, from {result.provenance['begun_at']}"
     if observation := result.provenance.get("observation"):
-        typer.echo(f"It is shown {observation} (--on {result.provenance['on']})")
+        yield f"It is shown {observation} (--on {result.provenance['on']})"
     if moved := result.provenance.get("moved"):
         warn(f"{moved}; --actions FILE gives it actions of its own")
-    to_screen(scores_table({"": result.measurement.selected}), console())
+    yield scores_table({"": result.measurement.selected})
     _warn_of_ends(result.measurement.selected)
     groups = condense(each for each in stored.read(results) if each.id.task == result.id.task)
-    to_screen(Report(groups, {}).robustness, console())
+    yield Report(groups, {}).robustness
     counts = sorted({each.starts for group in groups for each in group.done if each.starts is not None})
     if len(counts) > 1:
         rule = "compare those from as many; --budget says which are counted"
-        typer.echo(f"The rows are from {', '.join(map(str, counts[:-1]))} or {counts[-1]} starts: {rule}")
-    typer.echo(f"Recorded in {results}/; its tables change with `stlbench report`")
+        yield f"The rows are from {', '.join(map(str, counts[:-1]))} or {counts[-1]} starts: {rule}"
+    yield f"Recorded in {results}/; its tables change with `stlbench report`"

@@ -1,14 +1,28 @@
-"""`stlbench show`: one thing in full."""
+"""`stlbench show`: one cell, method or task in full."""
 
 from __future__ import annotations
 
+import inspect
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
 import typer
 
-from stlbench.cli.show_cell import cell
-from stlbench.cli.show_method import method
+from stlbench.cli import common
+from stlbench.cli.common import Json
+from stlbench.cli.completion import names
 from stlbench.cli.show_task import task
 
+if TYPE_CHECKING:
+    from stlbench.records.result import Result
+    from stlbench.registry.plugins import Plugin
+    from stlbench.report import Table
+
 app = typer.Typer(rich_markup_mode=None)
+app.command("task")(task)
 
 
 @app.callback()
@@ -21,5 +35,138 @@ def show() -> None:
     """
 
 
-for command in (task, cell, method):
-    app.command(command.__name__)(command)
+@app.command("cell")
+def cell(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="task/method/agent/seed, as the run's lines name it.")],
+    folder: Annotated[Path, typer.Argument(metavar="[RESULTS]", help="A folder that `stlbench run` wrote.")] = Path(
+        "results"
+    ),
+    budget: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Budget of the cell.", show_default="the only one in RESULTS")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show one cell of a folder of results: status, reason and traceback, provenance, scores, cost.
+
+    \b
+    Examples:
+      stlbench show cell hold-disc/funnel/dqn/0
+      stlbench show cell "overlap[without=cuts]/funnel/dqn/1" results/ablation --json
+    """
+    from stlbench.records.cell_files import cell_files
+    from stlbench.study.results import Results
+
+    results = Results.load(folder)
+    result = results.cell(name, budget)
+    log = cell_files(results.folder, result.id, result.key).log
+    common.show(as_json, cell_facts(result, log), _cell_text(result, log))
+
+
+def cell_facts(result: Result, log: Path) -> dict[str, Any]:
+    """The whole record of a cell as JSON values; `log` is the path of its output."""
+    from stlbench.records.result import to_json
+
+    content: dict[str, Any] = json.loads(to_json(result))
+    return {"name": result.id.name, **content, "log": str(log) if log.is_file() else None}
+
+
+def _cell_text(result: Result, log: Path) -> Iterator[str | Table]:
+    from stlbench.records.cell_files import end_of_log
+    from stlbench.records.identity import OUTSIDE
+    from stlbench.records.status import ACCIDENTS
+    from stlbench.report.tables.cells import cost_table, scores_table
+
+    parts = {
+        "cell": result.id.name,
+        "budget": result.id.budget,
+        "status": result.status,
+        "reason": result.reason,
+        "key": result.key,
+        "log": str(log) if log.is_file() else "",
+        **result.provenance,
+    }
+    width = max(map(len, parts)) + 1
+    yield from (f"{name + ':':{width}} {text}" for name, text in parts.items() if text)
+    if result.details:
+        yield f"\n{result.details.rstrip()}"
+    if result.status in ACCIDENTS and (end := end_of_log(log)):
+        yield "\nthe end of its log:\n"
+        yield from end
+    if (measured := result.measurement) is None:
+        return
+    yield ""
+    if result.id.track == OUTSIDE:
+        yield scores_table({"": measured.selected})
+    else:
+        yield scores_table({"selected": measured.selected, "final": measured.final})
+        yield cost_table(measured)
+
+
+@app.command("method")
+def method(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="As `stlbench list methods` says.", autocompletion=names("methods"))
+    ],
+    as_json: Json = False,
+) -> None:
+    """Show a reward method: description, source, parameters with their meaning, and which formulas it does not take.
+
+    \b
+    Examples:
+      stlbench show method funnel
+      stlbench show method flag --json
+    """
+    facts = _method_facts(name)
+    common.show(as_json, facts, _method_text(facts))
+
+
+def parameter_facts(plugin: Plugin) -> dict[str, dict[str, Any]]:
+    """Name of each parameter -> its type, and its default if it has one."""
+    from stlbench.registry import plugins
+
+    return {
+        name: {"type": text} | ({} if default is inspect.Parameter.empty else {"default": default})
+        for name, (text, default) in plugins.parameters(plugin).items()
+    }
+
+
+def _method_facts(name: str) -> dict[str, Any]:
+    from stlbench.registry import docstrings, plugins
+    from stlbench.registry.field_docs import field_docs
+
+    plugin = plugins.find("methods", name)
+    kind = plugin.load()
+    docstring = docstrings.read(kind)
+    meanings = {**docstring.parameters, **field_docs(kind)}
+    return {
+        "name": name,
+        "distribution": plugin.distribution,
+        "version": plugin.version,
+        "class": plugin.entry_point.value,
+        "source": (inspect.getdoc(sys.modules[kind.__module__]) or "").partition("\n")[0],
+        "description": docstring.text,
+        "parameters": {
+            parameter: facts | {"meaning": meanings.get(parameter, "")}
+            for parameter, facts in parameter_facts(plugin).items()
+        },
+        "limits": dict(docstring.raises),
+    }
+
+
+def _method_text(facts: Mapping[str, Any]) -> Iterator[str | Table]:
+    from stlbench.report import Column, Table
+
+    yield f"{facts['name']} ({facts['distribution']} {facts['version']}, {facts['class']})"
+    yield from (f"\n{text}" for text in (facts["source"], facts["description"]) if text)
+    yield ""
+    parameters = tuple(
+        (name, parameter["type"], str(parameter.get("default", "required")), parameter["meaning"])
+        for name, parameter in facts["parameters"].items()
+    )
+    limits = tuple((status.lower(), place) for status, place in facts["limits"].items())
+    for title, headings, rows in (
+        ("Parameters", ("name", "type", "default", "meaning"), parameters),
+        ("Where it does not fit", ("status", "where"), limits),
+    ):
+        if rows:
+            yield Table(title, tuple(Column(heading, right=False) for heading in headings), rows)

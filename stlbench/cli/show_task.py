@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from stlbench.cli.common import Json, print_json, warn
+from stlbench.cli.advise import fit
+from stlbench.cli.common import Json, show, warn
 from stlbench.cli.completion import names
-from stlbench.cli.fit import fit
-from stlbench.cli.show_task_text import print_task
+from stlbench.cli.show_task_text import task_text
 from stlbench.errors import cause, one_line
 
 if TYPE_CHECKING:
@@ -40,21 +40,18 @@ def task(
 
     loaded = load_task(name)
     plugin = plugins.find("tasks", loaded.choice.name)
-    content = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | facts(loaded)
-    if as_json:
-        print_json(content)
-    else:
-        print_task(content)
+    facts = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | _facts(loaded)
+    show(as_json, facts, task_text(facts))
 
 
-def facts(task: Task) -> dict[str, Any]:
-    """All that is shown, as plain values. Intervals of formulas are in steps."""
+def _facts(task: Task) -> dict[str, Any]:
+    """Intervals of formulas are in steps."""
     from stlbench import stl
     from stlbench.registry import plugins
     from stlbench.rollout.standards import by_hand, differences
     from stlbench.study.plugin_guard import ask
 
-    file = task.file
+    file, controller = task.file, _answer(by_hand(task.choice))
     return {
         "title": file.title,
         "source": file.source,
@@ -68,7 +65,7 @@ def facts(task: Task) -> dict[str, Any]:
         "features": _features(task),
         "environment": None if file.environment is None else file.environment.id,
         "beyond_state": _beyond_state(task),
-        "controller": _scored(_answer(by_hand(task.choice))),
+        "controller": None if controller is None else _mean(controller) | {"robustness_min": controller.minimum},
         "baselines": _baselines(task),
         "best_known": None if file.best_known is None else file.best_known.model_dump(),
         "signals": {name: signal.model_dump(exclude_none=True) for name, signal in file.signals.items()},
@@ -95,14 +92,14 @@ def facts(task: Task) -> dict[str, Any]:
 
 
 def _features(task: Task) -> str:
-    """What policies see: "engineered" features or "state" of a system, the "observation" of anything else."""
+    """A policy's view: "engineered" features or "state" of a system, the "observation" of anything else."""
     from stlbench.contract import System
 
     return task.file.features if isinstance(task.dynamics, System) else "observation"
 
 
 def _beyond_state(task: Task) -> tuple[str, ...]:
-    """What policies see beyond the state; nothing where they see an observation, or the state alone."""
+    """The features that are not part of the state."""
     from stlbench.contract import System
 
     dynamics, engineered = task.dynamics, task.file.features == "engineered"
@@ -110,13 +107,13 @@ def _beyond_state(task: Task) -> tuple[str, ...]:
 
 
 def _actions(task: Task) -> dict[str, dict[str, Any]]:
-    """Name -> ends, count and unit; those of the environment where the file has none."""
+    """Name -> ends, count and unit, from the file or else from the environment."""
     declared = {name: axis.model_dump(exclude_none=True) for name, axis in task.file.actions.items()}
     return declared or {axis.name: axis.ends for axis in task.source.axes}
 
 
 def _answer(question: Question[_T]) -> _T | None:
-    """The answer; a warning and None where there is none."""
+    """The answer, or None with a warning."""
     from stlbench.rollout.questions import answers
     from stlbench.study.plugin_guard import ask
 
@@ -124,17 +121,12 @@ def _answer(question: Question[_T]) -> _T | None:
     return answer
 
 
-def _scored(score: Score | None) -> dict[str, float] | None:
-    """What the hand controller gets from the report's starts, None without one; satisfaction in [0, 1]."""
-    return None if score is None else _mean(score) | {"robustness_min": score.minimum}
-
-
 def _mean(score: Score) -> dict[str, float]:
     return {"robustness_mean": score.mean, "satisfaction": score.satisfaction}
 
 
 def _baselines(task: Task) -> dict[str, Any] | None:
-    """What constant actions and random ones get from the report's starts; None where they cannot be scored."""
+    """The scores of constant and of random actions from the report's starts; None if they cannot be scored."""
     from stlbench.rollout.standards import at_random, constant_actions
 
     constants, random = _answer(constant_actions(task.choice)), _answer(at_random(task.choice))
@@ -149,7 +141,7 @@ def _baselines(task: Task) -> dict[str, Any] | None:
 
 
 def _terms(task: Task) -> list[dict[str, Any]] | str:
-    """The terms of eq. 2 with the range of each rho over the signals' box; why not, where there are none."""
+    """The terms of eq. 2 with the range of each rho over the signals' box, or the reason why there are none."""
     from stlbench.contract import Unsuitable
 
     try:
@@ -176,12 +168,12 @@ def _methods(task: Task) -> dict[str, Any]:
 
 
 def _method(task: Task, name: str) -> dict[str, Any]:
-    """What a method with its default parameters makes of the task; status and reason where it does not fit."""
+    """The description of a method with default parameters, or the status and reason why it does not fit."""
     from stlbench.contract.presentation import Described
 
-    found = fit(task, name)
-    if (method := found.method) is None:
-        return {"status": found.status, "reason": found.reason}
+    fitted = fit(task, name)
+    if (method := fitted.method) is None:
+        return {"status": fitted.status, "reason": fitted.reason}
     try:
         described = dict(method.describe()) if isinstance(method, Described) else {}
     except Exception as error:

@@ -1,12 +1,9 @@
-"""A task as lines and tables on a terminal."""
+"""The text of `stlbench show task`: lines and tables."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
-
-import typer
-
-from stlbench.cli.common import console
 
 if TYPE_CHECKING:
     from stlbench.report import Table, Value
@@ -16,112 +13,89 @@ _TRAINING_NOTES = (
     "Exploring: this share of the episodes begins at a random time and lasts about length decisions, or to the end.",
     "Of these, the share kept begins in the state in which the last episode ended, the others in states, or as all do.",
 )
-"""Below the table of `training`, whose words are those of the task file."""
-
-_TRIVIAL = "trivial:  a constant action solves the task"
 
 _NO_RECIPE = "An agent without a recipe trains with its defaults."
-
 _EARLY = (
     "Where a training episode ends early, a function of time pays for ending sooner, or later; else it changes nothing."
 )
 
 
-def print_task(content: dict[str, Any]) -> None:
-    """Print what `show_task.facts` returns: lines, then tables."""
-    from stlbench.report import to_screen
-
-    seconds = content["steps"] * content["sampling_time"]
-    origin = f"{content['distribution']} {content['version']}".strip()
-    lines = [
-        f"{content['name']}: {content['title']} ({origin})",
-        f"source:   {content['source']}",
-        f"formula:  {content['formula']}",
-        f"horizon:  {content['horizon']} steps of {content['sampling_time']:g} s",
-        f"episode:  {content['steps']} steps ({seconds:g} s), each action held for {content['hold']}",
-        f"starts:   {content['starts']} for the report, as many others for the selection of checkpoints",
-        f"seen:     {_seen(content)}",
-    ]
-    if content["controller"] is not None:
-        mean, share, least = content["controller"].values()
-        lines.append(f"by hand:  robustness {mean:.3f}, worst start {least:.3f}, satisfied {100 * share:.1f} %")
-    if content["baselines"] is not None:
-        lines += _baselines(content["baselines"])
-    if content["best_known"] is not None:
-        lines.append(f"best:     {_best(content['best_known'])}")
-    if content["notes"]:
-        lines.append(f"notes:    {content['notes']}")
-    if isinstance(content["terms"], str):
-        lines.append(f"terms:    {content['terms']}")
-    for line in lines:
-        typer.echo(line)
-    typer.echo()
-    out = console()
-    for table in _tables(content):
-        to_screen(table, out)
+def task_text(facts: dict[str, Any]) -> Iterator[str | Table]:
+    seconds = facts["steps"] * facts["sampling_time"]
+    origin = f"{facts['distribution']} {facts['version']}".strip()
+    yield f"{facts['name']}: {facts['title']} ({origin})"
+    yield f"source:   {facts['source']}"
+    yield f"formula:  {facts['formula']}"
+    yield f"horizon:  {facts['horizon']} steps of {facts['sampling_time']:g} s"
+    yield f"episode:  {facts['steps']} steps ({seconds:g} s), each action held for {facts['hold']}"
+    yield f"starts:   {facts['starts']} for the report, as many others for the selection of checkpoints"
+    yield f"seen:     {_seen(facts)}"
+    if facts["controller"] is not None:
+        mean, share, least = facts["controller"].values()
+        yield f"by hand:  robustness {mean:.3f}, worst start {least:.3f}, satisfied {100 * share:.1f} %"
+    if facts["baselines"] is not None:
+        yield from _baseline_lines(facts["baselines"])
+    if facts["best_known"] is not None:
+        yield f"best:     {_best(facts['best_known'])}"
+    if facts["notes"]:
+        yield f"notes:    {facts['notes']}"
+    if isinstance(facts["terms"], str):
+        yield f"terms:    {facts['terms']}"
+    yield ""
+    yield from _tables(facts)
 
 
-def _seen(content: dict[str, Any]) -> str:
-    """What policies see of the system's state, or of the environment."""
-    if content["features"] != "engineered":
-        return {"state": "the state alone, scaled", "observation": "the whole observation"}[content["features"]]
-    beyond = "; ".join(content["beyond_state"])
+def _seen(facts: dict[str, Any]) -> str:
+    if facts["features"] != "engineered":
+        return {"state": "the state alone, scaled", "observation": "the whole observation"}[facts["features"]]
+    beyond = "; ".join(facts["beyond_state"])
     return f"features; beyond the state: {beyond}" if beyond else "features; what is beyond the state is not declared"
 
 
-def _baselines(known: dict[str, Any]) -> list[str]:
-    zero, constant, random = (_scored(known[name]) for name in ("zero", "constant", "random"))
+def _baseline_lines(known: dict[str, Any]) -> list[str]:
+    zero, constant, random = (_score_text(known[name]) for name in ("zero", "constant", "random"))
     action = ", ".join(f"{value:.6g}" for value in known["constant"]["action"])
     lines = [f"zero:     {zero}", f"constant: {constant}, by the action ({action})", f"random:   {random}"]
-    return [*lines, _TRIVIAL] if known["trivial"] else lines
+    return [*lines, "trivial:  a constant action solves the task"] if known["trivial"] else lines
 
 
-def _scored(score: dict[str, Any]) -> str:
+def _score_text(score: dict[str, Any]) -> str:
     return f"robustness {score['robustness_mean']:.3f}, satisfied {100 * score['satisfaction']:.1f} %"
 
 
 def _best(best: dict[str, Any]) -> str:
-    """Best known robustness and its bound, each with how one knows."""
     reached = f"robustness {best['robustness']:.5g} is known" + (f", by {best['how']}" if best["how"] else "")
     if best["upper_bound"] is None:
         return reached
     return f"{reached}; at most {best['upper_bound']:.5g}" + (f", as {best['why']}" if best["why"] else "")
 
 
-def _tables(content: dict[str, Any]) -> list[Table]:
-    terms = content["terms"] if isinstance(content["terms"], list) else []
-    counted = any("count" in axis for axis in content["actions"].values())
+def _tables(facts: dict[str, Any]) -> list[Table]:
+    terms = facts["terms"] if isinstance(facts["terms"], list) else []
+    training = [{"part": key, "how they differ": _text(part)} for key, part in facts["training"].items() if part != ()]
+    recipes = [{"agent": key, "parameters": _listed(recipe)} for key, recipe in facts["agents"].items()]
+    methods = [{"method": key} | _summary(made) for key, made in facts["methods"].items()]
+    counted = any("count" in axis for axis in facts["actions"].values())
     tables = [
         _table("Terms and the range of their robustness", terms),
-        _table("Signals", _named("signal", content["signals"])),
-        _table("Actions" if counted else "Actions, continuous", _named("action", content["actions"])),
-        _table("Robots", [{"robot": key, "actions": ", ".join(names)} for key, names in content["robots"].items()]),
-        _table("Training episodes", _training(content["training"]), *_TRAINING_NOTES),
-        _table("Budgets", _named("budget", content["budgets"])),
-        _table("Further protocols", _named("protocol", content["protocols"])),
-        _table("Recipes, the task's own agent first", _recipes(content["agents"]), _NO_RECIPE),
-        _table(
-            "Methods", [{"method": key} | _summary(made) for key, made in content["methods"].items()], *_equal(content)
-        ),
+        _table("Signals", _named("signal", facts["signals"])),
+        _table("Actions" if counted else "Actions, continuous", _named("action", facts["actions"])),
+        _table("Robots", [{"robot": key, "actions": ", ".join(names)} for key, names in facts["robots"].items()]),
+        _table("Training episodes", training, *_TRAINING_NOTES),
+        _table("Budgets", _named("budget", facts["budgets"])),
+        _table("Further protocols", _named("protocol", facts["protocols"])),
+        _table("Recipes, the task's own agent first", recipes, _NO_RECIPE),
+        _table("Methods", methods, *_equal(facts)),
     ]
     return [table for table in tables if table.rows]
 
 
-def _equal(content: dict[str, Any]) -> list[str]:
-    """Which methods pay for the same."""
+def _equal(facts: dict[str, Any]) -> list[str]:
     from stlbench.task.equal_rewards import Difference
 
-    lines = [f"Equal rewards: {Difference(**difference)}." for difference in content["equal_rewards"]]
-    ends = content["training"].get("ends") and lines
+    lines = [f"Equal rewards: {Difference(**difference)}." for difference in facts["equal_rewards"]]
+    ends = facts["training"].get("ends") and lines
     return [*lines, _EARLY] if ends else lines
-
-
-def _training(training: dict[str, Any]) -> list[dict[str, Any]]:
-    return [{"part": key, "how they differ": _text(part)} for key, part in training.items() if part != ()]
-
-
-def _recipes(agents: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
-    return [{"agent": key, "parameters": _listed(recipe)} for key, recipe in agents.items()]
 
 
 def _named(title: str, facts: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
@@ -129,7 +103,6 @@ def _named(title: str, facts: dict[str, dict[str, Any]]) -> list[dict[str, Any]]
 
 
 def _summary(made: dict[str, Any]) -> dict[str, Any]:
-    """The columns of a method's row."""
     if made["status"] != "suitable":
         return {"inputs added": None, "what it makes of the task": f"{made['status']}: {made['reason']}"}
     rest = {key: value for key, value in made.items() if key not in ("status", "inputs_added")}

@@ -1,23 +1,25 @@
-"""`stlbench verify`: is a folder of results whole?"""
+"""`stlbench verify`: is a folder or a bundle of results as it was recorded?"""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stlbench.cli.common import Json, print_json
-from stlbench.cli.verify_bundle import verify_bundle
+from stlbench.cli.common import Json, show
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
     from stlbench.records.verify import Verified
-
+    from stlbench.report import Table
+    from stlbench.share.checked import Checked
+    from stlbench.share.rescored import Rescored
 
 _SHOWN = 10
-"""Files without a result that are listed."""
+"""The most files without a result that are listed."""
 
 
 def verify(
@@ -51,7 +53,7 @@ def verify(
     if folder.suffix == ".zip":
         if repair:
             raise UsageError(f"{folder} is a bundle, which is packed anew and not repaired; leave --repair out")
-        verify_bundle(folder, rescore, as_json)
+        _verify_bundle(folder, rescore, as_json)
         return
     if rescore:
         raise UsageError("--rescore is for bundles; `stlbench score TASK CELL` scores a stored cell again")
@@ -59,52 +61,95 @@ def verify(
     from stlbench.records.ledger import LedgerWarning
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LedgerWarning)  # all of it is said below
-        found = verifying.repair(folder) if repair else verifying.verify(folder)
-    if as_json:
-        print_json(_facts(found, repair))
-    else:
-        _say(found, repair, folder)
-    if not (found.is_whole or repair):
+        warnings.simplefilter("ignore", LedgerWarning)  # the text below has the same
+        verified = verifying.repair(folder) if repair else verifying.verify(folder)
+    show(as_json, _facts(verified, repair), _text(verified, repair, folder))
+    if not (verified.is_whole or repair):
         raise typer.Exit(1)
 
 
-def _facts(found: Verified, repaired: bool) -> dict[str, object]:
+def _facts(verified: Verified, repaired: bool) -> dict[str, object]:
     cells = [
         {"cell": damage.name, "key": damage.key, "what": damage.what, "problem": damage.problem}
-        for damage in found.damages
+        for damage in verified.damages
     ]
-    counts = {name: getattr(found, name) for name in ("rows", "files", "marked")}
-    lists = {"structure": list(found.structure), "damages": cells, "strays": list(found.strays)}
-    return {"whole": found.is_whole, **counts, **lists, "repaired": repaired}
+    counts = {name: getattr(verified, name) for name in ("rows", "files", "marked")}
+    lists = {"structure": list(verified.structure), "damages": cells, "strays": list(verified.strays)}
+    return {"whole": verified.is_whole, **counts, **lists, "repaired": repaired}
 
 
-def _verdict(found: Verified) -> str:
-    cells = len({damage.key for damage in found.damages})
-    parts = {
-        f"{cells} with damage": cells,
-        "its structure is damaged": found.structure and not cells,
-        f"{len(found.strays)} files without a result": found.strays,
+def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
+    damaged, strays = len({damage.key for damage in verified.damages}), verified.strays
+    yield from (f"ledger: {line}" for line in verified.structure)
+    yield from (f"{damage.name}: {damage.what}: {damage.problem}" for damage in verified.damages)
+    yield from (f"{name}: the ledger has no result for this file" for name in strays[:_SHOWN])
+    if len(strays) > _SHOWN:
+        yield f"and {len(strays) - _SHOWN} more files"
+    parts = [f"{damaged} with damage"] if damaged else ["its structure is damaged"] if verified.structure else []
+    parts += [f"{len(strays)} files without a result"] if strays else []
+    verdict = ", ".join(parts) or "whole"
+    yield f"{folder}/: {verified.rows} rows, {verified.files} files as they were recorded: {verdict}"
+    if verified.marked:
+        cells_are = "1 cell is" if verified.marked == 1 else f"{verified.marked} cells are"
+        yield f"{cells_are} marked, for the next `stlbench run` to measure again"
+    if strays:
+        yield "files without a result: rows were lost, or a run was killed; keep them or delete them"
+    if verified.structure or verified.damages:
+        again = "the `stlbench run` that measured them measures them again"
+        yield f"repaired: {again}" if repaired else f"--repair marks the cells, and {again}"
+
+
+# ------------------------------------------------------------------------------------------------------------ bundles
+
+
+def _verify_bundle(path: Path, rescore: bool, as_json: bool) -> None:
+    from stlbench.share.checked import check
+    from stlbench.share.rescored import rescore as rescore_policies
+
+    checked = check(path)
+    scored: list[Rescored] = []
+    for each in rescore_policies(path) if rescore and not checked.problems else ():
+        scored.append(each)
+        if not as_json:  # a policy may take seconds
+            why = f", {each.why}" if each.why else ""
+            typer.echo(f"[{len(scored)}/{checked.policies}] {each.cell.name}: {each.verdict}{why}", err=True)
+    facts = {"whole": not checked.problems, **checked._asdict(), "rescored": [_rescored(each) for each in scored]}
+    show(as_json, facts, _bundle_text(path, checked, scored))
+    if checked.problems or any(each.verdict == "claims more" for each in scored):
+        raise typer.Exit(1)
+
+
+def _rescored(each: Rescored) -> dict[str, object]:
+    sides = {"recorded": each.recorded, "found": each.found or {}}
+    numbers = {
+        side: {name: {"mean": score.mean, "satisfaction": score.satisfaction} for name, score in scores.items()}
+        for side, scores in sides.items()
     }
-    return ", ".join(said for said, is_so in parts.items() if is_so) or "whole"
+    return {"cell": each.cell.name, "verdict": each.verdict, "why": each.why, **numbers}
 
 
-def _say(found: Verified, repaired: bool, folder: Path) -> None:
-    for line in found.structure:
-        typer.echo(f"ledger: {line}")
-    for damage in found.damages:
-        typer.echo(f"{damage.name}: {damage.what}: {damage.problem}")
-    for name in found.strays[:_SHOWN]:
-        typer.echo(f"{name}: the ledger has no result for this file")
-    if len(found.strays) > _SHOWN:
-        typer.echo(f"and {len(found.strays) - _SHOWN} more files")
-    typer.echo(f"{folder}/: {found.rows} rows, {found.files} files as they were recorded: {_verdict(found)}")
-    if found.marked:
-        cells_are = "1 cell is" if found.marked == 1 else f"{found.marked} cells are"
-        typer.echo(f"{cells_are} marked, for the next `stlbench run` to measure again")
-    if found.strays:
-        typer.echo("files without a result: rows were lost, or a run was killed; keep them or delete them")
-    if not (found.structure or found.damages):
+def _bundle_text(path: Path, checked: Checked, scored: list[Rescored]) -> Iterator[str | Table]:
+    from stlbench.records.result import reported
+    from stlbench.report import Column, Table
+
+    yield from checked.problems
+    verdict = "not what it says" if checked.problems else "every file as it was packed"
+    counts = f"{checked.cells} cells, policies of {checked.policies}"
+    yield f"{path}: {counts if checked.cells else 'its results were not read'}: {verdict}"
+    if not scored:
         return
-    again = "the `stlbench run` that measured them measures them again"
-    typer.echo(f"repaired: {again}" if repaired else f"--repair marks the cells, and {again}")
+    columns = (
+        Column("cell", right=False),
+        Column("recorded", digits=3),
+        Column("found", digits=3),
+        Column("satisfied, recorded", digits=3),
+        Column("found", digits=3),
+        Column("verdict", right=False),
+    )
+    rows = []
+    for each in scored:
+        recorded, found = reported(each.recorded), None if each.found is None else reported(each.found)
+        mean, satisfied = (None, None) if found is None else (found.mean, found.satisfaction)
+        rows.append((each.cell.name, recorded.mean, mean, recorded.satisfaction, satisfied, each.verdict))
+    note = "Robustness and share that satisfies, of the starts that tables report; the verdict is of all protocols."
+    yield Table("Scored again", columns, tuple(rows), (note,))

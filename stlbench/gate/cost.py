@@ -1,34 +1,33 @@
-"""Does the change cost more than its base? Only turns can tell: both train the same cell, one right after the other.
+"""Does the change cost more than its base? Both train the same cell by turns, one right after the other.
 
-Each turn gives one ratio. The median of a setting's ratios is compared with the tolerated one, by its exact 95 %
-interval, which supposes nothing of how the ratios are distributed (the interval of the sign test: Conover 1999,
-Practical Nonparametric Statistics, section 3.2).
+Each turn gives one ratio. The median ratio of a setting is compared with the tolerated one by its exact 95 % interval,
+which assumes no distribution (the interval of the sign test: Conover 1999, Practical Nonparametric Statistics, 3.2).
 """
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
-from stlbench.gate.judge import Comparison, Judgement, Verdict, judge
-from stlbench.gate.metrics import COSTS, QUALITIES, Metric
-from stlbench.gate.snapshot import Sample, Snapshot, pair
+from stlbench.gate.judge import COSTS, QUALITIES, Comparison, Judgement, Metric, Verdict, judge
+from stlbench.gate.snapshot import Sample, Snapshot
 from stlbench.records.identity import CellId, Setting
 
 MOST = 50
-"""Turns of a setting after which it is left open."""
+"""Turns of a setting after which its verdict stays open."""
 ROUNDS = 2
-"""The fewest rounds after which anything is worse: what is slower stays so, and what disturbs comes and goes."""
+"""The fewest rounds after which anything is worse: slower code stays slow, and disturbances go."""
 TAIL = 0.025
 """Probability that the median is beyond one end of its interval, at most."""
 
 
 class Turn(NamedTuple):
-    """One cell, trained by both sides; None where a revision does not know the cell."""
+    """One cell, trained by both sides; None if a revision does not know the cell."""
 
     cell: CellId
     round: int
@@ -38,10 +37,10 @@ class Turn(NamedTuple):
 
 
 def judge_turns(reference: Snapshot, turns: Sequence[Turn]) -> tuple[Judgement, Snapshot]:
-    """The verdict on a change, and what its code gave.
+    """The verdict on a change, and the snapshot of its cells.
 
-    Costs are compared turn by turn. Robustness and satisfaction are compared with the reference where the two agree to
-    the last bit, and else with what the base gave here: another machine may round otherwise than that of the reference.
+    Costs are compared turn by turn. Robustness and satisfaction are compared with the reference if the two are equal,
+    else with the base's values on this machine: the reference's machine may round differently.
     """
     first = [turn for turn in turns if turn.round == 1]
     new = Snapshot({turn.cell: turn.new for turn in first if turn.new is not None})
@@ -50,9 +49,9 @@ def judge_turns(reference: Snapshot, turns: Sequence[Turn]) -> tuple[Judgement, 
         cell: sample if _same(sample, new.samples.get(cell)) else given.get(cell, sample)
         for cell, sample in reference.samples.items()
     }
-    found = judge(pair(Snapshot(expected), new))
-    qualities = tuple(comparison for comparison in found.comparisons if not comparison.metric.is_cost)
-    return Judgement((*qualities, *judge_costs(turns)), found.findings), new
+    judgement = judge(Snapshot(expected), new)
+    qualities = tuple(comparison for comparison in judgement.comparisons if not comparison.metric.is_cost)
+    return Judgement((*qualities, *judge_costs(turns)), judgement.findings), new
 
 
 def _same(one: Sample, two: Sample | None) -> bool:
@@ -60,24 +59,22 @@ def _same(one: Sample, two: Sample | None) -> bool:
 
 
 def judge_costs(turns: Iterable[Turn]) -> tuple[Comparison, ...]:
-    """Both costs of each setting of which both sides trained a cell to its end.
+    """Both costs of each setting of which both sides finished a cell.
 
-    A setting is *worse* if all of its interval is above the tolerated ratio, after two rounds or more; *no worse* if
-    all of it is at most that; otherwise the turns *cannot tell*.
+    A setting is *worse* if its whole interval is above the tolerated ratio after two rounds or more, and *no worse* if
+    its whole interval is at most that ratio; otherwise the turns *cannot tell*.
     """
     settings: dict[Setting, list[Turn]] = {}
     for turn in turns:
         settings.setdefault(turn.cell.setting, []).append(turn)
-    found = (_compare(setting, metric, own) for metric in COSTS for setting, own in sorted(settings.items()))
-    return tuple(comparison for comparison in found if comparison is not None)
+    compared = (_compare(setting, metric, own) for metric in COSTS for setting, own in sorted(settings.items()))
+    return tuple(comparison for comparison in compared if comparison is not None)
 
 
 def unclear(turns: Sequence[Turn]) -> set[Setting]:
-    """The settings that need more turns: one of their costs cannot be told yet."""
-    taken: dict[Setting, int] = {}
-    for turn in turns:
-        taken[turn.cell.setting] = taken.get(turn.cell.setting, 0) + 1
-    open_ones = {found.setting for found in judge_costs(turns) if found.verdict == "cannot tell"}
+    """The settings that need more turns: the verdict on one of their costs is still open."""
+    taken = Counter(turn.cell.setting for turn in turns)
+    open_ones = {each.setting for each in judge_costs(turns) if each.verdict == "cannot tell"}
     return {setting for setting in open_ones if taken[setting] < MOST}
 
 
@@ -105,10 +102,7 @@ def _compare(setting: Setting, metric: Metric, turns: Sequence[Turn]) -> Compari
 
 
 def interval(ordered: Sequence[float]) -> tuple[float, float]:
-    """The exact 95 % interval of the median of what these numbers, in rising order, were drawn from.
-
-    With fewer than six numbers there is none: (-inf, inf).
-    """
+    """The exact 95 % interval of the median of a distribution, from a sorted sample; (-inf, inf) of fewer than six."""
     number = len(ordered)
     cut = sum(float(special.bdtr(count, number, 0.5)) <= TAIL for count in range(number))
     return (float(ordered[cut - 1]), float(ordered[number - cut])) if cut else (-math.inf, math.inf)

@@ -3,18 +3,19 @@
 Each seed gives one *gain*, positive where the new snapshot is better. Of the gains of a setting, that is of one task,
 method, agent and budget:
 
-- **worse**: on average they lose more than is tolerated, and a t-test says that they do lose.
-- **no worse**: on average they lose no more than is tolerated, and their interval excludes a loss that is twice as
-  large; or not one of them differs from 0, as with equal code.
+- **worse**: the mean loss is more than the tolerated one, and a t-test says that it is a loss.
+- **no worse**: the mean loss is at most the tolerated one, and its interval excludes twice as much; or all gains are 0,
+  as with equal code.
 - **cannot tell**: anything else.
 
-Costs are *not judged* here: the seconds of another hour say nothing. `stlbench.gate.cost` judges those of turns.
+Costs are *not judged* here, since the machine was busy otherwise at another hour. `stlbench.gate.cost` judges them by
+turns.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -22,8 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from stlbench.gate.metrics import COSTS, QUALITIES, Metric
-from stlbench.gate.snapshot import Pair, Sample
+from stlbench.gate.snapshot import Sample, Snapshot
 from stlbench.records.identity import CellId, Setting
 from stlbench.records.status import ACCIDENTS
 from stlbench.report.statistics.differences import holm
@@ -40,6 +40,68 @@ LEVEL = 0.95
 """Confidence that the loss is less than the interval's end. It needs no correction: all must exclude, not one."""
 FREEDOM = 2
 """The fewest degrees of freedom from which anything is said: three seeds."""
+
+
+def relative(base: Floats, new: Floats) -> Floats:
+    """Gain over the size of the base, per seed: its own, or half the mean over the seeds where that is more."""
+    size = np.abs(base)
+    size = np.maximum(size, size.mean() / 2)
+    gain: Floats = (new - base) / np.where(size > 0, size, 1.0)
+    return gain
+
+
+def absolute(base: Floats, new: Floats) -> Floats:
+    """Gain in the unit of the metric."""
+    return new - base
+
+
+def speed(base: Floats, new: Floats) -> Floats:
+    """Logarithm of how many times faster."""
+    gain: Floats = np.log(base) - np.log(new)
+    return gain
+
+
+@dataclass(frozen=True)
+class Metric:
+    """What is compared. Losses are in the unit of `gain`."""
+
+    name: str
+    value: Callable[[Sample], float | None]
+    """None where it was not measured."""
+    gain: Callable[[Floats, Floats], Floats]
+    tolerated: float
+    """The largest average loss that is not worse."""
+    shown: str
+    """How a change is written (see `change`)."""
+
+    @property
+    def is_cost(self) -> bool:
+        """A CPU time: two of them say something only if they were measured by turns."""
+        return self.gain is speed
+
+    def change(self, gain: float) -> float:
+        """A gain for people: of a cost, new over base; otherwise the gain itself."""
+        return math.exp(-gain) if self.is_cost else gain
+
+    def text(self, gain: float) -> str:
+        """The change, with its unit."""
+        return self.shown.format(self.change(gain))
+
+
+QUALITIES = (
+    Metric("robustness", lambda sample: sample.robustness_mean, relative, 0.05, "{:+.1%}"),
+    Metric("satisfaction", lambda sample: sample.satisfaction, absolute, 0.05, "{:+.3f}"),
+)
+"""The same code gives the same bits."""
+
+COSTS = (
+    Metric("CPU", lambda sample: sample.training_cpu_seconds, speed, math.log(1.3) / 2, "x{:.2f}"),
+    Metric("reward", lambda sample: sample.reward_nanoseconds, speed, math.log(1.5), "x{:.2f}"),
+)
+"""CPU: seconds of training; reward: nanoseconds of the method's reward per step. A limit in the middle between no loss
+and the loss to be found makes both errors equally rare: 1.3 times for the CPU, and 2.25 for the much noisier reward."""
+
+METRICS = QUALITIES + COSTS
 
 
 @dataclass(frozen=True)
@@ -92,8 +154,9 @@ class Judgement:
         return "missing" if worst == "no worse" and not self.comparisons else worst
 
 
-def judge(pairs: Sequence[Pair]) -> Judgement:
-    """Compare every cell of the base with its twin (`snapshot.pair`)."""
+def judge(base_snapshot: Snapshot, new_snapshot: Snapshot) -> Judgement:
+    """Compare every cell of the base with the same cell of the new snapshot, which may have further cells."""
+    pairs = [(base_snapshot.samples[cell], new_snapshot.samples.get(cell)) for cell in sorted(base_snapshot.samples)]
     findings = tuple(finding for base, new in pairs for finding in _accidents(base, new))
     done: dict[Setting, list[tuple[Sample, Sample]]] = {}
     for base, new in pairs:
@@ -107,7 +170,7 @@ def judge(pairs: Sequence[Pair]) -> Judgement:
 
 
 def _accidents(base: Sample, new: Sample | None) -> list[Finding]:
-    """What a pair without two measurements says. Methods that do not fit, before or now, are no accidents."""
+    """The verdict on a pair without two measurements. A method that does not fit is no accident."""
     if new is None:
         return [Finding(base.id, "missing", f"there is no result of it, and the base says {base.status}")]
     if new.status != base.status and new.status != "done" and (base.status == "done" or new.status in ACCIDENTS):
@@ -130,12 +193,12 @@ class _Test:
 
     @property
     def differs(self) -> bool:
-        """Anything is to be tested: some seed is not exactly as before."""
+        """Whether some seed is not exactly as before."""
         return bool(self.gains.any())
 
 
 def _test(setting: Setting, metric: Metric, members: Iterable[tuple[Sample, Sample]]) -> _Test | None:
-    """The seeds that both snapshots have a number of; None where there is none."""
+    """On the seeds that both snapshots have a number of; None without any."""
     values = [(metric.value(base), metric.value(new)) for base, new in members]
     both = [(base, new) for base, new in values if base is not None and new is not None and math.isfinite(base)]
     if not both:
@@ -147,24 +210,23 @@ def _test(setting: Setting, metric: Metric, members: Iterable[tuple[Sample, Samp
 
 
 def _decide(family: Sequence[_Test]) -> list[Comparison]:
-    """Compare all of a family, whose size counts in Holm's correction as far as anything differs at all."""
+    """Compare a family. Holm's correction counts its tests in which anything differs."""
     estimates = [(test, *_estimate(test)) for test in family]
     chances = holm([chance for test, _, _, chance in estimates if test.differs])
     decided = []
     for test, low, high, _ in estimates:
         chance = chances.pop(0) if test.differs else 1.0
-        gain = float(test.gains.mean())
-        means = float(test.base.mean()), float(test.new.mean())
+        base, new, gain = (float(values.mean()) for values in (test.base, test.new, test.gains))
         verdict = _verdict(test, gain, low, chance)
-        decided.append(Comparison(test.setting, test.metric, *means, len(test.gains), gain, low, high, chance, verdict))
+        count = len(test.gains)
+        decided.append(Comparison(test.setting, test.metric, base, new, count, gain, low, high, chance, verdict))
     return decided
 
 
 def _not_judged(test: _Test) -> Comparison:
-    """A cost, for information."""
-    middle = float(np.median(test.base)), float(np.median(test.new))
-    gain, unknown = float(np.median(test.gains)), (math.nan, math.nan, math.nan)
-    return Comparison(test.setting, test.metric, *middle, len(test.gains), gain, *unknown, "not judged")
+    base, new, gain = (float(np.median(values)) for values in (test.base, test.new, test.gains))
+    unknown = (math.nan, math.nan, math.nan)
+    return Comparison(test.setting, test.metric, base, new, len(test.gains), gain, *unknown, "not judged")
 
 
 def _estimate(test: _Test) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""Measure the cells of a reference again: which they are, as they are planned now, and what they give."""
+"""Measure the cells of a reference again."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from pathlib import Path
 
 from stlbench.contract import Executor
 from stlbench.errors import UsageError, did_you_mean
-from stlbench.gate import files
-from stlbench.gate.snapshot import Sample, Snapshot, gather
+from stlbench.gate.snapshot import Snapshot, gather, load
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.status import ACCIDENTS
 from stlbench.registry.choices import Choice
@@ -20,7 +19,7 @@ from stlbench.study.run import Progress, run_cells
 
 @dataclass(frozen=True)
 class Selection:
-    """Which cells of a snapshot: those of one budget, of these tasks, methods, agents and seeds. None is all."""
+    """Cells of one budget, and of these tasks, methods, agents and seeds; None means all."""
 
     budget: str
     tasks: Collection[Choice] | None = None
@@ -30,38 +29,37 @@ class Selection:
 
     @property
     def is_everything(self) -> bool:
-        """Nothing but the budget is said."""
+        """Whether only the budget is given."""
         return all(part is None for part in (self.tasks, self.methods, self.agents, self.seeds))
 
 
 def select(reference: Path, selection: Selection) -> Snapshot:
-    """The chosen cells of a reference. Raises `UsageError` where it has none of a name, or there is no reference."""
+    """The selected cells of a reference. Raises `UsageError` without a reference, or if it has no cell of a name."""
     if not reference.exists():
         raise UsageError(f"there is no reference at {reference}; --update with --tasks and --methods makes one")
-    snapshot = files.load(reference)
-    samples = _with(list(snapshot.samples.values()), "budget", [selection.budget])
-    samples = _with(samples, "task", selection.tasks)
-    samples = _with(samples, "method", selection.methods)
-    samples = _with(samples, "agent", selection.agents)
-    samples = _with(samples, "seed", selection.seeds)
-    return replace(snapshot, samples={sample.id: sample for sample in samples})
-
-
-def _with(samples: list[Sample], part: str, values: Collection[object] | None) -> list[Sample]:
-    """Those of the samples whose identity has one of the values as its `part`."""
-    if values is None:
-        return samples
-    known = {getattr(sample.id, part) for sample in samples}
-    for value in values:
-        if value not in known:
-            raise UsageError(
-                f"the reference has no cells of {part} '{value}'{did_you_mean(str(value), map(str, known))}"
-            )
-    return [sample for sample in samples if getattr(sample.id, part) in values]
+    snapshot = load(reference)
+    cells = set(snapshot.samples)
+    chosen: dict[str, Collection[object] | None] = {
+        "budget": [selection.budget],
+        "task": selection.tasks,
+        "method": selection.methods,
+        "agent": selection.agents,
+        "seed": selection.seeds,
+    }
+    for part, values in chosen.items():
+        if values is None:
+            continue
+        known = {getattr(cell, part) for cell in cells}
+        for value in values:
+            if value not in known:
+                hint = did_you_mean(str(value), map(str, known))
+                raise UsageError(f"the reference has no cells of {part} '{value}'{hint}")
+        cells = {cell for cell in cells if getattr(cell, part) in values}
+    return replace(snapshot, samples={cell: sample for cell, sample in snapshot.samples.items() if cell in cells})
 
 
 def cells_of(snapshot: Snapshot) -> tuple[Cell, ...]:
-    """The cells of a snapshot as they are planned now, task by task, since an agent may have no recipe in others."""
+    """Plan the cells of a snapshot, task by task, since an agent may have recipes in some tasks only."""
     cells: list[Cell] = []
     for task in sorted({cell.task for cell in snapshot.samples}):
         own = [cell for cell in snapshot.samples if cell.task == task]
@@ -72,7 +70,7 @@ def cells_of(snapshot: Snapshot) -> tuple[Cell, ...]:
 
 
 def measure(cells: Sequence[Cell], folder: Path, executor: Executor, progress: Progress | None = None) -> Snapshot:
-    """Run what is missing in the folder, or was computed by other code."""
+    """Run the cells without a result in the folder, or with one of other code."""
     run_cells(cells, folder, executor, retry=ACCIDENTS, progress=progress)
     with Ledger(folder / FILE, create=False) as ledger:
         return gather(ledger.results_of(cell.id for cell in cells))

@@ -1,4 +1,4 @@
-"""Another revision of a repository, taken out beside the working tree, and how a process runs the code of either."""
+"""Another revision of a repository beside the working tree, and how a process runs the code of either."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from stlbench.errors import UsageError
 from stlbench.registry import plugins
 
 INSTALLED = {"site-packages", "dist-packages"}
-"""Folders of what is installed: a virtual environment within a repository is none of its code."""
+"""Folders of installed packages: a virtual environment within a repository is not its code."""
 
 
 @dataclass(frozen=True)
@@ -26,22 +26,22 @@ class Tree:
     """The files of one revision, or the working tree."""
 
     name: str
-    """For people: the revision and its hash."""
+    """The revision and its hash, for messages."""
     root: Path
     environment: Mapping[str, str]
-    """Of a process that runs the code of this tree. What the tree depends on is the same for all."""
+    """Environment variables of a process that runs this tree's code. All trees share the installed packages."""
 
     def holds(self, file: str) -> bool:
-        """Whether a module's file is of this tree."""
+        """Whether a module's file is in this tree."""
         return Path(file).is_relative_to(self.root) and not INSTALLED & {*Path(file).parts}
 
 
 @contextmanager
 def both_trees(revision: str) -> Iterator[tuple[Tree, Tree]]:
-    """The tree of a revision, in a temporary folder, and the working tree of the repository that this folder is in.
+    """The tree of a revision, in a temporary folder, and the working tree of the repository around this folder.
 
     Raises:
-        UsageError: there is no repository, no such revision, or nothing that is installed is run from the repository.
+        UsageError: there is no repository, no such revision, or no installed package runs from the repository.
     """
     root = Path(_git(Path.cwd(), "rev-parse", "--show-toplevel").strip()).resolve()
     try:
@@ -68,7 +68,7 @@ def _git(folder: Path, *words: str) -> str:
 
 
 def _take_out(root: Path, commit: str, folder: Path) -> None:
-    """The files of a commit. Unlike a git worktree, they leave no trace in the repository if this process is killed."""
+    """Write the files of a commit. Unlike a git worktree, they leave no trace in the repository after a kill."""
     archive = folder.with_suffix(".tar")
     _git(root, "archive", "--format=tar", f"--output={archive}", commit)
     with tarfile.open(archive) as file:
@@ -82,20 +82,20 @@ def _import_roots(root: Path) -> list[Path]:
     folders = dict.fromkeys(map(_folder_of, dict.fromkeys(["stlbench", *(name.partition(".")[0] for name in modules)])))
     own = [folder for folder in folders if folder and folder.is_relative_to(root) and not INSTALLED & {*folder.parts}]
     if not own:
-        said = f"neither stlbench nor a plugin is run from the files in {root}"
-        raise UsageError(f"{said}, so both sides would run the same code; install it by `pip install -e`")
+        rule = "so both sides would run the same code; install it by `pip install -e`"
+        raise UsageError(f"neither stlbench nor a plugin is run from the files in {root}, {rule}")
     return [folder.relative_to(root) for folder in own]
 
 
 def _folder_of(package: str) -> Path | None:
-    """Where a top-level package or module lies; None where there is none, or it is no file."""
+    """The folder that has a top-level package or module; None without a file."""
     spec = find_spec(package)
     places = [*(spec.submodule_search_locations or ()), spec.origin or ""] if spec else [""]
     return Path(places[0]).resolve().parent if places[0] else None
 
 
 def _environment(root: Path, place: Path, roots: list[Path], folder: Path) -> dict[str, str]:
-    """The code of a tree goes before what is installed, and so do its entry points, which name the plugins."""
+    """The tree's code, and its entry points, which name the plugins, go before the installed ones."""
     inherited = [path for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
     others = [path for path in inherited if not Path(path).resolve().is_relative_to(root)]
     _write_entry_points(place / "pyproject.toml", folder)
@@ -104,7 +104,7 @@ def _environment(root: Path, place: Path, roots: list[Path], folder: Path) -> di
 
 
 def _write_entry_points(project_file: Path, folder: Path) -> None:
-    """Write what the tree's own pyproject.toml says as the metadata of a distribution, which shadows the installed."""
+    """Write the entry points of the tree's pyproject.toml as metadata that shadow the installed distribution's."""
     try:
         project = tomllib.loads(project_file.read_text(encoding="utf-8")).get("project", {})
     except FileNotFoundError:

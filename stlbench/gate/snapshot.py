@@ -1,17 +1,36 @@
-"""What the gate needs of many cells: a few numbers of each, and how they came about. Two snapshots are compared."""
+"""Snapshots: a few numbers of each cell, and where they are from. The gate compares two of them.
+
+A *reference* is a snapshot in a folder: `cells.csv`, one row per cell, is small enough for git and shows changes in a
+diff; `provenance.json` says how it was measured.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
+import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
-from stlbench.records.identity import OUTSIDE, CellId
+from pydantic import TypeAdapter, ValidationError
+
+from stlbench.errors import UsageError, in_words
+from stlbench.records import stored
+from stlbench.records.identity import IDENTITY, OUTSIDE, CellId
+from stlbench.records.ledger import FILE
+from stlbench.records.outputs import write
 from stlbench.records.result import TASK_FOLDER, Result, reported
-from stlbench.records.status import Status
+from stlbench.records.schema import is_sqlite
+from stlbench.records.status import NOT_RUN, Status
+from stlbench.share.checked import unpacked
 from stlbench.study.provenance import CODE
 
 _PER_CELL = ("time", CODE, TASK_FOLDER)
-"""What of a cell's provenance differs from cell to cell."""
+"""Entries of the provenance that differ from cell to cell."""
 
 
 @dataclass(frozen=True)
@@ -32,19 +51,10 @@ class Sample:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Cells by identity, and what is known of how they came about: values of the provenance, each said once."""
+    """Cells by identity, and the values of their provenance, each once."""
 
     samples: Mapping[CellId, Sample] = field(default_factory=dict)
     provenance: Mapping[str, str] = field(default_factory=dict)
-
-
-Pair = tuple[Sample, Sample | None]
-"""A cell of the base, and the same cell of the new snapshot where there is one."""
-
-
-def pair(base: Snapshot, new: Snapshot) -> list[Pair]:
-    """Every cell of the base with its twin, ordered by identity. Cells of `new` alone are in no pair."""
-    return [(base.samples[cell], new.samples.get(cell)) for cell in sorted(base.samples)]
 
 
 def sample(result: Result) -> Sample:
@@ -62,7 +72,7 @@ def sample(result: Result) -> Sample:
 
 
 def gather(results: Iterable[Result]) -> Snapshot:
-    """A snapshot of results, one per cell, as `Ledger.results` gives them, without those that nobody measures again."""
+    """A snapshot of results, one per cell. Policies from outside are left out, since nobody measures them again."""
     samples: dict[CellId, Sample] = {}
     provenance: dict[str, set[str]] = {}
     for result in results:
@@ -72,3 +82,109 @@ def gather(results: Iterable[Result]) -> Snapshot:
         for name in result.provenance.keys() - _PER_CELL:
             provenance.setdefault(name, set()).add(result.provenance[name])
     return Snapshot(samples, {name: ", ".join(sorted(values)) for name, values in sorted(provenance.items())})
+
+
+TABLE, PROVENANCE = "cells.csv", "provenance.json"
+NUMBERS = ("robustness_mean", "satisfaction", "training_cpu_seconds", "reward_nanoseconds")
+COLUMNS = (*IDENTITY, *(part.name for part in fields(Sample) if part.name != "id"))
+
+
+def load(path: Path) -> Snapshot:
+    """Read a reference, a folder of results, a ledger, a table of cells, or a bundle.
+
+    In a folder of results the ledger or `cells.jsonl` has priority over the table.
+
+    Raises:
+        UsageError: the path is none of these, or its content is wrong; the message says where.
+    """
+    if path.suffix == ".zip":
+        with unpacked(path) as (folder, problems):
+            if problems:
+                raise UsageError(f"{path}: {problems[0]}")
+            return _results(folder / stored.LINES)
+    if (path / PROVENANCE).is_file():
+        return _reference(path)
+    if path.suffix == ".csv":
+        return _table(path)
+    if (file := stored.locate(path)) is not None:
+        return _results(file)
+    if (path / TABLE).is_file():
+        return _table(path / TABLE)
+    if path.is_dir():
+        raise UsageError(f"{path} has neither {FILE} nor {TABLE}; `stlbench run` and `stlbench gate` write them")
+    return _results(path)
+
+
+def save(folder: Path, snapshot: Snapshot) -> None:
+    """Write a reference. Robustness and satisfaction have all digits, so that equal results are seen to be equal."""
+    table = io.StringIO()
+    writer = csv.writer(table, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for cell in sorted(snapshot.samples):
+        values = vars(cell) | vars(snapshot.samples[cell])
+        writer.writerow([_text(values[name], name) for name in COLUMNS])
+    write(folder / TABLE, table.getvalue())
+    write(folder / PROVENANCE, json.dumps(dict(snapshot.provenance), indent=2, ensure_ascii=False) + "\n")
+
+
+def _text(value: object, column: str) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float) and math.isfinite(value) and column.endswith("seconds"):
+        return f"{value:.4g}"
+    return str(value)
+
+
+def _results(path: Path) -> Snapshot:
+    if path.is_file() and path.suffix != stored.SUFFIX and not is_sqlite(path):
+        raise UsageError(f"{path} is neither a ledger nor a table of cells (.csv)")
+    return gather(stored.read(path))
+
+
+def _reference(folder: Path) -> Snapshot:
+    file = folder / PROVENANCE
+    try:
+        provenance = _adapter(dict[str, str]).validate_json(file.read_bytes())
+    except (OSError, ValidationError) as error:
+        raise UsageError(f"cannot read {file}: an object of texts is expected") from error
+    return Snapshot(_table(folder / TABLE).samples, provenance)
+
+
+def _table(path: Path) -> Snapshot:
+    samples: dict[CellId, Sample] = {}
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            for line, row in enumerate(csv.DictReader(file, strict=True), start=2):
+                if row.get("status") == NOT_RUN or row.get("track") == OUTSIDE:
+                    continue
+                sample = _row(row, f"{path}, line {line}")
+                if samples.setdefault(sample.id, sample) is not sample:
+                    raise UsageError(
+                        f"{path}, line {line}: a second row of {sample.id.name}, budget {sample.id.budget}"
+                    )
+    except (OSError, UnicodeError, csv.Error) as error:
+        raise UsageError(f"cannot read {path}: {error}") from error
+    return Snapshot(samples)
+
+
+def _row(row: Mapping[str, str | None], where: str) -> Sample:
+    missing = [name for name in (*IDENTITY, "status", *NUMBERS) if name != "track" and row.get(name) is None]
+    if missing:
+        raise UsageError(f"{where}: no column {', '.join(missing)}; expected are {', '.join(COLUMNS)}")
+    texts = {name: row.get(name) or "" for name in COLUMNS}
+    cell = {name: texts[name] for name in IDENTITY if texts[name] or name != "track"}  # a table may have no tracks
+    rest = {name: text for name, text in texts.items() if name not in IDENTITY and (text or name == "reason")}
+    try:
+        sample: Sample = _adapter(Sample).validate_python({"id": cell, **rest})
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = next(str(part) for part in first["loc"] if part != "id")
+        raise UsageError(f"{where}: {name} is {texts[name]!r}: {in_words(first['msg'])}") from error
+    if sample.status == "done" and any(getattr(sample, name) is None for name in NUMBERS):
+        raise UsageError(f"{where}: status is done and one of {', '.join(NUMBERS)} is empty")
+    return sample
+
+
+@lru_cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)

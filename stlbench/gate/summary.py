@@ -1,127 +1,161 @@
-"""How `stlbench compare` and `stlbench gate` say what they found: as values for JSON, and as Markdown for people."""
+"""A verdict written down: JSON, Markdown, JUnit XML for CI servers, and a comment for a pull request."""
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
-from stlbench.gate.judge import EXIT, Comparison, Finding, Judgement
-from stlbench.gate.metrics import METRICS
+from stlbench.gate.judge import EXIT, METRICS, Comparison, Judgement, Verdict
 from stlbench.gate.snapshot import Snapshot
+from stlbench.records import outputs
 from stlbench.report import Column, Table, Value, to_markdown
 
 Named = tuple[str, Snapshot]
-"""Where a snapshot lies, and what it holds."""
+"""The path of a snapshot, and the snapshot."""
+
+LIMIT = 60_000
+"""Characters of a comment at most; GitHub refuses comments of more than 65,536."""
+LEFT_OUT = "\nThe rest is left out here; gate.md has all of it.\n"
+
+ELEMENTS: dict[Verdict, str] = {"worse": "failure", "missing": "error", "cannot tell": "skipped"}
+"""The content of a JUnit test case; "no worse" has none. "Cannot tell" fails no build: it asks for more seeds."""
+_CONTROL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that no XML document may have, escaped or not."""
+
+
+def write(folder: Path, title: str, judgement: Judgement, base: Named, new: Named) -> None:
+    """Write gate.json, gate.md, gate.xml (JUnit) and comment.md. Raises `UsageError` if that fails."""
+    contents = {
+        "gate.json": json.dumps(facts(judgement, base, new), indent=2, ensure_ascii=False) + "\n",
+        "gate.md": markdown(title, judgement, base, new),
+        "gate.xml": junit(title, judgement),
+        "comment.md": comment(title, judgement, base, new),
+    }
+    for name, content in contents.items():
+        outputs.write(folder / name, content)
 
 
 # ------------------------------------------------------------------------------------------------------------- JSON
 
 
 def facts(judgement: Judgement, base: Named, new: Named) -> dict[str, Any]:
-    """All that was found, as values that JSON has. Changes: robustness relative, satisfaction absolute, times x/y."""
+    """The whole verdict as JSON values. Changes: robustness relative, satisfaction absolute, times as a ratio."""
+    base_facts, new_facts = (
+        {"path": path, "cells": len(snapshot.samples), "provenance": dict(snapshot.provenance)}
+        for path, snapshot in (base, new)
+    )
     return {
         "verdict": judgement.verdict,
         "exit_code": EXIT[judgement.verdict],
-        "base": _source(*base),
-        "new": _source(*new),
-        "notes": notes(base[1], new[1]),
+        "base": base_facts,
+        "new": new_facts,
+        "notes": _notes(base[1], new[1]),
         "comparisons": [_record(comparison) for comparison in judgement.comparisons],
         "findings": [vars(finding) | {"cell": finding.cell.name} for finding in judgement.findings],
     }
 
 
-def _source(path: str, snapshot: Snapshot) -> dict[str, Any]:
-    return {"path": path, "cells": len(snapshot.samples), "provenance": dict(snapshot.provenance)}
-
-
 def _record(comparison: Comparison) -> dict[str, Any]:
-    metric, limits = (
-        comparison.metric,
-        sorted((comparison.metric.change(comparison.low), comparison.metric.change(comparison.high))),
-    )
+    metric = comparison.metric
+    low, high = sorted((metric.change(comparison.low), metric.change(comparison.high)))
     numbers = {
         "base": comparison.base,
         "new": comparison.new,
         "change": metric.change(comparison.gain),
-        "low": limits[0],
-        "high": limits[1],
+        "low": low,
+        "high": high,
         "tolerated": metric.change(-metric.tolerated),
         "p_value": comparison.chance,
     }
-    setting = {name: str(part) for name, part in vars(comparison.setting).items()}
-    finite = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
-    turns = {"turns": [metric.change(gain) for gain in comparison.gains]} if comparison.gains else {}
-    said = {"metric": metric.name, "pairs": comparison.pairs, **finite, "verdict": comparison.verdict}
-    return {**setting, **said, **turns}
+    return {
+        **{name: str(part) for name, part in vars(comparison.setting).items()},
+        "metric": metric.name,
+        "pairs": comparison.pairs,
+        **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
+        "verdict": comparison.verdict,
+        **({"turns": [metric.change(gain) for gain in comparison.gains]} if comparison.gains else {}),
+    }
 
 
 # --------------------------------------------------------------------------------------------------------- Markdown
 
 
 def markdown(title: str, judgement: Judgement, base: Named, new: Named) -> str:
-    """A summary for a terminal, a file, or the page of a CI job: the verdict, what led to it, and all settings."""
-    tables = [table for table in (trouble(judgement), settings(judgement)) if table.rows]
-    return "\n".join([head(title, judgement, base, new), *map(to_markdown, tables)])
+    """For a terminal, a file, or the page of a CI job: the verdict, the reasons, and all settings."""
+    tables = [table for table in (_trouble(judgement), _settings(judgement)) if table.rows]
+    return "\n".join([_head(title, judgement, base, new), *map(to_markdown, tables)])
 
 
-def head(title: str, judgement: Judgement, base: Named, new: Named) -> str:
-    """The verdict, where the two come from, and what a reader should know of them."""
-    lines = [f"# {title}: {judgement.verdict}", "", _said("base", *base), _said("new", *new)]
-    return "\n".join([*lines, *(f"- {note}" for note in notes(base[1], new[1])), ""])
+def comment(title: str, judgement: Judgement, base: Named, new: Named) -> str:
+    """Markdown for a pull request: the trouble in sight, the settings folded away.
+
+    It begins with a hidden mark, by which the next run against this base finds and replaces it.
+    """
+    trouble, settings = _trouble(judgement), _settings(judgement)
+    mark = f"{title} {base[0]}".replace("-->", "")
+    shown = [f"<!-- {mark} -->", _head(title, judgement, base, new)]
+    shown += [to_markdown(trouble)] if trouble.rows else []
+    folded = f"<details><summary>{settings.title}</summary>\n\n{to_markdown(settings)}\n</details>\n"
+    text, folded = "\n".join(shown), folded if settings.rows else ""
+    if len(text) + len(folded) <= LIMIT:
+        return text + folded
+    if len(text) <= LIMIT:
+        return text + LEFT_OUT
+    return text[:LIMIT].rpartition("\n")[0] + "\n" + LEFT_OUT
 
 
-def _said(role: str, path: str, snapshot: Snapshot) -> str:
-    provenance = ", ".join(f"{name} {value}" for name, value in snapshot.provenance.items())
-    return f"- {role}: `{path}`, {len(snapshot.samples)} cells{'; ' if provenance else ''}{provenance}"
+def _head(title: str, judgement: Judgement, base: Named, new: Named) -> str:
+    lines = [f"# {title}: {judgement.verdict}", ""]
+    for role, (path, snapshot) in (("base", base), ("new", new)):
+        provenance = ", ".join(f"{name} {value}" for name, value in snapshot.provenance.items())
+        lines.append(f"- {role}: `{path}`, {len(snapshot.samples)} cells{'; ' if provenance else ''}{provenance}")
+    return "\n".join([*lines, *(f"- {note}" for note in _notes(base[1], new[1])), ""])
 
 
-def notes(base: Snapshot, new: Snapshot) -> list[str]:
-    """What a reader should know of the two before believing the verdict."""
+def _notes(base: Snapshot, new: Snapshot) -> list[str]:
     further = len(new.samples.keys() - base.samples.keys())
     machines = {snapshot.provenance.get("machine") for snapshot in (base, new)}
-    possible = [
-        (further, f"Cells of the new snapshot alone, which were not compared: {further}."),
-        (len(machines) > 1, "The two were measured on different machines, which may round differently."),
-    ]
-    return [note for applies, note in possible if applies]
+    notes = [f"Cells of the new snapshot alone, which were not compared: {further}."] if further else []
+    if len(machines) > 1:
+        notes.append("The two were measured on different machines, which may round differently.")
+    return notes
 
 
-def trouble(judgement: Judgement) -> Table:
-    """One row for each thing that is not fine, the worst first; as texts, since each row has its metric's unit."""
+def _trouble(judgement: Judgement) -> Table:
+    """One row for each bad verdict, the worst first. Cells are texts, since each row has its metric's unit."""
     titles = ("verdict", "where", "metric", "base", "new", "change", "95 % limits", "tolerated", "pairs", "p", "reason")
-    rows = [(EXIT[finding.verdict], _finding(finding)) for finding in judgement.findings]
-    rows += [
-        (EXIT[comparison.verdict], _comparison(comparison))
-        for comparison in judgement.comparisons
-        if EXIT[comparison.verdict]
+    rows: list[tuple[int, tuple[Value, ...]]] = [
+        (EXIT[finding.verdict], (finding.verdict, finding.cell.name, *[None] * 8, finding.reason or None))
+        for finding in judgement.findings
     ]
+    rows += [(code, _comparison_row(each)) for each in judgement.comparisons if (code := EXIT[each.verdict])]
     columns = tuple(Column(title, right=title not in ("verdict", "where", "metric", "reason")) for title in titles)
     return Table("What is not fine", columns, tuple(row for _, row in sorted(rows, key=lambda row: row[0])))
 
 
-def _finding(finding: Finding) -> tuple[Value, ...]:
-    return (finding.verdict, finding.cell.name, *[None] * 8, finding.reason or None)
-
-
-def _comparison(comparison: Comparison) -> tuple[Value, ...]:
+def _comparison_row(comparison: Comparison) -> tuple[Value, ...]:
     metric = comparison.metric
-    limits = sorted((comparison.low, comparison.high), key=metric.change)
+    low, high = sorted((comparison.low, comparison.high), key=metric.change)
     return (
         *(comparison.verdict, comparison.setting.name, metric.name, f"{comparison.base:.4g}", f"{comparison.new:.4g}"),
-        *(metric.text(comparison.gain), f"[{metric.text(limits[0])}, {metric.text(limits[1])}]"),
+        *(metric.text(comparison.gain), f"[{metric.text(low)}, {metric.text(high)}]"),
         *(metric.text(-metric.tolerated), comparison.pairs, f"{comparison.chance:.2g}", None),
     )
 
 
-def settings(judgement: Judgement) -> Table:
+def _settings(judgement: Judgement) -> Table:
     """One row per setting, one column per metric."""
     compared = {(comparison.setting, comparison.metric.name): comparison for comparison in judgement.comparisons}
     names = [metric.name for metric in METRICS]
     titles = ("task", "method", "agent", "budget", "track", "pairs", *names)
     columns = tuple(Column(title, right=place > 3) for place, title in enumerate(titles))
     rows = tuple(
-        (*map(str, vars(setting).values()), *_row([compared.get((setting, name)) for name in names]))
+        (*map(str, vars(setting).values()), *_setting_cells([compared.get((setting, name)) for name in names]))
         for setting in sorted({setting for setting, _ in compared})
     )
     remarks = (
@@ -132,18 +166,51 @@ def settings(judgement: Judgement) -> Table:
     return Table("All settings", columns, rows, remarks)
 
 
-def _row(comparisons: Sequence[Comparison | None]) -> list[Value]:
+def _setting_cells(comparisons: Sequence[Comparison | None]) -> list[Value]:
     pairs = max((comparison.pairs for comparison in comparisons if comparison), default=0)
     return [pairs, *(None if comparison is None else _change(comparison) for comparison in comparisons)]
 
 
 def _change(comparison: Comparison) -> str:
+    change = comparison.metric.text(comparison.gain)
     if comparison.metric.is_cost:
-        text = comparison.metric.text(comparison.gain)
-        return f"({text})" if comparison.verdict == "not judged" else text
-    same = comparison.gain == comparison.low == comparison.high == 0
-    return (
-        f"{comparison.new:.3f} (same)"
-        if same
-        else f"{comparison.base:.3f} to {comparison.new:.3f} ({comparison.metric.text(comparison.gain)})"
+        return f"({change})" if comparison.verdict == "not judged" else change
+    if comparison.gain == comparison.low == comparison.high == 0:
+        return f"{comparison.new:.3f} (same)"
+    return f"{comparison.base:.3f} to {comparison.new:.3f} ({change})"
+
+
+# -------------------------------------------------------------------------------------------------------------- JUnit
+
+
+def junit(title: str, judgement: Judgement) -> str:
+    """JUnit XML: one test case per metric of each setting, and one per cell without a measurement to compare.
+
+    The time of a case is unknown and left out. Characters that XML cannot hold appear as "?".
+    """
+    cases = [_comparison_case(comparison) for comparison in judgement.comparisons]
+    cases += [_case(finding.cell.name, "status", finding.verdict, finding.reason) for finding in judgement.findings]
+    counts = {"tests": len(cases)}
+    for attribute, element in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+        counts[attribute] = sum(case.find(element) is not None for case in cases)
+    attributes = {"name": title, **{name: str(count) for name, count in counts.items()}}
+    root = ElementTree.Element("testsuites", attributes)
+    ElementTree.SubElement(root, "testsuite", attributes).extend(cases)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _comparison_case(comparison: Comparison) -> ElementTree.Element:
+    metric = comparison.metric
+    text = (
+        f"{metric.name}: {comparison.base:.4g} to {comparison.new:.4g} ({metric.text(comparison.gain)}), tolerated "
+        f"{metric.text(-metric.tolerated)}, {comparison.pairs} pairs, p = {comparison.chance:.2g}"
     )
+    return _case(comparison.setting.name, metric.name, comparison.verdict, text)
+
+
+def _case(where: str, name: str, verdict: Verdict, text: str) -> ElementTree.Element:
+    case = ElementTree.Element("testcase", {"classname": _CONTROL.sub("?", where), "name": name})
+    if verdict in ELEMENTS:
+        ElementTree.SubElement(case, ELEMENTS[verdict], {"message": _CONTROL.sub("?", f"{verdict}: {text}")})
+    return case

@@ -1,1 +1,1 @@
-"""Search for failure: what acts in a task is tried from many starts, for one that violates the formula."""
+"""Search for starts from which a policy or a controller violates the formula."""

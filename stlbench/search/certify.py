@@ -1,4 +1,4 @@
-"""Certificates: the probability that a random start satisfies the formula, with a confidence that is kept."""
+"""Certificates: an interval for the probability that a random start satisfies the formula, with its confidence."""
 
 from __future__ import annotations
 
@@ -11,41 +11,41 @@ import numpy as np
 
 from stlbench.errors import UsageError
 from stlbench.report.statistics.intervals import Interval, share_interval, share_sequence
+from stlbench.search.actor import Actor, Unsearchable
 from stlbench.search.space import space_of
-from stlbench.search.subject import Subject, Unsearchable
 from stlbench.study.cell import derive_seed
 
 STARTS = 1000
-"""Starts of a certificate of a fixed number."""
+"""Default number of starts without a rule to stop."""
 MOST = 100_000
-"""Starts after which a sequential test gives up."""
+"""Starts after which a sequential test stops undecided."""
 _FIRST = 64
-"""Starts of the first batch of a sequential test; each further batch has as many as all before it."""
+"""Starts of the first batch of a sequential test; each further batch doubles the total."""
 
 Verdict = Literal["shown", "refuted", "undecided"]
 
 
 @dataclass(frozen=True)
 class Claim:
-    """What is asked, and how sure the answer has to be.
+    """The question, and the confidence of the answer.
 
     Without `at_least` and `width` the number of starts is fixed, and the interval is that of Clopper and Pearson. With
     one of them the test looks after every batch and stops as early as it can; its interval is a confidence sequence,
-    which is valid at any time (`report.statistics.sequence`).
+    valid at any time (`share_sequence`).
     """
 
     confidence: float = 0.99
     starts: int | None = None
-    """How many random starts, or how many at most; None for `STARTS`, or `MOST`."""
+    """Random starts, at most; None for `STARTS`, or `MOST` with a rule to stop."""
     at_least: float | None = None
-    """A probability in (0, 1): stop when it is shown that that of satisfaction is at least this, or that it is less."""
+    """A probability in (0, 1): stop when satisfaction is shown to be at least this probable, or less."""
     width: float | None = None
-    """In (0, 1): stop when the interval is no wider."""
+    """In (0, 1): stop when the interval is at most this wide."""
     seed: int = 0
 
     @property
     def most(self) -> int:
-        """Starts that are drawn at most."""
+        """The most starts that are drawn."""
         return (MOST if self.sequential else STARTS) if self.starts is None else self.starts
 
     @property
@@ -58,26 +58,26 @@ class Claim:
 class Certificate:
     """With the claim's confidence, the probability of satisfaction is in the interval.
 
-    Satisfied is what every continuation satisfies; so an open verdict, after an early end, is none.
+    An episode with an early end counts as satisfied only if every continuation satisfies.
     """
 
-    subject: Subject
+    actor: Actor
     claim: Claim
     starts: int
     satisfied: int
     open: int
-    """Episodes that ended early and that some continuations satisfy."""
+    """Episodes that ended early with an open verdict: some continuations satisfy."""
     interval: Interval
     cpu_seconds: float
 
     @property
     def violated(self) -> int:
-        """By every continuation."""
+        """Episodes that every continuation violates."""
         return self.starts - self.satisfied - self.open
 
     @property
     def verdict(self) -> Verdict | None:
-        """On `at_least`; None where that was not asked."""
+        """On `at_least`; None without it."""
         claimed = self.claim.at_least
         if claimed is None:
             return None
@@ -85,14 +85,14 @@ class Certificate:
 
 
 def plain(number: float) -> str:
-    """A number with all of its digits: 0.999999999999 is not 1."""
+    """A number with all its digits: 0.999999999999 is not 1."""
     return repr(number).removesuffix(".0")
 
 
 def check(claim: Claim) -> None:
-    """Raises `UsageError` where a claim makes no sense."""
-    named = {"confidence": claim.confidence, "probability": claim.at_least, "width": claim.width}
-    for name, value in named.items():
+    """Raises `UsageError` for a claim that makes no sense."""
+    shares = {"confidence": claim.confidence, "probability": claim.at_least, "width": claim.width}
+    for name, value in shares.items():
         if value is not None and not 0 < value < 1:
             raise UsageError(f"a {name} is between 0 and 1, got {plain(value)}")
     if claim.at_least is not None and claim.width is not None:
@@ -102,44 +102,39 @@ def check(claim: Claim) -> None:
 
 
 def certify(
-    subject: Subject, claim: Claim | None = None, told: Callable[[int, int], None] = lambda starts, satisfied: None
+    actor: Actor, claim: Claim | None = None, progress: Callable[[int, int], None] = lambda starts, satisfied: None
 ) -> Certificate:
-    """Let the subject act from random starts, which neither its training nor its selection nor the report has seen.
+    """Let the actor act from random starts, which its training, its selection and the report have not seen.
 
     Args:
-        subject: what acts.
-        claim: what is asked.
-        told: is called after each batch with the starts and how many of them satisfied.
+        actor: a policy or a controller in its task.
+        claim: the question.
+        progress: called after each batch with the starts and how many of them satisfied.
 
     Raises:
-        UsageError: a claim that makes no sense.
-        Unsearchable: a task with a single start, what acts fails, or a robustness has no value.
+        UsageError: the claim makes no sense.
+        Unsearchable: the task has a single start, the actor fails, or a robustness is undefined.
     """
     claim = claim or Claim()
     check(claim)
-    space = space_of(subject.task)
+    space = space_of(actor.task)
     if space.single:
-        raise Unsearchable(f"task {subject.task.name} has a single start; `stlbench falsify` says whether it satisfies")
+        raise Unsearchable(f"task {actor.task.name} has a single start; `stlbench falsify` says whether it satisfies")
     began, most = time.process_time(), claim.most
-    generator = np.random.default_rng(_seed(subject, claim))
+    generator = np.random.default_rng(derive_seed("certify", actor.task.choice.name, claim.seed))
     starts = satisfied = open_ = 0
     interval = Interval(0.0, 1.0)
     while starts < most and not (claim.sequential and _decided(claim, interval)):
-        count = min(max(_FIRST, starts), most - starts, subject.rows)
-        played = subject.play(space.draw(generator, count))
+        count = min(max(_FIRST, starts), most - starts, actor.rows)
+        played = actor.play(space.draw(generator, count))
         satisfied += int(played.satisfied.sum())
         open_ += int((played.possible & ~played.satisfied).sum())
         starts += count
         interval = share_sequence(satisfied, starts, claim.confidence)
-        told(starts, satisfied)
+        progress(starts, satisfied)
     if not claim.sequential:
         interval = share_interval(satisfied, starts, claim.confidence) or interval
-    return Certificate(subject, claim, starts, satisfied, open_, interval, time.process_time() - began)
-
-
-def _seed(subject: Subject, claim: Claim) -> int:
-    """Apart from those of training and of the report; the starts of selection are not random."""
-    return derive_seed("certify", subject.task.choice.name, claim.seed)
+    return Certificate(actor, claim, starts, satisfied, open_, interval, time.process_time() - began)
 
 
 def _decided(claim: Claim, interval: Interval) -> bool:

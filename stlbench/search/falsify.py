@@ -13,10 +13,10 @@ import numpy as np
 from stlbench import stl
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.rollout.reasons import Loss, first_loss, last_step, reason
+from stlbench.search.actor import Actor, Unsearchable
 from stlbench.search.objective import Enough, Objective, Worst
 from stlbench.search.optimisers import DEFAULT, OF_SEEDS, OPTIMISERS
 from stlbench.search.space import Box, Seeds, space_of
-from stlbench.search.subject import Subject, Unsearchable
 from stlbench.study.cell import derive_seed
 
 EVALUATIONS = 10_000
@@ -24,12 +24,12 @@ EVALUATIONS = 10_000
 
 @dataclass(frozen=True)
 class How:
-    """By what rules is searched."""
+    """The options of a search."""
 
     optimiser: str | None = None
-    """One of `OPTIMISERS`; None for `DEFAULT`, and where starts are seeds for `OF_SEEDS`."""
+    """One of `OPTIMISERS`; None for `DEFAULT`, or `OF_SEEDS` if starts are seeds."""
     evaluations: int = EVALUATIONS
-    """How many episodes are simulated at most."""
+    """The most episodes that are simulated."""
     least: bool = False
     """Go on after the first counterexample, for the least robustness."""
     seed: int = 0
@@ -37,29 +37,32 @@ class How:
 
 @dataclass(frozen=True)
 class Falsification:
-    """What a search found: the least robust start, which is a counterexample where it violates the formula.
+    """The result of a search: the worst start, a counterexample if it violates the formula.
 
-    A start that violates comes before one whose verdict is open, which comes before one that satisfies.
+    Verdicts from the worst: violated, open, satisfied. Of starts with the worst verdict it is the least robust.
     """
 
-    subject: Subject
+    actor: Actor
     how: How
-    """With the optimiser that searched."""
+    """With the name of the optimiser that was used."""
     evaluations: int
     """Episodes that were simulated."""
     first: int | None
-    """Which of them, from 1, was the first with the verdict of the worst; None where all satisfied."""
+    """The first of them, from 1, with the verdict of the worst start; None if all satisfied."""
     worst: Worst
     cpu_seconds: float
 
     @property
     def start(self) -> dict[str, float]:
         """The initial state by the names of its coordinates, or the seed."""
-        return dict(zip(space_of(self.subject.task).names, self.worst.point.tolist(), strict=True))
+        return dict(zip(space_of(self.actor.task).names, self.worst.point.tolist(), strict=True))
 
     def start_text(self, digits: int) -> str:
-        """The start in words, to so many significant digits; whole numbers, as seeds are, with all of theirs."""
-        return ", ".join(f"{name} = {_number(value, digits)}" for name, value in self.start.items())
+        """The start in words, to so many significant digits; whole numbers, such as seeds, with all digits."""
+        values = self.start.items()
+        return ", ".join(
+            f"{name} = {value:{'.0f' if value == round(value) else f'.{digits}g'}}" for name, value in values
+        )
 
     @property
     def found(self) -> bool:
@@ -68,27 +71,27 @@ class Falsification:
 
     @property
     def open(self) -> bool:
-        """Whether the episode from the least robust start ended early, and some continuations satisfy."""
+        """Whether the worst episode ended early, and some continuations satisfy."""
         return self.worst.verdict == "open"
 
     @property
     def steps(self) -> int:
-        """The last step of the least robust trace that was recorded: T, but after some early ends."""
+        """The last recorded step of the worst trace: T, or less after an early end."""
         return last_step(self.worst.trace)
 
     @cached_property
     def witness(self) -> stl.Witness | None:
-        """Which predicate, at which step, the least robustness comes from; None after an early end that decides it."""
-        return reason(self.subject.task, self.worst.trace)
+        """The predicate and step that decide the robustness; None if an early end decides it."""
+        return reason(self.actor.task, self.worst.trace)
 
     @cached_property
     def loss(self) -> Loss | None:
-        """The conjunct that the least robust trace lost first, by what was recorded of it; None where it lost none."""
-        return first_loss(self.subject.task, self.worst.trace)
+        """The conjunct that the recorded part of the worst trace lost first; None if it lost none."""
+        return first_loss(self.actor.task, self.worst.trace)
 
     @property
     def failed(self) -> str:
-        """The conjunct that the least robustness comes from; after an early end the one that was lost, or the end."""
+        """The conjunct that decides the robustness; after an early end the lost conjunct, or the end."""
         if self.witness is not None:
             return str(self.witness.conjunct)
         if self.loss is not None:
@@ -96,12 +99,8 @@ class Falsification:
         return f"ended early, at step {self.steps}{', verdict open' if self.open else ''}"
 
 
-def _number(value: float, digits: int) -> str:
-    return f"{value:.0f}" if value == round(value) else f"{value:.{digits}g}"
-
-
 def check(how: How) -> None:
-    """Raises `UsageError` where these are no rules to search by."""
+    """Raises `UsageError` for wrong options."""
     if how.optimiser is not None and how.optimiser not in OPTIMISERS:
         raise UsageError(f"no optimiser '{how.optimiser}'{did_you_mean(how.optimiser, OPTIMISERS)}")
     if how.evaluations < 1:
@@ -109,26 +108,26 @@ def check(how: How) -> None:
 
 
 def falsify(
-    subject: Subject, how: How | None = None, told: Callable[[int, float], None] = lambda count, least: None
+    actor: Actor, how: How | None = None, progress: Callable[[int, float], None] = lambda count, least: None
 ) -> Falsification:
-    """Search for a start from which the subject violates its task's formula.
+    """Search for a start from which the actor violates its task's formula.
 
-    The search stops at the first start that is not sure to satisfy, or with `how.least` when all evaluations are used;
-    an optimiser may also end before. After an early end the least robustness that is possible counts. A task with a
-    single start takes one evaluation. The same rules give the same answer.
+    The search stops at the first start with a verdict other than satisfied, or with `how.least` when all evaluations
+    are used; an optimiser may end before. After an early end the least possible robustness counts. A task with a
+    single start takes one evaluation. The same options give the same result.
 
     Args:
-        subject: what acts.
-        how: by what rules.
-        told: is called after each batch of episodes with their number and the least robustness so far.
+        actor: a policy or a controller in its task.
+        how: the options.
+        progress: called after each batch of episodes with their number and the least robustness so far.
 
     Raises:
         UsageError: no such optimiser, no evaluation.
-        Unsearchable: the optimiser does not fit, what acts fails, or a robustness has no value.
+        Unsearchable: the optimiser does not fit, the actor fails, or a robustness is undefined.
     """
-    began, space = time.process_time(), space_of(subject.task)
-    how = _resolved(subject, how or How(), space)
-    objective = Objective(subject, space, how.evaluations, how.least, told)
+    began, space = time.process_time(), space_of(actor.task)
+    how = _resolved(actor, how or How(), space)
+    objective = Objective(actor, space, how.evaluations, how.least, progress)
     _search(objective, how)
     if objective.failure is not None:
         raise objective.failure
@@ -138,16 +137,16 @@ def falsify(
         raise Unsearchable(f"{how.optimiser} met no start: {rule}")
     worst, spent = objective.worst, time.process_time() - began
     first = None if worst.verdict == "satisfied" else objective.firsts[worst.verdict]
-    return Falsification(subject, how, objective.count, first, worst, spent)
+    return Falsification(actor, how, objective.count, first, worst, spent)
 
 
-def _resolved(subject: Subject, how: How, space: Box | Seeds) -> How:
-    """With an optimiser that fits."""
+def _resolved(actor: Actor, how: How, space: Box | Seeds) -> How:
+    """The options with an optimiser that fits."""
     check(how)
     ordered = isinstance(space, Box)
     if not ordered and how.optimiser not in (None, OF_SEEDS):
         rule = f"its starts are seeds, which have no order to search by; --optimiser {OF_SEEDS} draws them"
-        raise Unsearchable(f"{how.optimiser} cannot search task {subject.task.name}: {rule}")
+        raise Unsearchable(f"{how.optimiser} cannot search task {actor.task.name}: {rule}")
     return replace(how, optimiser=how.optimiser or (DEFAULT if ordered else OF_SEEDS))
 
 
@@ -157,5 +156,5 @@ def _search(objective: Objective, how: How) -> None:
             objective.of_points(objective.space.draw(np.random.default_rng(0), 1))
         else:
             assert how.optimiser is not None
-            seed = derive_seed("falsify", objective.subject.task.choice.name, how.seed)
+            seed = derive_seed("falsify", objective.actor.task.choice.name, how.seed)
             OPTIMISERS[how.optimiser](objective, seed)

@@ -1,42 +1,44 @@
-"""SciPy's global optimisers, and points at random, over a unit cube; each asks for many values at a time.
+"""SciPy's global optimisers and random points, over a unit cube, in batches.
 
-Those that ask for one value at a time run as several searches side by side (`abreast`): each with a seed of its own,
-or in a part of the cube of its own.
+Optimisers that ask for one value at a time run as several searches at once (`side_by_side`): each has its own seed, or
+its own part of the cube.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import count, pairwise, product
+from queue import SimpleQueue
+from threading import Thread
 from typing import Any
 
 import numpy as np
 
-from stlbench.search.abreast import Scalar, abreast
+from stlbench.contract import Array
 from stlbench.search.objective import Objective
 
 Optimiser = Callable[[Objective, int], None]
-"""Minimises an objective until it raises `Enough`, or ends before; all that is random comes from the seed."""
+"""Minimises an objective until it raises `Enough`, or ends before. The seed determines all random numbers."""
 
 _POPULATION = 32
-"""Points in a generation of differential evolution, about. Few, so that it comes together and begins anew often:
-robustness has many local minima."""
+"""Points in a generation of differential evolution, about. Few points converge and begin anew often, since robustness
+has many local minima."""
 _AT_RANDOM, _FIRST = 0.2, 64
-"""The part of its evaluations that are points at random, and how many of them are in the first batch."""
+"""The share of evaluations at random points, and the size of the first batch of them."""
 _COPIES = 32
-"""Searches side by side, about."""
+"""Searches at once, about."""
 
 
 def at_random(objective: Objective, seed: int) -> None:
-    """Points drawn uniformly from the region of starts: what the others are compared with."""
+    """Points drawn uniformly from the region of starts: the baseline of the other optimisers."""
     _draw(objective, np.random.default_rng(seed), objective.evaluations)
 
 
 def _draw(objective: Objective, generator: np.random.Generator, count: int) -> None:
-    """So many points at random, in batches that grow: where failures are common, the first are soon met."""
+    """`count` random points, in batches that grow: frequent failures are then found soon."""
     while objective.count < count:
-        batch = min(max(_FIRST, objective.count), objective.subject.rows, count - objective.count)
+        batch = min(max(_FIRST, objective.count), objective.actor.rows, count - objective.count)
         objective.of_points(objective.space.draw(generator, batch))
 
 
@@ -66,7 +68,7 @@ def differential_evolution(objective: Objective, seed: int) -> None:
 
 
 def dual_annealing(objective: Objective, seed: int) -> None:
-    """Generalised simulated annealing with local searches (Y. Xiang and others 1997), several chains side by side."""
+    """Generalised simulated annealing with local searches (Y. Xiang and others 1997), several chains at once."""
     from scipy import optimize
 
     def chain(own: int, value: Scalar) -> None:
@@ -74,7 +76,7 @@ def dual_annealing(objective: Objective, seed: int) -> None:
             optimize.dual_annealing(value, [(0.0, 1.0)] * objective.box.size, rng=generator)
 
     own_seeds = np.random.SeedSequence(seed).generate_state(_COPIES).tolist()
-    abreast([partial(chain, own) for own in own_seeds], objective.of_cube)
+    side_by_side([partial(chain, own) for own in own_seeds], objective.of_cube)
 
 
 def direct(objective: Objective, seed: int) -> None:
@@ -83,20 +85,20 @@ def direct(objective: Objective, seed: int) -> None:
 
     most = objective.evaluations
     options: dict[str, Any] = {"maxfun": most, "maxiter": most, "vol_tol": 0.0, "len_tol": 0.0}
-    abreast([partial(_bounded, optimize.direct, part, options) for part in _parts(objective)], objective.of_cube)
+    side_by_side([partial(_bounded, optimize.direct, part, options) for part in _parts(objective)], objective.of_cube)
 
 
 def shgo(objective: Objective, seed: int) -> None:
     """Simplicial homology (S. Endres and others 2018), one search in each part of the cube; it has no randomness.
 
-    It samples, finds the points that are below their neighbours, and searches locally from each.
+    It samples, and searches locally from each point that is below its neighbours.
     """
     from scipy import optimize
 
     parts = _parts(objective)
     each = 1 << max(4, (objective.evaluations // (4 * len(parts))).bit_length() - 1)
     options = {"n": each, "iters": 1, "sampling_method": "sobol"}
-    abreast([partial(_bounded, optimize.shgo, part, options) for part in parts], objective.of_cube)
+    side_by_side([partial(_bounded, optimize.shgo, part, options) for part in parts], objective.of_cube)
 
 
 def _bounded(search: Callable[..., object], bounds: Any, options: dict[str, Any], value: Scalar) -> None:
@@ -111,8 +113,8 @@ def _parts(objective: Objective) -> list[list[tuple[float, float]]]:
 
 
 def _generators(seed: int) -> Iterator[np.random.Generator]:
-    """One for each time that a search begins anew."""
-    return (np.random.default_rng([seed, again]) for again in count())
+    """One for each new beginning of a search."""
+    return (np.random.default_rng([seed, restart]) for restart in count())
 
 
 OPTIMISERS: dict[str, Optimiser] = {
@@ -122,6 +124,76 @@ OPTIMISERS: dict[str, Optimiser] = {
     "shgo": shgo,
     "random": at_random,
 }
-"""By the names that users say."""
+"""By name."""
 DEFAULT, OF_SEEDS = "differential-evolution", "random"
-"""The optimiser where none is named, of states and of seeds."""
+"""The optimisers of states and of seeds, unless the user names one."""
+
+
+Scalar = Callable[[Array], float]
+"""From a point (d,) to its value."""
+
+
+class _Stopped(Exception):
+    """Ends the thread of a search that gets no further answer."""
+
+
+class _Search:
+    """One search in its own thread: it puts questions into a shared queue, and waits for its own answers."""
+
+    def __init__(self, number: int, search: Callable[[Scalar], object], questions: SimpleQueue[Any]) -> None:
+        self.number, self._search, self._questions = number, search, questions
+        self._answers = SimpleQueue[float | None]()
+        self.thread = Thread(target=self._run, daemon=True)
+        self.thread.start()
+
+    def _run(self) -> None:
+        try:
+            self._search(self._ask)
+            self._questions.put((self.number, None))
+        except _Stopped:
+            pass
+        except BaseException as error:
+            self._questions.put((self.number, error))
+
+    def _ask(self, point: Array) -> float:
+        self._questions.put((self.number, np.array(point, dtype=np.float64)))
+        answer = self._answers.get()
+        if answer is None:
+            raise _Stopped
+        return answer
+
+    def answer(self, value: float | None) -> None:
+        """Give the search the value that it waits for; None ends it."""
+        self._answers.put(value)
+
+
+def side_by_side(searches: Sequence[Callable[[Scalar], object]], values: Callable[[Array], Array]) -> None:
+    """Run searches at once until all have ended, with all their questions answered in one batch.
+
+    The points of a search depend on its own answers alone.
+
+    Args:
+        searches: each is called with a function from a point (d,) to its value.
+        values: maps the points (m, d) of m searches, in their order, to values (m,). An exception of `values` or of a
+            search ends all searches, and is raised here.
+    """
+    questions = SimpleQueue[Any]()
+    going = {number: _Search(number, search, questions) for number, search in enumerate(searches)}
+    lines = list(going.values())
+    try:
+        while going:
+            points = dict(questions.get() for _ in range(len(going)))
+            for number in [number for number, point in points.items() if not isinstance(point, np.ndarray)]:
+                del going[number]
+                if isinstance(error := points.pop(number), BaseException):
+                    raise error
+            if points:
+                numbers = sorted(points)
+                answers = values(np.stack([points[number] for number in numbers])).tolist()
+                for number, value in zip(numbers, answers, strict=True):
+                    going[number].answer(value)
+    finally:
+        for line in going.values():
+            line.answer(None)
+        for line in lines:
+            line.thread.join()

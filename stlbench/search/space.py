@@ -1,4 +1,4 @@
-"""Where a search may begin episodes: a box of initial states, or seeds of an environment."""
+"""The space of starts of a search: a box of initial states, or seeds of an environment."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from stlbench.task.task import Task
 
 
 class Space(ABC):
-    """Points (N, n), each of which says where an episode begins."""
+    """Points (N, n); each is a start of an episode."""
 
     @property
     @abstractmethod
     def names(self) -> tuple[str, ...]:
-        """Of the n numbers of a point."""
+        """Names of the n numbers of a point."""
 
     @property
     def single(self) -> bool:
-        """Whether there is one point alone."""
+        """Whether there is only one point."""
         return False
 
     @abstractmethod
@@ -35,11 +35,11 @@ class Space(ABC):
 
     @abstractmethod
     def starts(self, points: Array) -> Array:
-        """From points (N, n) to what the simulator resets to, (N, s)."""
+        """The simulator's starts (N, s) of points (N, n)."""
 
 
 def space_of(task: Task) -> Box | Seeds:
-    """Where episodes of the task may begin."""
+    """The space of the task's starts."""
     if isinstance(task.starts, StateStarts):
         return Box(task.starts.initial, task.system)
     return Seeds(task.starts)
@@ -47,7 +47,7 @@ def space_of(task: Task) -> Box | Seeds:
 
 @dataclass(frozen=True)
 class Seeds(Space):
-    """Seeds, which have no order to search by. None is one of training, of selection or of the report."""
+    """Seeds, other than the seeds of training, selection and report. An optimiser cannot search them."""
 
     sets: SeedStarts
 
@@ -67,7 +67,7 @@ class Seeds(Space):
 
 @dataclass(frozen=True)
 class Box(Space):
-    """A region of a system's initial states, reached by a unit cube of `size` dimensions: its free coordinates."""
+    """A region of a system's initial states; a unit cube spans its `size` free coordinates."""
 
     region: Region
     system: System
@@ -84,16 +84,16 @@ class Box(Space):
 
     @cached_property
     def free(self) -> Integers:
-        """Which of the coordinates are not fixed, (size,)."""
+        """Indices (size,) of the coordinates that are not fixed."""
         return np.flatnonzero(self.region.low < self.region.high)
 
     @property
     def size(self) -> int:
-        """How many coordinates are free."""
+        """The number of free coordinates."""
         return len(self.free)
 
     def points(self, unit: Array) -> Array:
-        """From the unit cube (N, size) to points (N, n) of the box, which may break the region's condition."""
+        """Points (N, n) of the box from the unit cube (N, size); they may break the region's condition."""
         low, high = self.region.low, self.region.high
         points = np.tile(low, (len(unit), 1))
         points[:, self.free] += np.clip(unit, 0.0, 1.0) * (high - low)[self.free]

@@ -1,19 +1,20 @@
-"""What a policy from outside answers, checked: actions of the task, or one line that says what is wrong with them."""
+"""Actions of a policy from outside, checked and taken to the task's actions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid, Actions, Array, Integers, Policy, StatePolicy
-from stlbench.errors import UsageError, cause
+from stlbench.errors import UsageError, cause, did_you_mean
 from stlbench.rollout.controller import nearest
 from stlbench.rollout.faults import out_of_range
-from stlbench.share.table import ActionTable
+from stlbench.rollout.trace_table import read_table
 
 _ROUNDING = 1e-6
 """Share of an axis' span by which rounding may take an action off the grid."""
@@ -21,51 +22,51 @@ _ROUNDING = 1e-6
 
 @dataclass
 class Moved:
-    """How many answers of a policy were no actions of the task's grid, and how far the nearest ones are."""
+    """Counts the actions of a policy that were not on the task's grid, and their distance from it."""
 
-    asked: int = 0
+    total: int = 0
     moved: int = 0
     farthest: Array = field(default_factory=lambda: np.zeros(0))
     """Of each axis, (axes,), in its unit."""
 
     def add(self, actions: ActionGrid, vectors: Array, nearest_ones: Integers) -> None:
-        """Count answers (N, axes) and the indices (N,) that were taken in their place."""
+        """Count actions (N, axes), and the indices (N,) of the nearest ones on the grid."""
         away = np.abs(actions.vectors[nearest_ones] - vectors)
         span = np.array(actions.high) - np.array(actions.low)
-        self.asked += len(vectors)
+        self.total += len(vectors)
         self.moved += int((away > _ROUNDING * span).any(axis=1).sum())
         self.farthest = np.maximum(self.farthest if self.farthest.size else 0.0, away.max(axis=0, initial=0.0))
 
-    def said(self, units: Mapping[str, str], names: Sequence[str]) -> str:
-        """In words, by the names of the axes; nothing where all were actions of the grid."""
+    def text(self, units: Mapping[str, str], names: Sequence[str]) -> str:
+        """In words, by the names of the axes; empty if all actions were on the grid."""
         if not self.moved:
             return ""
         far = zip(names, self.farthest.tolist(), strict=True)
         each = ", ".join(f"{name} by up to {value:.3g} {units.get(name, '')}".rstrip() for name, value in far if value)
-        share = f"{self.moved} of {self.asked} actions ({100 * self.moved / self.asked:.3g} %)"
+        share = f"{self.moved} of {self.total} actions ({100 * self.moved / self.total:.3g} %)"
         return f"{share} are not on the task's grid, and were moved to the nearest: {each}"
 
 
 @dataclass(frozen=True)
 class OnObservation(Policy):
-    """A function of observations (N, D), float64, to actions, as a policy."""
+    """A policy from a function of observations (N, D), float64."""
 
     function: Callable[[Array], Any]
     actions: Actions
     source: str
     """For messages."""
     table: ActionTable | None = None
-    """Of its own actions, which it answers numbers of."""
+    """The policy's own actions, if it answers with their numbers."""
     moved: Moved = field(default_factory=Moved)
 
     def act(self, observation: Array) -> Integers | Array:
-        """The function's actions. Raises `UsageError` where they are none of the task's, or it fails."""
-        return _asked(self, len(observation), lambda: self.function(observation.copy()))
+        """The function's actions. Raises `UsageError` if it fails, or if they are not the task's."""
+        return _actions(self, len(observation), lambda: self.function(observation.copy()))
 
 
 @dataclass(frozen=True)
 class OnState(StatePolicy):
-    """A function of states (N, n) and step counts t (N,) to actions, as a policy."""
+    """A policy from a function of states (N, n) and step counts t (N,)."""
 
     function: Callable[[Array, Integers], Any]
     actions: Actions
@@ -74,49 +75,47 @@ class OnState(StatePolicy):
     moved: Moved = field(default_factory=Moved)
 
     def episode(self) -> Callable[[Array, Integers, Array], Integers | Array]:
-        """The function's actions. Raises `UsageError` where they are none of the task's, or it fails."""
 
         def act(state: Array, t: Integers, memory: Array) -> Integers | Array:
-            return _asked(self, len(state), lambda: self.function(state.copy(), t.copy()))
+            return _actions(self, len(state), lambda: self.function(state.copy(), t.copy()))
 
         return act
 
 
-def _asked(policy: OnObservation | OnState, count: int, answer: Callable[[], Any]) -> Integers | Array:
+def _actions(policy: OnObservation | OnState, count: int, call: Callable[[], Any]) -> Integers | Array:
     try:
-        found = answer()
+        answer = call()
     except UsageError:
         raise
     except Exception as error:
         raise UsageError(f"{policy.source} failed: {cause(error)}") from error
     if policy.table is not None:
         rounded = Moved()
-        chosen = policy.table.chosen(actions_of(found, policy.table.numbers, count, policy.source, rounded))
+        chosen = policy.table.chosen(actions_of(answer, policy.table.numbers, count, policy.source, rounded))
         if rounded.moved:
             raise UsageError(f"{policy.source}: its answers are no whole numbers of the rows of its table of actions")
         return chosen
-    return actions_of(found, policy.actions, count, policy.source, policy.moved)
+    return actions_of(answer, policy.actions, count, policy.source, policy.moved)
 
 
-def actions_of(found: Any, actions: Actions, count: int, source: str, moved: Moved | None = None) -> Integers | Array:
-    """What a policy answers, as the referee takes it.
+def actions_of(answer: Any, actions: Actions, count: int, source: str, moved: Moved | None = None) -> Integers | Array:
+    """A policy's answer as actions of the task.
 
-    Of a grid, whole numbers (N,) are indices; numbers (N, A), one for each action, are values, and the action with the
-    greatest is taken; vectors (N, axes) are taken to the nearest action, axis by axis. Of continuous actions there are
-    only vectors, in the actions' units and between their ends.
+    For a grid of A actions, whole numbers (N,) are indices; numbers (N, A) are values, and the greatest wins; vectors
+    (N, axes) go to the nearest action, axis by axis. Continuous actions are vectors, in the actions' units.
 
     Args:
-        found: the answer.
+        answer: of the policy.
         actions: of the task.
         count: N.
         source: the policy, for messages.
-        moved: counts which vectors are not on the grid.
+        moved: counts the vectors that are not on the grid.
 
     Raises:
-        UsageError: it has another shape, is no number, is NaN, or is outside the actions' ends.
+        UsageError: the answer has another shape, is no number, is NaN, or is outside the actions' ends.
     """
     try:
-        array: NDArray[Any] = np.asarray(found)
+        array: NDArray[Any] = np.asarray(answer)
     except ValueError as error:
         raise UsageError(f"{source}: its actions are no array: {error}") from error
     if isinstance(actions, ActionGrid) and array.dtype.kind in "iu" and array.shape == (count,):
@@ -156,3 +155,39 @@ def _vectors(array: Array, actions: Actions, source: str) -> Array:
     if wrong := out_of_range(actions, array):
         raise UsageError(f"{source}: {wrong}")
     return np.clip(array, actions.low, actions.high)
+
+
+@dataclass(frozen=True)
+class ActionTable:
+    """Actions by number. The simulator takes them as they are, on a grid of the task or beside it."""
+
+    vectors: Array
+    """(A, axes), in the task's units."""
+
+    @property
+    def numbers(self) -> ActionGrid:
+        """The numbers of the actions, as a grid: what a policy chooses from."""
+        return ActionGrid(("action",), (tuple(map(float, range(len(self.vectors)))),))
+
+    def chosen(self, indices: Any) -> Array:
+        """The actions (N, axes) of numbers (N,)."""
+        vectors: Array = self.vectors[indices]
+        return vectors
+
+
+def read_actions(path: Path, actions: Actions) -> ActionTable:
+    """A table of text: a column for each axis of the task's actions, a row for each action, in the network's order.
+
+    Raises:
+        UsageError: it cannot be read, has other columns, or an action that is beyond the ends of the task's.
+    """
+    table = read_table(path)
+    for name in (*actions.names, *table.names):
+        if name not in actions.names:
+            raise UsageError(f"{path}: the task's actions have no '{name}'{did_you_mean(name, actions.names)}")
+        if name not in table.names:
+            raise UsageError(f"{path}: there is no column '{name}'; the task's actions have {', '.join(actions.names)}")
+    vectors = np.column_stack([table.column(name) for name in actions.names])
+    if wrong := out_of_range(actions, vectors):
+        raise UsageError(f"{path}: {wrong}")
+    return ActionTable(np.clip(vectors, actions.low, actions.high))

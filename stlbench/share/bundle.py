@@ -1,4 +1,4 @@
-"""A folder of results packed into one file: results, tables, policies, and a list of all of it with checksums."""
+"""A bundle: a folder of results as one zip, an RO-Crate 1.2, whose metadata list every file with its checksum."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ import hashlib
 import io
 import json
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from stlbench import __version__
-from stlbench.errors import UsageError
+from stlbench.errors import UsageError, one_line
 from stlbench.records import stored
 from stlbench.records.cell_files import POLICIES, TRACES, cell_files
 from stlbench.records.outputs import opened
 from stlbench.records.result import Result
-from stlbench.share.crate import METADATA, About, Content, document
 from stlbench.study.results import Results
 
 CITATION = "CITATION.cff"
 _TABLES = (".csv", ".md", ".html")
-"""Files of a folder of results that `stlbench report` writes, and that a bundle takes along."""
+"""Files of a folder of results that `stlbench report` writes, and that go into the bundle."""
 _ARRAYS = (POLICIES, TRACES)
-"""Its folders, which have files of arrays and nothing else."""
+"""Its folders of arrays."""
 _EPOCH = (1980, 1, 1, 0, 0, 0)
-"""The date of every file inside, so that equal results give equal bundles."""
+"""The date of every file in a bundle, so that equal results give equal bundles."""
 
 
 class Packed(NamedTuple):
@@ -40,16 +40,16 @@ class Packed(NamedTuple):
 
 
 def pack(folder: Path, target: Path, about: About, traces: bool = False) -> Packed:
-    """Write a bundle, over the file of before: a zip that is an RO-Crate.
+    """Write a bundle, in place of an older one.
 
-    It has `cells.jsonl`, all that is recorded of each cell and its provenance; the tables and the page of the last
-    `stlbench report`; `policies/`; a citation file where there are authors. Unzipped it is a folder of results again.
+    It has `cells.jsonl`, the whole record of each cell; the tables and the page of the last `stlbench report`;
+    `policies/`; a citation file if there are authors. Unzipped it is a folder of results again.
 
     Args:
         folder: of results.
         target: the file, whose name ends in .zip.
-        about: what its metadata say.
-        traces: whether `traces/` comes along, most of the size where it does.
+        about: for the metadata.
+        traces: whether to add `traces/`, which are large.
 
     Raises:
         UsageError: there are no results, or a file cannot be read or written.
@@ -70,7 +70,7 @@ def pack(folder: Path, target: Path, about: About, traces: bool = False) -> Pack
 
 
 def may_hold(path: str) -> bool:
-    """Whether a path inside a bundle is one that `pack` writes, but for the metadata: no ledger, no code."""
+    """Whether `pack` may write a file of this path, apart from the metadata: no ledger, no code."""
     *folder, name = path.split("/")
     if not folder:
         return name in (stored.LINES, CITATION) or name.endswith(_TABLES)
@@ -84,7 +84,7 @@ def _write(archive: zipfile.ZipFile, path: str, data: bytes) -> None:
 def _contents(
     folder: Path, results: Results, kept: list[Result], about: About, traces: bool
 ) -> Iterator[tuple[str, bytes]]:
-    """Paths inside the bundle, in the order of their names as far as they are of a kind, and what they hold."""
+    """Paths inside the bundle, and their content."""
     yield stored.LINES, stored.lines(results, stored.missing_by_key(folder)).encode()
     for path in sorted(path for path in folder.iterdir() if path.suffix in _TABLES and path.is_file()):
         yield path.name, path.read_bytes()
@@ -100,7 +100,7 @@ def _contents(
 
 
 def _citation(about: About) -> str:
-    """A file of the Citation File Format 1.2; JSON is YAML, and quotes whatever a title has."""
+    """A file of the Citation File Format 1.2. JSON strings are YAML strings, whatever a title has."""
     quoted = json.dumps
     text = io.StringIO()
     text.write(f"cff-version: 1.2.0\nmessage: {quoted('Please cite these results, and stlbench, which made them.')}\n")
@@ -110,3 +110,85 @@ def _citation(about: About) -> str:
     text.write(f"references:\n  - type: software\n    title: stlbench\n    version: {quoted(__version__)}\n")
     text.write("    authors:\n      - name: The stlbench maintainers\n")
     return text.getvalue()
+
+
+METADATA = "ro-crate-metadata.json"
+"""The metadata, the only file that they do not list."""
+_VERSION = "https://w3id.org/ro/crate/1.2"
+_SOFTWARE = "#stlbench"
+
+
+@dataclass(frozen=True)
+class About:
+    """The description of a bundle."""
+
+    title: str
+    description: str
+    authors: tuple[str, ...]
+    license: str
+    """Its SPDX identifier, such as CC-BY-4.0."""
+    date: str
+    """When it was packed, as 2026-01-31."""
+
+
+class Content(NamedTuple):
+    """The checksum and size of a file."""
+
+    sha256: str
+    size: int
+    """Bytes."""
+
+
+def document(about: About, files: Mapping[str, Content], version: str) -> str:
+    """The metadata as JSON-LD, with `files` by their paths inside the bundle, and the version of stlbench."""
+    authors = [
+        {"@id": f"#author-{number}", "@type": "Person", "name": name} for number, name in enumerate(about.authors)
+    ]
+    root = {
+        "@id": "./",
+        "@type": "Dataset",
+        "name": about.title,
+        "description": about.description,
+        "datePublished": about.date,
+        "license": {"@id": f"https://spdx.org/licenses/{about.license}"},
+        "author": [{"@id": author["@id"]} for author in authors],
+        "hasPart": [{"@id": path} for path in sorted(files)],
+        "mentions": {"@id": _SOFTWARE},
+    }
+    itself = {
+        "@id": METADATA,
+        "@type": "CreativeWork",
+        "conformsTo": {"@id": _VERSION},
+        "about": {"@id": "./"},
+    }
+    software = {"@id": _SOFTWARE, "@type": "SoftwareApplication", "name": "stlbench", "version": version}
+    entries = [itself, root, *authors, software, *(_entry(path, files[path]) for path in sorted(files))]
+    return json.dumps({"@context": f"{_VERSION}/context", "@graph": entries}, indent=1, ensure_ascii=False) + "\n"
+
+
+def _entry(path: str, content: Content) -> dict[str, str]:
+    return {"@id": path, "@type": "File", "sha256": content.sha256, "contentSize": str(content.size)}
+
+
+def listed(text: str) -> dict[str, Content]:
+    """The files that metadata list, by path. Raises `UsageError` if these are no metadata of a bundle."""
+    try:
+        graph: list[dict[str, Any]] = json.loads(text)["@graph"]
+        files = [entry for entry in graph if entry["@type"] == "File"]
+        return {str(entry["@id"]): Content(str(entry["sha256"]), int(entry["contentSize"])) for entry in files}
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise UsageError(f"{METADATA} is not that of a bundle of stlbench: {type(error).__name__} {error}") from error
+
+
+def about(text: str) -> About:
+    """The description in a bundle's metadata, one line each. Raises `UsageError` if these are no such metadata."""
+    try:
+        entries: dict[str, dict[str, Any]] = {str(entry["@id"]): entry for entry in json.loads(text)["@graph"]}
+        root = entries["./"]
+        authors = [entries[str(author["@id"])].get("name", "") for author in root.get("author", [])]
+        license = str(root.get("license", {}).get("@id", "")).rpartition("/")[2]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise UsageError(f"{METADATA} is not that of a bundle of stlbench: {type(error).__name__} {error}") from error
+    texts = (root.get("name", ""), root.get("description", ""), license, root.get("datePublished", ""))
+    title, description, license, date = map(one_line, texts)
+    return About(title, description, tuple(map(one_line, authors)), license, date)

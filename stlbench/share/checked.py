@@ -1,4 +1,4 @@
-"""Is a bundle what it says? Names, sizes, checksums, results, policies, on any machine and without its plugins."""
+"""Check a bundle: names, sizes, checksums, results and policies, on any machine and without its plugins."""
 
 from __future__ import annotations
 
@@ -16,36 +16,35 @@ from stlbench.errors import UsageError, one_line
 from stlbench.records import npz, saved_policies, stored
 from stlbench.records.cell_files import cell_files
 from stlbench.records.result import Result
-from stlbench.share.bundle import may_hold
-from stlbench.share.crate import METADATA, Content, listed
+from stlbench.share.bundle import METADATA, Content, listed, may_hold
 from stlbench.study.results import Results
 
 LARGEST = 8 * 2**30
-"""Bytes that a bundle may have unpacked. More is taken for a zip that was made to fill a disk."""
+"""The most bytes of a bundle unpacked: a larger zip may be an attack that fills the disk."""
 LARGEST_POLICIES = 2**28
-"""Bytes that the policies of a cell may have in memory: their file is a zip inside the zip."""
+"""The most bytes of a cell's policies in memory: their file is a zip inside the zip."""
 _LIST = 2**26
-"""Bytes that the metadata may have."""
+"""The most bytes of the metadata."""
 _PIECE = 2**20
 _KEY = re.compile(r"[0-9a-f]{1,64}")
 _DAMAGED = (OSError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, UnicodeError)
-"""What `zipfile` raises on damaged, encrypted or unknown content."""
+"""Exceptions of `zipfile` for damaged, encrypted or unknown content."""
 
 
 class Checked(NamedTuple):
-    """What was found."""
+    """The result of a check."""
 
     cells: int
-    """0 where its results cannot be read."""
+    """0 if its results cannot be read."""
     policies: int
     """Cells that have policies in the bundle."""
     problems: tuple[str, ...]
-    """One line each; none where all is as the bundle says."""
+    """One line each; none if the bundle is whole."""
 
 
-def check(path: Path, largest: int | None = None) -> Checked:
-    """Check a bundle, which may have so many bytes unpacked. Raises `UsageError` where it is none at all."""
-    with unpacked(path, largest) as (folder, problems):
+def check(path: Path) -> Checked:
+    """Check a bundle. Raises `UsageError` if the file is none."""
+    with unpacked(path) as (folder, problems):
         found = list(problems)
         if problems and not (folder / stored.LINES).is_file():
             return Checked(0, 0, problems)
@@ -73,7 +72,7 @@ def _file(folder: Path, result: Result) -> Path:
 
 
 def _policies(folder: Path, result: Result) -> Iterator[str]:
-    """Where the stored policies of a cell are not those that its result is of."""
+    """What is wrong with the stored policies of a cell."""
     try:
         if npz.unpacked_size(_file(folder, result)) > LARGEST_POLICIES:
             yield f"{result.id.name}: its policies would be more than {LARGEST_POLICIES >> 20} MiB in memory"
@@ -90,32 +89,28 @@ def _inside(error: ValueError, folder: Path) -> str:
 
 
 @contextmanager
-def unpacked(path: Path, largest: int | None = None) -> Iterator[tuple[Path, tuple[str, ...]]]:
-    """A bundle's files in a folder that is gone afterwards, and what is wrong with them.
+def unpacked(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
+    """A bundle's files in a temporary folder, and what is wrong with them, a line each.
 
-    Only what the bundle lists and a bundle may hold is unpacked, and only under names that stay inside the folder.
-
-    Args:
-        path: of the bundle.
-        largest: bytes that it may have unpacked; `LARGEST` where None.
+    A file is unpacked only if the bundle lists it, a bundle may hold it, and its path stays inside the folder.
 
     Raises:
-        UsageError: the file is no zip, has no metadata of a bundle, or is too large.
+        UsageError: the file is no zip, has no metadata of a bundle, or is larger than `LARGEST`.
     """
     try:
         with zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory(prefix="stlbench-") as name:
-            problems = tuple(map(one_line, _unpack(archive, Path(name), LARGEST if largest is None else largest)))
+            problems = tuple(map(one_line, _unpack(archive, Path(name))))
             yield Path(name), problems
     except _DAMAGED as error:
         raise UsageError(f"{path} is no bundle that `stlbench bundle` wrote: {error}") from error
 
 
-def _unpack(archive: zipfile.ZipFile, folder: Path, largest: int) -> Iterator[str]:
+def _unpack(archive: zipfile.ZipFile, folder: Path) -> Iterator[str]:
     members = {info.filename: info for info in archive.infolist()}
     if METADATA not in members:
         raise UsageError(f"{archive.filename} is no bundle: it has no {METADATA}")
-    if sum(info.file_size for info in archive.infolist()) > largest or members[METADATA].file_size > _LIST:
-        raise UsageError(f"{archive.filename} would be more than {largest >> 20} MiB unpacked, or its list of files is")
+    if sum(info.file_size for info in archive.infolist()) > LARGEST or members[METADATA].file_size > _LIST:
+        raise UsageError(f"{archive.filename} would be more than {LARGEST >> 20} MiB unpacked, or its list of files is")
     text = archive.read(METADATA)
     (folder / METADATA).write_bytes(text)
     wanted = listed(text.decode())
@@ -139,7 +134,7 @@ def _stays_inside(name: str) -> bool:
 
 
 def _extract(archive: zipfile.ZipFile, member: zipfile.ZipInfo, content: Content, target: Path) -> str:
-    """Write a file if it is as it should be; else what is wrong. A link is a file with a path in it here."""
+    """Write a file, or say what is wrong with it. A link in the zip becomes a file with a path in it."""
     if member.file_size != content.size:
         return f"{member.file_size} bytes, and {METADATA} says {content.size}"
     found = hashlib.sha256()

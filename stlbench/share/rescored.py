@@ -1,4 +1,4 @@
-"""The policies of a bundle, scored by the referee of this machine rather than believed."""
+"""Stored policies scored again: one of a folder of results, or all of a bundle."""
 
 from __future__ import annotations
 
@@ -9,14 +9,18 @@ from typing import NamedTuple
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import Result, Score
-from stlbench.rollout.questions import Unanswered
-from stlbench.share.again import score_question
+from stlbench.records.saved_policies import Which
+from stlbench.registry.choices import Choice
+from stlbench.rollout.questions import Question, Unanswered, plugins_of
+from stlbench.rollout.referee import Referee
 from stlbench.share.checked import results_in, unpacked
 from stlbench.study.plugin_guard import LONG, ask
+from stlbench.study.policies import load_policy
+from stlbench.task import Task, load_task
 
 MORE = 0.01
-"""What a bundle may claim beyond what the referee finds: share of the robustness, and of the starts. Another processor
-rounds otherwise, and a policy that is torn between two actions then takes the other one now and then."""
+"""The share of robustness and of starts that a bundle may claim beyond the referee's score. Another processor rounds
+differently, and a policy with two nearly equal actions may then take the other one."""
 
 
 class Rescored(NamedTuple):
@@ -25,13 +29,13 @@ class Rescored(NamedTuple):
     cell: CellId
     recorded: Mapping[str, Score]
     found: Mapping[str, Score] | None
-    """None where it cannot be scored here."""
+    """None if it cannot be scored here."""
     why: str = ""
-    """Why not."""
+    """The reason why it cannot."""
 
     @property
     def verdict(self) -> str:
-        """In words; "claims more" where by any protocol the referee finds less than `MORE` allows."""
+        """In words; "claims more" if by any protocol the referee's score is less than `MORE` allows."""
         if self.found is None:
             return "not scored"
         if self.found == self.recorded:
@@ -65,7 +69,7 @@ _TOGETHER = 8
 
 
 def score_cell(result: Result, folder: Path) -> Rescored | None:
-    """The same of one cell of an unpacked bundle; None where it has no policy."""
+    """Score one cell of an unpacked bundle; None if it has no policy."""
     has_policy = result.measurement is not None and result.measurement.policies is not None
     return next(_score_cells([result], folder)) if has_policy else None
 
@@ -80,3 +84,51 @@ def _score_cells(results: Sequence[Result], folder: Path) -> Iterator[Rescored]:
             yield Rescored(result.id, recorded, None, again.reason)
         else:
             yield Rescored(result.id, recorded, again.scores)
+
+
+class Again(NamedTuple):
+    """What the referee says of a stored policy now."""
+
+    cell: CellId
+    scores: Mapping[str, Score]
+    as_recorded: bool | None
+    """Whether that is what it said when the cell was trained, exactly; None on another task."""
+
+    @property
+    def said(self) -> str:
+        """In words."""
+        words = {True: "as recorded", False: "not as recorded", None: "another task than its own"}
+        return words[self.as_recorded]
+
+
+def score_question(task: Choice, result: Result, folder: Path, which: Which) -> Question[Again]:
+    """A question for `score_again` on the task with this name."""
+    plugins = ("tasks", task.name), *plugins_of(result.id)
+    return Question(_on, (task, result, folder, which), plugins, f"{result.id.name} cannot be scored on {task}")
+
+
+def _on(task: Choice, result: Result, folder: Path, which: Which) -> Again:
+    return score_again(load_task(task), result, folder, which)
+
+
+def score_again(task: Task, result: Result, folder: Path, which: Which) -> Again:
+    """Score a cell's policy on its own task, or on another with the same observation and actions.
+
+    Args:
+        task: where.
+        result: of the cell.
+        folder: of results, where its policy is stored.
+        which: of its policies.
+
+    Raises:
+        UsageError: no policy of it can be used on the task, or the task shows other things than its own.
+    """
+    own = task.choice == result.id.task
+    kept = load_policy(folder, result, which, on=None if own else task)
+    starts = kept.task.file.budgets[result.id.budget].random_starts if result.id.budget in kept.task.file.budgets else 0
+    scores = Referee(kept.task, kept.method, starts).assess(kept.policy).scores
+    if not own:
+        return Again(result.id, scores, None)
+    assert result.measurement is not None
+    recorded = result.measurement.selected if which == "selected" else result.measurement.final
+    return Again(result.id, scores, scores == recorded)

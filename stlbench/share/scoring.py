@@ -26,14 +26,11 @@ from stlbench.registry.choices import Choice
 from stlbench.rollout import referee
 from stlbench.rollout.controller import Unpaid
 from stlbench.rollout.observing import observation_of
-from stlbench.share.actions import OnObservation, OnState
-from stlbench.share.function import load_function
-from stlbench.share.onnx_file import load_onnx
-from stlbench.share.perceptron import load_sb3
-from stlbench.share.source import Source
-from stlbench.share.state_dict import load_state_dict
-from stlbench.share.table import ActionTable, read_actions
-from stlbench.share.torchscript import load_torchscript
+from stlbench.share.actions import ActionTable, OnObservation, OnState, read_actions
+from stlbench.share.onnx import load_onnx
+from stlbench.share.sb3 import load_sb3
+from stlbench.share.source import Source, load_function
+from stlbench.share.torch_files import load_state_dict, load_torchscript
 from stlbench.share.traces import from_the_reports_starts, load_traces
 from stlbench.task import Task, build_method
 
@@ -102,7 +99,7 @@ def score(task: Task, source: Source, shown: Shown, random_starts: int) -> Score
     played = _played(task, source, shown)
     found = referee.Referee(task, played.method, random_starts).assess(played.policy)
     measured = _measured(found.scores, begun, played.method.input_size)
-    moved = played.policy.moved.said({name: axis.unit for name, axis in task.file.actions.items()}, task.actions.names)
+    moved = played.policy.moved.text({name: axis.unit for name, axis in task.file.actions.items()}, task.actions.names)
     return Scored(measured, found.traces, found.states, "the report's starts", played.observation, moved)
 
 

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
+import importlib.util
 import re
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from stlbench.errors import UsageError
-from stlbench.share import function
+from stlbench.errors import UsageError, cause, did_you_mean
+from stlbench.registry.fingerprint import fingerprint
 
 Kind = Literal["cell", "function", "sb3", "onnx", "torch", "traces"]
 
@@ -57,7 +61,7 @@ class Source:
     def digest(self) -> str:
         """Of the file, 64 hex digits; of a function, of its module's source. Raises `UsageError`."""
         if self.kind == "function":
-            return function.digest(self.text)
+            return digest(self.text)
         return _sha256(self.path)
 
     @property
@@ -101,3 +105,42 @@ def _found(text: str) -> Source:
     files = "a file .zip (SB3), .onnx, .pt or .pth (PyTorch), .csv or .npz (traces)"
     kinds = f"a cell's name task/method/agent/seed, module:function, or {files}"
     raise UsageError(f"'{text}' names no policy; one is {kinds}")
+
+
+def load_function(text: str) -> Callable[..., Any]:
+    """Import a module, also from the working directory, and take what it calls `function`.
+
+    Raises:
+        UsageError: there is no such module, importing it fails, or it has nothing of that name that can be called.
+    """
+    module, _, name = text.partition(":")
+    _from_here()
+    try:
+        loaded = importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is not None and f"{module}.".startswith(f"{error.name}."):
+            raise UsageError(f"{text}: there is no module '{error.name}' here or installed") from error
+        raise UsageError(f"{text}: the module cannot be imported: {error}") from error
+    except Exception as error:
+        raise UsageError(f"{text}: the module cannot be imported: {cause(error)}") from error
+    found = getattr(loaded, name, None)
+    if found is None:
+        known = [each for each, value in vars(loaded).items() if callable(value) and not each.startswith("_")]
+        raise UsageError(f"{text}: the module has no '{name}'{did_you_mean(name, known)}")
+    if not callable(found):
+        raise UsageError(f"{text}: '{name}' is {type(found).__name__}, which cannot be called")
+    function: Callable[..., Any] = found
+    return function
+
+
+def digest(text: str) -> str:
+    """Of the source of the module and of what it imports from its own package."""
+    _from_here()
+    return fingerprint(text.partition(":")[0])
+
+
+def _from_here() -> None:
+    """A console script does not look for modules in the working directory, as `python -m` does."""
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)

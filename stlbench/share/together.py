@@ -13,8 +13,8 @@ from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
 from stlbench.report import Column, Table
+from stlbench.share.bundle import METADATA, About, about
 from stlbench.share.checked import check, results_in, unpacked
-from stlbench.share.crate import METADATA, About, about
 from stlbench.share.rescored import score_cell
 
 _NAME = re.compile(r"[A-Za-z0-9._+-]+")

@@ -15,7 +15,7 @@ import pytest
 from onnx import TensorProto, helper
 from PIL import Image
 
-from stlbench.gate.files import load
+from stlbench.gate.snapshot import load
 from stlbench.records.lock import writing
 from stlbench.registry import plugins
 from stlbench.study.results import Results

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from stlbench.gate.files import load
 from stlbench.gate.judge import Judgement, judge
-from stlbench.gate.snapshot import Sample, Snapshot, pair
+from stlbench.gate.snapshot import Sample, Snapshot, load
 from stlbench.records.identity import Setting
 
 BASE = load(Path(__file__).parents[2] / "results" / "gate-reference")
@@ -23,7 +22,7 @@ def judged(number: int, where: Setting, change: Change) -> Judgement:
     """The new code changes the cells of one setting, and gives the bits of the reference elsewhere."""
     generator = np.random.default_rng([12, number])
     changed = {cell: change(one, generator) if cell.setting == where else one for cell, one in BASE.samples.items()}
-    return judge(pair(BASE, Snapshot(changed)))
+    return judge(BASE, Snapshot(changed))
 
 
 def worse(judgement: Judgement) -> set[tuple[Setting, str]]:
@@ -38,7 +37,7 @@ def tenth_lost(sample: Sample, generator: np.random.Generator) -> Sample:
 
 
 def test_equal_code_is_no_worse() -> None:
-    assert judge(pair(BASE, BASE)).verdict == "no worse"
+    assert judge(BASE, BASE).verdict == "no worse"
 
 
 def test_a_tenth_lost_in_one_setting_is_found_there_and_nowhere_else() -> None:

@@ -14,8 +14,7 @@ import pytest
 from scipy import stats
 
 from stlbench.gate.cost import MOST, Turn, interval, judge_costs, judge_turns, unclear
-from stlbench.gate.judge import Comparison, Verdict
-from stlbench.gate.metrics import COSTS
+from stlbench.gate.judge import COSTS, Comparison, Verdict
 from stlbench.gate.snapshot import Sample, Snapshot
 from stlbench.records.identity import CellId
 

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stlbench.gate.judge import EXIT, Comparison, Judgement, judge
-from stlbench.gate.metrics import METRICS, absolute, relative, speed
-from stlbench.gate.snapshot import Sample, Snapshot, pair
+from stlbench.gate.judge import EXIT, METRICS, Comparison, Judgement, absolute, judge, relative, speed
+from stlbench.gate.snapshot import Sample, Snapshot
 from stlbench.records.identity import CellId
 from stlbench.records.status import Status
 from stlbench.registry.choices import Choice
@@ -44,7 +43,7 @@ def snapshot(*samples: Sample) -> Snapshot:
 
 
 def compared(base: Sequence[Sample], new: Sequence[Sample]) -> Judgement:
-    return judge(pair(snapshot(*base), snapshot(*new)))
+    return judge(snapshot(*base), snapshot(*new))
 
 
 def satisfactions(base: Sequence[float], new: Sequence[float]) -> Comparison:

@@ -10,8 +10,7 @@ from helpers import synthetic_results
 
 from stlbench import report
 from stlbench.errors import UsageError
-from stlbench.gate.files import load, save
-from stlbench.gate.snapshot import Sample, Snapshot, gather, pair, sample
+from stlbench.gate.snapshot import Sample, Snapshot, gather, load, sample, save
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import Ledger
 from stlbench.records.result import Result
@@ -70,12 +69,6 @@ def test_planned_cells_without_a_result_are_no_samples(tmp_path: Path) -> None:
     report.write(groups, {}, tmp_path)
     assert "hold-disc,funnel,dqn,7,quick,shared,not run" in (tmp_path / "cells.csv").read_text()
     assert [cell.seed for cell in load(tmp_path).samples] == [0]
-
-
-def test_pairs_are_in_order_and_those_of_the_base() -> None:
-    one, two, three = (Sample(CellId.parse(f"disc/raw/dqn/{seed}", "smoke"), "done") for seed in (1, 2, 10))
-    base, new = (Snapshot({entry.id: entry for entry in entries}) for entries in ((three, two), (one, two)))
-    assert pair(base, new) == [(two, two), (three, None)]
 
 
 @pytest.mark.parametrize(

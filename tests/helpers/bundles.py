@@ -13,8 +13,7 @@ from helpers.kept_policies import install, trained
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import Result, from_json, to_json
-from stlbench.share.bundle import Packed, pack
-from stlbench.share.crate import METADATA, About
+from stlbench.share.bundle import METADATA, About, Packed, pack
 from stlbench.study import trial
 from stlbench.study.cell import Cell
 

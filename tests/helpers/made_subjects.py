@@ -9,28 +9,28 @@ import numpy as np
 
 from helpers.pair_task import pair
 from stlbench.contract import Array
-from stlbench.search.subject import Subject
+from stlbench.search.actor import Actor
 
 WELL = "G[0,8] norm(a + 0.7, b - 0.3) >= 0.05"
 """Violated in a disc that is 0.8 % of the box a in [-1, 0], b in [0, 1]; least robustness -0.05, at its centre."""
 
 
-def still(formula: str = WELL, **changes: Any) -> Subject:
+def still(formula: str = WELL, **changes: Any) -> Actor:
     """On the task of two robots; every trace has its start at all of its samples."""
     task = pair(formula=formula, **changes)
 
     def record(starts: Array) -> Array:
         return np.repeat(starts[:, None], task.file.steps + 1, axis=1)
 
-    return Subject("still", ("still",), task, record)
+    return Actor("still", ("still",), task, record)
 
 
-def ending(subject: Subject, last: int, beyond: float = -np.inf) -> Subject:
-    """The subject, whose episodes end early, at step `last`, where they start at an a above `beyond`."""
+def ending(actor: Actor, last: int, beyond: float = -np.inf) -> Actor:
+    """The actor, whose episodes end early, at step `last`, where they start at an a above `beyond`."""
 
     def record(starts: Array) -> Array:
-        traces = subject.record(starts)
+        traces = actor.record(starts)
         traces[starts[:, 0] > beyond, last + 1 :] = np.nan
         return traces
 
-    return replace(subject, record=record)
+    return replace(actor, record=record)

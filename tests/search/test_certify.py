@@ -73,14 +73,14 @@ def test_what_counts_as_violated_is_not_open() -> None:
 
 def test_the_starts_are_new() -> None:
     """None of them is one of the grids, of the report's random starts or of training."""
-    subject, met = still(NINE_TENTHS), list[np.ndarray]()
-    task = subject.task
+    actor, met = still(NINE_TENTHS), list[np.ndarray]()
+    task = actor.task
 
     def record(begun: np.ndarray) -> np.ndarray:
         met.append(begun)
-        return subject.record(begun)
+        return actor.record(begun)
 
-    watched = replace(subject, record=record)
+    watched = replace(actor, record=record)
     certify(watched, Claim(starts=200))
     own = {state.tobytes() for state in np.concatenate(met)}
     training = derive_seed("pair", "initial states", 0)

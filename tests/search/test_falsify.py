@@ -11,9 +11,9 @@ from helpers.made_subjects import ending, still
 
 from stlbench.contract import Array
 from stlbench.errors import UsageError
+from stlbench.search.actor import Actor, of_controller, of_policy
 from stlbench.search.falsify import How, falsify
 from stlbench.search.optimisers import OPTIMISERS
-from stlbench.search.subject import Subject, of_controller, of_policy
 
 GLOBAL = [name for name in OPTIMISERS if name != "random"]
 
@@ -31,13 +31,13 @@ def test_the_bottom_of_a_well(optimiser: str) -> None:
 def test_a_region_with_a_condition(optimiser: str) -> None:
     """Of a + 2 b the least over a in [-1, 0], b in [0, 1], a + b >= -0.2 is that of the corner a = -0.2, b = 0."""
     box = {"box": {"a": [-1, 0], "b": [0, 1]}, "where": "a + b >= -0.2"}
-    subject, met = still("G[0,8] a + 2 * b >= -0.5", initial=box), list[Array]()
+    actor, met = still("G[0,8] a + 2 * b >= -0.5", initial=box), list[Array]()
 
     def record(starts: Array) -> Array:
         met.append(starts)
-        return subject.record(starts)
+        return actor.record(starts)
 
-    found = falsify(replace(subject, record=record), How(optimiser, 2000, least=True))
+    found = falsify(replace(actor, record=record), How(optimiser, 2000, least=True))
     assert not found.found
     assert found.worst.robustness == pytest.approx(0.3, abs=0.03)
     everything = np.concatenate(met)
@@ -47,13 +47,13 @@ def test_a_region_with_a_condition(optimiser: str) -> None:
 
 @pytest.mark.parametrize("optimiser", OPTIMISERS)
 def test_it_stops_at_a_counterexample_and_says_which_evaluation_was_the_first(optimiser: str) -> None:
-    subject, met = still("G[0,8] a <= -0.2"), list[Array]()
+    actor, met = still("G[0,8] a <= -0.2"), list[Array]()
 
     def record(starts: Array) -> Array:
         met.append(starts)
-        return subject.record(starts)
+        return actor.record(starts)
 
-    found = falsify(replace(subject, record=record), How(optimiser, 5000))
+    found = falsify(replace(actor, record=record), How(optimiser, 5000))
     violated = np.concatenate(met)[:, 0] > -0.2
     assert found.first == 1 + np.argmax(violated)
     assert found.evaluations == len(violated) < 5000
@@ -143,13 +143,13 @@ def test_bad_input() -> None:
 
 def test_many_rows_are_simulated_in_parts() -> None:
     sizes = list[int]()
-    subject = still("G[0,2000000] a <= 9", steps=2_000_000)
+    actor = still("G[0,2000000] a <= 9", steps=2_000_000)
 
     def record(starts: Array) -> Array:
         sizes.append(len(starts))
         return np.broadcast_to(starts[:, None], (len(starts), 2_000_001, 2))
 
-    small: Subject = replace(subject, record=record)
+    small: Actor = replace(actor, record=record)
     assert small.rows == 1
     falsify(small, How("random", 2))
     assert sizes == [1, 1]

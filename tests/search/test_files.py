@@ -13,7 +13,7 @@ from stlbench.errors import UsageError
 from stlbench.records.saved_traces import read_saved
 from stlbench.rollout.trace_table import read_table
 from stlbench.search.falsify import Falsification, How, falsify
-from stlbench.search.files import write
+from stlbench.search.outputs import write
 
 
 @pytest.fixture(scope="module")
@@ -32,14 +32,14 @@ def test_all_four(found: Falsification, tmp_path: Path) -> None:
 def test_the_arrays(found: Falsification, tmp_path: Path) -> None:
     path = write(found, tmp_path)[0]
     saved = read_saved(path)
-    assert stl.robustness(found.subject.task.formula, saved.samples, saved.names) == [found.worst.robustness]
+    assert stl.robustness(found.actor.task.formula, saved.samples, saved.names) == [found.worst.robustness]
     with np.load(path) as arrays:
         start = dict(zip(arrays["coordinates"].tolist(), arrays["start"].tolist(), strict=True))
     assert start == found.start
 
 
 def test_the_table(found: Falsification, tmp_path: Path) -> None:
-    table, task = read_table(write(found, tmp_path)[1]), found.subject.task
+    table, task = read_table(write(found, tmp_path)[1]), found.actor.task
     table.check_times(task.file.sampling_time)
     samples = table.samples(task.signals)
     assert stl.robustness(task.formula, samples, table.names) == found.worst.robustness

@@ -14,11 +14,11 @@ from stlbench.contract import Array, Integers, RewardMethod
 from stlbench.errors import UsageError
 from stlbench.records.saved_traces import read_saved
 from stlbench.report.figures.counterexample import place_of
+from stlbench.search.actor import Actor, of_controller, of_policy
 from stlbench.search.certify import Claim, certify
 from stlbench.search.falsify import How, falsify
-from stlbench.search.files import write
+from stlbench.search.outputs import write
 from stlbench.search.space import Seeds, space_of
-from stlbench.search.subject import Subject, of_controller, of_policy
 from stlbench.task import load_task
 
 STEPS = 30
@@ -32,12 +32,12 @@ class Unpaid(RewardMethod):
 
 
 @pytest.fixture(scope="module")
-def pushed(tmp_path_factory: pytest.TempPathFactory) -> Subject:
+def pushed(tmp_path_factory: pytest.TempPathFactory) -> Actor:
     """One direction for ever: the pole falls within some ten steps."""
-    return subject(tmp_path_factory.mktemp("tasks"), f"G[0,{STEPS}] abs(x) <= 2.5", "violated")
+    return actor(tmp_path_factory.mktemp("tasks"), f"G[0,{STEPS}] abs(x) <= 2.5", "violated")
 
 
-def subject(folder: Path, formula: str, terminated: str, name: str = "pole") -> Subject:
+def actor(folder: Path, formula: str, terminated: str, name: str = "pole") -> Actor:
     place = folder / f"{name}-{terminated}"
     place.mkdir()
     content = {
@@ -58,7 +58,7 @@ def subject(folder: Path, formula: str, terminated: str, name: str = "pole") -> 
     return of_policy("pushed", ("pushed",), task, Unpaid(task.specification), Rule(lambda observation: 1))
 
 
-def test_a_counterexample_is_a_seed_that_plays_the_same_again(pushed: Subject) -> None:
+def test_a_counterexample_is_a_seed_that_plays_the_same_again(pushed: Actor) -> None:
     found = falsify(pushed, How(evaluations=40))
     assert (found.how.optimiser, found.found, found.first) == ("random", True, 1)
     assert found.start_text(4) == f"seed = {int(found.start['seed'])}"
@@ -66,7 +66,7 @@ def test_a_counterexample_is_a_seed_that_plays_the_same_again(pushed: Subject) -
     assert np.array_equal(again[0], found.worst.trace, equal_nan=True)
 
 
-def test_an_early_end_is_what_failed(pushed: Subject, tmp_path: Path) -> None:
+def test_an_early_end_is_what_failed(pushed: Actor, tmp_path: Path) -> None:
     found = falsify(pushed, How(evaluations=5))
     assert found.witness is None
     assert 5 < found.steps < STEPS
@@ -78,7 +78,7 @@ def test_an_early_end_is_what_failed(pushed: Subject, tmp_path: Path) -> None:
 
 def test_an_open_verdict_is_no_counterexample(tmp_path: Path) -> None:
     """The pole falls far inside of |x| <= 2.5, which the rest of the episode could keep or not."""
-    cut = subject(tmp_path, f"G[0,{STEPS}] abs(x) <= 2.5", "interval", "open-pole")
+    cut = actor(tmp_path, f"G[0,{STEPS}] abs(x) <= 2.5", "interval", "open-pole")
     found = falsify(cut, How(evaluations=5))
     assert (found.worst.verdict, found.found, found.open, found.first) == ("open", False, True, 1)
     assert found.worst.robustness < 0
@@ -90,7 +90,7 @@ def test_an_open_verdict_is_no_counterexample(tmp_path: Path) -> None:
 
 def test_an_end_that_decides_is_a_counterexample_under_interval_too(tmp_path: Path) -> None:
     formula = f"G[0,{STEPS}] abs(theta) <= 0.05"
-    found = falsify(subject(tmp_path, formula, "interval", "leaning"), How(evaluations=5))
+    found = falsify(actor(tmp_path, formula, "interval", "leaning"), How(evaluations=5))
     assert (found.worst.verdict, found.found, found.open) == ("violated", True, False)
     assert found.failed.startswith(f"{formula}, lost at step ")
 
@@ -98,33 +98,33 @@ def test_an_end_that_decides_is_a_counterexample_under_interval_too(tmp_path: Pa
 def test_what_was_lost_before_an_early_end_is_what_failed(tmp_path: Path) -> None:
     """The pole falls through 0.05 rad long before it ends the episode at 0.21."""
     formula = f"G[0,{STEPS}] abs(theta) <= 0.05"
-    found = falsify(subject(tmp_path, formula, "violated", "leaning-pole"), How(evaluations=5))
+    found = falsify(actor(tmp_path, formula, "violated", "leaning-pole"), How(evaluations=5))
     first = int(np.argmax(np.abs(found.worst.trace[:, 0]) > 0.05))
     assert found.witness is None
     assert 0 < first < found.steps
     assert found.failed == f"{formula}, lost at step {first}"
-    place = place_of(found.subject.task, found.worst.trace[: found.steps + 1], None)
+    place = place_of(found.actor.task, found.worst.trace[: found.steps + 1], None)
     assert (place.step, place.told.partition(" (")[0]) == (first, f"{formula}: lost at step {first}")
 
 
 def test_where_the_last_sample_stays_there_is_a_witness(tmp_path: Path) -> None:
-    found = falsify(subject(tmp_path, f"G[0,{STEPS}] abs(theta) <= 0.2", "hold"), How(evaluations=5))
+    found = falsify(actor(tmp_path, f"G[0,{STEPS}] abs(theta) <= 0.2", "hold"), How(evaluations=5))
     assert found.witness is not None
     assert (str(found.witness.predicate), found.steps) == ("abs(theta) <= 0.2", STEPS)
 
 
-def test_no_optimiser_searches_seeds(pushed: Subject) -> None:
+def test_no_optimiser_searches_seeds(pushed: Actor) -> None:
     rule = r"direct cannot search task pole-violated: its starts are seeds, .* --optimiser random"
     with pytest.raises(UsageError, match=rule):
         falsify(pushed, How("direct"))
 
 
-def test_a_certificate_over_seeds(pushed: Subject) -> None:
+def test_a_certificate_over_seeds(pushed: Actor) -> None:
     found = certify(pushed, Claim(at_least=0.5))
     assert (found.verdict, found.satisfied, found.starts) == ("refuted", 0, 64)
 
 
-def test_the_seeds_are_new(pushed: Subject) -> None:
+def test_the_seeds_are_new(pushed: Actor) -> None:
     space = space_of(pushed.task)
     assert isinstance(space, Seeds)
     assert not space.single
@@ -136,10 +136,10 @@ def test_the_seeds_are_new(pushed: Subject) -> None:
     assert not drawn & set(np.concatenate(others)[:, 0].tolist())
 
 
-def test_no_controller_by_hand(pushed: Subject) -> None:
+def test_no_controller_by_hand(pushed: Actor) -> None:
     with pytest.raises(UsageError, match="no controller by hand"):
         of_controller(pushed.task)
 
 
-def test_of_a_system_many_more_are_simulated_at_a_time(pushed: Subject) -> None:
+def test_of_a_system_many_more_are_simulated_at_a_time(pushed: Actor) -> None:
     assert pushed.rows < still().rows

@@ -7,7 +7,7 @@ from helpers.made_subjects import ending, still
 from stlbench.report.tables.formats import to_csv, to_records
 from stlbench.search.certify import Claim, certify
 from stlbench.search.falsify import How, falsify
-from stlbench.search.tables import certificates, falsifications
+from stlbench.search.outputs import certificates, falsifications
 
 HOW = How(evaluations=200)
 

@@ -19,8 +19,7 @@ from stlbench.rollout.controller import Unpaid
 from stlbench.rollout.referee import Referee
 from stlbench.share.scoring import Shown, score
 from stlbench.share.source import find_source
-from stlbench.share.state_dict import load_state_dict
-from stlbench.share.torchscript import load_torchscript
+from stlbench.share.torch_files import load_state_dict, load_torchscript
 from stlbench.task import load_task
 
 SEEN = np.random.default_rng(0).normal(size=(200, 4))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stlbench.search.abreast import abreast
+from stlbench.search.optimisers import side_by_side
 
 
 def asking(own: int, times: int, heard: dict[int, list[float]]) -> Callable[[Any], None]:
@@ -26,7 +26,7 @@ def test_each_gets_its_own_answers_in_batches_of_those_that_still_ask() -> None:
         sizes.append(len(points))
         return 10 * points[:, 0] + points[:, 1]
 
-    abreast([asking(own, times, heard) for own, times in enumerate([3, 1, 2])], values)
+    side_by_side([asking(own, times, heard) for own, times in enumerate([3, 1, 2])], values)
     assert heard == {0: [0, 1, 2], 1: [10], 2: [20, 21]}
     assert sizes == [3, 2, 1]
 
@@ -38,7 +38,7 @@ def test_what_the_values_raise_ends_all() -> None:
         raise KeyError("enough")
 
     with pytest.raises(KeyError, match="enough"):
-        abreast([asking(own, 5, {}) for own in range(4)], values)
+        side_by_side([asking(own, 5, {}) for own in range(4)], values)
     assert threading.active_count() == before
 
 
@@ -50,9 +50,9 @@ def test_what_a_search_raises_is_raised_here_and_ends_the_others() -> None:
         raise RuntimeError("a bug")
 
     with pytest.raises(RuntimeError, match="a bug"):
-        abreast([asking(0, 1000, {}), broken], lambda points: points[:, 0])
+        side_by_side([asking(0, 1000, {}), broken], lambda points: points[:, 0])
     assert threading.active_count() == before
 
 
 def test_no_search_asks_nothing() -> None:
-    abreast([], lambda points: points)
+    side_by_side([], lambda points: points)

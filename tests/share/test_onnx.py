@@ -15,7 +15,7 @@ from onnx import TensorProto, helper
 from stlbench.contract import ActionBox, Policy
 from stlbench.errors import UsageError
 from stlbench.records.observation import KEY, Observation
-from stlbench.share.onnx_file import load_onnx
+from stlbench.share.onnx import load_onnx
 from stlbench_agents.actor_policy import ActorPolicy
 from stlbench_agents.independent import TeamPolicy
 from stlbench_agents.network import GreedyPolicy, QNetwork

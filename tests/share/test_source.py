@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from stlbench.errors import UsageError
-from stlbench.share.function import digest, load_function
-from stlbench.share.source import find_source
+from stlbench.share.source import digest, find_source, load_function
 
 
 @pytest.fixture

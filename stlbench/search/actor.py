@@ -1,11 +1,10 @@
-"""What is searched for failure: a policy or a hand controller that acts in its task."""
+"""A policy or a controller by hand that acts in its task, from any start."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -20,24 +19,26 @@ from stlbench.search.space import space_of
 from stlbench.task.task import Task
 
 Verdict = Literal["violated", "open", "satisfied"]
-"""Of one episode; open where it ended early, and some continuations satisfy."""
+"""The verdict on one episode; open if it ended early and some continuations satisfy."""
 VERDICTS: tuple[Verdict, ...] = ("violated", "open", "satisfied")
-"""From the worst to the best."""
+"""The worst first."""
 
 _NUMBERS = 2**22
-"""The most numbers in the traces that are simulated at a time."""
+"""The most numbers in the traces that are simulated at once."""
 
 
 class Unsearchable(UsageError):
-    """A subject that cannot be searched: others beside it still are."""
+    """An actor that cannot be tried; a command goes on with the next one."""
+
+    """An actor that cannot be tried; a command goes on with the next one."""
 
 
 @contextmanager
 def foreign(name: str) -> Iterator[None]:
-    """Where code of others acts for a subject of that name.
+    """Where code of others acts for a actor of that name.
 
-    What it raises, `SystemExit` too, becomes `Unsearchable`: "NAME cannot be tried: ValueError: no such luck". What is
-    a `UsageError` stays as it is.
+    An exception, `SystemExit` too, becomes `Unsearchable`: "NAME cannot be tried: ValueError: no such luck". A
+    `UsageError` stays as it is.
     """
     try:
         yield
@@ -48,29 +49,29 @@ def foreign(name: str) -> Iterator[None]:
 
 
 class Played(NamedTuple):
-    """What came of N episodes."""
+    """N episodes and their verdicts."""
 
     traces: Array
-    """(N, T + 1, k); NaN after an early end, where that means more than that the last sample stays."""
+    """(N, T + 1, k); after an early end NaN, or the last sample if the task's `terminated` is hold."""
     robustness: Array
-    """(N,), of the task's formula; after an early end the least that is possible."""
+    """(N,), of the task's formula; after an early end the least that any continuation has."""
     satisfied: Truth
-    """(N,): by every continuation."""
+    """(N,): whether every continuation satisfies."""
     possible: Truth
-    """(N,): satisfied by some continuation; of a complete episode the same as `satisfied`."""
+    """(N,): whether some continuation satisfies; of a complete episode the same as `satisfied`."""
 
     @property
     def verdicts(self) -> Integers:
-        """(N,): places in `VERDICTS`."""
+        """(N,): indices into `VERDICTS`."""
         return self.satisfied.astype(np.int64) + self.possible
 
 
 @dataclass(frozen=True)
-class Subject:
+class Actor:
     """Something that acts in a task, from any start to the end of the episode."""
 
     name: str
-    """For people: hold-disc/funnel/dqn/0."""
+    """For messages: hold-disc/funnel/dqn/0."""
     label: tuple[str, ...]
     """The parts of its files' names."""
     task: Task
@@ -79,7 +80,7 @@ class Subject:
 
     @property
     def rows(self) -> int:
-        """How many episodes are simulated at a time, at most."""
+        """The most episodes that are simulated at once."""
         return max(1, min(at_once(self.task), _NUMBERS // ((self.task.file.steps + 1) * len(self.task.signals))))
 
     def play(self, points: Array) -> Played:
@@ -92,36 +93,32 @@ class Subject:
         try:
             with foreign(self.name):
                 traces = self.record(space_of(task).starts(points))
-            found = judge(task.formula, traces, task.specification, task.file.terminated)
+            judged = judge(task.formula, traces, task.specification, task.file.terminated)
         except Unsearchable:
             raise
         except (UsageError, stl.UndefinedError) as error:
             raise Unsearchable(f"{self.name} cannot be tried: {error}") from error
-        return Played(traces, found.robustness[:, 0], found.satisfied[:, 0], found.satisfied[:, 1])
+        return Played(traces, judged.robustness[:, 0], judged.satisfied[:, 0], judged.satisfied[:, 1])
 
 
 def of_policy(
     name: str, label: tuple[str, ...], task: Task, method: RewardMethod, policy: Policy | StatePolicy
-) -> Subject:
+) -> Actor:
     """A policy with the method that gives it its inputs."""
-    return Subject(name, label, task, partial(_traces, task, method, policy))
+    return Actor(name, label, task, lambda starts: referee.record(task, method, policy, starts).traces)
 
 
-def _traces(task: Task, method: RewardMethod, policy: Policy | StatePolicy, starts: Array) -> Array:
-    return referee.record(task, method, policy, starts).traces
-
-
-def of_controller(task: Task) -> Subject:
-    """The task's controller by hand. Raises `UsageError` where it has none, or where it fails."""
+def of_controller(task: Task) -> Actor:
+    """The task's controller by hand. Raises `UsageError` if it has none, or if it fails."""
     name = f"{task.name}, by hand"
 
     def record(states: Array) -> Array:
-        found = controller.record(task, states)
-        assert found is not None
-        return found.traces
+        episodes = controller.record(task, states)
+        assert episodes is not None
+        return episodes.traces
 
     with foreign(name):
-        tried = controller.record(task, task.starts.report_and_selection()[0][:1])
-    if tried is None:
+        first = controller.record(task, task.starts.report_and_selection()[0][:1])
+    if first is None:
         raise UsageError(f"task {task.name} has no controller by hand")
-    return Subject(name, (task.name, "by-hand"), task, record)
+    return Actor(name, (task.name, "by-hand"), task, record)

@@ -1,9 +1,17 @@
-"""What searches found, as tables: one row for each subject."""
+"""Results of searches as tables, and as the files of a counterexample."""
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Sequence
+from pathlib import Path
 
+import numpy as np
+
+from stlbench.records import npz, outputs
+from stlbench.report.figures.counterexample import counterexample
+from stlbench.report.figures.files import file_name, save
 from stlbench.report.statistics.intervals import Interval
 from stlbench.report.tables.table import Column, Table
 from stlbench.search.certify import Certificate, plain
@@ -11,7 +19,7 @@ from stlbench.search.falsify import Falsification
 
 
 def falsifications(found: Sequence[Falsification]) -> Table:
-    """What was searched, how long, the least robustness, and the counterexample where there is one."""
+    """One row for each search: effort, least robustness, counterexample."""
     columns = (
         Column("searched", right=False),
         Column("optimiser", right=False, shared=True),
@@ -24,7 +32,7 @@ def falsifications(found: Sequence[Falsification]) -> Table:
     )
     rows = tuple(
         (
-            *(one.subject.name, one.how.optimiser, one.evaluations, one.worst.robustness),
+            *(one.actor.name, one.how.optimiser, one.evaluations, one.worst.robustness),
             one.start_text(6) if one.found else None,
             one.first if one.found else None,
             one.failed if one.found or one.open else None,
@@ -40,7 +48,7 @@ def falsifications(found: Sequence[Falsification]) -> Table:
 
 
 def certificates(found: Sequence[Certificate]) -> Table:
-    """The shares of satisfied starts with their intervals; how many verdicts are open, where any is."""
+    """One row for each certificate: the share of satisfied starts with its interval."""
     some_open = any(one.open for one in found)
     columns = (
         Column("certified", right=False),
@@ -56,7 +64,7 @@ def certificates(found: Sequence[Certificate]) -> Table:
     )
     rows = tuple(
         (
-            *(one.subject.name, plain(one.claim.confidence), one.starts, one.satisfied),
+            *(one.actor.name, plain(one.claim.confidence), one.starts, one.satisfied),
             *([one.open] if some_open else []),
             *(one.satisfied / one.starts, one.interval, _claim(one), one.verdict, one.cpu_seconds),
         )
@@ -71,3 +79,42 @@ def _claim(found: Certificate) -> str | None:
     if claim.at_least is not None:
         return f"at least {plain(claim.at_least)}"
     return None if claim.width is None else f"known to {plain(claim.width)}"
+
+
+def write(found: Falsification, folder: Path) -> list[Path]:
+    """Write the least robust trace as .npz and .csv, and its picture as PNG, SVG and PDF; the paths.
+
+    The .npz has `traces` (1, T + 1, k), `signals` (k,), the names of the initial state's `coordinates` (n,) and its
+    values `start` (n,). The .csv has a column for the time in seconds, and one for each signal. `stlbench monitor`
+    reads both.
+
+    Raises:
+        UsageError: the folder cannot be written.
+    """
+    kind = "counterexample" if found.found else "open" if found.open else "least"
+    name = file_name(kind, *found.actor.label)
+    paths = [_npz(found, folder / f"{name}.npz"), _csv(found, folder / f"{name}.csv")]
+    recorded = found.worst.trace[: found.steps + 1]
+    figure = counterexample(found.actor.task, recorded, found.witness, _title(found))
+    return [*paths, *save(figure, folder, name)]
+
+
+def _title(found: Falsification) -> str:
+    word = "verdict open" if found.open else found.worst.verdict
+    return f"{found.actor.name}: {word}, robustness {found.worst.robustness:.4g}, from {found.start_text(4)}"
+
+
+def _npz(found: Falsification, path: Path) -> Path:
+    names = {"signals": np.array(found.actor.task.signals), "coordinates": np.array(list(found.start))}
+    npz.write(path, {**names, "traces": found.worst.trace[None], "start": found.worst.point})
+    return path
+
+
+def _csv(found: Falsification, path: Path) -> Path:
+    task, text = found.actor.task, io.StringIO()
+    own_time = "time" in task.signals
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*([] if own_time else ["time"]), *task.signals])
+    for step, sample in enumerate(found.worst.trace.tolist()):
+        writer.writerow([*([] if own_time else [round(step * task.file.sampling_time, 9)]), *sample])
+    return outputs.write(path, text.getvalue())

@@ -19,7 +19,7 @@ from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Sp
 from stlbench.contract import ActionBox, ActionGrid, Actions
 from stlbench.errors import UsageError
 from stlbench.records.observation import Observation
-from stlbench.share.perceptron import load_sb3
+from stlbench.share.sb3 import load_sb3
 
 GRID = ActionGrid(("v",), ((-1.0, 0.0, 1.0),))
 PAIR = ActionGrid(("v", "w"), ((0.0, 1.0, 2.0), (0.0, 1.0, 2.0, 3.0)))

@@ -9,8 +9,7 @@ import pytest
 
 from stlbench.contract import ActionBox, ActionGrid, Actions
 from stlbench.errors import UsageError
-from stlbench.share.actions import Moved, OnObservation, OnState, actions_of
-from stlbench.share.table import read_actions
+from stlbench.share.actions import Moved, OnObservation, OnState, actions_of, read_actions
 
 GRID = ActionGrid(("v", "w"), ((-1.0, 0.0, 1.0), (0.0, 2.0)))
 BOX = ActionBox(("v", "w"), (-1.0, 0.0), (1.0, 2.0))
@@ -35,12 +34,12 @@ def test_of_a_grid_the_action_with_the_greatest_value_is_taken() -> None:
 def test_what_is_moved_to_the_grid_is_counted() -> None:
     """By hand: of five answers three are off the grid, w by .5, 1 and .25, v by .1; rounding is no move."""
     moved, units = Moved(), {"v": "m/s", "w": "rad/s"}
-    assert moved.said(units, GRID.names) == ""
+    assert moved.text(units, GRID.names) == ""
     for vectors in ([[-1.0, 0.5], [0.9, 1.0 + 1e-9]], [[1.0, 2.0], [0.0, 0.25], [1e-7, 0.0]]):
         actions_of(np.array(vectors), GRID, len(vectors), "p", moved)
-    assert (moved.asked, moved.moved, moved.farthest.tolist()) == (5, 3, [pytest.approx(0.1), pytest.approx(1.0)])
+    assert (moved.total, moved.moved, moved.farthest.tolist()) == (5, 3, [pytest.approx(0.1), pytest.approx(1.0)])
     said = "3 of 5 actions (60 %) are not on the task's grid, and were moved to the nearest: "
-    assert moved.said(units, GRID.names) == said + "v by up to 0.1 m/s, w by up to 1 rad/s"
+    assert moved.text(units, GRID.names) == said + "v by up to 0.1 m/s, w by up to 1 rad/s"
 
 
 OWN = "w,v\n0,-0.7\n0.3,0.1\n2,1\n"

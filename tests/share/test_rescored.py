@@ -68,7 +68,7 @@ def test_a_task_that_is_not_installed_is_said(bundle, monkeypatch) -> None:
         raise UsageError("there is no task 'zz-line'")
 
     here(monkeypatch)
-    monkeypatch.setattr("stlbench.share.again.load_task", nowhere)
+    monkeypatch.setattr("stlbench.share.rescored.load_task", nowhere)
     (found,) = rescore(bundle)
     assert (found.found, found.verdict, found.why) == (None, "not scored", "there is no task 'zz-line'")
 
@@ -78,7 +78,7 @@ def test_whatever_a_policy_does_the_next_is_scored(bundle, monkeypatch) -> None:
         raise IndexError("no such layer")
 
     here(monkeypatch)
-    monkeypatch.setattr("stlbench.share.again.score_again", fails)
+    monkeypatch.setattr("stlbench.share.rescored.score_again", fails)
     (found,) = rescore(bundle)
     assert (found.verdict, found.why) == ("not scored", "IndexError: no such layer")
 

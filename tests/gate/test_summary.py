@@ -10,12 +10,9 @@ from xml.etree import ElementTree
 import pytest
 
 from stlbench.errors import UsageError
-from stlbench.gate import outputs
-from stlbench.gate.comment import LEFT_OUT, LIMIT, comment
-from stlbench.gate.judge import Comparison, Finding, Judgement
-from stlbench.gate.junit import junit
-from stlbench.gate.metrics import METRICS
+from stlbench.gate.judge import METRICS, Comparison, Finding, Judgement
 from stlbench.gate.snapshot import Snapshot
+from stlbench.gate.summary import LEFT_OUT, LIMIT, comment, junit, write
 from stlbench.records.identity import CellId
 
 CELL = CellId.parse("disc/funnel/dqn/0", "smoke")
@@ -81,7 +78,7 @@ class TestComment:
 
 class TestWrite:
     def test_four_files(self, tmp_path: Path) -> None:
-        outputs.write(tmp_path / "new", "stlbench gate", MIXED, *SIDES)
+        write(tmp_path / "new", "stlbench gate", MIXED, *SIDES)
         files = {path.name: path.read_text() for path in (tmp_path / "new").iterdir()}
         assert sorted(files) == ["comment.md", "gate.json", "gate.md", "gate.xml"]
         assert json.loads(files["gate.json"])["verdict"] == "worse"
@@ -90,4 +87,4 @@ class TestWrite:
     def test_a_folder_that_cannot_be_written_is_one_line(self, tmp_path: Path) -> None:
         (tmp_path / "file").write_text("")
         with pytest.raises(UsageError, match=r"cannot write .*gate.json: File exists"):
-            outputs.write(tmp_path / "file", "t", MIXED, *SIDES)
+            write(tmp_path / "file", "t", MIXED, *SIDES)

@@ -1,0 +1,207 @@
+"""Layers of a perceptron, whatever file they are from: read by torch as weights alone, computed by NumPy."""
+
+from __future__ import annotations
+
+import re
+import warnings
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stlbench.contract import Array
+from stlbench.errors import UsageError, cause, did_you_mean
+
+Weights = NDArray[np.floating[Any]]
+
+ACTIVATIONS: Mapping[str, Callable[[Weights], Weights]] = {
+    "relu": lambda x: np.maximum(x, 0),
+    "tanh": np.tanh,
+}
+
+
+@dataclass(frozen=True)
+class Layers:
+    """Matrices (outputs, inputs) and biases (outputs,), in their order, with an activation between them."""
+
+    parts: tuple[tuple[Weights, Weights], ...]
+    activation: str
+    """One of `ACTIVATIONS`."""
+
+    def outputs(self, observation: Array) -> Array:
+        """Of observations (N, D): (N, outputs), computed in the precision of the weights."""
+        between, x = ACTIVATIONS[self.activation], observation.astype(self.parts[0][0].dtype)
+        for matrix, bias in self.parts[:-1]:
+            x = between(x @ matrix.T + bias)
+        matrix, bias = self.parts[-1]
+        return (x @ matrix.T + bias).astype(np.float64)
+
+    def check(self, path: Path, size: int) -> None:
+        """Raises `UsageError` where it acts on other than `size` numbers, or a weight is no finite number."""
+        check_size(path, self.parts[0][0].shape[1], size)
+        if not all(np.isfinite(part).all() for layer in self.parts for part in layer):
+            raise UsageError(f"{path}: the policy has weights that are NaN or infinite; its training went wrong")
+
+
+def check_size(path: Path, size: int, shown: int) -> None:
+    """Raises `UsageError` where a policy acts on another number of numbers than it is shown."""
+    if size != shown:
+        raise UsageError(f"{path}: the policy acts on {size} numbers, and the task's observation has {shown}")
+
+
+def imported_torch(path: Path) -> Any:
+    """PyTorch. Raises `UsageError` where it is not installed."""
+    try:
+        import torch
+    except ImportError as error:
+        raise UsageError(f'{path} needs PyTorch: pip install "stlbench-rl[sb3]"') from error
+    return torch
+
+
+def read_weights(path: Path, file: IO[bytes] | Path) -> dict[str, Weights]:
+    """Arrays by name, in the order of the file; nothing in it is run.
+
+    Args:
+        path: for messages.
+        file: what `torch.save` wrote of a state_dict.
+
+    Raises:
+        UsageError: torch is not installed.
+        Exception: of many kinds, where the file is something else.
+    """
+    torch = imported_torch(path)
+    content = torch.load(file, map_location="cpu", weights_only=True)
+    arrays = {str(name): tensor.numpy() for name, tensor in content.items()}
+    return {name: array.astype(np.result_type(array.dtype, np.float32)) for name, array in arrays.items()}
+
+
+_FORM = re.compile(r"mlp\[\s*(\d+(?:\s*,\s*\d+)+)\s*;\s*(\w+)\s*\]")
+_EXAMPLE = "mlp[4,64,64,21;relu]"
+
+
+def load_state_dict(path: Path, architecture: str, size: int) -> Callable[[Array], Any]:
+    """The network as a function of observations (N, D) to its outputs (N, outputs).
+
+    Args:
+        path: a file that `torch.save(module.state_dict(), path)` wrote.
+        architecture: sizes of all layers, inputs first, and the activation between them: "mlp[4,64,64,21;relu]".
+        size: D, numbers in an observation of the task.
+
+    Raises:
+        UsageError: torch is not installed, the file is no state_dict, its entries are not those of the architecture, or
+            a weight is no finite number.
+    """
+    sizes, activation = _declared(architecture)
+    layers = Layers(_matched(path, _read(path), sizes, architecture), activation)
+    layers.check(path, size)
+    return layers.outputs
+
+
+def _declared(text: str) -> tuple[list[int], str]:
+    found = _FORM.fullmatch(text.strip())
+    if found is None:
+        raise UsageError(f"--architecture {text}: expected are sizes and an activation, as in '{_EXAMPLE}'")
+    if found[2].lower() not in ACTIVATIONS:
+        raise UsageError(f"--architecture {text}: no activation '{found[2]}'{did_you_mean(found[2], ACTIVATIONS)}")
+    return [int(each) for each in found[1].split(",")], found[2].lower()
+
+
+def _read(path: Path) -> dict[str, Weights]:
+    try:
+        return read_weights(path, path)
+    except UsageError:
+        raise
+    except Exception as error:  # torch raises many kinds, and some advise to run what is in the file
+        rule = "expected is what torch.save(module.state_dict(), FILE) writes"
+        raise UsageError(f"{path} is no state_dict that can be read without running it; {rule}") from error
+
+
+def _matched(
+    path: Path, weights: dict[str, Weights], sizes: list[int], architecture: str
+) -> tuple[tuple[Weights, Weights], ...]:
+    """The layers, in the order of the file, which is that in which the module has them."""
+    names = [name.removesuffix("weight") for name in weights if name.endswith("weight")]
+    expected = {f"{name}{part}" for name in names for part in ("weight", "bias")}
+    if other := [name for name in weights if name not in expected]:
+        raise UsageError(f"{path}: '{other[0]}' is no weight or bias of a layer of {architecture}")
+    if missing := [name for name in sorted(expected) if name not in weights]:
+        raise UsageError(f"{path}: there is no '{missing[0]}', which {architecture} has")
+    if len(names) != len(sizes) - 1:
+        raise UsageError(f"{path}: {len(names)} layers, {', '.join(names)}; {architecture} has {len(sizes) - 1}")
+    for name, inputs, outputs in zip(names, sizes[:-1], sizes[1:], strict=True):
+        for part, shape in (("weight", (outputs, inputs)), ("bias", (outputs,))):
+            if (found := weights[f"{name}{part}"].shape) != shape:
+                raise UsageError(f"{path}: '{name}{part}' has the shape {found}; by {architecture} it is {shape}")
+    return tuple((weights[f"{name}weight"], weights[f"{name}bias"]) for name in names)
+
+
+_FORBIDDEN = frozenset({"aten::save", "aten::from_file", "prim::CallFunction", "prim::CallMethod", "prim::fork"})
+"""What reads and writes files, and calls that cannot be looked into."""
+
+_AT_LOADING = b"__setstate__"
+"""The method that is run while a file is loaded, before anybody could look at it."""
+
+
+def load_torchscript(path: Path) -> Callable[[Array], Any]:
+    """The module as a function of observations (N, D), float32 or as its weights are; of several outputs the first.
+
+    Raises:
+        UsageError: torch is not installed, the file is no TorchScript, it does more than compute, or a weight is no
+            finite number.
+    """
+    torch = imported_torch(path)
+    _check_code(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # torch would rather have other formats
+            module = torch.jit.load(str(path), map_location="cpu")
+        module.eval()
+        operators = set(_operators(module.forward.inlined_graph))
+        weights = [each for each in module.state_dict().values() if each.is_floating_point()]
+    except Exception as error:  # torch raises many kinds
+        raise UsageError(f"{path} is no TorchScript that can be read: {cause(error)}") from error
+    for name in sorted(operators):
+        if name in _FORBIDDEN or not name.startswith(("aten::", "prim::")):
+            raise _does_more(path, name)
+    if not all(bool(torch.isfinite(each).all()) for each in weights):
+        raise UsageError(f"{path}: the policy has weights that are NaN or infinite; its training went wrong")
+    kind = weights[0].dtype if weights else torch.float32
+
+    def act(observation: Array) -> Any:
+        with torch.no_grad():
+            found = module.forward(torch.as_tensor(observation).to(kind))
+        return np.asarray(found[0] if isinstance(found, tuple | list) else found)
+
+    return act
+
+
+def _check_code(path: Path) -> None:
+    try:
+        with zipfile.ZipFile(path) as file:
+            code = [file.read(name) for name in file.namelist() if "/code/" in name and name.endswith(".py")]
+    except (OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        raise UsageError(f"{path} is no file of PyTorch: {cause(error)}") from error
+    if not code:
+        rule = "what torch.jit.save wrote, or a state_dict with --architecture 'mlp[4,64,64,21;relu]'"
+        raise UsageError(f"{path} is no TorchScript; expected is {rule}")
+    if any(_AT_LOADING in text for text in code):
+        raise _does_more(path, _AT_LOADING.decode())
+
+
+def _does_more(path: Path, name: str) -> UsageError:
+    return UsageError(f"{path}: its program has {name}, which is more than to compute; export it as ONNX")
+
+
+def _operators(block: Any) -> Iterator[str]:
+    """Of a graph, and of all that is nested in it."""
+    for node in block.nodes():
+        yield node.kind()
+        for inner in node.blocks():
+            yield from _operators(inner)
+        for name in node.attributeNames():
+            if node.kindOf(name) == "g":
+                yield from _operators(node.g(name))
