@@ -80,15 +80,15 @@ def report(
     groups = condense(stored.read(folder), stored.missing(folder))
     if not groups or (html and all(row.status == NOT_RUN for group in groups for row in group.rows)):
         raise UsageError(f"{stored.locate(folder)} holds no result yet")
-    found = Report(groups, standards_of(groups))
+    content = Report(groups, standards_of(groups))
     if html:
         with stored.OneByOne(folder) as results:
-            _write_page(found, results, folder if folder.is_dir() else folder.parent, out, as_json)
+            _write_page(content, results, folder if folder.is_dir() else folder.parent, out, as_json)
     elif as_json:
-        _write(found, folder, width)
-        _print_json(found)
+        _write(content, folder, width)
+        _print_json(content)
     else:
-        _show(found, found, folder, explain, width)
+        _show(content, content, folder, explain, width)
 
 
 def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, explain: bool, as_json: bool) -> None:
@@ -99,14 +99,14 @@ def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, exp
     bundles = read_bundles(paths, rescore, lambda cell, verdict: typer.echo(f"{cell}: {verdict}", err=True))
     results = {result.id: result for bundle in bundles for result in bundle.results}
     groups = condense(results.values())
-    found = Report(groups, standards_of(groups), first=(bundles_table(bundles),))
+    content = Report(groups, standards_of(groups), first=(bundles_table(bundles),))
     if page is not None:
-        _write_page(found, results, paths[0], page, as_json)
+        _write_page(content, results, paths[0], page, as_json)
     elif as_json:
-        _print_json(found)
+        _print_json(content)
     else:
-        for table in found.summary:
-            to_screen(table, console(), explain=explain or table in found.first)
+        for table in content.summary:
+            to_screen(table, console(), explain=explain or table in content.first)
     if not all(bundle.is_fine for bundle in bundles):
         raise typer.Exit(1)
 
@@ -125,9 +125,9 @@ def show_report(shown: Sequence[Group], groups: Sequence[Group], folder: Path, e
     """
     from stlbench.report import Report
 
-    found = Report(groups, standards_of(groups))
-    part = found if list(shown) == list(groups) else Report(shown, found.standards, groups)
-    _show(part, found, folder, explain, "page")
+    content = Report(groups, standards_of(groups))
+    part = content if list(shown) == list(groups) else Report(shown, content.standards, groups)
+    _show(part, content, folder, explain, "page")
 
 
 def _show(shown: Report, written: Report, folder: Path, explain: bool, width: Width) -> None:

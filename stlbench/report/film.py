@@ -128,7 +128,7 @@ def scene(task: Task, recording: Recording, robustness: tuple[float, ...], pictu
     """The figure that a film moves: the best start on the left, the worst on the right; a single one alone."""
     chosen = np.array([np.argmax(robustness), np.argmin(robustness)])[: len(robustness)]
     which = ("best start: ", "worst start: ") if len(chosen) > 1 else ("",)
-    names = [f"{said}robustness {robustness[i]:.3g}" for said, i in zip(which, chosen, strict=True)]
+    names = [f"{prefix}robustness {robustness[i]:.3g}" for prefix, i in zip(which, chosen, strict=True)]
     remark = ""
     if isinstance(task.dynamics, Drawn):
         pictures, remark = _of_system(task.dynamics, task.file.steps, recording.film)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from stlbench import stl
 from stlbench.errors import UsageError
-from stlbench.records.cell_files import TRACES, cell_files, end_of_log
+from stlbench.records.cell_files import TRACES
 from stlbench.records.identity import CellId, Setting
 from stlbench.records.outputs import write
 from stlbench.records.result import Result
@@ -27,8 +27,8 @@ from stlbench.report.figures.report_figures import (
 )
 from stlbench.report.figures.style import fitting
 from stlbench.report.figures.units import Load
-from stlbench.report.tables.cells import cost_table, page_table, scores_table
-from stlbench.report.tables.rows import Group, Row
+from stlbench.report.page_cells import cell_part, cells_shown, first_cells
+from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Table, Value, show
 from stlbench.rollout.questions import Ask
 from stlbench.task.task import Task
@@ -40,9 +40,6 @@ if TYPE_CHECKING:
 
 FILE = "report.html"
 """Name of the page in a folder of results."""
-MOST = 2000
-"""Cells that a page has one by one. Its tables and figures are of all cells."""
-_LOG_LINES = 60
 
 Tell = Callable[[int, int], None]
 """Is told how many groups of how many are read."""
@@ -76,18 +73,6 @@ class TaskPart:
     """The worst start of each group, and why; without rows where no traces are there."""
     policies: list[tuple[str, list[Picture]]]
     """What the policies of each group did."""
-
-
-@dataclass(frozen=True)
-class CellPart:
-    """All that is recorded of one cell."""
-
-    name: str
-    facts: list[tuple[str, str]]
-    tables: list[Table]
-    texts: list[tuple[str, str]]
-    """Traceback and end of the log, as far as there are any."""
-    provenance: list[tuple[str, str]]
 
 
 def require() -> None:
@@ -141,9 +126,9 @@ def _page(report: Report, results: Mapping[CellId, Result], folder: Path, load: 
         tell(done, len(report.groups))
     keys = {part.name: part.key for part in parts}
     overview = _overview(report.tables["robustness"])
-    rows, left_out = _first_cells(report.groups)
+    rows, left_out = first_cells(report.groups)
     across = [*report.first, *(table for name in ("aggregates", "improvement") if (table := report.tables[name]).rows)]
-    cells = page_table(rows, left_out)
+    cells = cells_shown(rows, left_out)
     tables = [overview, *across, cells, *(table for part in parts for table in (*part.tables, part.worst))]
     return _rendered(
         title=folder.resolve().name or "results",
@@ -153,7 +138,7 @@ def _page(report: Report, results: Mapping[CellId, Result], folder: Path, load: 
         pictures=_drawn([*drawings_across(report.fields, colours), *drawings_of_alignment(report.aligned, load)]),
         parts=parts,
         cells=_trimmed(cells),
-        details=[_cell_part(row, results.get(row.id), folder) for row in rows],
+        details=[cell_part(row, results.get(row.id), folder) for row in rows],
         notes={
             table.notes: (f"notes-{i}", table.title.partition(":")[0]) for i, table in enumerate(tables) if table.notes
         },
@@ -194,22 +179,22 @@ def _picture(label: str, figure: Figure) -> Picture:
 
 def _overview(table: Table) -> Table:
     """The columns of the table of robustness that a wide screen shows."""
-    kept = [i for i, column in enumerate(table.columns) if column.drop <= 2 and not column.below]
-    rows = tuple(tuple(row[i] for i in kept) for row in table.rows)
-    return _trimmed(Table("Overview", tuple(table.columns[i] for i in kept), rows, table.notes))
+    shown = [i for i, column in enumerate(table.columns) if column.drop <= 2 and not column.below]
+    rows = tuple(tuple(row[i] for i in shown) for row in table.rows)
+    return _trimmed(Table("Overview", tuple(table.columns[i] for i in shown), rows, table.notes))
 
 
 def _trimmed(table: Table, *, folded: bool = False) -> Table:
     """Without columns that hold nothing; where `folded`, what all rows share goes into the title, as on a screen."""
     columns, rows = table.columns, table.rows
-    kept = [i for i in range(len(columns)) if not rows or any(row[i] not in (None, "") for row in rows)]
-    alike = [i for i in kept if folded and columns[i].shared and len({row[i] for row in rows}) == 1]
+    shown = [i for i in range(len(columns)) if not rows or any(row[i] not in (None, "") for row in rows)]
+    alike = [i for i in shown if folded and columns[i].shared and len({row[i] for row in rows}) == 1]
     common = ", ".join(f"{columns[i].heading} {show(rows[0][i])}" for i in alike)
-    kept = [i for i in kept if i not in alike]
+    shown = [i for i in shown if i not in alike]
     return Table(
         f"{table.title}: {common}" if common else table.title,
-        tuple(columns[i] for i in kept),
-        tuple(tuple(row[i] for i in kept) for row in rows),
+        tuple(columns[i] for i in shown),
+        tuple(tuple(row[i] for i in shown) for row in rows),
         table.notes,
     )
 
@@ -223,13 +208,13 @@ def _of_task(report: Report, choice: Choice) -> list[Table]:
         "alignment": choice.name,
         "time": str(choice),
     }
-    found = list[Table]()
+    tables = list[Table]()
     for name, task in names.items():
         table = report.tables[name]
         rows = tuple(row for row in table.rows if row[0] == task)
         if rows:
-            found.append(_trimmed(Table(table.title, table.columns, rows, table.notes), folded=True))
-    return found
+            tables.append(_trimmed(Table(table.title, table.columns, rows, table.notes), folded=True))
+    return tables
 
 
 # ------------------------------------------------------------------------------------------------------------- tasks
@@ -285,11 +270,11 @@ def _task_part(
 def _facts(task: Task) -> list[tuple[str, str]]:
     from stlbench.report.figures.regions import terms
 
-    file, found = task.file, terms(task)
+    file, parts = task.file, terms(task)
     seconds = file.steps * file.sampling_time
     return [
         ("formula", str(task.formula)),
-        *(("term", str(term.formula)) for term in (found if len(found) > 1 else ())),
+        *(("term", str(term.formula)) for term in (parts if len(parts) > 1 else ())),
         ("episode", f"{file.steps} steps of {file.sampling_time:g} s, {seconds:g} s together"),
         ("horizon", f"{stl.horizon(task.formula)} steps"),
         ("source", file.source),
@@ -305,60 +290,10 @@ def _policies(
     from stlbench.report.stories import figures_of
 
     bands = bands_of(task.choice, (setting.method for setting in stories), ask)
-    found = list[tuple[str, list[Picture]]]()
+    policies = list[tuple[str, list[Picture]]]()
     for setting, story in stories.items():
         track = "" if setting.track == "shared" else f", {setting.track}"
         name = f"{setting.method} ({setting.agent}, {setting.budget}{track})"
         figures = figures_of(task, story, bands[setting.method], name, colours[str(setting.method)])
-        found.append((name, [_picture(label, figure) for label, figure in figures]))
-    return found
-
-
-# ------------------------------------------------------------------------------------------------------------- cells
-
-
-def _first_cells(groups: Sequence[Group]) -> tuple[list[Row], str]:
-    """The cells that the page has one by one, and what is said of the others."""
-    count = sum(len(each.rows) for each in groups)
-    if count <= MOST:
-        return [row for each in groups for row in each.rows], ""
-    seeds = max(1, MOST // len(groups))
-    said = f"Of {count} cells the first {seeds} seeds of each setting; `stlbench show cell` shows any."
-    return [row for each in groups for row in each.rows[:seeds]], said
-
-
-def _cell_part(row: Row, result: Result | None, folder: Path) -> CellPart:
-    if result is None:
-        return CellPart(row.id.name, [("status", row.status), ("budget", row.id.budget)], [], [], [])
-    files, measured = cell_files(folder, result.id, result.key), result.measurement
-    written = "\n".join(end_of_log(files.log, _LOG_LINES))
-    facts = {
-        "status": result.status,
-        "reason": result.reason,
-        "budget": result.id.budget,
-        "track": result.id.track,
-        "policy": _policy(result, files.policies, folder),
-        "log": str(files.log.relative_to(folder))
-        if written
-        else "none here: the cell wrote nothing, or it was not kept",
-    }
-    tables = list[Table]()
-    if measured is not None and result.id.track == "outside":
-        tables = [scores_table({"": measured.selected})]
-    elif measured is not None:
-        tables = [scores_table({"selected": measured.selected, "final": measured.final}), cost_table(measured)]
-    return CellPart(
-        name=result.id.name,
-        facts=[(name, text) for name, text in facts.items() if text],
-        tables=list(map(_trimmed, tables)),
-        texts=[(title, text) for title, text in (("Traceback", result.details), ("End of its log", written)) if text],
-        provenance=[*result.provenance.items(), ("key", result.key)],
-    )
-
-
-def _policy(result: Result, path: Path, folder: Path) -> str:
-    stored = result.measurement.policies if result.measurement else None
-    if stored is None:
-        return "none is stored" if result.measurement else ""
-    where = str(path.relative_to(folder)) if path.is_file() else "its file is not in this folder"
-    return f"{where}; SHA-256 selected {stored.selected}, final {stored.final}"
+        policies.append((name, [_picture(label, figure) for label, figure in figures]))
+    return policies

@@ -49,8 +49,8 @@ class Report:
     def best(self) -> dict[Choice, float]:
         """The best known robustness of the tasks that were learned."""
         tasks = {group.setting.task for group in self.learned}
-        found = best_known(self._recorded, self.standards)
-        return {task: value for task, value in found.items() if task in tasks}
+        known = best_known(self._recorded, self.standards)
+        return {task: value for task, value in known.items() if task in tasks}
 
     @cached_property
     def fields(self) -> tuple[Field, ...]:

@@ -80,7 +80,7 @@ def figures_of(task: Task, story: Story, bands: Sequence[Band], name: str, colou
     return [
         (f"{name}: the best, the median and the worst start", trajectories(task, picked, name, colour)),
         *([(f"{name}: margin of each term against time; a term holds above 0", in_time)] if in_time else []),
-        (f"{name}: why the worst start has robustness {story.robustness:.4g}: {story.place.told}", why),
+        (f"{name}: why the worst start has robustness {story.robustness:.4g}: {story.place.explanation}", why),
     ]
 
 

@@ -45,16 +45,16 @@ def write(pictures: Iterable[Pixels], path: Path) -> None:
 
 def _gif(images: Sequence[Image.Image], file: BinaryIO) -> None:
     """Each frame has 256 colours of its own: those of the first may lack what moves into the picture later."""
-    first, *others = [image.quantize(256) for image in images]
+    first, *rest = [image.quantize(256) for image in images]
     duration = round(1000 / FRAMES_A_SECOND)
-    first.save(file, format="gif", save_all=True, append_images=others, duration=duration, loop=0)
+    first.save(file, format="gif", save_all=True, append_images=rest, duration=duration, loop=0)
 
 
 def _webp(images: Sequence[Image.Image], file: BinaryIO) -> None:
     """Smaller than a GIF, with all colours; edges are a little soft."""
-    first, *others = images
+    first, *rest = images
     duration = round(1000 / FRAMES_A_SECOND)
-    first.save(file, "webp", save_all=True, append_images=others, duration=duration, loop=0, quality=60, method=3)
+    first.save(file, "webp", save_all=True, append_images=rest, duration=duration, loop=0, quality=60, method=3)
 
 
 def _mp4(pictures: Iterable[Pixels], path: Path) -> None:
@@ -68,8 +68,8 @@ def _mp4(pictures: Iterable[Pixels], path: Path) -> None:
         command = [_ffmpeg(), "-y", "-loglevel", "error", *raw, "-pix_fmt", "yuv420p", str(film)]
         done = subprocess.run(command, input=content, capture_output=True, check=False)  # noqa: S603
         if done.returncode:
-            said = " ".join(done.stderr.decode(errors="replace").split()) or f"exit code {done.returncode}"
-            raise UsageError(f"ffmpeg could not write {path}: {said}")
+            problem = " ".join(done.stderr.decode(errors="replace").split()) or f"exit code {done.returncode}"
+            raise UsageError(f"ffmpeg could not write {path}: {problem}")
         write_file(path, film.read_bytes())
 
 

@@ -74,17 +74,17 @@ def _read(path: Path, rescore: bool, tell: Tell) -> Bundle:
     if problems:
         return Bundle(path, problems=problems)
     with unpacked(path) as (folder, _):
-        found, verdicts = list[Result](), set[str]()
+        results, verdicts = list[Result](), set[str]()
         for result in results_in(folder):
-            again = score_cell(result, folder) if rescore else None
-            if again is not None:
-                verdicts.add(again.verdict)
-                tell(result.id.name, again.verdict)
-                if result.measurement is not None and again.found is not None:
-                    result = replace(result, measurement=replace(result.measurement, selected=again.found))
-            found.append(replace(result, id=_named(result.id, path.stem)))
+            rescored = score_cell(result, folder) if rescore else None
+            if rescored is not None:
+                verdicts.add(rescored.verdict)
+                tell(result.id.name, rescored.verdict)
+                if result.measurement is not None and rescored.found is not None:
+                    result = replace(result, measurement=replace(result.measurement, selected=rescored.found))
+            results.append(replace(result, id=_named(result.id, path.stem)))
         facts = about((folder / METADATA).read_text(encoding="utf-8"))
-    return Bundle(path, facts, tuple(found), next((word for word in _VERDICTS if word in verdicts), None))
+    return Bundle(path, facts, tuple(results), next((word for word in _VERDICTS if word in verdicts), None))
 
 
 def _named(cell: CellId, bundle: str) -> CellId:

@@ -104,7 +104,7 @@ def test_what_was_lost_before_an_early_end_is_what_failed(tmp_path: Path) -> Non
     assert 0 < first < found.steps
     assert found.failed == f"{formula}, lost at step {first}"
     place = place_of(found.actor.task, found.worst.trace[: found.steps + 1], None)
-    assert (place.step, place.told.partition(" (")[0]) == (first, f"{formula}: lost at step {first}")
+    assert (place.step, place.explanation.partition(" (")[0]) == (first, f"{formula}: lost at step {first}")
 
 
 def test_where_the_last_sample_stays_there_is_a_witness(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 
 from stlbench.contract import Array
 from stlbench.report.figures import layout
-from stlbench.report.figures.axes import Window, beside, beyond_key, number, window
+from stlbench.report.figures.axes import Window, arrow_at_left, beyond_key, number, window
 from stlbench.report.figures.palette import BOUNDS, GROUPS_PER_FIGURE, INK, TRACE, Colours, lines_of
 from stlbench.report.figures.style import SINGLE, small, styled, tiny, width
 from stlbench.report.statistics.across import Estimate, profile
@@ -49,9 +49,9 @@ def across_tasks(fields: Sequence[Field], colours: Colours) -> Figure:
     first = fields[0]
     parts = list(_parts(len(first.entries)))
     heights = 1.1 + 0.25 * len(first.entries), 0.3 + 2.3 * len(parts)
-    beside = width() > 2 * SINGLE
-    figure = Figure(figsize=(width(), 0.5 + (max(heights) if beside else sum(heights))), layout="constrained")
-    if beside:
+    side_by_side = width() > 2 * SINGLE
+    figure = Figure(figsize=(width(), 0.5 + (max(heights) if side_by_side else sum(heights))), layout="constrained")
+    if side_by_side:
         left, right = figure.subfigures(1, 2, squeeze=False)[0]
     else:
         left, right = figure.subfigures(2, 1, squeeze=False, height_ratios=heights)[:, 0]
@@ -75,9 +75,9 @@ def _parts(count: int) -> Iterator[range]:
 def _aggregates(axes: Axes, fields: Sequence[Field], colours: Colours) -> None:
     ends = list[float]()
     for order, field in enumerate(fields):
-        for row, found in enumerate(field.aggregates):
-            value, interval = found.middle
-            colour = colours[found.entry.method]
+        for row, aggregate in enumerate(field.aggregates):
+            value, interval = aggregate.middle
+            colour = colours[aggregate.entry.method]
             height = row + 0.26 * order - 0.13 * (len(fields) - 1)
             if interval is not None:
                 ends_of = [*map(place, interval)]
@@ -226,7 +226,7 @@ def _marks(axes: Axes, place: int, row: Aligned, shown: Window | None) -> None:
         elif value is not None:
             axes.plot([value], [place], linestyle="", zorder=4, clip_on=False, **mark)
     if far:
-        beside(axes, place, far)
+        arrow_at_left(axes, place, far)
 
 
 def _alignment_keys(cut: bool) -> list[Artist]:

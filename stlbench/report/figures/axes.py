@@ -48,12 +48,12 @@ def window(groups: Iterable[Iterable[float]]) -> Window | None:
     Shown are 0, and what lies at most five times as far as the nearest group does, or as the best value is above 0.
     The axis ends there if a value lies more than ten times as far.
     """
-    kept = [shown for group in groups if (shown := [value for value in group if math.isfinite(value)])]
-    values = [value for group in kept for value in group]
+    finite = [shown for group in groups if (shown := [value for value in group if math.isfinite(value)])]
+    values = [value for group in finite for value in group]
     top = max([0.0, *values])
     furthest = top - min(values, default=0.0)
     share = _LEAST if top > 0 else _LEAST_AT_ZERO
-    least = max(min((top - median(group) for group in kept), default=0.0), top, share * furthest)
+    least = max(min((top - median(group) for group in finite), default=0.0), top, share * furthest)
     if furthest <= _FAR * least:
         return None
     return Window(min([-_ROOM * top, *(value for value in values if top - value <= _NEAR * least)]), top)
@@ -64,21 +64,21 @@ def number(value: float) -> str:
     return f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}"
 
 
-def beside(axes: Axes, place: float, told: Sequence[tuple[str, str]]) -> None:
+def arrow_at_left(axes: Axes, place: float, texts: Sequence[tuple[str, str]]) -> None:
     """At the left end of a row: an arrow, and the numbers that lie there, each with its colour."""
     where, shift = axes.get_yaxis_transform(), 7.0
-    axes.plot([0.0], [place], "<", color=told[0][1], markersize=4.5, transform=where, clip_on=False, zorder=6)
-    for text, colour in told:
+    axes.plot([0.0], [place], "<", color=texts[0][1], markersize=4.5, transform=where, clip_on=False, zorder=6)
+    for text, colour in texts:
         words = axes.annotate(text, (0.0, place), (shift, 0), xycoords=where, textcoords="offset points")
         words.set(ha="left", va="center", color=colour, fontsize=tiny(), bbox=_PAPER, zorder=7)
         shift += 0.62 * tiny() * len(text) + 5
 
 
-def below(axes: Axes, told: Sequence[tuple[str, str]]) -> None:
+def arrows_below(axes: Axes, texts: Sequence[tuple[str, str]]) -> None:
     """At the lower end of an axis: an arrow for each line that ends below it, and over it the number in its colour."""
     where = axes.transAxes
-    for i, (text, colour) in enumerate(told):
-        place = _FROM + (1 - _FROM) * (i + 1) / (len(told) + 1)
+    for i, (text, colour) in enumerate(texts):
+        place = _FROM + (1 - _FROM) * (i + 1) / (len(texts) + 1)
         axes.plot([place], [0.0], "v", color=colour, markersize=4.5, transform=where, clip_on=False, zorder=6)
         words = axes.annotate(text, (place, 0.0), (0, 5), xycoords=where, textcoords="offset points", rotation=90)
         words.set(ha="center", va="bottom", color=colour, fontsize=tiny(), bbox=_PAPER, zorder=7)

@@ -38,15 +38,15 @@ class Place(NamedTuple):
     step: int
     text: str
     """The margin and the step, in words."""
-    told: str
+    explanation: str
     """For the legend."""
     witness: stl.Witness | None
 
     @property
     def predicate(self) -> stl.Predicate | None:
         """Whose margin it is; none where it is that of `True`, or of an early end."""
-        found = None if self.witness is None else self.witness.predicate
-        return found if isinstance(found, stl.Predicate) else None
+        predicate = None if self.witness is None else self.witness.predicate
+        return predicate if isinstance(predicate, stl.Predicate) else None
 
 
 @styled
@@ -64,10 +64,10 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
     """
     here, wide = place_of(task, trace, witness), task.file.plane is not None
     rows = len(task.signals) + (here.predicate is not None)
-    beside = wide and width() > 2 * SINGLE
-    tall = max(3.2, 1.2 + 1.1 * rows) + (_PLANE if wide and not beside else 0.0)
+    side_by_side = wide and width() > 2 * SINGLE
+    tall = max(3.2, 1.2 + 1.1 * rows) + (_PLANE if wide and not side_by_side else 0.0)
     figure = Figure(figsize=(width(), tall), layout="constrained")
-    if beside or not wide:
+    if side_by_side or not wide:
         grid = figure.add_gridspec(rows, 2 if wide else 1)
     else:
         grid = figure.add_gridspec(rows + 1, 1, height_ratios=[*[1.1] * rows, _PLANE])
@@ -79,7 +79,7 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
     in_time[-1].set_xlabel(time_label(task))
     in_time[-1].tick_params(labelbottom=True)
     if wide:
-        drawn |= set(_plane(figure.add_subplot(grid[:, 1] if beside else grid[rows, 0]), task, trace, here))
+        drawn |= set(_plane(figure.add_subplot(grid[:, 1] if side_by_side else grid[rows, 0]), task, trace, here))
     layout.title(figure, title)
     keys = _keys(task, sorted(drawn), here)
     layout.legend(figure, keys, 1)
@@ -151,6 +151,6 @@ def _plane(axes: Axes, task: Task, trace: Array, here: Place) -> tuple[int, ...]
 
 
 def _keys(task: Task, drawn: Sequence[int], here: Place) -> list[Artist]:
-    told, named = textwrap.fill(here.told, _LETTERS), parts(task)
-    mark = Line2D([], [], linestyle="", marker="o", color=MARK, markersize=5, label=told)
+    text, named = textwrap.fill(here.explanation, _LETTERS), parts(task)
+    mark = Line2D([], [], linestyle="", marker="o", color=MARK, markersize=5, label=text)
     return [mark, *(layout.term_patch(i, str(named[i])) for i in drawn)]

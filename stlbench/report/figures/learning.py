@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter
 
 from stlbench.report.figures import layout
-from stlbench.report.figures.axes import below, beyond_key, number, window
+from stlbench.report.figures.axes import arrows_below, beyond_key, number, window
 from stlbench.report.figures.palette import Colours, GroupStyle, styles
 from stlbench.report.figures.style import SINGLE, styled, width
 from stlbench.report.statistics.intervals import MeanCurve, mean_curve
@@ -46,7 +46,7 @@ def learning_curves(groups: Sequence[Group], unit: str, colours: Colours, most: 
     low, far = _limit(right, means)
     for line, style in means:
         _draw(right, line, style, low)
-    below(right, far)
+    arrows_below(right, far)
     left.set(ylabel="starts that satisfy [%]", ylim=(-4, 104))
     right.set_ylabel(textwrap.fill(f"mean robustness [{unit}]", _LINE))
     right.axhline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)

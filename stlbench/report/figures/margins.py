@@ -132,8 +132,8 @@ def bands_of(task: Choice, methods: Iterable[Choice], ask: Ask) -> Mapping[Choic
     Of one that cannot be asked, a `PluginWarning` says why.
     """
     questions = {method: _question(task, method) for method in methods}
-    found = answers(list(questions.values()), ask)
-    return {method: found.get(question, ()) for method, question in questions.items()}
+    bounds = answers(list(questions.values()), ask)
+    return {method: bounds.get(question, ()) for method, question in questions.items()}
 
 
 def _question(task: Choice, method: Choice) -> Question[tuple[Band, ...]]:

@@ -55,8 +55,8 @@ def colours_of(groups: Sequence[Group]) -> Colours:
     Methods that learned come first, by name; then those that were only planned for.
     """
     learned = {str(group.setting.method) for group in split(groups)[0]}
-    others = {str(group.setting.method) for group in groups} - learned
-    return dict(zip([*sorted(learned), *sorted(others)], cycle(COLOURS), strict=False))
+    planned = {str(group.setting.method) for group in groups} - learned
+    return dict(zip([*sorted(learned), *sorted(planned)], cycle(COLOURS), strict=False))
 
 
 def lines_of(colours: Iterable[str]) -> list[Line]:

@@ -116,17 +116,17 @@ def region(task: Task, psi: Formula, axes: Sequence[Array], names: Sequence[str]
         others, which are too many to search.
     """
     read, specification = stl.signals(psi), task.specification
-    others = [name for name in task.signals if name in read and name not in names]
-    if len(others) > _MOST_OTHERS or not set(read) & set(names):
+    hidden = [name for name in task.signals if name in read and name not in names]
+    if len(hidden) > _MOST_OTHERS or not set(read) & set(names):
         return None
-    few = min(_MOST_VALUES, (_SAMPLES / math.prod(map(len, axes))) ** (1 / max(1, len(others))))
+    few = min(_MOST_VALUES, (_SAMPLES / math.prod(map(len, axes))) ** (1 / max(1, len(hidden))))
     count = int(few) // 2 * 2 + 1  # with the middle of the range among them
     values = []
     for name, low, high in zip(task.signals, specification.low, specification.high, strict=True):
         if name in names:
             values.append(axes[list(names).index(name)])
         else:
-            values.append(np.linspace(low, high, count) if name in others else np.array([low]))
+            values.append(np.linspace(low, high, count) if name in hidden else np.array([low]))
     samples = np.stack(np.meshgrid(*values, indexing="ij"), axis=-1)
     left_out = tuple(i for i, name in enumerate(task.signals) if name not in names)
     margin = specification.margin(psi)(samples).max(axis=left_out)
@@ -157,9 +157,9 @@ def readings(task: Task) -> Iterator[Read]:
     for row, (name, signal) in enumerate(task.file.signals.items()):
         grid = np.linspace(signal.low, signal.high, 1001)
         for i, part in enumerate(parts(task)):
-            found = region(task, part.psi, (grid,), (name,)) if name in stl.signals(part.psi) else None
-            if found is not None:
-                yield Read(row, i, part, [(float(grid[first]), float(grid[last])) for first, last in _runs(found[1])])
+            shadow = region(task, part.psi, (grid,), (name,)) if name in stl.signals(part.psi) else None
+            if shadow is not None:
+                yield Read(row, i, part, [(float(grid[first]), float(grid[last])) for first, last in _runs(shadow[1])])
 
 
 def signals_in_time(rows: Sequence[Axes], task: Task) -> list[int]:

@@ -66,11 +66,11 @@ def drawings_of_tasks(groups: Sequence[Group], colours: Colours, load: Load) -> 
 
     Where a task has more groups than one figure takes, further figures have names that end in _2, _3, ...
     """
-    found = dict[Choice, list[Drawing]]()
+    drawings = dict[Choice, list[Drawing]]()
     for task, members in groupby(groups, key=lambda group: group.setting.task):
         of_task, scale = list(members), scale_of_task(task, load)
         if any(group.done for group in of_task):
-            found[task] = [
+            drawings[task] = [
                 Drawing(
                     file_name("robustness", str(task)) + end,
                     f"Robustness by seed of {len(page)} methods on {task}; the table of robustness has the numbers",
@@ -79,8 +79,8 @@ def drawings_of_tasks(groups: Sequence[Group], colours: Colours, load: Load) -> 
                 )
                 for end, page in pages(of_task, ROWS_PER_FIGURE)
             ]
-            found[task] += drawings_of_learning(of_task, colours, scale)
-    return found
+            drawings[task] += drawings_of_learning(of_task, colours, scale)
+    return drawings
 
 
 def drawings_of_learning(groups: Sequence[Group], colours: Colours, scale: Scale) -> list[Drawing]:

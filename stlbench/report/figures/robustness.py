@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from stlbench.contract import Array
 from stlbench.report.figures import layout, plane
-from stlbench.report.figures.axes import Window, beside, beyond_key, number, window
+from stlbench.report.figures.axes import Window, arrow_at_left, beyond_key, number, window
 from stlbench.report.figures.palette import Colours, styles
 from stlbench.report.figures.regions import parts
 from stlbench.report.figures.style import small, styled, tiny, width
@@ -77,10 +77,10 @@ def _points(axes: Axes, place: int, values: Sequence[float], shown: Window | Non
     if not below:
         axes.plot([centre], [place + 0.16], "D", color=colour, markersize=5, markeredgecolor="white", mew=0.6)
     if far:
-        beside(axes, place - (0.34 if near else 0.14), [(_far(far), colour)])  # above the seeds that are shown
+        arrow_at_left(axes, place - (0.34 if near else 0.14), [(_far(far), colour)])  # above the seeds that are shown
     if below:
-        said = "" if ends is None else f" [{number(ends.low)}, {number(ends.high)}]"
-        beside(axes, place + 0.2, [(f"median {number(centre)}{said}", colour)])
+        interval = "" if ends is None else f" [{number(ends.low)}, {number(ends.high)}]"
+        arrow_at_left(axes, place + 0.2, [(f"median {number(centre)}{interval}", colour)])
 
 
 def _far(values: Sequence[float]) -> str:

@@ -97,21 +97,21 @@ def ranks(tasks: Sequence[Sequence[tuple[int, Array] | None]]) -> list[Estimate]
     strata, at = list[Array](), list[list[int | None]]()
     for methods in tasks:
         classes = dict[int, list[Array]]()
-        for found in methods:
-            if found is not None:
-                classes.setdefault(found[0], []).append(found[1])
+        for method in methods:
+            if method is not None:
+                classes.setdefault(method[0], []).append(method[1])
         first = {kind: len(strata) + i for i, kind in enumerate(classes)}
         strata += [np.concatenate(runs) for runs in classes.values()]
-        at.append([None if found is None else first[found[0]] for found in methods])
+        at.append([None if method is None else first[method[0]] for method in methods])
 
     def places(*drawn: Array, axis: int) -> Array:
         """-> (methods, ...)."""
         centres = np.stack([np.median(runs, axis) for runs in drawn])
-        found = np.full((len(at), len(at[0]), *centres.shape[1:]), np.nan)
+        placed = np.full((len(at), len(at[0]), *centres.shape[1:]), np.nan)
         for task, methods in enumerate(at):
             fitting = {method: where for method, where in enumerate(methods) if where is not None}
-            found[task, list(fitting)] = stats.rankdata(-centres[list(fitting.values())], axis=0)
-        return np.asarray(np.nanmean(found, axis=0))
+            placed[task, list(fitting)] = stats.rankdata(-centres[list(fitting.values())], axis=0)
+        return np.asarray(np.nanmean(placed, axis=0))
 
     return _estimates(*_bootstrapped(places, strata))
 
@@ -160,7 +160,7 @@ def _bootstrapped(statistic: Callable[..., Any], strata: Runs) -> tuple[Array, A
     from scipy import stats
 
     count = sum(map(len, data))
-    found = stats.bootstrap(
+    interval = stats.bootstrap(
         data,
         statistic,
         n_resamples=min(RESAMPLES, max(FEWEST_RESAMPLES, _DRAWN // count)),
@@ -171,4 +171,4 @@ def _bootstrapped(statistic: Callable[..., Any], strata: Runs) -> tuple[Array, A
         method="percentile",
         rng=np.random.default_rng(0),
     ).confidence_interval
-    return value, np.asarray(found.low), np.asarray(found.high)
+    return value, np.asarray(interval.low), np.asarray(interval.high)

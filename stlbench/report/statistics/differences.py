@@ -127,22 +127,23 @@ def _welch(one: Sequence[float], other: Sequence[float]) -> tuple[Interval, floa
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # seeds that agree to the last digits: the interval is right
-        found = stats.ttest_ind(sorted(one), sorted(other), equal_var=False)
-    ends = found.confidence_interval(LEVEL)
-    return Interval(float(ends.low), float(ends.high)), float(found.df)
+        test = stats.ttest_ind(sorted(one), sorted(other), equal_var=False)
+    ends = test.confidence_interval(LEVEL)
+    return Interval(float(ends.low), float(ends.high)), float(test.df)
 
 
 def _decide(tested: _Tested, chance: float, family: int) -> Difference:
-    found, margin = replace(tested.difference, chance=chance), tested.pair.margin
+    difference, margin = replace(tested.difference, chance=chance), tested.pair.margin
     if chance < ALPHA:
-        paid = chance / (found.alone or chance)  # what Holm's correction asks of this pair, in all respects
+        paid = chance / (difference.alone or chance)  # what Holm's correction asks of this pair, in all respects
         deciding = [look for look in tested.looks if look.chance * paid < ALPHA]
         signs = {look.sign for look in deciding}
         word: Word = "mixed" if len(signs) > 1 else "better" if signs == {1} else "worse"
-        return replace(found, word=word, decided=tuple(look.what for look in deciding))
-    if found.interval and margin is not None and -margin <= found.interval.low and found.interval.high <= margin:
-        return replace(found, word="no difference found")
-    return replace(found, seeds=_enough(tested, ALPHA / family))
+        return replace(difference, word=word, decided=tuple(look.what for look in deciding))
+    ends = difference.interval
+    if ends and margin is not None and -margin <= ends.low and ends.high <= margin:
+        return replace(difference, word="no difference found")
+    return replace(difference, seeds=_enough(tested, ALPHA / family))
 
 
 def _enough(tested: _Tested, alpha: float) -> int:

@@ -80,8 +80,8 @@ def share_interval(successes: int, trials: int, level: float = LEVEL) -> Interva
 def _exact(successes: int, trials: int, level: float) -> Interval:
     from scipy import stats
 
-    found = stats.binomtest(successes, trials).proportion_ci(level, method="exact")
-    return Interval(float(found.low), float(found.high))
+    interval = stats.binomtest(successes, trials).proportion_ci(level, method="exact")
+    return Interval(float(interval.low), float(interval.high))
 
 
 @lru_cache

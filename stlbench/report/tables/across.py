@@ -90,13 +90,13 @@ def fields(
     trained by its own agent. A method counts if it was tried on all these tasks and fits one that is not trivial.
     Fields have three tasks or more.
     """
-    found = dict[tuple[str, str], list[Contest]]()
+    by_kind = dict[tuple[str, str], list[Contest]]()
     for (task, agent, budget, track), contest in contests(groups).items():
         standard = standards.get(task.name)
         own = standard is not None and not task.parameters and str(agent) == standard.own_agent
         if own and len(contest) > 1 and _scale(task, standards, best):
-            found.setdefault((budget, track), []).append(contest)
-    return tuple(field for key, members in sorted(found.items()) for field in _fields(*key, members, standards, best))
+            by_kind.setdefault((budget, track), []).append(contest)
+    return tuple(field for key, members in sorted(by_kind.items()) for field in _fields(*key, members, standards, best))
 
 
 def _scale(task: Choice, standards: Mapping[str, Standard], best: Mapping[Choice, float]) -> tuple[float, float] | None:
@@ -174,14 +174,14 @@ def _by_task(field: Field) -> list[list[tuple[int, NDArray[np.float64]] | None]]
 
 def _improvements(field: Field) -> tuple[tuple[str, str, int, Estimate], ...]:
     """Of each two methods that fit a common task: how many such tasks there are, and how often the first is better."""
-    found, tasks = [], _by_task(field)
+    rows, tasks = [], _by_task(field)
     for (i, one), (j, other) in combinations(enumerate(field.entries), 2):
         both = [(first, second) for methods in tasks if (first := methods[i]) and (second := methods[j])]
         if both:
             # of methods that are paid the same, each run is as good as any of the other
-            ones, others = zip(*((a, b) if k != m else (0 * a, 0 * b) for (k, a), (m, b) in both), strict=True)
-            found.append((one.method, other.method, len(both), across.improvement(ones, others)))
-    return tuple(found)
+            runs, other_runs = zip(*((a, b) if k != m else (0 * a, 0 * b) for (k, a), (m, b) in both), strict=True)
+            rows.append((one.method, other.method, len(both), across.improvement(runs, other_runs)))
+    return tuple(rows)
 
 
 _FIELD = (
@@ -191,7 +191,7 @@ _FIELD = (
 )
 
 
-def aggregates_table(found: Iterable[Field]) -> Table:
+def aggregates_table(several: Iterable[Field]) -> Table:
     """One row per field and method."""
     columns = (
         *_FIELD,
@@ -206,12 +206,13 @@ def aggregates_table(found: Iterable[Field]) -> Table:
         Column("rank 95 % interval", digits=2, kind=Interval),
         Column("without a result", right=False),
     )
-    rows = tuple(_row(field, each) for field in found for each in field.aggregates)
+    rows = tuple(_row(field, each) for field in several for each in field.aggregates)
     return Table("Across tasks", columns, rows, _NOTES)
 
 
-def _row(field: Field, found: Aggregate) -> tuple[Value, ...]:
-    entry, estimates = found.entry, [part for each in (found.mean, found.middle, found.rank) for part in each]
+def _row(field: Field, aggregate: Aggregate) -> tuple[Value, ...]:
+    entry = aggregate.entry
+    estimates = [part for each in (aggregate.mean, aggregate.middle, aggregate.rank) for part in each]
     return (
         *_field(field),
         entry.method,
@@ -234,7 +235,7 @@ _NOTES = (
 )
 
 
-def improvement_table(found: Iterable[Field]) -> Table:
+def improvement_table(several: Iterable[Field]) -> Table:
     """One row per field and pair of methods."""
     columns = (
         *_FIELD,
@@ -246,7 +247,7 @@ def improvement_table(found: Iterable[Field]) -> Table:
     )
     rows = tuple(
         (*_field(field), one, other, f"{both} of {len(field.tasks)}", *estimate)
-        for field in found
+        for field in several
         for one, other, both, estimate in _improvements(field)
     )
     note = (

@@ -171,8 +171,8 @@ def _trained(group: Group, budget: str) -> tuple[bool, int]:
 
 def _remarks(several: Sequence[Group], coarse: str) -> str | None:
     """How plans without a result ended, each said once, and how coarse those with one are."""
-    said = [group.remarks or ("" if group.done else NOT_RUN) for group in several]
-    return "; ".join(filter(None, dict.fromkeys([*said, coarse]))) or None
+    endings = [group.remarks or ("" if group.done else NOT_RUN) for group in several]
+    return "; ".join(filter(None, dict.fromkeys([*endings, coarse]))) or None
 
 
 def _coarse(disagreement: float | None, possible: float | None) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 
 from stlbench.records.identity import IDENTITY
@@ -57,33 +57,6 @@ def _of_starts(numbers: Numbers) -> tuple[Value, ...]:
 def _plan(row: Row) -> tuple[Value, ...]:
     planned = row.numbers.planned if row.numbers else None
     return (None, None) if planned is None else (planned.maximised, planned.value)
-
-
-def page_table(rows: Sequence[Row], left_out: str = "") -> Table:
-    """One row per cell for people; `left_out` is said of cells that are not among them."""
-    columns = (
-        *(Column(title, right=False) for title in ("cell", "budget", "status")),
-        Column("mean robustness", digits=3),
-        Column("worst start", digits=3),
-        Column("satisfied", unit="%", digits=1),
-        Column("ended early", unit="%", digits=1),
-        Column("cell CPU", unit="s", digits=1),
-        Column("reason", right=False),
-    )
-    note = "Of the selected policy, from the report's starts. Open a cell for its scores, cost, provenance and log."
-    early = any(row.numbers and row.numbers.ended_early for row in rows)
-    notes = (*([left_out] if left_out else []), note, *([ENDED_EARLY] if early else []))
-    body = tuple(
-        (row.id.name, row.id.budget, row.status, *_page_numbers(row.numbers, early), row.reason or None) for row in rows
-    )
-    return Table("Cells", columns, body, notes)
-
-
-def _page_numbers(numbers: Numbers | None, early: bool) -> tuple[float | None, ...]:
-    if numbers is None:
-        return (None,) * 5
-    ended = None if numbers.ended_early is None or not early else 100 * numbers.ended_early
-    return numbers.robustness_mean, numbers.robustness_min, 100 * numbers.satisfaction, ended, numbers.cpu_seconds
 
 
 def unfinished_table(groups: Iterable[Group]) -> Table:

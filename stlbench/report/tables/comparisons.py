@@ -32,10 +32,10 @@ _MARKS = {
 
 def contests(groups: Iterable[Group]) -> dict[Key, Contest]:
     """The groups by what they have in common, in the order given."""
-    found = dict[Key, list[Group]]()
+    by_key = dict[Key, list[Group]]()
     for group in groups:
-        found.setdefault(_key(group.setting), []).append(group)
-    return {key: tuple(sorted(members, key=lambda group: group.setting.method)) for key, members in found.items()}
+        by_key.setdefault(_key(group.setting), []).append(group)
+    return {key: tuple(sorted(members, key=lambda group: group.setting.method)) for key, members in by_key.items()}
 
 
 def _key(setting: Setting) -> Key:
@@ -45,8 +45,8 @@ def _key(setting: Setting) -> Key:
 def mark(group: Group, contest: Sequence[Group], standards: Mapping[str, Standard]) -> str:
     """What a reader has to know of a group: some of the characters *, = and ~; empty where there is nothing."""
     standard = standards.get(group.setting.task.name)
-    others = [other.setting for other in contest if other is not group]
-    likenesses = {standard.likeness(group.setting, other) for other in others} if standard else set()
+    rivals = [other.setting for other in contest if other is not group]
+    likenesses = {standard.likeness(group.setting, other) for other in rivals} if standard else set()
     return "".join(["*" if group.extension else "", *sorted(each for each in likenesses if each)])
 
 
@@ -92,14 +92,14 @@ def compare(
         standards: of their tasks.
         best: the best known robustness of their tasks, where it is known.
     """
-    found = [
+    couples = [
         (one, other)
         for contest in contests(groups).values()
         for one, other in combinations([group for group in contest if group.done], 2)
     ]
-    pairs = [_pair(one, other, standards, best) for one, other in found]
-    said = zip(found, pairs, differences(pairs), strict=True)
-    return tuple(Comparison(one, other, difference, pair.margin) for (one, other), pair, difference in said)
+    pairs = [_pair(one, other, standards, best) for one, other in couples]
+    compared = zip(couples, pairs, differences(pairs), strict=True)
+    return tuple(Comparison(one, other, difference, pair.margin) for (one, other), pair, difference in compared)
 
 
 def _pair(one: Group, other: Group, standards: Mapping[str, Standard], best: Mapping[Choice, float]) -> Pair:
@@ -134,12 +134,19 @@ def comparisons_table(comparisons: Iterable[Comparison]) -> Table:
 
 
 def _row(comparison: Comparison) -> tuple[Value, ...]:
-    setting, found = comparison.one.setting, comparison.difference
+    setting, difference = comparison.one.setting, comparison.difference
     return (
         *(str(setting.task), str(setting.agent), setting.budget, setting.track),
         *(str(setting.method), str(comparison.other.setting.method)),
-        *(found.value, found.interval, found.alone, found.chance, comparison.margin, str(found)),
-        ", ".join(found.decided) or None,
+        *(
+            difference.value,
+            difference.interval,
+            difference.alone,
+            difference.chance,
+            comparison.margin,
+            str(difference),
+        ),
+        ", ".join(difference.decided) or None,
     )
 
 

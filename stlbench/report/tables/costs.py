@@ -53,8 +53,8 @@ def _time_row(group: Group) -> tuple[Value, ...]:
 
 def seconds_interval(values: Sequence[float]) -> Interval | None:
     """Of the mean; it ends at 0, as nothing takes less: the intervals of two seeds are wide."""
-    found = mean_interval(values)
-    return None if found is None else Interval(max(found.low, 0.0), found.high)
+    interval = mean_interval(values)
+    return None if interval is None else Interval(max(interval.low, 0.0), interval.high)
 
 
 def _mean(values: Sequence[float]) -> float | None:
@@ -73,18 +73,18 @@ def circumstances(groups: Sequence[Group]) -> Table:
     for row in rows:
         for name, value in row.provenance.items():
             values.setdefault(name, set()).add(value)
-    said = {name: "; ".join(sorted(found)) for name, found in values.items()}
-    versions = ", ".join(f"{name} {said[name]}" for name in sorted(said.keys() - _NO_VERSIONS))
+    texts = {name: "; ".join(sorted(several)) for name, several in values.items()}
+    versions = ", ".join(f"{name} {texts[name]}" for name in sorted(texts.keys() - _NO_VERSIONS))
     seconds = sum(row.numbers.cpu_seconds for row in rows if row.numbers)
     ended = sum(row.numbers is not None for row in rows)
     parts = (part.partition(" ") for row in rows for part in row.provenance.get("code", "").split(", "))
     code = sorted({version for part, _, version in parts if part == "harness"})
     days = sorted({time.partition("T")[0] for time in values.get("time", ())})
     lines = {
-        "machine": said.get("machine", ""),
+        "machine": texts.get("machine", ""),
         "versions": versions,
         "code of stlbench": "; ".join(code),
-        "cells at a time": said.get("jobs", ""),
+        "cells at a time": texts.get("jobs", ""),
         "begun": days[0] if len(days) == 1 else " to ".join([*days[:1], *days[-1:]]),
         "cells": f"{len(rows)}, {ended} of them with a result",
         "CPU time": f"{_time(seconds)}, training and evaluation",

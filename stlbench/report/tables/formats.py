@@ -113,9 +113,9 @@ def to_latex(table: Table, width: Width = "page") -> str:
     varying = [i for i, column in enumerate(columns) if column.shared and len({row[i] for row in rows}) > 1]
     if too_wide and varying:
         return "\n".join([*notes, *(to_latex(some, width) for some in _apart(table, varying[0]))])
-    said = (fit.title, *([f"Left out: {fit.left_out}."] if fit.left_out else []), *fit.remarks)
+    comments = (fit.title, *([f"Left out: {fit.left_out}."] if fit.left_out else []), *fit.remarks)
     tabulars = [_tabular(columns, some, part) for part in fit.parts for some in _pages(lines, part)]
-    return "\n".join([*(f"% {' '.join(line.split())}" for line in said), *notes, "\n\n".join(tabulars), ""])
+    return "\n".join([*(f"% {' '.join(line.split())}" for line in comments), *notes, "\n\n".join(tabulars), ""])
 
 
 def _apart(table: Table, place: int) -> Iterator[Table]:

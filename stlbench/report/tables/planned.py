@@ -27,9 +27,9 @@ def maximised(groups: Iterable[Group]) -> dict[str, Maximised]:
     """Agent that plans -> what it makes the most of: as its cells say, or, where none is done, the installed agent."""
     known, groups = dict[str, Maximised | None](), trained(groups)
     for group in groups:
-        said = next((numbers.planned.maximised for numbers in group.done if numbers.planned), None)
+        plans = next((numbers.planned.maximised for numbers in group.done if numbers.planned), None)
         if group.done:
-            known[group.setting.agent.name] = said
+            known[group.setting.agent.name] = plans
     for name in {group.setting.agent.name for group in groups} - known.keys():
         known[name] = _installed(name)
     return {name: plans for name, plans in known.items() if plans is not None}
@@ -66,21 +66,21 @@ def best_known(groups: Sequence[Group], standards: Mapping[str, Standard]) -> di
     changes what is possible, and other parts of a recipe do not: ablations share a best known, but those without `hold`
     have their own.
     """
-    planners, found, reached_too = maximised(groups), dict[_Of, float](), dict[_Of, float]()
+    planners, best, reached_otherwise = maximised(groups), dict[_Of, float](), dict[_Of, float]()
     for group in trained(groups):
         value, plans = reached(group), planners.get(group.setting.agent.name)
         if value is not None and plans is not None:
-            known, of = found if plans == "formula" else reached_too, _formula(group.setting.task)
+            known, of = best if plans == "formula" else reached_otherwise, _formula(group.setting.task)
             known[of] = max(value, known.get(of, value))
     for name, standard in standards.items():
         if standard.best_known is not None:
             stated = standard.best_known.robustness
-            found[name, False] = max(stated, found.get((name, False), stated))
+            best[name, False] = max(stated, best.get((name, False), stated))
         if standard.by_hand is not None:
-            reached_too[name, False] = max(standard.by_hand.mean, reached_too.get((name, False), -math.inf))
-    found = {of: max(value, reached_too.get(of, value)) for of, value in found.items()}
+            reached_otherwise[name, False] = max(standard.by_hand.mean, reached_otherwise.get((name, False), -math.inf))
+    best = {of: max(value, reached_otherwise.get(of, value)) for of, value in best.items()}
     tasks = {group.setting.task for group in groups}
-    return {task: found[_formula(task)] for task in tasks if _formula(task) in found}
+    return {task: best[_formula(task)] for task in tasks if _formula(task) in best}
 
 
 def _formula(task: Choice) -> _Of:

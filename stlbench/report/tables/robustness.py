@@ -46,7 +46,7 @@ def overview(
         *(Column(str(method), digits=3, kind=Learned) for method in methods),
         Column("cell CPU", unit="s", digits=0, drop=1),
     )
-    found = contests(groups)
+    by_key = contests(groups)
     body = tuple(
         (
             *map(str, key),
@@ -55,9 +55,9 @@ def overview(
             *_entries(contest, methods, standards),
             _cpu_seconds(contest),
         )
-        for key, contest in found.items()
+        for key, contest in by_key.items()
     )
-    marks = mark_notes(mark(group, contest, standards) for contest in found.values() for group in contest)
+    marks = mark_notes(mark(group, contest, standards) for contest in by_key.values() for group in contest)
     return Table("Overview", columns, body, (_OVERVIEW, *marks, *advice))
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from stlbench.report.figures.axes import Window, below, beside, number, window
+from stlbench.report.figures.axes import Window, arrow_at_left, arrows_below, number, window
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_numbers_have_three_digits():
 def test_numbers_beside_a_row_do_not_touch():
     figure = Figure()
     axes = figure.subplots()
-    beside(axes, 0.5, [("-147", "k"), ("-37.9", "b"), ("-2,100", "r")])
+    arrow_at_left(axes, 0.5, [("-147", "k"), ("-37.9", "b"), ("-2,100", "r")])
     figure.canvas.draw()
     boxes = [text.get_window_extent() for text in axes.texts]
     assert all(first.x1 < second.x0 for first, second in pairwise(boxes))
@@ -59,7 +59,7 @@ def test_numbers_beside_a_row_do_not_touch():
 def test_seven_numbers_under_an_axis_do_not_touch():
     figure = Figure(figsize=(3.5, 2.5))
     axes = figure.subplots()
-    below(axes, [(f"-{i}00", "k") for i in range(1, 8)])
+    arrows_below(axes, [(f"-{i}00", "k") for i in range(1, 8)])
     figure.canvas.draw()
     boxes = [text.get_window_extent() for text in axes.texts]
     assert all(first.x1 < second.x0 for first, second in pairwise(boxes))
