@@ -101,7 +101,7 @@ def main() -> None:
     said = options.parse_args()
     if said.what in ("report", "page"):
         with measured(said.what):
-            report(said.folder, html=said.what == "page", as_json=False)
+            report([said.folder], html=said.what == "page", as_json=False)
         return
     with measured("plan"):
         cells = planned(said.cells)
