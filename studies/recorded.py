@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from stlbench.records.result import LEARNED
 from stlbench.report.statistics.intervals import median, median_interval
-from stlbench.report.tables.rows import LEARNED
 
 RESULTS = Path(__file__).parents[1] / "results"
 

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from stlbench import Results
-from stlbench.records.result import reported
+from stlbench.records.result import LEARNED, reported
 from stlbench.report.statistics.intervals import median, median_interval
-from stlbench.report.tables.rows import LEARNED
 from stlbench.task import build_method, load_task
 
 ROOT = Path(__file__).parents[1]

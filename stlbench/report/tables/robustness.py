@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stlbench.records.identity import Setting
+from stlbench.records.result import LEARNED
 from stlbench.registry.choices import Choice
 from stlbench.report.statistics.intervals import FEWEST, Interval, median, median_interval, share_interval
 from stlbench.report.tables.cells import ENDED_EARLY
 from stlbench.report.tables.comparisons import Contest, contests, mark, mark_notes
-from stlbench.report.tables.rows import LEARNED, SETTING, Group, setting_values
+from stlbench.report.tables.rows import SETTING, Group, setting_values
 from stlbench.report.tables.table import Column, FirstFailed, Learned, Table, Value
 
 if TYPE_CHECKING:

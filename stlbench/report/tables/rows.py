@@ -13,8 +13,6 @@ from stlbench.records.result import LEARNED, MAIN, RANDOM, Measurement, Planned,
 from stlbench.records.status import NOT_RUN, Status
 from stlbench.report.tables.table import Column, FirstFailed, Seeds, Value
 
-__all__ = ["LEARNED", "CurveRow", "Group", "Numbers", "Row", "group", "missing_row", "row"]
-
 CurveRow = tuple[int, float, float]
 """One checkpoint: environment steps, satisfaction in [0, 1], mean robustness, on the starts kept for selection."""
 
