@@ -160,12 +160,12 @@ def tangent(angle: Range) -> Range:
 
 
 def may_contain_pole(angle: Range) -> Mask:
-    """Whether pi/2 + n pi may lie in the interval for some whole n; says yes in doubt."""
+    """Whether pi/2 + n pi may lie in the interval for some whole n; true in doubt."""
     return _may_contain(angle, math.pi / 2, math.pi)
 
 
 def _may_contain(angle: Range, offset: float, period: float) -> Mask:
-    """Whether offset + n * period lies in the interval for some whole n; says yes in doubt."""
+    """Whether offset + n * period lies in the interval for some whole n; true in doubt."""
     slack = 1e-9 * (1.0 + np.maximum(np.abs(angle[0]), np.abs(angle[1])))
     turns = np.ceil((angle[0] - slack - offset) / period)
     inside: Mask = offset + period * turns <= angle[1] + slack

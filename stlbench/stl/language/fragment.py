@@ -43,7 +43,7 @@ class Term:
 
     @property
     def formula(self) -> Formula:
-        """The term as a formula again."""
+        """The term as a formula."""
         if self.kind == "F":
             return Eventually(self.a, self.b, self.psi)
         if self.kind == "G":
@@ -55,7 +55,7 @@ def fragment(formula: Formula) -> tuple[Term, ...]:
     """The terms of `formula`, in order of appearance.
 
     Raises:
-        FragmentError: the formula is outside the fragment; says where, why, and what would be allowed.
+        FragmentError: the formula is outside the fragment, with the place, the reason and what would be allowed.
     """
     if (operator := unbounded(formula)) is not None:
         reason = "its terms have a deadline; give it an interval [a,b], or the trace's last step to resolve_end"

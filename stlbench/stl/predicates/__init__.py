@@ -35,7 +35,7 @@ class Written(NamedTuple):
 
     Attributes:
         lines, value: statements, and the text of the value after them.
-        signed: whether it never is 0 or NaN; otherwise that remains to be asked.
+        signed: whether it is never 0 or NaN; otherwise the caller must test that.
         columns: of the signals that are read.
     """
 

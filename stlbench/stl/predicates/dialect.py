@@ -1,6 +1,6 @@
 """Python source of predicates: how one operation is written for a sample of floats and for arrays of samples.
 
-**Signed margins.** One number says both how robustly a formula holds and whether it does. Robustness and verdict can
+**Signed margins.** One number has both the robustness and the verdict of a formula. Robustness and verdict can
 disagree at robustness 0 alone: `x >= 0` holds at x = 0, `x > 0` does not. A signed margin is never 0: the smallest
 normal float stands for it, with the sign of the verdict. Minimum, maximum and negation keep signs. So a formula holds
 iff its signed value is > 0, and the bounds of a monitor and its verdict come from one pass. The robustness is the

@@ -80,10 +80,8 @@ def evaluator(formula: Formula, names: tuple[str, ...], compile_: Compile, check
     match formula:
         case Not(arg):
             return _negated(of(arg))
-        case And(args):
-            return _joined([of(arg) for arg in args], np.minimum)
-        case Or(args):
-            return _joined([of(arg) for arg in args], np.maximum)
+        case And(args) | Or(args):
+            return _joined([of(arg) for arg in args], _EXTREMES[type(formula)][0])
         case Implies(left, right):
             return _joined([_negated(of(left)), of(right)], np.maximum)
         case Always(a, b, arg) | Eventually(a, b, arg):
@@ -100,10 +98,10 @@ def evaluator(formula: Formula, names: tuple[str, ...], compile_: Compile, check
             raise AssertionError(formula)
 
 
-#: the extreme that a window operator takes, and its value of an empty window
+#: the extreme that an operator takes, and its value of an empty window
 _EXTREMES: dict[type, tuple[np.ufunc, float]] = {
-    **dict.fromkeys((Always, Historically), (np.minimum, math.inf)),
-    **dict.fromkeys((Eventually, Once), (np.maximum, -math.inf)),
+    **dict.fromkeys((And, Always, Historically), (np.minimum, math.inf)),
+    **dict.fromkeys((Or, Eventually, Once), (np.maximum, -math.inf)),
 }
 
 

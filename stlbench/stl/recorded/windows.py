@@ -38,7 +38,7 @@ def until(left: Values, right: Values, a: int, count: int) -> Values:
 
     Args:
         left: (..., count + b - 1), from step t = 0 on (unused and of any length if b = 0).
-        right: (..., count + b - a), from step a on; its length says what b is.
+        right: (..., count + b - a), from step a on; b follows from its length.
         a: first step of the interval.
         count: how many steps t, >= 1.
 

@@ -45,10 +45,10 @@ class Intervals(NamedTuple):
 
 
 class BatchMonitor:
-    """Watches `count` traces for `formula`, each on its own clock; says for each what `Monitor` says for one.
+    """Watches `count` traces for `formula`, each on its own clock: a `Monitor` for each trace.
 
     Costs a fixed number of NumPy calls per step for the formulas that cost `Monitor` constant work; the others are
-    evaluated again at each step, once for all traces of one age. `copy.deepcopy` forks it.
+    evaluated anew at each step, once for all traces of one age. `copy.deepcopy` forks it.
 
     Raises:
         UnknownSignalError: the formula uses a signal that is not in `names`.
@@ -221,7 +221,7 @@ class SlidingLeast:
     """Minimum of the last `width` samples, in constant amortised work and `width` samples of memory per trace.
 
     Samples come in blocks of `width`. A window is the end of the block before, whose minima to its end were worked out
-    when it was full, and the beginning of this block, whose minimum is kept as it grows.
+    when it was full, and the beginning of this block, whose minimum is updated with each sample.
     """
 
     def __init__(self, count: int, width: int) -> None:

@@ -41,7 +41,7 @@ class Monitor:
 
     G, F, G F, F G and until over formulas without temporal operators, with intervals or without, cost constant
     amortised time per step and at most one window of memory, also inside !, &, | and ->. Any other nesting keeps up to
-    horizon + 1 samples and evaluates them again at each step. `copy.deepcopy` forks a monitor.
+    horizon + 1 samples and evaluates them anew at each step. `copy.deepcopy` forks a monitor.
 
     Attributes:
         horizon: the last step that the formula reads; `END` where an operator has no interval.
@@ -184,7 +184,7 @@ def _span(here: Sequence[Piece], first: int, last: int, answer: list[str]) -> li
 
 
 def _find(spans: Sequence[Span]) -> list[str]:
-    """The statements of the span in which `now` lies: long spans are found soonest."""
+    """The statements of the span in which `now` lies: long spans need the fewest tests."""
     if len(spans) == 1:
         return spans[0].lines
     middle = (spans[0].first + spans[-1].last) / 2

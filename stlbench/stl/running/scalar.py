@@ -39,7 +39,7 @@ class Piece(NamedTuple):
         read: gives v and w their values, and changes nothing else.
         quiet: an expression, false where v or w is NaN and wherever `take` would change anything; or nothing.
         sign: gives v and w the sign of the verdict where they are 0. `read` and `sign` raise UndefinedError.
-        take: takes the values into the state; `changed` says whether the bounds may be others.
+        take: takes the values into the state; sets `changed` where the bounds may differ.
     """
 
     first: int
@@ -52,7 +52,7 @@ class Piece(NamedTuple):
 
 
 class Operator(Leaf):
-    """A leaf as source; `namespace` has what it calls beside the functions of predicates."""
+    """A leaf as source; `namespace` has its own functions that the source calls."""
 
     def __init__(self, number: int, start: int, stop: int, flipped: bool) -> None:
         super().__init__(start, stop, flipped)
@@ -66,7 +66,7 @@ class Operator(Leaf):
         raise NotImplementedError
 
     def cuts(self) -> set[int]:
-        """Steps at which the statements change, beside `start` and `stop` + 1."""
+        """Steps at which the statements change, without `start` and `stop` + 1."""
         return set()
 
     def piece(self, first: int, last: int) -> Piece:

@@ -54,7 +54,7 @@ Floats: TypeAlias = NDArray[np.float64]
 
 
 class State(NamedTuple):
-    """What the decided steps of n traces mean, beside their samples.
+    """The effect of the decided steps of n traces.
 
     Attributes:
         best: (n,), the value of the until by its decided steps.
