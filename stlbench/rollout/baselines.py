@@ -1,7 +1,7 @@
-"""What a task asks of somebody who knows nothing: the action zero, the best constant action, actions at random.
+"""Baselines of a task: the action zero, the best constant action, random actions.
 
-The referee runs and scores them as it does a policy: from the same starts, their actions held as long. A task file may
-state what was measured (`TaskFile.baselines`); then nothing is simulated.
+The referee scores them as policies: from the same starts, with the same `hold`. Nothing is simulated where the
+task file states them (`TaskFile.baselines`).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _AROUND = (0.2, 0.05, 0.0125)
 
 @dataclass(frozen=True)
 class Constants:
-    """What actions get that are taken all the time, from the report's starts."""
+    """The scores of constant actions from the report's starts."""
 
     zero: Score
     best: Score
@@ -42,7 +42,7 @@ class Constants:
 
     @property
     def trivial(self) -> bool:
-        """Whether one of the two learned the task, as one says of a policy (`LEARNED`)."""
+        """Whether one of the two satisfies the formula as often as a policy that learned it (`LEARNED`)."""
         return max(self.zero.satisfaction, self.best.satisfaction) >= LEARNED
 
 

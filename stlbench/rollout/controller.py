@@ -1,7 +1,4 @@
-"""A task's controller by hand, run in the place of a policy.
-
-The referee runs and scores it as it does a policy: from the same starts, its actions held as long.
-"""
+"""A task's controller by hand. The referee scores it as a policy: from the same starts, with the same `hold`."""
 
 from __future__ import annotations
 
@@ -22,8 +19,8 @@ from stlbench.task import Task
 def record(task: Task, begun: Array) -> Episodes | None:
     """The episodes when the controller acts from the starts (N, s); None where the task has none.
 
-    It does only what an agent could do: those of a system are clipped, as `System.controller` says, and on a grid the
-    nearest of each axis is taken.
+    It can do no more than an agent: actions of a system are clipped, and on a grid the nearest value of each axis is
+    taken.
 
     Raises:
         PluginFault: its actions have another shape, are no finite numbers, or are out of range where the task is no
@@ -60,7 +57,7 @@ class Unpaid(RewardMethod):
 
 
 def _checked(task: Task, answer: Any, t: Integers) -> Array:
-    """A controller's actions (N, axes) at steps t (N,), judged as those of a policy from outside."""
+    """A controller's actions (N, axes) at steps t (N,), checked."""
     by_hand, actions, expected = f"{task.name}, by hand", task.actions, (len(t), len(task.actions.names))
     if answer is None:
         raise PluginFault(f"{by_hand}: the controller has no action at step {t.max()}")

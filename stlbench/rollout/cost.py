@@ -1,6 +1,6 @@
-"""Whether a method makes training too dear: by what the agent counts, not by a clock, so that it is no matter of luck.
+"""Whether a method makes training too dear. The agent counts the cost; a clock would make the answer random.
 
-Both limits are choices, for measured reasons that `docs/performance.md` has.
+`docs/performance.md` has the measurements behind the two limits.
 """
 
 from __future__ import annotations

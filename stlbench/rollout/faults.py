@@ -1,7 +1,6 @@
-"""What plugins give at run time is checked where it arrives: its shape, and that it is finite.
+"""Checks of what plugins return at run time: its shape, and that it is finite. A check takes about a microsecond.
 
-A check takes about a microsecond. What a plugin does wrong is told with its name, the rule, the step, and in how many
-of the copies.
+A message has the name of the plugin, the rule, the step, and the number of copies.
 """
 
 from __future__ import annotations
@@ -126,7 +125,7 @@ def _shaped(owner: RewardMethod | Task, what: str, value: Any, shape: tuple[int,
 
 
 def _finite(values: Array) -> bool:
-    """By their sum, which takes half the time of asking each."""
+    """By their sum, which takes half the time."""
     return math.isfinite(np.add.reduce(values, None))
 
 

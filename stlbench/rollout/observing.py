@@ -44,7 +44,7 @@ def observation_size(task: Task, method: RewardMethod) -> int:
 
 
 def size_without(task: Task) -> int:
-    """Features and the time. A `Simulator` would start the method, which imports a compiler in some."""
+    """The number of features, and the time. It starts no method, as some import a compiler."""
     world = make_world(task, 1)
     world.restart(np.zeros(1, dtype=np.int64), task.starts.report_and_selection()[0][:1])
     features: int = world.features(np.zeros(1, dtype=np.int64)).shape[1]

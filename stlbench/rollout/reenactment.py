@@ -1,4 +1,4 @@
-"""A policy that acts again, in copies of an environment that draw themselves: what a film shows."""
+"""Pictures for a film: a policy acts once more, in copies of an environment that render."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stlbench.task.task import Task
 
 
 class Reenactment:
-    """Pictures of each copy in the order of time. The state of an environment cannot be set, so it is lived again."""
+    """Pictures of each copy in the order of time. An environment's state cannot be set, so the episode is repeated."""
 
     def __init__(self, task: Task, method: RewardMethod, policy: Policy, begun: Array) -> None:
         """Args: `begun` the starts (n, s), one for each copy."""
@@ -22,7 +22,7 @@ class Reenactment:
         self._samples = [self._simulator.signals[:, None].copy()]
 
     def __call__(self, sample: int) -> Sequence[Pixels]:
-        """The pictures at the last decision before a sample, which is none before the one that was asked for last.
+        """The pictures at the last decision before a sample. Samples must not decrease from call to call.
 
         Raises `RuntimeError`, in one line, where there are no pictures.
         """

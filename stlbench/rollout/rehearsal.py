@@ -1,4 +1,4 @@
-"""A training that is not scored: what a library loads or compiles at first use is then not charged to a cell."""
+"""A warm-up: what libraries load or compile at first use is not charged to a cell."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from stlbench.contract import Agent, Array, CounterfactualEnvironment, Environment, Integers, Training, Transition
 
 _DECISIONS = 1000
-"""Of all copies together, the most that are trained: agents begin to learn after some hundreds."""
+"""The most decisions of all copies together. Agents begin to learn after some hundreds."""
 _STEPPED = 2
-"""Lock-steps that the task itself makes. What an agent loads does not depend on more, and a simulation can be dear."""
+"""Steps that the task itself makes. More would load nothing more, and a simulation can be dear."""
 
 
 def rehearse(agent: Agent, training: Training, hold: int) -> None:

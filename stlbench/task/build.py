@@ -1,4 +1,4 @@
-"""From a user's choice to the method or agent it names, made for a task."""
+"""Builds the method or agent that a user chose, for a task."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from stlbench.task.task import Task
 def build_method(task: Task, choice: Choice | str) -> RewardMethod:
     """The chosen method, with its parameters, for a task.
 
-    Raises `Intractable`, `Unsuitable`, `UsageError`; `ValueError` where its `scale` or its `floor` is no number that a
-    reward could be divided by, or paid.
+    Raises `Intractable`, `Unsuitable`, `UsageError`; `ValueError` unless `scale` is positive and finite, and `floor`
+    finite.
     """
     method = cast(RewardMethod, plugins.build("methods", choice_of(choice), task.specification))
     if not (math.isfinite(method.scale) and method.scale > 0):

@@ -28,9 +28,9 @@ def parallel(module: str, keywords: Mapping[str, Any]) -> JointEnv:
 class JointEnv(gymnasium.Env[Any, Any]):
     """All agents of a parallel environment, in lock-step.
 
-    The observation is a Dict of theirs, agent -> observation; the action has theirs one after the other. The info has
-    the entries of an agent's as `agent_entry`. An episode is over when all agents are; the last observation and
-    the last info of one that is over before the others stay, and it is given no actions.
+    The observation is a Dict, agent -> observation. The action joins the agents' actions. The info has the entries of
+    each agent as `agent_entry`. An episode is over when all agents are over. An agent that is over before keeps its
+    last observation and info, and gets no actions.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - declared so by Gymnasium

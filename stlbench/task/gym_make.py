@@ -32,10 +32,10 @@ _EXTRAS = {
 """Library of environments -> the extra that brings it."""
 
 _OURS = frozenset({"numpy", "stlbench"})
-"""What every task is computed with, and whose version is in no key."""
+"""Every task is computed with these. Their versions are in no key of an environment."""
 
 _ENGINES = frozenset({"box2d", "box2d-py", "brax", "mujoco", "mujoco-mjx", "pybullet", "pymunk"})
-"""Distributions that compute motions: a library that needs one computes with it, whichever of its modules does."""
+"""Distributions that compute motions for the libraries that need them."""
 
 
 def made(identifier: str, keywords: Mapping[str, Any]) -> Gym:
@@ -52,7 +52,7 @@ def made(identifier: str, keywords: Mapping[str, Any]) -> Gym:
 
 
 def failed(what: str, error: Exception) -> UsageError:
-    """What is said of an environment that cannot be made: it is code of others, and may raise anything."""
+    """The error of an environment that cannot be made, which may raise anything."""
     missing = _missing(error)
     if missing in _EXTRAS:
         return UsageError(f'{what} needs {missing}: pip install "stlbench-rl[{_EXTRAS[missing]}]"')
@@ -60,7 +60,7 @@ def failed(what: str, error: Exception) -> UsageError:
 
 
 def _hint(identifier: str) -> str:
-    """Of an unknown id: one that is like it; there are too many to name all."""
+    """A similar id, as there are too many to name all."""
     if re.fullmatch(r"[a-z]\w*(\.\w+)+", identifier):
         return "; a module with parallel environments of PettingZoo is named in a task file, with `api: pettingzoo`"
     near = get_close_matches(identifier.rpartition(":")[2], gymnasium.registry, n=1, cutoff=0.7)
@@ -68,7 +68,7 @@ def _hint(identifier: str) -> str:
 
 
 def _missing(error: BaseException | None) -> str:
-    """The library that could not be imported, where that is why; Gymnasium raises an error of its own from that one."""
+    """The library that could not be imported, if that is the cause."""
     while error is not None:
         if isinstance(error, ModuleNotFoundError) and error.name:
             return error.name.partition(".")[0]
@@ -77,8 +77,7 @@ def _missing(error: BaseException | None) -> str:
 
 
 def software(env: Gym) -> tuple[tuple[str, str], ...]:
-    """Distribution -> version, of the modules that define the environment, of those that these import, and of engines
-    that one of these distributions needs."""
+    """Distribution -> version, of the environment's modules, of what they import, and of their engines."""
     tops = {name.partition(".")[0] for name in _imported(type(env.unwrapped))} - _OURS
     names = {each for top in tops for each in _distributions().get(top, ())}
     names |= {engine for each in names for engine in _engines(each)}
@@ -86,7 +85,7 @@ def software(env: Gym) -> tuple[tuple[str, str], ...]:
 
 
 def modules(env: Gym) -> tuple[str, ...]:
-    """Names of those with the classes of the environment and of its wrappers, and with what its id is registered as."""
+    """The modules of the environment's classes, of its wrappers, and of the entry point of its id."""
     entry: Any = getattr(env.spec, "entry_point", None)
     entry = entry.partition(":")[0] if isinstance(entry, str) else getattr(entry, "__module__", None)
     names = {base.__module__ for kind in _layers(env) for base in kind.__mro__}
@@ -117,7 +116,6 @@ def _distributions() -> Mapping[str, list[str]]:
 
 
 def _engines(distribution: str) -> Iterator[str]:
-    """Those that it cannot be installed without."""
     for requirement in requires(distribution) or ():
         name, _, condition = requirement.partition(";")
         name = re.split(r"[^\w.-]", name.strip())[0].lower()

@@ -1,4 +1,4 @@
-"""The first draft of a task file for an environment: what can be known without knowing what is wanted of it."""
+"""A first draft of a task file for an environment. The user has to write the formula."""
 
 from __future__ import annotations
 

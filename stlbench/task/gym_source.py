@@ -21,14 +21,14 @@ from stlbench.task.gym_signals import Expressions
 from stlbench.task.gym_spaces import ActionAxis, Names, Observed, action_axes, entries_of
 
 RenderMode: TypeAlias = Literal["rgb_array"] | None
-"""What a copy is made with: whether it can be asked for pictures."""
+"""Whether a copy renders pictures."""
 
 SignalsOf: TypeAlias = Callable[[Any, Mapping[str, Any]], Sequence[float] | None]
 """Observation and info of one copy -> the k signals; None where expressions give them."""
 
 
 class GymSource:
-    """How one kind of environment is made, read and acted on. Copies that nobody uses are used again."""
+    """One kind of environment: how copies are made, and how they are read. It lends copies and takes them back."""
 
     def __init__(
         self,
@@ -38,7 +38,7 @@ class GymSource:
         scale: Mapping[str, float] | None = None,
         signals: SignalsOf | None = None,
     ) -> None:
-        """Makes one copy, to see what it is.
+        """Makes one copy, to read its spaces.
 
         Args:
             make: makes a copy, without a time limit.
@@ -70,7 +70,7 @@ class GymSource:
 
     @cached_property
     def undrawn(self) -> str:
-        """Why copies can have no pictures; nothing where they can. Makes one that is drawn."""
+        """Why copies render no pictures, or nothing if they do. Makes one that does."""
         if "rgb_array" not in self._modes:
             return "the environment has no render mode rgb_array"
         try:
@@ -99,13 +99,13 @@ class GymSource:
         return copy
 
     def give_back(self, copies: list[Gym], *, drawn: bool = False) -> None:
-        """For others to use: a copy that is reset by a seed does not know what it did before."""
+        """Takes copies back. They are lent once more, as a reset with a seed forgets what was before."""
         self._idle[drawn] += copies
 
 
 _NONE = "there is no environment: give its id in task.yaml, or a class of GymTask with make()"
 _WITHOUT_ID = {"kwargs", "drawn", "api"}
-"""What of `environment` says nothing where a class makes the environment."""
+"""Entries of `environment` without effect where a class makes it."""
 
 
 def source_of(name: str, file: TaskFile, task: GymTask) -> GymSource:
@@ -123,7 +123,6 @@ def source_of(name: str, file: TaskFile, task: GymTask) -> GymSource:
 
 
 def _is_written(task: GymTask) -> bool:
-    """Whether a class has something of its own that copies are made or read with."""
     kind = type(task)
     return kind.make is not GymTask.make or kind.signals is not GymTask.signals
 
@@ -170,7 +169,7 @@ def _expressions(file: TaskFile) -> dict[str, str]:
 
 @lru_cache(maxsize=8)
 def _of_text(environment: str, texts: str) -> GymSource:
-    """By JSON of the entry and of the expressions: tasks that differ in other things share their copies."""
+    """By the JSON of the entry and of the expressions, so that tasks on one environment share its copies."""
     entry = Environment.model_validate_json(environment)
     return GymSource(partial(_by_id, entry), json.loads(texts), entry.names, entry.scale)
 

@@ -26,9 +26,9 @@ OBSERVATION = "observation"
 class Observing:
     """Scales observations as tasks of stlbench do (`Observed`), and adds the time and the method's inputs.
 
-    A vector gets them at its end. A Dict has them under one more key, `KEY`, and its vectors are scaled; every other
-    observation becomes a Dict of itself, `observation`, as it is, and of them. The space carries the record of this,
-    unless a part of the observation is no vector: nobody knows how a policy flattens that part.
+    A vector gets them at its end. A Dict gets them under the key `KEY`, and its vectors are scaled. Any other
+    observation becomes a Dict: itself, unscaled, under `OBSERVATION`, and they. The space carries the record of this,
+    unless a part of the observation is no vector, as nobody knows how a policy flattens that part.
     """
 
     def __init__(self, space: Space[Any], entries: Entries, scale: Mapping[str, float], record: Observation) -> None:

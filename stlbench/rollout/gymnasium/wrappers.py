@@ -23,7 +23,23 @@ Info = dict[str, Any]
 _ALL = np.array([0])
 
 
-class StlWrapper(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
+class _Scored:
+    """What both wrappers show of the scoring."""
+
+    _scoring: Scoring
+
+    @property
+    def specification(self) -> Specification:
+        """Formula in steps, signals, ranges, length of an episode."""
+        return self._scoring.specification
+
+    @property
+    def method(self) -> RewardMethod:
+        """The reward method."""
+        return self._scoring.method
+
+
+class StlWrapper(_Scored, gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """An environment that is paid and judged by a formula; `stlbench.wrap` makes it.
 
     Action, rendering and all other attributes are those of the environment.
@@ -35,16 +51,6 @@ class StlWrapper(gymnasium.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         _check_actions(env.action_space)
         self._scoring, self._episodes, self._running = scoring, Episodes(scoring, 1), False
         self._observing, self.observation_space = observing, observing.space
-
-    @property
-    def specification(self) -> Specification:
-        """Formula in steps, signals, ranges, length of an episode."""
-        return self._scoring.specification
-
-    @property
-    def method(self) -> RewardMethod:
-        """The reward method."""
-        return self._scoring.method
 
     def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Any, Info]:
         """Start an episode.
@@ -109,7 +115,7 @@ def _number(own: Any, t: int) -> float:
         raise UsageError(f"the environment returned a reward that is no number {place(t, None)}: {own!r}") from error
 
 
-class StlVectorWrapper(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
+class StlVectorWrapper(_Scored, gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
     """A vector environment whose copies are paid and judged by a formula; `stlbench.wrap` makes it.
 
     It does what N copies of `StlWrapper` in a `gymnasium.vector.SyncVectorEnv` with the same autoreset mode do.
@@ -123,16 +129,6 @@ class StlVectorWrapper(gymnasium.vector.VectorWrapper[Any, Any, Any, Any, Any]):
         self.observation_space = batch_space(observing.space, env.num_envs)
         self._shape = env.num_envs, len(scoring.specification.signals)
         self._over, self._running = np.ones(env.num_envs, dtype=np.bool_), False
-
-    @property
-    def specification(self) -> Specification:
-        """Formula in steps, signals, ranges, length of an episode."""
-        return self._scoring.specification
-
-    @property
-    def method(self) -> RewardMethod:
-        """The reward method."""
-        return self._scoring.method
 
     def reset(self, *, seed: Any = None, options: Info | None = None) -> tuple[Any, Info]:
         """Start episodes in all copies, or in those of `options["reset_mask"]`; see `StlWrapper.reset`."""
@@ -216,7 +212,7 @@ def autoreset_of(envs: gymnasium.vector.VectorEnv[Any, Any, Any]) -> AutoresetMo
 
 
 def _check_actions(space: Space[Any]) -> None:
-    """Raises `UsageError` where actions are no numbers that a method could be told."""
+    """Raises `UsageError` unless actions are numbers."""
     if not isinstance(space, Box | Discrete | MultiBinary | MultiDiscrete):
         raise UsageError(
             f"actions are numbers, a Box, Discrete, MultiDiscrete or MultiBinary; the environment has {space}"
