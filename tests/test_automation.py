@@ -13,22 +13,12 @@ import yaml
 import stlbench
 
 ROOT = Path(__file__).parents[1]
-FILES = [
-    *sorted((ROOT / ".github").rglob("*.yml")),
-    ROOT / ".pre-commit-config.yaml",
-    ROOT / "CITATION.cff",
-]
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
 def read(path: Path) -> Any:
     return yaml.safe_load(path.read_text(encoding="utf-8"))
-
-
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
-def test_every_file_is_yaml(path: Path) -> None:
-    assert isinstance(read(path), dict)
 
 
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
@@ -38,15 +28,6 @@ def test_workflows_have_few_rights_and_an_end(path: Path) -> None:
     for name, job in workflow["jobs"].items():
         assert job["timeout-minutes"] <= 60, name
         assert set(job.get("needs", "").split()) <= set(workflow["jobs"])
-
-
-@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
-def test_what_workflows_make_is_in_the_makefile(path: Path) -> None:
-    makefile = (ROOT / "Makefile").read_text(encoding="utf-8").replace("$(VENV)", ".venv")
-    targets = set(re.findall(r"^([\w./-]+):", makefile, re.MULTILINE))
-    made = re.findall(r"\bmake(?: -C \S+)? ([\w./-]+)", path.read_text(encoding="utf-8"))
-    assert made
-    assert {name for name in made if not name.startswith(".venv/ready-")} <= targets
 
 
 def test_the_versions_of_python_are_the_same_everywhere() -> None:

@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from stlbench.cli.common import warn
+from stlbench.cli.options import declare
 from stlbench.errors import UsageError, one_line
 
 if TYPE_CHECKING:
@@ -160,15 +161,12 @@ def takes_actors(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the options of `Chosen`, which it takes as its first argument."""
     shared = inspect.signature(Chosen, eval_str=True).parameters.values()
     _, *own = inspect.signature(command, eval_str=True).parameters.values()
-    parameters = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in (*shared, *own)]
 
     @wraps(command)
     def with_options(**values: Any) -> None:
         command(Chosen(**{each.name: values.pop(each.name) for each in shared}), **values)
 
-    with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    with_options.__annotations__ = {each.name: each.annotation for each in parameters}
-    return with_options
+    return declare(with_options, (*shared, *own))
 
 
 def one_by_one(

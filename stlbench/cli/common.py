@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     from stlbench.report import Table
 
 DISK_FULL = 74
-"""The exit code where results cannot be written since the disk is full; that of an input/output error in sysexits.h."""
+"""The exit code if the disk is full: an input/output error in sysexits.h."""
 
 
 _COLOUR = re.compile("\x1b\\[[0-9;]*m")
 
 _OF_PATHS = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM)
-"""Errors of a path that a user has named, which even a look at whether it is there raises."""
+"""Errors of a user's path, raised even by a test whether it exists."""
 
 
 class Commands(TyperGroup):
-    """All commands. What a user did wrong is one line on stderr and exit code 2; anything else is a bug and shows."""
+    """All commands. An error of the user is one line on stderr and exit code 2; a bug has its traceback."""
 
     def main(
         self,
@@ -92,9 +92,9 @@ class Commands(TyperGroup):
                 formatter.write_dl(rows, col_max=20)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the chosen command, and end quietly where the reader of stdout has gone, as `head` does.
+        """Run the command, and end quietly if the reader of stdout has gone, as `head` does.
 
-        No command ends the process itself: where a plugin does, that is said.
+        A plugin that ends the process is an error.
         """
         try:
             try:
@@ -112,7 +112,7 @@ class Commands(TyperGroup):
 
 
 def _open_standard_streams() -> None:
-    """Those that the caller has closed, as `>&-` does: else the next file that is opened would be taken for stdout."""
+    """Open streams that the caller has closed (`>&-`): else the next opened file would be taken for stdout."""
     for descriptor in (0, 1, 2):
         try:
             os.fstat(descriptor)
@@ -123,7 +123,7 @@ def _open_standard_streams() -> None:
 
 
 def _damaged(error: Exception) -> str | None:
-    """The distribution whose files let a library fail that looks for its plugins; None for any other error."""
+    """The damaged distribution, if a library failed on its metadata; None for any other error."""
     names = (frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_tb(error.__traceback__))
     if "importlib.metadata" not in names:
         return None
@@ -166,11 +166,11 @@ def warn(message: str) -> None:
 
 
 _APART = ExitStack()
-"""While it is open, all that is printed goes to stderr."""
+"""While it is open, all output goes to stderr."""
 
 
 def _alone(context: typer.Context, wanted: bool) -> bool:
-    """Keep stdout for `print_json`, whatever plugins print, and what they call."""
+    """Keep stdout for `print_json`; output of plugins and of their programs goes to stderr."""
     if wanted:
         sys.stdout.flush()
         if _descriptor(sys.stdout) == 1:

@@ -18,14 +18,14 @@ ShortTraces = Literal["strict", "clip"]
 
 
 class Source(NamedTuple):
-    """A formula's text, and where it comes from: the beginning of a message about it."""
+    """A formula's text, and its place, which begins a message about it."""
 
     text: str
     place: str
 
 
 class Verdict(NamedTuple):
-    """What a trace makes of a formula at its first row; `start` says which trace of several."""
+    """The evaluation of a formula at the first row of a trace; `start` names one of several traces."""
 
     formula: str
     robustness: float
@@ -131,7 +131,7 @@ def _parsed(source: Source, dt: float | None) -> stl.Formula:
 
 
 def _traces(path: Path, used: set[str], dt: float | None, start: int | None) -> tuple[SavedTraces, list[int | None]]:
-    """The traces that are judged, and which starts they are from, None for a table."""
+    """The traces, and the numbers of their starts; None for a table."""
     from stlbench.records.saved_traces import SavedTraces, read_saved
     from stlbench.rollout.trace_table import read_table
 
@@ -159,7 +159,7 @@ def _traces(path: Path, used: set[str], dt: float | None, start: int | None) -> 
 def _judge(
     source: Source, formula: stl.Formula, traces: SavedTraces, starts: list[int | None], policy: ShortTraces
 ) -> list[Verdict]:
-    """Each trace as far as it was recorded."""
+    """Judge each trace up to its last recorded row."""
     import numpy as np
 
     from stlbench.rollout.early_ends import last_steps
@@ -178,7 +178,7 @@ def _judge(
 def _judge_alike(
     source: Source, formula: stl.Formula, traces: SavedTraces, starts: list[int | None], policy: ShortTraces, at: str
 ) -> list[Verdict]:
-    """Traces that end at the same row; `at` is before the message that they are too short."""
+    """Judge traces that end at the same row; `at` begins the message that they are too short."""
     from stlbench import stl
 
     names, samples = traces.names, traces.samples
@@ -199,7 +199,7 @@ def _judge_alike(
 
 
 def _warn_of_early_ends(traces: SavedTraces, starts: list[int | None]) -> None:
-    """That verdicts are about less than an episode has to be said: they are not those of the task."""
+    """Verdicts on shorter traces may differ from the task's own."""
     from stlbench.rollout.early_ends import last_steps
 
     rows, length = last_steps(traces.samples) + 1, traces.samples.shape[1]

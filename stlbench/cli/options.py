@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -37,12 +37,17 @@ def study_options(*fields: str, **instead: tuple[str, str]) -> Callable[[Callabl
             left_out = [option.name for option in options if values[option.name] in (None, False)]
             command(**{name: value for name, value in values.items() if name not in left_out})
 
-        parameters = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in (*first, *options, *last)]
-        with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        with_options.__annotations__ = {each.name: each.annotation for each in parameters}
-        return with_options
+        return declare(with_options, (*first, *options, *last))
 
     return derived
+
+
+def declare(command: Callable[..., None], parameters: Iterable[inspect.Parameter]) -> Callable[..., None]:
+    """Let the command line see these parameters, in this order, in place of the command's own."""
+    options = [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in parameters]
+    command.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
+    command.__annotations__ = {each.name: each.annotation for each in options}
+    return command
 
 
 def _parameter(name: str, help_text: str, default: str) -> inspect.Parameter:

@@ -33,7 +33,7 @@ from stlbench.testing.line import FORMS, Form, Nearness, line_task
 from stlbench.testing.rules import RuleBroken, Rules
 
 _HOLD = "hold"
-"""In a search space, of the task and no parameter of the agent."""
+"""A parameter of the task that a search space may have."""
 
 
 def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
@@ -66,7 +66,7 @@ def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
 
 
 def _refusal(agent: Agent, form: Form, rules: Rules) -> Unsuitable | None:
-    """Check it on one task: None, or why it refuses that."""
+    """Check the agent on one task: None, or the reason why it refuses the task."""
     rule = f"with {form.text}, it trains or raises Unsuitable"
     try:
         _check_training(agent, line_task(form), rules)
@@ -106,12 +106,12 @@ def _fits(known: dict[str, choices.Parameter], name: str, value: object) -> bool
 
 @dataclass
 class _Trained:
-    """What came of one training."""
+    """The result of one training."""
 
     final: Policy | StatePolicy
     taken: int
     reported: list[tuple[Policy | StatePolicy, int, bytes]] = field(default_factory=list)
-    """Policy, steps so far, and its traces at that moment."""
+    """Policy, steps so far, and the policy's traces at that moment."""
 
 
 def _train(agent: Agent, task: Task, behave: Callable[[Policy | StatePolicy], bytes]) -> _Trained:
@@ -163,7 +163,6 @@ def _check_restored(
     behave: Callable[[Policy | StatePolicy], bytes],
     rules: Rules,
 ) -> None:
-    """Where the policy says that it can be kept."""
     arrays = policy.arrays() if isinstance(policy, Policy) else None
     if arrays is None:
         return
@@ -185,7 +184,6 @@ def _check_cost(agent: Agent, actions: Actions, rules: Rules) -> None:
 
 
 def _check_actions(policy: Policy, task: Task, rules: Rules) -> None:
-    """What it does in observations of the task."""
     environment = BatchEnvironment(task, Nearness(task.specification), 6, 3)
     observation = environment.reset()
     for _ in range(3):

@@ -18,18 +18,18 @@ from stlbench.registry.choices import executor_of
 from stlbench.testing.rules import Rules
 
 _PATIENCE = 600.0
-"""Deadline, in seconds, of items that are to end by themselves."""
+"""Deadline, in seconds, of items that end by themselves."""
 _SHORT = 3.0
-"""Deadline of the one that would not, for far longer."""
+"""Deadline of the item that sleeps for `_LONG`."""
 _LONG = 60.0
 _MARK = "STLBENCH_CHECK_EXECUTOR"
-"""A variable of the environment that no one sets."""
+"""An environment variable that nobody sets."""
 
 Place = tuple[str, int]
 
 
 class _Item(NamedTuple):
-    """What a worker is to do: "return", "raise", "sleep", "exit", "change", "look" or "leave"."""
+    """A worker's order: "return", "raise", "sleep", "exit", "change", "look" or "leave"."""
 
     what: str
     number: int = 0
@@ -136,7 +136,6 @@ def _check_changes(executor: Executor, rules: Rules) -> None:
 
 
 def _check_left(executor: Executor, rules: Rules) -> None:
-    """Looked at where the processes are this machine's."""
     (outcome,) = _run(executor, [_Item("leave")])
     host, process = outcome.value
     over = host != socket.gethostname() or _has_ended(process)

@@ -1,4 +1,4 @@
-"""What agents are checked on: a point on a line, or one for each of two robots, with a reward of its own."""
+"""The tasks that agents are checked on: a point on a line, or two robots, with a reward."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ _STEPS = 2000
 
 @dataclass(frozen=True)
 class Form:
-    """How many points there are, and which actions they have."""
+    """The points and actions of a task."""
 
     text: str
-    """For people."""
+    """For messages."""
     points: tuple[str, ...] = ("x",)
     count: int | None = None
-    """Values of each action; continuous where None."""
+    """Values of each action; None if it is continuous."""
     robots: bool = False
     """Whether each point is a robot of its own."""
 
@@ -46,7 +46,7 @@ FORMS = (
     Form("continuous actions"),
     Form("two robots with 3 actions each", ("x", "y"), 3, robots=True),
 )
-"""Agents differ in which actions they can choose among; one has to be able to train on one of these."""
+"""An agent has to train on one of these; it may refuse the others."""
 
 
 class _Line(System):

@@ -1,4 +1,4 @@
-"""The rules of a log: it takes whatever a run tells it, in the order in which a run does, and ends."""
+"""The rules of a log: it takes the events of a run, in their order."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NUMBERS = {"satisfaction": 1.0, "robustness": 0.3, "env_steps": 4000.0}
 
 
 def check_log(log: type[RunLog] | str, rules: Rules | None = None) -> None:
-    """Check a log on a run that is played, in a folder that is taken away again. Nothing is sent by the check itself.
+    """Check a log on a made-up run, in a temporary folder. The check itself sends nothing.
 
     The rules: it takes a run of no cells; checkpoints of several cells in turn; cells that ended with and without
     checkpoints, numbers that are none, and results without any; cells that never end; a second run in the same folder,

@@ -16,22 +16,22 @@ class RuleBroken(AssertionError):
 
 
 class Rules:
-    """The rules that a check has found kept so far, and what its user should know beside them."""
+    """The rules that a check has found kept so far, and its warnings."""
 
     def __init__(self) -> None:
         self._kept = dict[str, None]()
         self.warnings = list[str]()
-        """What breaks no rule and is probably not meant, a line each."""
+        """What breaks no rule and is probably a mistake, a line each."""
 
     @property
     def kept(self) -> tuple[str, ...]:
-        """Each once, in the order in which they were first checked."""
+        """Each once, in the order of their first checks."""
         return tuple(self._kept)
 
     def keep(self, kept: bool, rule: str, got: object) -> None:
-        """Say whether a rule is kept, and else what there is. Raises `RuleBroken`."""
+        """Record a rule as kept, or raise `RuleBroken` with `got` in the message."""
         if not kept:
-            self._kept.pop(rule, None)  # at another time it was kept
+            self._kept.pop(rule, None)  # an earlier check may have kept it
             raise RuleBroken(f"rule broken: {rule}; got {one_line(got)}")
         self._kept[rule] = None
 
@@ -42,15 +42,14 @@ class Rules:
         arguments: tuple[Array | Integers, ...],
         shape: tuple[int | None, ...],
     ) -> Any:
-        """Shape (None: any), finite values, purity, and that a batch is its rows one by one: the value."""
+        """Check shape (None: any), finite values, purity, and that a batch is its rows one by one; return the value."""
         copies = tuple(argument.copy() for argument in arguments)
         value = np.array(function(*copies))
         fits = value.ndim == len(shape) and all(size in (None, n) for size, n in zip(shape, value.shape, strict=True))
         self.keep(fits, f"{name} has shape {shape}", value.shape)
         self.keep(bool(np.isfinite(value).all()), f"{name} is finite", value)
-        self.keep(
-            all(map(np.array_equal, copies, arguments)), f"{name} leaves its arguments alone", "one that it changed"
-        )
+        alone = all(map(np.array_equal, copies, arguments))
+        self.keep(alone, f"{name} leaves its arguments alone", "one that it changed")
         self.keep(np.array_equal(function(*copies), value), f"{name} is pure", "another value for the same arguments")
         for i in range(len(value)):
             row = function(*(argument[i : i + 1] for argument in copies))

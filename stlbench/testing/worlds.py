@@ -14,7 +14,7 @@ from stlbench.testing.rules import Rules
 
 _COPIES = 4
 _STEPS = 200
-"""The most of an episode that is run again to compare."""
+"""The most steps of an episode that are run again to compare."""
 
 
 def random_traces(task: Task, rules: Rules) -> Array:
@@ -37,7 +37,7 @@ def random_traces(task: Task, rules: Rules) -> Array:
 
 
 def _warn_of_ends(task: Task, rules: Rules, traces: Array, lasted: Integers) -> None:
-    """Warn where random actions end an episode before the formula is decided: a policy may learn to do just that."""
+    """Warn if random actions end an episode before the formula is decided: a policy may learn to do that."""
     recorded = traces if task.file.terminated == "hold" else without_end(traces.copy(), lasted)
     satisfied, horizon = np.array(referee.score(task, recorded).satisfied), stl.horizon(task.formula)
     early = lasted < horizon
@@ -107,7 +107,7 @@ def _feature(task: Task, place: int) -> str:
 
 
 def _check_restart(task: Task, rules: Rules, world: World, begun: Array) -> None:
-    """One row begins anew, and the others stay as they are."""
+    """One row begins anew, and the other rows stay."""
     world.restart(np.arange(_COPIES), begun)
     first = world.signals.copy()
     world.advance(np.tile(task.actions.low, (_COPIES, 1)).astype(np.float64), task.file.hold)

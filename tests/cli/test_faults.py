@@ -234,6 +234,7 @@ def test_what_a_method_does_to_its_process_is_not_in_the_results_of_another(bad,
     assert not list(Path("results/logs").iterdir())
 
 
+@pytest.mark.slow
 def test_a_cell_that_takes_too_much_memory_is_killed_and_its_reason_says_so(bad, say):
     done = say(
         "run",

@@ -65,6 +65,7 @@ def summary() -> dict[str, dict]:
     return {entry["metric"]: entry for entry in found["comparisons"]}
 
 
+@pytest.mark.slow
 def test_equal_code(repository, say):
     done = say(*GATE)
     found = summary()
@@ -81,6 +82,7 @@ def git_status(folder: Path) -> str:
     return subprocess.run(words, check=True, capture_output=True, text=True).stdout
 
 
+@pytest.mark.slow
 def test_training_that_takes_1_3_times_as_long_is_worse(repository, say):
     edit(repository / "toy_plugins" / "agents.py", "SECONDS = 0.05", "SECONDS = 0.065")
     done = say(*GATE)
@@ -91,12 +93,14 @@ def test_training_that_takes_1_3_times_as_long_is_worse(repository, say):
     assert found["CPU"]["pairs"] >= 20
 
 
+@pytest.mark.slow
 def test_a_loss_of_robustness_is_worse(repository, say):
     edit(repository / "toy_plugins" / "agents.py", "policy = Always(self.action)", "policy = Always(2)")
     assert say(*GATE).exit_code == 1
     assert summary()["robustness"]["verdict"] == "worse"
 
 
+@pytest.mark.slow
 def test_each_side_has_the_plugins_of_its_own_tree(repository, say):
     """The change moves a module: the base finds its method where it was."""
     git(repository, "mv", "toy_plugins/methods.py", "toy_plugins/rewards.py")
@@ -106,6 +110,7 @@ def test_each_side_has_the_plugins_of_its_own_tree(repository, say):
     assert summary()["CPU"]["pairs"] >= 10
 
 
+@pytest.mark.slow
 def test_what_the_base_does_not_know_is_compared_with_the_reference(repository, say):
     edit(repository / "pyproject.toml", 'toy-raw = "toy_plugins.methods:Raw"', "")
     git(repository, "commit", "--quiet", "--all", "-m", "a base without the method")

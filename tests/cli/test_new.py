@@ -58,6 +58,7 @@ def made(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_it_is_clean(made: Path) -> None:
     for kind in KINDS:
         for words in (("check",), ("format", "--check")):
@@ -66,6 +67,7 @@ def test_it_is_clean(made: Path) -> None:
             assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_its_annotations_hold(made: Path) -> None:
     sources = [made / f"zz-{kind}" / "src" for kind in KINDS]
     packages = [word for kind in KINDS for word in ("-p", f"stlbench_{kind}_zz_{kind}")]
@@ -73,11 +75,6 @@ def test_its_annotations_hold(made: Path) -> None:
     command = (sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", *packages)
     done = subprocess.run(command, cwd=made, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
-
-
-def test_a_readme_begins_with_the_right_article(made: Path) -> None:
-    firsts = [(made / f"zz-{kind}" / "README.md").read_text().splitlines()[2].split(" for ")[0] for kind in KINDS]
-    assert firsts == ["A method", "A task", "An agent"]
 
 
 def test_what_is_to_be_installed_is_no_folder_of_a_task(made: Path) -> None:
@@ -120,6 +117,7 @@ def test_a_bad_name_is_one_line(tmp_path: Path, kind: str, name: str, said: str)
     assert not (tmp_path / "made").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("identifier", "agent"),
     [

@@ -21,8 +21,6 @@ NOT_RUN = {
     "sbatch": "needs Slurm",
     "tensorboard": "is another program, which serves until it is stopped",
     "git": "changes a repository; the commands of stlbench beside it run",
-    "make -C ../base": "sets up another checkout, with packages of an index",
-    ".venv/bin/python tests/benchmarks/versus.py": "compares two checkouts; tests/test_versus.py runs it",
     "python studies/paper_figures.py": "draws policies that are not in the repository",
     "python -m pytest plugins/example": "tests/test_example_plugin.py runs these tests",
     "stlbench render results/paper": "films what `make paper-figures` trains",
