@@ -38,11 +38,6 @@ def test_methods_can_be_asked_for_with_parameters(say):
     assert "hprs[later=target]" in targetless["reason"]
 
 
-def test_the_hint_is_given_where_it_helps(say):
-    (row,) = advice(say, "hold-disc", "--methods", "hprs")["do_not_fit"]
-    assert row["reason"].endswith("the formula has terms G alone")
-
-
 def test_results_put_the_best_first(say, toy, tmp_path):
     run = say("run", "--tasks", "toy-line", "--methods", "toy-raw[weight=2],toy-raw", "--results", str(tmp_path))
     assert run.exit_code == 0, run.stderr

@@ -31,11 +31,6 @@ def test_a_broken_plugin_is_a_warning_that_names_its_distribution(say, toy):
     assert line.startswith("warning: method 'toy-broken' of toy-plugins 1.2")
 
 
-def test_a_screen_shows_name_origin_and_parameters(say, toy):
-    words = say("list", "methods").stdout.split()
-    assert {"toy-raw", "toy-plugins", "1.2", "weight:"} <= set(words)
-
-
 @pytest.mark.parametrize(("kind", "name"), [("tasks", "toy-line"), ("agents", "toy-agent"), ("executors", "toy-here")])
 def test_the_other_kinds(say, toy, kind, name):
     assert entry(say("list", kind, "--json"), name)["distribution"] == "toy-plugins"
@@ -174,19 +169,6 @@ def richer(toy):
     path.write_text(text.replace("agents:", "agents:\n  z-first: {rate: 0.5}") + TRAINING)
 
 
-def test_robots_and_training_as_json(say, richer):
-    found = json.loads(say("show", "task", "toy-line", "--json").stdout)
-    assert found["actions"]["w"] == {"low": 0.0, "high": 2.0, "unit": ""}
-    assert found["robots"] == {"left": ["v"], "right": ["w"]}
-    assert found["training"] == {
-        "starts": {"box": {"x": [-0.5, 0.5]}},
-        "cuts": [2, 3],
-        "ends": [{"where": "violation"}, {"where": "x >= 2"}],
-        "exploring": {"share": 0.5, "kept": 0.25, "states": {"box": {"x": [0.0, 2.0]}, "where": "x <= 1"}, "length": 2},
-    }
-    assert (found["own_agent"], list(found["agents"])) == ("z-first", ["z-first", "toy-agent"])
-
-
 def test_robots_and_training_on_screen(say, richer):
     text = say("show", "task", "toy-line").stdout
     assert "None" not in text
@@ -208,20 +190,6 @@ def test_robots_and_training_on_screen(say, richer):
         assert shown in lines
     first = lines.index("Recipes, the task's own agent first") + 3
     assert lines[first : first + 2] == ["z-first rate: 0.5", "toy-agent action: 1"]
-
-
-def test_a_task_that_trains_as_it_is_scored_has_no_table_of_it(say, toy):
-    text = say("show", "task", "toy-line").stdout
-    assert "Training" not in text
-    assert "Robots" not in text
-    assert "by hand" not in text
-    assert [line.split() for line in text.splitlines() if line.startswith("v ")] == [["v", "-1", "1", "3"]]
-
-
-def test_an_ablation(say, richer):
-    found = json.loads(say("show", "task", "toy-line[without=exploring]", "--json").stdout)
-    assert (found["name"], found["distribution"]) == ("toy-line[without=exploring]", "toy-plugins")
-    assert "exploring" not in found["training"]
 
 
 def test_an_unknown_task(say, toy):

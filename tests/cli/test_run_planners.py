@@ -18,8 +18,10 @@ class Below(RewardMethod):
 class History(RewardMethod):
     """Remembers where it was, to the last digit."""
     memory_size = 22
-    def step(self, signals, action, next_signals, t, memory):
-        return -next_signals[:, 0], np.roll(memory, 1, axis=1) + signals + action
+    def along(self, samples, action, t, memory):
+        for signals in samples[:-1]:
+            memory = np.roll(memory, 1, axis=1) + signals + action
+        return -samples[1:, :, 0], memory
 
 class Nothing(RewardMethod):
     """Pays no number."""
