@@ -23,7 +23,7 @@ from stlbench.records import stored
 from stlbench.records.identity import IDENTITY, OUTSIDE, CellId
 from stlbench.records.ledger import FILE
 from stlbench.records.outputs import write
-from stlbench.records.result import TASK_FOLDER, Result, reported
+from stlbench.records.result import TASK_FOLDER, Result, numbers
 from stlbench.records.schema import is_sqlite
 from stlbench.records.status import NOT_RUN, Status
 from stlbench.share.checked import unpacked
@@ -59,16 +59,10 @@ class Snapshot:
 
 def sample(result: Result) -> Sample:
     """A few numbers of a result."""
-    measured = result.measurement
-    return Sample(
-        result.id,
-        result.status,
-        reason=" ".join(result.reason.split()),
-        robustness_mean=reported(measured.selected).mean if measured else None,
-        satisfaction=reported(measured.selected).satisfaction if measured else None,
-        training_cpu_seconds=measured.training_cpu_seconds if measured else None,
-        reward_nanoseconds=measured.reward_nanoseconds if measured else None,
-    )
+    columns = numbers(result.measurement) if result.measurement else {}
+    names = ("robustness_mean", "satisfaction", "training_cpu_seconds", "reward_nanoseconds")
+    measured = {name: columns.get(name) for name in names}
+    return Sample(result.id, result.status, " ".join(result.reason.split()), **measured)
 
 
 def gather(results: Iterable[Result]) -> Snapshot:

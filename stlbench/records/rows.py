@@ -12,12 +12,15 @@ from typing import Any, NamedTuple, Self, cast, get_args
 
 from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import IDENTITY, CellId, Track
-from stlbench.records.result import Result, from_json, reported, to_json
+from stlbench.records.result import Result, from_json, numbers, to_json
 from stlbench.records.status import Status
 from stlbench.registry.choices import parse_choice
 
 LISTED = f"key, status, failures, again, {', '.join(IDENTITY)}"
 """The columns of a `Row`."""
+
+_NUMBERS = ("robustness_mean", "satisfaction", "training_cpu_seconds", "training_wall_seconds")
+"""Columns for queries by SQL."""
 
 
 class Row(NamedTuple):
@@ -64,16 +67,13 @@ def texts(cell: CellId) -> tuple[str, str, str, int, str, str]:
 def values(result: Result, folder: Path, failures: int) -> dict[str, str | int | float | None]:
     """Column -> value of the row of a result that is recorded now, in a folder that has its files already."""
     measured, text = result.measurement, to_json(result)
-    score = reported(measured.selected) if measured else None
+    columns = numbers(measured) if measured else {}
     return {
         "key": result.key,
         **dict(zip(IDENTITY, texts(result.id), strict=True)),
         "status": result.status,
         "reason": result.reason,
-        "robustness_mean": score.mean if score else None,
-        "satisfaction": score.satisfaction if score else None,
-        "training_cpu_seconds": measured.training_cpu_seconds if measured else None,
-        "training_wall_seconds": measured.training_wall_seconds if measured else None,
+        **{name: columns.get(name) for name in _NUMBERS},
         "recorded_at": datetime.now(UTC).isoformat(timespec="milliseconds"),
         "result": text,
         "checksum": checksum_of(text),

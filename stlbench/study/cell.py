@@ -11,8 +11,10 @@ from pathlib import Path
 from stlbench.records.identity import CellId
 from stlbench.records.result import Measurement, Result
 from stlbench.records.status import Status
+from stlbench.registry import folders
 from stlbench.registry.fingerprint import Code
-from stlbench.study.tracks import Recipe
+from stlbench.study.tracks import Recipe, task_of
+from stlbench.task.task import Task
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,12 @@ class Cell:
     """Name and hash of each part of the key but the track and the seed, as `keys.PARTS` names them."""
     code: tuple[Code, ...] = field(default=(), repr=False)
     """Of the harness, the task, the method and the agent, as it was when the key was made."""
+
+    def load_task(self) -> Task:
+        """The task as the cell's track and recipe have it. Raises `UsageError` where it is not installed."""
+        if self.folder is not None:
+            folders.know(self.folder)  # this process may be another than the one in which the user named the folder
+        return task_of(self.id, self.recipe)
 
     def ended(
         self, status: Status, reason: str = "", details: str = "", measurement: Measurement | None = None

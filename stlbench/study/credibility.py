@@ -25,11 +25,10 @@ from stlbench.errors import UsageError, cause, one_line
 from stlbench.records.cell_files import cell_files
 from stlbench.records.result import MAIN, Measurement, Result, Score
 from stlbench.records.saved_traces import read_cell
-from stlbench.registry import folders, plugins
+from stlbench.registry import plugins
 from stlbench.rollout import referee
 from stlbench.study.cell import Cell
-from stlbench.study.tracks import on_track
-from stlbench.task import Task, load_task
+from stlbench.task import Task
 
 _CLOSE = 1e-9
 """Relative and absolute difference that is none: of the sums of several versions of a library."""
@@ -96,10 +95,8 @@ def _of_clocks(measured: Measurement, seconds: float) -> Iterator[str]:
 
 def _of_traces(cell: Cell, result: Result, said: Score, folder: Path) -> Iterator[str]:
     """The main score is that of the recorded traces, which begin where the report's starts are."""
-    if cell.folder is not None:
-        folders.know(cell.folder)  # this process may be another than the one in which it was named
     try:
-        task = on_track(load_task(cell.id.task), cell.id.agent, cell.id.track, cell.recipe)
+        task = cell.load_task()
         traces, begun = read_cell(folder, result), task.starts.report_and_selection()[0]
         expected = len(begun), task.file.steps + 1, len(task.signals)
         if traces.names != task.signals or traces.samples.shape != expected:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Self, cast
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, Unsuitable, cause
 from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import CellId
-from stlbench.records.result import Result, reported
+from stlbench.records.result import Result, numbers
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.study.live_cells import running
@@ -28,6 +28,16 @@ _MOST_SECONDS = 30.0
 """That one call of a log may take."""
 _END_SECONDS = 60.0
 """That logs may take for what is left, when the run has ended."""
+
+
+_LOGGED = {
+    "satisfaction": "satisfaction",
+    "robustness": "robustness_mean",
+    "final_satisfaction": "final_satisfaction",
+    "final_robustness": "final_robustness_mean",
+    **{name: name for name in ("cpu_seconds", "wall_seconds", "env_steps")},
+}
+"""Name in a log -> column of `numbers`."""
 
 
 def build_logs(choices: Iterable[Choice]) -> dict[str, RunLog]:
@@ -51,18 +61,10 @@ def logged(result: Result) -> LoggedCell:
     found, name = result.measurement, result.id.name
     if found is None:
         return LoggedCell(name, result.id.budget, result.status, result.reason)
-    selected, final = reported(found.selected), reported(found.final)
-    numbers = {
-        "satisfaction": selected.satisfaction,
-        "robustness": selected.mean,
-        "final_satisfaction": final.satisfaction,
-        "final_robustness": final.mean,
-        "cpu_seconds": found.cpu_seconds,
-        "wall_seconds": found.wall_seconds,
-        "env_steps": float(found.env_steps),
-    }
+    columns = numbers(found)
+    logged_numbers = {name: float(columns[column]) for name, column in _LOGGED.items()}
     curve = [LoggedCheckpoint(name, at.steps, at.satisfaction, at.robustness_mean) for at in found.curve]
-    return LoggedCell(name, result.id.budget, result.status, "", numbers, tuple(curve))
+    return LoggedCell(name, result.id.budget, result.status, "", logged_numbers, tuple(curve))
 
 
 def _checkpoint(log: RunLog, point: LoggedCheckpoint) -> None:

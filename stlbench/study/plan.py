@@ -125,17 +125,17 @@ def check_cells(cells: Iterable[Cell]) -> tuple[str, ...]:
         plugins.check("methods", method)
     for cell, task in _trainings(planned):
         agent = cell.id.agent
-        _check_agent(on_track(task, agent, cell.id.track, cell.recipe), agent)
-        if agent.name not in task.file.agents and cell.id.track != "plain":
+        _check_agent(task, agent)
+        if cell.id.track != "plain" and agent.name not in load_task(cell.id.task).file.agents:
             notes[f"task {cell.id.task} has no recipe for agent {agent}, which trains with its defaults"] = None
     return tuple(notes)
 
 
 def _trainings(cells: Iterable[Cell]) -> Iterator[tuple[Cell, Task]]:
-    """One of the cells that train a task alike, whatever the method and the seed, and the task as its file says."""
+    """One of the cells that train a task alike, whatever the method and the seed, and its task."""
     alike = {(cell.id.task, cell.id.agent, cell.id.track, str(cell.recipe)): cell for cell in cells}
     for cell in alike.values():
-        yield cell, load_task(cell.id.task)
+        yield cell, cell.load_task()
 
 
 def uncompiled(cells: Iterable[Cell]) -> Iterator[tuple[Choice, Callable[[], None]]]:
@@ -145,7 +145,7 @@ def uncompiled(cells: Iterable[Cell]) -> Iterator[tuple[Choice, Callable[[], Non
     """
     for cell, task in _trainings(cells):
         agent = cell.id.agent
-        work = build_agent(on_track(task, agent, cell.id.track, cell.recipe), agent).uncompiled()
+        work = build_agent(task, agent).uncompiled()
         if work is not None:
             yield agent, work
 

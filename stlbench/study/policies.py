@@ -20,8 +20,8 @@ from stlbench.rollout import referee
 from stlbench.rollout.observing import observation_of
 from stlbench.rollout.reenactment import Reenactment
 from stlbench.rollout.traces import Recording
-from stlbench.study.tracks import Recipe, on_track
-from stlbench.task import Task, build_method, load_task
+from stlbench.study.tracks import Recipe, task_of
+from stlbench.task import Task, build_method
 from stlbench.task.starts import StateStarts
 
 
@@ -68,7 +68,7 @@ def load_policy(folder: Path, result: Result, which: Which = "selected", on: Tas
 def own_task(cell: CellId, stored: StoredPolicies) -> Task:
     """The task of a cell, as its track and recipe have it. Raises `UsageError` where it is not installed."""
     recipe = Recipe(stored.agent, stored.hold) if cell.track == "tuned" else None
-    return on_track(load_task(cell.task), cell.agent, cell.track, recipe)
+    return task_of(cell, recipe)
 
 
 def _restored(agent: str, arrays: Arrays, task: Task) -> Policy:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from stlbench.records import stored
 from stlbench.records.identity import IDENTITY, CellId, find_cell
-from stlbench.records.result import Measurement, Result, Score
+from stlbench.records.result import Result, numbers, score_numbers
 from stlbench.records.saved_policies import Which
 from stlbench.records.saved_traces import SavedTraces, read_cell
 from stlbench.records.status import ACCIDENTS, NOT_RUN
@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
     from stlbench.study.policies import LoadedPolicy
 
-_NUMBERS = tuple(
-    part.name for part in fields(Measurement) if part.name not in ("selected", "final", "curve", "planned", "policies")
+_NUMBERS = (
+    *("selected_steps", "training_cpu_seconds", "training_wall_seconds", "cpu_seconds", "wall_seconds", "env_steps"),
+    *("reward_nanoseconds", "inputs_added", "extension"),
 )
 _PLANNED = ("maximised", "grid_value")
 _COUNTS = ("selected_steps", "env_steps", "inputs_added")
@@ -98,8 +99,9 @@ class Results:
         provenance = tuple(dict.fromkeys(name for result in self.results for name in result.provenance))
         rows: dict[CellId, Mapping[str, Any]] = {cell: {"status": NOT_RUN, "reason": ""} for cell in self.missing}
         for result in self.results:
-            said = {"status": result.status, "reason": result.reason}
-            rows[result.id] = {**said, **_numbers(result.measurement), **result.provenance}
+            columns = numbers(result.measurement) if result.measurement else {}
+            known = {name: columns[name] for name in (*_NUMBERS, *_PLANNED) if name in columns}
+            rows[result.id] = {"status": result.status, "reason": result.reason, **known, **result.provenance}
         table = _table(sorted(rows.items()), ("status", "reason", *_NUMBERS, *_PLANNED, *provenance))
         return table.astype(dict.fromkeys(_COUNTS, "Int64"))
 
@@ -113,7 +115,7 @@ class Results:
         records of before that was counted.
         """
         rows = (
-            (result.id, {"protocol": protocol, "policy": policy} | _scored(score))
+            (result.id, {"protocol": protocol, "policy": policy} | score_numbers(score))
             for result in self.results
             if result.measurement
             for protocol in result.measurement.selected
@@ -122,7 +124,7 @@ class Results:
                 ("final", result.measurement.final[protocol]),
             )
         )
-        return _table(rows, ("protocol", "policy", *_SCORE))
+        return _table(rows, ("protocol", "policy", *_SCORE)).astype({"ended_early": float})
 
     def comparisons(self) -> pd.DataFrame:
         """One row per pair of methods on a task, agent, budget and track: the table "Comparisons" of `stlbench report`.
@@ -196,16 +198,3 @@ def _table(rows: Iterable[tuple[CellId, Mapping[str, Any]]], columns: tuple[str,
 def _identity(cell: CellId) -> dict[str, str | int]:
     values = {name: getattr(cell, name) for name in IDENTITY}
     return {name: value if isinstance(value, int) else str(value) for name, value in values.items()}
-
-
-def _numbers(measurement: Measurement | None) -> dict[str, Any]:
-    if measurement is None:
-        return {}
-    numbers = {name: getattr(measurement, name) for name in _NUMBERS}
-    planned = measurement.planned
-    return numbers if planned is None else {**numbers, "maximised": planned.maximised, "grid_value": planned.value}
-
-
-def _scored(score: Score) -> dict[str, float]:
-    ended = float("nan") if score.ended_early is None else score.ended_early
-    return dict(zip(_SCORE, (score.mean, score.minimum, score.satisfaction, ended), strict=True))

@@ -20,6 +20,7 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, executor_of
 from stlbench.study import live_cells, scheduler, trial
 from stlbench.study.cell import Cell
+from stlbench.study.code_changes import outdated, outdated_note, run_checked
 from stlbench.study.credibility import Examiner
 from stlbench.study.logs import Logged, build_logs
 from stlbench.study.plan import check_cells, uncompiled
@@ -27,8 +28,6 @@ from stlbench.study.provenance import collect, here
 from stlbench.study.results import Results
 from stlbench.study.scheduler import failing
 from stlbench.study.study import Study
-from stlbench.study.superseded import note, superseded
-from stlbench.study.unchanged import run_unchanged
 from stlbench.study.warm import examples, warm
 
 
@@ -202,8 +201,8 @@ def run_cells(
         missing = _missing(cells, ledger, retry, attempts)
         if retry and attempts and (lost := ledger.given_up({cell.key for cell in cells}, attempts)):
             notes = (_given_up(lost, attempts), *notes)
-        if missing and (old := superseded(missing, ledger)):
-            notes = (note(old, ledger, provenance, keep_old), *notes)
+        if missing and (old := outdated(missing, ledger)):
+            notes = (outdated_note(old, ledger, provenance, keep_old), *notes)
             kept = {cell.id for cell in old.values()} if keep_old else set[CellId]()
             missing = [cell for cell in missing if cell.id not in kept]
         ledger.plan({cell.key: cell.id for cell in cells})
@@ -215,7 +214,7 @@ def run_cells(
             told.note(f"compiling {agent}, once per machine")
             work()
         place = folder.absolute()  # a worker elsewhere has another working directory
-        in_folder = partial(run_unchanged, run_cell=run_cell or trial.run_cell, folder=place)
+        in_folder = partial(run_checked, run_cell=run_cell or trial.run_cell, folder=place)
         work_on = Work(in_folder, partial(warm, examples(missing)), partial(_log_of, place), here)
         with (
             _refusals(),

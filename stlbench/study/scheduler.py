@@ -14,8 +14,8 @@ from stlbench.records.ledger import Ledger
 from stlbench.records.result import Result, from_json, to_json
 from stlbench.registry import plugins
 from stlbench.study.cell import Cell
+from stlbench.study.code_changes import NoSpace, key_without_code
 from stlbench.study.provenance import elsewhere, of_cell
-from stlbench.study.unchanged import NoSpace, key_without_code
 
 
 def run(

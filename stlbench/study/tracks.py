@@ -11,11 +11,11 @@ import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from stlbench.errors import UsageError, in_words, one_line
-from stlbench.records.identity import Track
+from stlbench.records.identity import CellId, Track
 from stlbench.records.outputs import write
 from stlbench.registry.choices import Choice
 from stlbench.task.entry import Count
-from stlbench.task.task import Task
+from stlbench.task.task import Task, load_task
 from stlbench.task.yaml_text import load_yaml
 
 
@@ -68,6 +68,11 @@ def read_recipes(path: Path) -> Recipes:
         place = ".".join(map(str, ("recipes", *first["loc"])))
         raise UsageError(f"{path}: {place}: {in_words(first['msg'])}") from error
     return Recipes(found, str(path))
+
+
+def task_of(cell: CellId, recipe: Recipe | None = None) -> Task:
+    """The task of a cell, as its track and recipe have it. Raises `UsageError` where it is not installed."""
+    return on_track(load_task(cell.task), cell.agent, cell.track, recipe)
 
 
 def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = None) -> Task:

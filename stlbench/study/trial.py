@@ -4,33 +4,29 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, StatePolicy, Training, Unsuitable
+from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, StatePolicy, Unsuitable
 from stlbench.errors import one_line
 from stlbench.records import saved_policies, saved_traces
 from stlbench.records.cell_files import cell_files
 from stlbench.records.outputs import inside
 from stlbench.records.result import CurvePoint, Measurement, Planned, Result, StoredPolicies
 from stlbench.records.saved_traces import Assessment
-from stlbench.registry import folders
 from stlbench.rollout.cost import refuse_dear
-from stlbench.rollout.model import model_of
 from stlbench.rollout.observing import observation_of
 from stlbench.rollout.referee import Referee
-from stlbench.rollout.rehearsal import rehearse
 from stlbench.rollout.worlds import make_world
-from stlbench.study.cell import Cell, derive_seed
+from stlbench.study.cell import Cell
 from stlbench.study.live_cells import Notice, announce
-from stlbench.study.meter import Meter, MeteredEnvironment
-from stlbench.study.tracks import Recipe, on_track
-from stlbench.task import Task, build_agent, build_method, load_task
-from stlbench.task.file import Budget
+from stlbench.study.tracks import Recipe
+from stlbench.study.training import Checkpoint, Clock, train
+from stlbench.task import Task, build_agent, build_method
 
 _REWARDED = 16
 """Copies that are stepped to measure the time of a reward."""
@@ -47,9 +43,7 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
         The cell's result; a method or agent that does not fit the task is a result, with its reason. Any other error
         of a plugin is raised, for the scheduler to record.
     """
-    if cell.folder is not None:
-        folders.know(cell.folder)  # this process may be another than the one in which it was named
-    task = on_track(load_task(cell.id.task), cell.id.agent, cell.id.track, cell.recipe)
+    task = cell.load_task()
     try:
         method = build_method(task, cell.id.method)
         agent = build_agent(task, cell.id.agent)
@@ -90,47 +84,11 @@ def _stored(measured: Measured, task: Task, method: RewardMethod, cell: Cell, fo
     return replace(measured.numbers, policies=stored)
 
 
-@dataclass
-class _Clock:
-    """CPU and wall seconds, without the spans during which it is paused."""
-
-    cpu: float = 0.0
-    wall: float = 0.0
-    _since: tuple[float, float] = field(default_factory=lambda: (time.process_time(), time.perf_counter()))
-
-    def pause(self) -> None:
-        self.cpu += time.process_time() - self._since[0]
-        self.wall += time.perf_counter() - self._since[1]
-
-    def resume(self) -> None:
-        self._since = (time.process_time(), time.perf_counter())
-
-
-class _Reported(NamedTuple):
-    """A checkpoint, frozen."""
-
-    policy: Policy | StatePolicy
-    steps: int
-    cpu_seconds: float
-    """Of training so far."""
-
-
-class _Trained(NamedTuple):
-    """What came of a training."""
-
-    final: Policy | StatePolicy
-    checkpoints: list[_Reported]
-    """At least one: where an agent reported none, its final policy."""
-    env_steps: int
-    clock: _Clock
-    observation_size: int
-
-
 def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell, notice: Notice | None = None) -> Measured:
     """Train, and score the selected and the final policy. `notice` is told of every checkpoint."""
-    whole = _Clock()
+    whole = Clock()
     referee = Referee(task, method, task.budget(cell.id.budget).random_starts)
-    trained = _train(task, method, agent, cell, _told(notice, referee))
+    trained = train(task, method, agent, cell, _told(notice, referee))
     selected, curve = _choose(referee, trained.checkpoints)
     assessment = referee.assess(selected.policy)
     last = assessment if selected.policy is trained.final else referee.assess(trained.final)
@@ -172,71 +130,12 @@ def _told(notice: Notice | None, referee: Referee) -> Callable[[Policy | StatePo
     return told
 
 
-def _train(
-    task: Task,
-    method: RewardMethod,
-    agent: Agent,
-    cell: Cell,
-    told: Callable[[Policy | StatePolicy, int], None],
-) -> _Trained:
-    """Rehearse, unless the agent plans, and train by the clock.
-
-    Raises `RuntimeError` where the agent takes more steps than its budget, also by what it has kept of the rehearsal,
-    reports more than it took, or trains and takes none.
-    """
-    used: list[MeteredEnvironment] = []
-    reported: list[_Reported] = []
-    budget, clock = task.budget(cell.id.budget), _Clock()
-    meter = Meter(str(cell.id.agent))
-
-    def report(policy: Policy | StatePolicy, steps: int) -> None:
-        clock.pause()
-        meter.check(steps)
-        reported.append(_Reported(policy, steps, clock.cpu))
-        told(policy, steps)
-        clock.resume()
-
-    training = _training(task, method, cell, budget, report, meter, used.append)
-    if agent.plans is not None:
-        training = replace(training, model=model_of(task, method))
-    else:
-        rehearse(agent, training, task.file.hold)
-    meter.begin(budget.steps)
-    clock.resume()
-    final = agent.train(training)
-    clock.pause()
-    if agent.trains and agent.plans is None:
-        meter.check_trained()
-    taken = meter.taken
-    size = max((environment.observation_size for environment in used), default=0)
-    return _Trained(final, reported or [_Reported(final, taken, clock.cpu)], taken, clock, size)
-
-
-def _choose(referee: Referee, reported: Sequence[_Reported]) -> tuple[_Reported, tuple[CurvePoint, ...]]:
+def _choose(referee: Referee, reported: Sequence[Checkpoint]) -> tuple[Checkpoint, tuple[CurvePoint, ...]]:
     """The best of the checkpoints, and the learning curve of all."""
     found = referee.choose([checkpoint.policy for checkpoint in reported])
     scores = zip(found.satisfaction.tolist(), found.robustness_mean.tolist(), found.starts.tolist(), strict=True)
     curve = [CurvePoint(at.steps, at.cpu_seconds, *score) for at, score in zip(reported, scores, strict=True)]
     return reported[found.best], tuple(curve)
-
-
-def _training(
-    task: Task,
-    method: RewardMethod,
-    cell: Cell,
-    budget: Budget,
-    report: Callable[[Policy | StatePolicy, int], None],
-    meter: Meter,
-    made: Callable[[MeteredEnvironment], None],
-) -> Training:
-    plugin, agent, seed = task.choice.name, cell.id.agent.name, cell.id.seed
-
-    def make(count: int) -> MeteredEnvironment:
-        environment = MeteredEnvironment(task, method, count, derive_seed(plugin, "initial states", seed), meter)
-        made(environment)
-        return environment
-
-    return Training(make, budget.steps, derive_seed(plugin, agent, "training", seed), report, budget.checkpoints)
 
 
 def reward_time(task: Task, method: RewardMethod, rows: int = 1024, repeats: int = 5, rounds: int = 10) -> float:

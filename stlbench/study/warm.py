@@ -14,10 +14,9 @@ import numpy as np
 from stlbench.registry import plugins
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.study.cell import Cell
+from stlbench.study.code_changes import changed
 from stlbench.study.provenance import here
-from stlbench.study.tracks import on_track
-from stlbench.study.unchanged import changed
-from stlbench.task import Task, build_agent, build_method, load_task
+from stlbench.task import Task, build_agent, build_method
 
 
 def examples(cells: Iterable[Cell]) -> tuple[Cell, ...]:
@@ -42,8 +41,7 @@ def warm(cells: Sequence[Cell]) -> None:
             changed(cell)  # reads its files, so that its own look at them finds them read
         if _is_own("tasks", cell.id.task.name):
             with suppress(Exception):
-                task = on_track(load_task(cell.id.task), cell.id.agent, cell.id.track, cell.recipe)
-                _warm(task, cell)
+                _warm(cell.load_task(), cell)
 
 
 def _warm(task: Task, cell: Cell) -> None:

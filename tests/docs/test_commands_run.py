@@ -78,7 +78,7 @@ APART = {"docs/reference/command-line.md"}
 """Pages of which each block begins with what the page takes for granted, and not with what another block left."""
 
 NOT_PRINTED = {
-    "cells have results of other code": "of a change of code; tests/study/test_superseded.py has the line",
+    "cells have results of other code": "of a change of code; tests/study/test_code_changes.py has the line",
     "compiling dqn, once per machine": "only where it was not compiled yet",
     "...": "stands for more lines",
 }

@@ -11,8 +11,8 @@ from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.status import ACCIDENTS
 from stlbench.registry.choices import choice_of
 from stlbench.study import run, trial
+from stlbench.study.code_changes import run_checked
 from stlbench.study.run import build_executor, run_cells
-from stlbench.study.unchanged import run_unchanged
 from stlbench.study.warm import warm
 
 
@@ -151,7 +151,7 @@ def test_cells_are_run_by_the_trial_and_the_executor_is_told_what_to_load_and_wh
     run_cells(cells, tmp_path, Remembers())
     (work,) = seen
     assert (work.function.func, work.function.keywords) == (
-        run_unchanged,
+        run_checked,
         {"run_cell": trial.run_cell, "folder": tmp_path},
     )
     assert (work.prepare.func, work.prepare.args) == (warm, (cells[:1],))

@@ -1,0 +1,119 @@
+"""Code that changes while a cell runs, which then gets no result under the old key; and results of older code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from stlbench.errors import DiskFull, one_line
+from stlbench.records.cell_files import cell_files
+from stlbench.records.ledger import Ledger
+from stlbench.records.outputs import inside
+from stlbench.records.result import Result
+from stlbench.registry import folders
+from stlbench.study.cell import Cell, digest
+from stlbench.study.provenance import code_of
+
+_EXAMINED = 100
+"""Outdated results of which is said what has changed; to read all of a long study would take seconds."""
+
+
+@dataclass(frozen=True)
+class NoSpace:
+    """In the place of a result: there was no space to store what the cell gave, and no other cell would have any."""
+
+    reason: str
+
+
+def run_checked(cell: Cell, run_cell: Callable[..., Result], folder: Path) -> Result | NoSpace:
+    """What a cell's function returns; a failure where the cell's code is not what it was planned with.
+
+    Such a failure has a key that no plan has. So the cell is run again by the next command, also where the edit has
+    been taken back until then.
+
+    Args:
+        cell: what to run.
+        run_cell: a function with the arguments of `trial.run_cell`.
+        folder: of results.
+    """
+    if cell.folder is not None:
+        folders.know(cell.folder)  # this process may be another than the one in which it was named
+    place = changed(cell)
+    if place is None:
+        try:
+            result = run_cell(cell, folder=folder)
+        except DiskFull as error:
+            return NoSpace(str(error))
+        except Exception:
+            if (place := changed(cell)) is None:
+                raise
+        else:
+            if (place := changed(cell)) is None:
+                return result
+    files = cell_files(folder, cell.id, cell.key)
+    for file in (files.traces, files.policies):
+        inside(file, folder).unlink(missing_ok=True)
+    said = f"{one_line(place)} has changed since the study was planned; the same command again measures the cell"
+    return Result(cell.id, key_without_code(cell), "raised", said)
+
+
+def changed(cell: Cell) -> str | None:
+    """The first file or distribution of the cell's code that is no longer what it was; None where all is."""
+    return next((place for code in cell.code if (place := code.changed) is not None), None)
+
+
+def key_without_code(cell: Cell) -> str:
+    """The key of a failure that is of no known code."""
+    return digest([cell.key, "changed"])
+
+
+# ---------------------------------------------------------------------------------------------- outdated results
+
+
+def outdated(missing: Iterable[Cell], ledger: Ledger) -> dict[str, Cell]:
+    """Those of the cells that have a result under another key, which was no accident: that key -> the cell."""
+    counted = ledger.counted(accidents=False)
+    return {key: cell for cell in missing if (key := counted.get(cell.id)) is not None and key != cell.key}
+
+
+def outdated_note(found: Mapping[str, Cell], ledger: Ledger, today: Mapping[str, str], keep: bool | None) -> str:
+    """One line: how many there are, what has changed, and what becomes of them.
+
+    Args:
+        found: as `outdated` gives them.
+        ledger: has their results.
+        today: the provenance of cells that start now.
+        keep: whether the old results count; None where the user cannot say so.
+    """
+    examined = {key: found[key] for key in islice(found, _EXAMINED)}
+    results = ledger.results(examined)
+    causes = dict.fromkeys(cause for old in results for cause in _causes(old, examined[old.key], today))
+    have = "1 cell has a result" if len(found) == 1 else f"{len(found)} cells have results"
+    fate = f"{'is' if len(found) == 1 else 'are'} {'not ' if keep else ''}measured anew"
+    hint = "; --keep-old counts the old results as done" if keep is False else ""
+    said = ", ".join(islice(causes, 4)) or "not known"
+    return f"{have} of other code and {fate}{hint}; what has changed: {said}{', ...' if len(causes) > 4 else ''}"
+
+
+def _causes(old: Result, cell: Cell, today: Mapping[str, str]) -> list[str]:
+    then = code_of(old.provenance)
+    if not then:
+        return ["not known, as the old results do not say of which code they are"]
+    changed = [name for name, said in cell.parts if not said.startswith(then.get(name, "?"))]
+    names = {
+        "harness": ["stlbench's own code"],
+        "task": [f"task {cell.id.task}"],
+        "method": [f"method {cell.id.method}"],
+        "agent": [f"agent {cell.id.agent} or its recipe"],
+        "packages": _packages(old.provenance, today),
+    }
+    return [cause for name in changed for cause in names[name]]
+
+
+def _packages(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+    """Those of which the provenance has versions; time and machine have their own names there."""
+    other = ("time", "jobs", "machine")
+    moved = [name for name in now if name not in other and then.get(name, now[name]) != now[name]]
+    return [f"{name} {then[name]} to {now[name]}" for name in moved] or ["packages that the plugins import"]

@@ -1,0 +1,171 @@
+"""The training of one cell: by the clock, within its budget of environment steps."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, NoReturn
+
+from stlbench.contract import Agent, Array, Integers, Policy, RewardMethod, StatePolicy, Training, Transition
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.model import model_of
+from stlbench.rollout.rehearsal import rehearse
+from stlbench.study.cell import Cell, derive_seed
+from stlbench.task import Task
+from stlbench.task.file import Budget
+
+
+@dataclass
+class Clock:
+    """CPU and wall seconds, without the spans during which it is paused."""
+
+    cpu: float = 0.0
+    wall: float = 0.0
+    _since: tuple[float, float] = field(default_factory=lambda: (time.process_time(), time.perf_counter()))
+
+    def pause(self) -> None:
+        self.cpu += time.process_time() - self._since[0]
+        self.wall += time.perf_counter() - self._since[1]
+
+    def resume(self) -> None:
+        self._since = (time.process_time(), time.perf_counter())
+
+
+class Checkpoint(NamedTuple):
+    """A checkpoint, frozen."""
+
+    policy: Policy | StatePolicy
+    steps: int
+    cpu_seconds: float
+    """Of training so far."""
+
+
+class Trained(NamedTuple):
+    """What came of a training."""
+
+    final: Policy | StatePolicy
+    checkpoints: list[Checkpoint]
+    """At least one: where an agent reported none, its final policy."""
+    env_steps: int
+    clock: Clock
+    observation_size: int
+
+
+def train(
+    task: Task,
+    method: RewardMethod,
+    agent: Agent,
+    cell: Cell,
+    told: Callable[[Policy | StatePolicy, int], None],
+) -> Trained:
+    """Rehearse, unless the agent plans, and train by the clock.
+
+    Raises `RuntimeError` where the agent takes more steps than its budget, also by what it has kept of the rehearsal,
+    reports more than it took, or trains and takes none.
+    """
+    used: list[CountedEnvironment] = []
+    reported: list[Checkpoint] = []
+    budget, clock = task.budget(cell.id.budget), Clock()
+    meter = StepCounter(str(cell.id.agent))
+
+    def report(policy: Policy | StatePolicy, steps: int) -> None:
+        clock.pause()
+        meter.check(steps)
+        reported.append(Checkpoint(policy, steps, clock.cpu))
+        told(policy, steps)
+        clock.resume()
+
+    training = _task_of_agent(task, method, cell, budget, report, meter, used.append)
+    if agent.plans is not None:
+        training = replace(training, model=model_of(task, method))
+    else:
+        rehearse(agent, training, task.file.hold)
+    meter.begin(budget.steps)
+    clock.resume()
+    final = agent.train(training)
+    clock.pause()
+    if agent.trains and agent.plans is None:
+        meter.check_trained()
+    taken = meter.taken
+    size = max((environment.observation_size for environment in used), default=0)
+    return Trained(final, reported or [Checkpoint(final, taken, clock.cpu)], taken, clock, size)
+
+
+def _task_of_agent(
+    task: Task,
+    method: RewardMethod,
+    cell: Cell,
+    budget: Budget,
+    report: Callable[[Policy | StatePolicy, int], None],
+    meter: StepCounter,
+    made: Callable[[CountedEnvironment], None],
+) -> Training:
+    plugin, agent, seed = task.choice.name, cell.id.agent.name, cell.id.seed
+
+    def make(count: int) -> CountedEnvironment:
+        environment = CountedEnvironment(task, method, count, derive_seed(plugin, "initial states", seed), meter)
+        made(environment)
+        return environment
+
+    return Training(make, budget.steps, derive_seed(plugin, agent, "training", seed), report, budget.checkpoints)
+
+
+class StepCounter:
+    """Counts environment steps, against a budget once it has begun.
+
+    Args:
+        agent: for messages.
+    """
+
+    def __init__(self, agent: str) -> None:
+        self.taken = 0
+        self._agent, self._budget, self._process = agent, math.inf, os.getpid()
+
+    def begin(self, budget: int) -> None:
+        """What was taken until now does not count; from now on, this is the most that may be taken."""
+        self.taken, self._budget = 0, budget
+
+    def add(self, steps: int) -> None:
+        """Count steps. Raises `RuntimeError` where they are beyond the budget, or in another process than this."""
+        if os.getpid() != self._process:
+            raise RuntimeError(f"agent {self._agent} steps an environment in another process, where nothing is counted")
+        self.taken += steps
+        if self.taken > self._budget:
+            raise RuntimeError(f"agent {self._agent} took {self.taken} environment steps, its budget is {self._budget}")
+
+    def check(self, reported: int) -> None:
+        """Raises `RuntimeError` where a policy is said to be of more steps than were taken."""
+        if not 0 <= reported <= self.taken:
+            raise RuntimeError(
+                f"agent {self._agent} reports a policy after {reported} environment steps, and had taken {self.taken}"
+            )
+
+    def check_trained(self) -> None:
+        """Raises `RuntimeError` where no step was taken: such a policy was not trained."""
+        if self.taken == 0:
+            raise RuntimeError(
+                f"agent {self._agent} returned a policy and took no environment step: an agent trains on environments "
+                "of `training.make`, or says `trains = False`"
+            )
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> StepCounter:
+        return self  # the copy of an environment counts where the environment does
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("an environment of a training cannot be sent elsewhere: its steps would not be counted")
+
+
+class CountedEnvironment(BatchEnvironment):
+    """An environment whose steps are counted."""
+
+    def __init__(self, task: Task, method: RewardMethod, count: int, seed: int, meter: StepCounter) -> None:
+        super().__init__(task, method, count, seed)
+        self._meter = meter
+
+    def step(self, action: Integers | Array) -> Transition:
+        """See `BatchEnvironment.step`."""
+        self._meter.add(self.count * self.hold)
+        return super().step(action)
