@@ -11,7 +11,7 @@ from typing import Any
 
 from stlbench.registry import docstrings, plugins
 from stlbench.registry.choices import Parameter, declared
-from stlbench.registry.field_docs import field_docs
+from stlbench.registry.docstrings import field_docs
 
 _PLACE = re.compile(r"^<!-- parameters: (\w+) (\S+) -->$", re.MULTILINE)
 

@@ -132,7 +132,7 @@ def parameter_facts(plugin: Plugin) -> dict[str, dict[str, Any]]:
 
 def _method_facts(name: str) -> dict[str, Any]:
     from stlbench.registry import docstrings, plugins
-    from stlbench.registry.field_docs import field_docs
+    from stlbench.registry.docstrings import field_docs
 
     plugin = plugins.find("methods", name)
     kind = plugin.load()

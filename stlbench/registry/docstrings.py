@@ -1,11 +1,13 @@
-"""What the docstring of a plugin's class says: a text, and the items of its sections `Args` and `Raises`."""
+"""The documentation in a plugin's class: its docstring with `Args` and `Raises`, and the texts below fields."""
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from textwrap import dedent
 
 _SECTION = re.compile(r"^(Args|Raises):$", re.MULTILINE)
@@ -33,3 +35,28 @@ def read(kind: type) -> Docstring:
 
 def _items(body: str) -> dict[str, str]:
     return {name: " ".join(text.split()) for name, text in _ITEM.findall(dedent(body.strip("\n")))}
+
+
+def field_docs(kind: type) -> dict[str, str]:
+    """Field -> the text below it, in one line; those of a base class too, where a subclass says nothing new.
+
+    A class without source has none.
+    """
+    docs = dict[str, str]()
+    for owner in reversed(kind.__mro__):
+        docs |= _own(owner)
+    return docs
+
+
+def _own(owner: type) -> dict[str, str]:
+    try:
+        tree = ast.parse(dedent(inspect.getsource(owner)))
+    except (OSError, TypeError, SyntaxError):
+        return {}
+    body = tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else []
+    return {
+        field.target.id: " ".join(below.value.value.split())
+        for field, below in pairwise(body)
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+        if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant) and isinstance(below.value.value, str)
+    }

@@ -12,7 +12,7 @@ from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
-from stlbench.registry.meaning import TASK_FILE, meaning_of
+from stlbench.registry.effective_source import TASK_FILE, effective_digest
 
 _NO_DATA = (".py", ".pyc", ".pyi", ".md", ".rst", ".typed", "~")
 """How names end of files beside modules that are no data."""
@@ -84,7 +84,7 @@ def code_of(module: str, *, packages: bool = True) -> Code:
         files |= _data(name)
         imported: tuple[str, ...] = ()
         if (path := _file(name)) is not None:
-            files[name], imported = meaning_of(path, name)
+            files[name], imported = effective_digest(path, name)
         pending |= {*imported, *_above(name)} - seen
     return Code(tuple(sorted(files.items())), tuple(sorted(installed.items())))
 
@@ -138,7 +138,7 @@ def _path(name: str) -> Path | None:
 
 def _digest(path: Path, name: str) -> str | None:
     try:
-        return meaning_of(path, "" if "/" in name else name).digest
+        return effective_digest(path, "" if "/" in name else name).digest
     except OSError:
         return None
 

@@ -9,8 +9,8 @@ from typing import Any
 from stlbench.contract import GymTask, System
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
+from stlbench.registry.effective_source import WORDS
 from stlbench.registry.fingerprint import Code, code_of, own_code
-from stlbench.registry.meaning import WORDS
 from stlbench.registry.revisions import revision
 from stlbench.study.cell import digest
 from stlbench.task.task import Task

@@ -33,7 +33,7 @@ from stlbench.study.warm import examples, warm
 
 @runtime_checkable
 class Progress(Protocol):
-    """Is told how a study goes on."""
+    """Hears how a study goes on."""
 
     def begin(self, missing: Sequence[CellId], done: int) -> None:
         """These cells are going to run; `done` others have a result from before."""
@@ -53,27 +53,25 @@ class _Silent:
     def ended(self, result: Result) -> None: ...
 
 
-Told = Callable[[int, int, Result], object]
+Callback = Callable[[int, int, Result], object]
 """Is called as each cell ends: how many have a result, of how many, and the last one."""
 
 
-class _Telling(_Silent):
-    """Calls a function."""
-
-    def __init__(self, told: Told) -> None:
-        self._told, self._done, self._total = told, 0, 0
+class _Calling(_Silent):
+    def __init__(self, callback: Callback) -> None:
+        self._callback, self._done, self._total = callback, 0, 0
 
     def begin(self, missing: Sequence[CellId], done: int) -> None:
         self._done, self._total = done, done + len(missing)
 
     def ended(self, result: Result) -> None:
         self._done += 1
-        self._told(self._done, self._total, result)
+        self._callback(self._done, self._total, result)
 
 
 @contextmanager
-def _progress(wanted: Progress | Told | bool | None, folder: Path) -> Iterator[Progress | None]:
-    """What is told of the progress, by what the user wants."""
+def _progress(wanted: Progress | Callback | bool | None, folder: Path) -> Iterator[Progress]:
+    """What the user means by the argument `progress`."""
     if wanted is True:
         from stlbench.study.progress import Progress as Lines
 
@@ -82,7 +80,7 @@ def _progress(wanted: Progress | Told | bool | None, folder: Path) -> Iterator[P
     elif isinstance(wanted, Progress):
         yield wanted
     else:
-        yield _Telling(wanted) if wanted else None
+        yield _Calling(wanted) if wanted else _Silent()
 
 
 def build_executor(choice: Choice | str = "local", jobs: int | None = None, memory: str | None = None) -> Executor:
@@ -115,7 +113,7 @@ def _refusals() -> Iterator[None]:
 def run_study(
     study: Study | str | Path | None = None,
     *,
-    progress: Progress | Told | bool | None = None,
+    progress: Progress | Callback | bool | None = None,
     **options: Any,
 ) -> Results:
     """Train and score every task, method, agent and seed: `stlbench run` in Python.
@@ -138,8 +136,8 @@ def run_study(
         UsageError: a name, a value or the file is wrong; nothing has run then.
     """
     described = Study.of({name: value for name, value in options.items() if value is not None}, study)
-    with _progress(progress, described.results) as told:
-        cells = run_missing(described, told)
+    with _progress(progress, described.results) as listener:
+        cells = run_missing(described, listener)
     with Ledger(described.results / FILE, create=False) as ledger:
         return Results.of(ledger.results_of(cell.id for cell in cells), described.results)
 
@@ -148,7 +146,7 @@ def run_missing(study: Study, progress: Progress | None = None) -> tuple[Cell, .
     """Run what is missing of a study, and return its cells. No result is kept in memory. Raises as `run_study`."""
     logs = build_logs(study.log)
     cells, place = study.cells(), build_executor(study.executor, study.jobs, study.memory)
-    with Logged(logs, study.results, progress or _Silent()) as told:
+    with Logged(logs, study.results, progress or _Silent()) as logged:
         run_cells(
             cells,
             study.results,
@@ -156,7 +154,7 @@ def run_missing(study: Study, progress: Progress | None = None) -> tuple[Cell, .
             retry=study.retry,
             attempts=study.attempts,
             keep_old=study.keep_old,
-            progress=told,
+            progress=logged,
         )
     return cells
 
@@ -170,7 +168,6 @@ def run_cells(
     attempts: int | None = None,
     keep_old: bool | None = None,
     progress: Progress | None = None,
-    open_ledger: Callable[[Path], Ledger] = Ledger,
     run_cell: Callable[..., Result] | None = None,
 ) -> None:
     """Run those of the cells that have no result in the folder's ledger, and record each as it ends.
@@ -186,18 +183,17 @@ def run_cells(
         attempts: a cell that failed so often in a row is not; None is no limit.
         keep_old: count results of other code than today's as done; None is no, where the user has no such choice.
         progress: called with its progress.
-        open_ledger: makes the ledger from its path.
         run_cell: an importable function with the arguments of `trial.run_cell`, which it is where left out.
 
     Raises:
         UsageError: a plugin cannot be loaded, or has wrong parameters, or the ledger is none, or another process writes
             in the folder; nothing has run then, and nothing was written.
     """
-    told = progress or _Silent()
+    progress = progress or _Silent()
     provenance = collect(executor.jobs)
-    with open_ledger(folder / FILE) as ledger:
+    with Ledger(folder / FILE) as ledger:
         notes = check_cells(_missing(cells, ledger, retry, attempts))
-    with writing(folder), open_ledger(folder / FILE) as ledger:
+    with writing(folder), Ledger(folder / FILE) as ledger:
         missing = _missing(cells, ledger, retry, attempts)
         if retry and attempts and (lost := ledger.given_up({cell.key for cell in cells}, attempts)):
             notes = (_given_up(lost, attempts), *notes)
@@ -207,11 +203,11 @@ def run_cells(
             missing = [cell for cell in missing if cell.id not in kept]
         ledger.plan({cell.key: cell.id for cell in cells})
         live_cells.clear(folder)
-        told.begin([cell.id for cell in missing], len(cells) - len(missing))
+        progress.begin([cell.id for cell in missing], len(cells) - len(missing))
         for line in notes:
-            told.note(line)
+            progress.note(line)
         for agent, work in uncompiled(missing):
-            told.note(f"compiling {agent}, once per machine")
+            progress.note(f"compiling {agent}, once per machine")
             work()
         place = folder.absolute()  # a worker elsewhere has another working directory
         in_folder = partial(run_checked, run_cell=run_cell or trial.run_cell, folder=place)
@@ -224,7 +220,7 @@ def run_cells(
             try:
                 for result in results:
                     live_cells.ended(folder, result.id)
-                    told.ended(result)
+                    progress.ended(result)
             finally:
                 live_cells.clear(folder)
         if ledger.is_meddled:

@@ -17,7 +17,7 @@ from stlbench.contract import Unsuitable
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, declared
-from stlbench.registry.field_docs import field_docs
+from stlbench.registry.docstrings import field_docs
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.study.cell import Cell
 from stlbench.study.plan import check_cells, plan_cells

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice, Parameter, check, declared, parse_choice, parse_choices
-from stlbench.registry.field_docs import field_docs
+from stlbench.registry.docstrings import field_docs
 
 keys = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True)
 values = st.from_regex(r"[A-Za-z0-9._+-]{1,8}", fullmatch=True)

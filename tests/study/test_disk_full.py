@@ -43,10 +43,12 @@ def recorded(folder):
         return len(list(ledger.results()))
 
 
-def test_where_the_ledger_has_no_space_the_run_ends_and_goes_on_later(tmp_path):
+def test_where_the_ledger_has_no_space_the_run_ends_and_goes_on_later(tmp_path, monkeypatch):
     names = [f"cell-{number}" for number in range(60)]
+    monkeypatch.setattr(run, "Ledger", Small)
     with pytest.raises(DiskFull, match=r"cannot write the ledger .*: database or disk is full"):
-        study(tmp_path, *names, open_ledger=Small, run_cell=scripted_cells.run_in)
+        study(tmp_path, *names, run_cell=scripted_cells.run_in)
+    monkeypatch.setattr(run, "Ledger", Ledger)
     count = recorded(tmp_path)
     assert 0 < count < 60
     study(tmp_path, *names, run_cell=scripted_cells.run_in)

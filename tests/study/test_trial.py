@@ -102,7 +102,7 @@ class TestTraces:
     def test_the_file_is_named_after_the_cell_and_stays_in_its_folder(self, folder: Path) -> None:
         cell = smoke("funnel[ginf=0.02]")
         path = cell_files(folder, cell.id, cell.key).traces
-        assert path.parent == folder
+        assert path.parent == folder / "traces"
         assert path.name == f"hold-disc_funnel[ginf=0.02]_dqn_0_{cell.key[:12]}.npz"
 
     def test_without_a_folder_nothing_is_written(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

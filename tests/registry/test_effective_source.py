@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from stlbench.registry.meaning import meaning_of
+from stlbench.registry.effective_source import effective_digest
 
 SOURCE = '''"""A module."""
 
@@ -34,7 +34,7 @@ def meaning(tmp_path):
     def of(text, name="one.py"):
         path = tmp_path / name
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return meaning_of(path, "pack.one" if name.endswith(".py") else "")
+        return effective_digest(path, "pack.one" if name.endswith(".py") else "")
 
     return of
 

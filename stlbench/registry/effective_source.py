@@ -1,4 +1,4 @@
-"""What of a file can change a result, as a digest: of Python what runs, of `task.yaml` what is no words for people."""
+"""Digests of what can change a result: Python without its comments, `task.yaml` without its words for people."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _TEXT_OR_END = re.compile(rf"({_TEXT})|(?:[ \t]*(?:#[^\n]*)?\n)+", re.DOTALL)
 _ALIAS = re.compile(rb"(?:^|\s)\*\w")
 
 
-class Meaning(NamedTuple):
+class _Source(NamedTuple):
     """Of one file."""
 
     digest: str
@@ -36,7 +36,7 @@ class Meaning(NamedTuple):
     some may be no modules."""
 
 
-def meaning_of(path: Path, module: str = "") -> Meaning:
+def effective_digest(path: Path, module: str = "") -> _Source:
     """Read a file, unless it was read before and has the same size and time.
 
     Comments, docstrings, blank lines and `__version__` of Python do not count, nor what a `task.yaml` says for people
@@ -54,11 +54,11 @@ def meaning_of(path: Path, module: str = "") -> Meaning:
 
 
 @lru_cache(maxsize=4096)
-def _read(path: Path, module: str, seen: tuple[int, ...]) -> Meaning:
+def _read(path: Path, module: str, seen: tuple[int, ...]) -> _Source:
     content = path.read_bytes()
     if path.name == TASK_FILE:
-        return Meaning(_digest(_without_words(content)))
-    return _of_python(content, module, path.name == "__init__.py") if module else Meaning(_digest(content))
+        return _Source(_digest(_without_words(content)))
+    return _of_python(content, module, path.name == "__init__.py") if module else _Source(_digest(content))
 
 
 def _digest(content: bytes) -> str:
@@ -79,17 +79,17 @@ def _without_words(content: bytes) -> bytes:
 # ----------------------------------------------------------------------------------------------------------- Python
 
 
-def _of_python(content: bytes, module: str, is_package: bool) -> Meaning:
+def _of_python(content: bytes, module: str, is_package: bool) -> _Source:
     try:
         text = _without_comments(decode_source(content))
         tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return Meaning(_digest(content))
+        return _Source(_digest(content))
     package = module if is_package else module.rpartition(".")[0]
     statements = list(_statements(tree))
     names = (name for statement in statements for name in _targets(statement, package))
     spans = [_span(statement) for statement in statements if _is_text(statement) or _is_version(statement)]
-    return Meaning(_digest(_without(text, spans).encode()), tuple(dict.fromkeys(names)))
+    return _Source(_digest(_without(text, spans).encode()), tuple(dict.fromkeys(names)))
 
 
 def _without_comments(text: str) -> str:
