@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
 from typing import Literal
 
 from stlbench.records.identity import OUTSIDE, CellId, Setting
-from stlbench.records.result import LEARNED, MAIN, RANDOM, Measurement, Planned, Result, reported
+from stlbench.records.result import LEARNED, MAIN, RANDOM, Measurement, Planned, Result, numbers, reported
 from stlbench.records.status import NOT_RUN, Status
 from stlbench.report.tables.table import Column, FirstFailed, Seeds, Value
 
@@ -162,27 +162,13 @@ def group(rows: Iterable[Row]) -> tuple[Group, ...]:
 
 
 def _numbers(measurement: Measurement) -> Numbers:
-    selected, final = reported(measurement.selected), reported(measurement.final)
+    columns, selected = numbers(measurement), measurement.selected
+    known = {each.name: columns[each.name] for each in fields(Numbers) if each.name in columns}
     return Numbers(
-        satisfaction=selected.satisfaction,
-        robustness_mean=selected.mean,
-        robustness_min=selected.minimum,
-        final_satisfaction=final.satisfaction,
-        final_robustness_mean=final.mean,
-        selected_steps=measurement.selected_steps,
-        training_cpu_seconds=measurement.training_cpu_seconds,
-        training_wall_seconds=measurement.training_wall_seconds,
-        cpu_seconds=measurement.cpu_seconds,
-        wall_seconds=measurement.wall_seconds,
-        env_steps=measurement.env_steps,
-        reward_nanoseconds=measurement.reward_nanoseconds,
-        inputs_added=measurement.inputs_added,
-        starts=selected.starts,
-        ended_early=selected.ended_early,
-        extension=measurement.extension,
+        **known,
         planned=measurement.planned,
-        further={name: score.mean for name, score in measurement.selected.items() if name not in (MAIN, RANDOM)},
-        first_failed=dict(selected.first_failed),
+        further={name: score.mean for name, score in selected.items() if name not in (MAIN, RANDOM)},
+        first_failed=dict(reported(selected).first_failed),
         curve=tuple((point.steps, point.satisfaction, point.robustness_mean) for point in measurement.curve),
     )
 
