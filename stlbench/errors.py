@@ -33,10 +33,10 @@ _OF_SYSTEM = re.compile(r"\[Errno -?\d+\] (?P<what>[^:\[]+)(?P<where>: (?P<quote
 """An `OSError` as Python writes it: "[Errno 2] No such file or directory: 'a.csv'"."""
 
 
-def _said_once(found: re.Match[str]) -> str:
-    path = found["path"]
-    said = path is not None and path in found.string[: found.start()]
-    return found["what"] + ("" if said else found["where"] or "")
+def _said_once(match: re.Match[str]) -> str:
+    path = match["path"]
+    said = path is not None and path in match.string[: match.start()]
+    return match["what"] + ("" if said else match["where"] or "")
 
 
 class DiskFull(UsageError):
@@ -142,8 +142,8 @@ def _shortened(text: str, most: int, left_out: int = 0) -> str:
     return f"{text[:head]} ... {len(text) - kept + left_out} characters left out ... {text[head - kept :]}"
 
 
-def _escaped(found: re.Match[str]) -> str:
-    return found[0].encode("unicode_escape").decode()
+def _escaped(match: re.Match[str]) -> str:
+    return match[0].encode("unicode_escape").decode()
 
 
 # ---------------------------------------------------------------------- another package in place of this one

@@ -120,11 +120,11 @@ class Ledger(Records):
             attempts: a cell that failed so often in a row is given up, and finished; None is never.
         """
         rows = {row.key: row for row in self.listed()}
-        found = [rows[key] for key in keys if key in rows and not rows[key].again]
+        rows_of_keys = [rows[key] for key in keys if key in rows and not rows[key].again]
         if retry:
-            again = {row.key for row in found if row.status in retry and not _is_given_up(row, attempts)}
-            found = [row for row in found if row.key not in again and self.read(row) is not None]
-        return {row.key for row in found}
+            again = {row.key for row in rows_of_keys if row.status in retry and not _is_given_up(row, attempts)}
+            rows_of_keys = [row for row in rows_of_keys if row.key not in again and self.read(row) is not None]
+        return {row.key for row in rows_of_keys}
 
     def given_up(self, keys: Collection[str], attempts: int) -> list[CellId]:
         """The cells, of those with these keys, that failed so often in a row."""
@@ -181,8 +181,8 @@ class Ledger(Records):
                 database.execute("BEGIN IMMEDIATE")
                 yield database
         except sqlite3.DatabaseError as error:
-            told = unwritable(f"cannot write the ledger {self.path}", error)
-            raise type(told)(f"{told}{_way_out(error, self.path)}") from error
+            failure = unwritable(f"cannot write the ledger {self.path}", error)
+            raise type(failure)(f"{failure}{_way_out(error, self.path)}") from error
 
 
 def _add_plan(database: sqlite3.Connection, cells: Mapping[str, CellId]) -> None:

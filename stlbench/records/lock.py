@@ -77,6 +77,6 @@ def _hold(descriptor: int, path: Path) -> None:
 
 def _holder(path: Path) -> str:
     with suppress(OSError):
-        if said := one_line(path.read_text(errors="replace")):
-            return said
+        if text := one_line(path.read_text(errors="replace")):
+            return text
     return "another process"

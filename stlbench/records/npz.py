@@ -39,15 +39,15 @@ def read(path: Path, prefix: str = "") -> dict[str, NDArray[Any]]:
         raise ValueError(f"its arrays would take {size >> 20} MiB, at most {LARGEST >> 20} are read")
     try:
         with np.load(path) as saved:
-            found = {name: saved[name] for name in saved.files if name.startswith(prefix)}
+            arrays = {name: saved[name] for name in saved.files if name.startswith(prefix)}
     except Exception as error:  # damage lets zipfile and NumPy raise nearly anything, even a tokenize.TokenError
         pickled = "pickle" in str(error)  # NumPy takes what it does not know for one
-        said = "it is no file of arrays (.npz), or has objects in it" if pickled else cause(error)[:200]
-        raise ValueError(said) from error
-    for name, array in found.items():
+        message = "it is no file of arrays (.npz), or has objects in it" if pickled else cause(error)[:200]
+        raise ValueError(message) from error
+    for name, array in arrays.items():
         if not isinstance(array, np.ndarray):  # bytes, where NumPy does not know the beginning
             raise ValueError(f"'{name}' is no array")
-    return found
+    return arrays
 
 
 def unpacked_size(path: Path) -> int:

@@ -102,14 +102,14 @@ class Observation:
         """
         try:
             adapter = TypeAdapter(Observation)
-            found = adapter.validate_json(facts) if isinstance(facts, str | bytes) else adapter.validate_python(facts)
+            record = adapter.validate_json(facts) if isinstance(facts, str | bytes) else adapter.validate_python(facts)
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(map(str, first["loc"])) or "the whole"
             raise UsageError(one_line(f"{source}: its {KEY} is no record: {where}: {first['msg']}")) from error
-        if len(found.middle) != len(found.reach) or (found.middle and len(found.middle) != found.size):
+        if len(record.middle) != len(record.reach) or (record.middle and len(record.middle) != record.size):
             raise UsageError(f"{source}: its {KEY} is no record: middle and reach have one number for each of size")
-        return found
+        return record
 
     def check(self, source: str, shown: Observation) -> None:
         """Refuse what a policy with this record would be shown, unless it is what the record says.

@@ -80,14 +80,14 @@ class Records:
         """The cells that were planned, by key."""
         if self._database is None:
             return {}
-        found, planned = salvage(self._database, "planned", f"key, {_IDENTITY}"), dict[str, CellId]()
-        for _, key, *identity in found.rows:
+        salvaged, planned = salvage(self._database, "planned", f"key, {_IDENTITY}"), dict[str, CellId]()
+        for _, key, *identity in salvaged.rows:
             try:
                 planned[key] = cell_of(*identity)
             except ValueError as error:
                 self._warn("a part of the plan", str(error))
-        if found.problem:
-            self._warn("a part of the plan", found.problem)
+        if salvaged.problem:
+            self._warn("a part of the plan", salvaged.problem)
         return planned
 
     def problems(self) -> list[str]:
@@ -111,8 +111,8 @@ class Records:
         try:
             result, files = self._content(number, key)
         except (sqlite3.DatabaseError, ValueError) as error:
-            said = one_line(str(error).splitlines()[0])
-            return Recorded(key, _cell(number, key, *columns), {}, said, again=again)
+            text = one_line(str(error).splitlines()[0])
+            return Recorded(key, _cell(number, key, *columns), {}, text, again=again)
         if (key, *columns) != (result.key, result.status, *columns[1:3], *texts(result.id)):
             return Recorded(key, result.id, {}, "its columns do not say what its result says", again, result.key)
         return Recorded(key, result.id, files, result, again)
@@ -132,18 +132,18 @@ class Records:
         """
         if self._database is None:
             return []
-        found, rows = salvage(self._database, "cells", LISTED, from_index=from_index), list[Row]()
-        for columns in found.rows:
+        salvaged, rows = salvage(self._database, "cells", LISTED, from_index=from_index), list[Row]()
+        for columns in salvaged.rows:
             try:
                 rows.append(Row.of(*columns))
             except ValueError as error:
                 self._warn(f"the row of the cell with key {columns[1]}", str(error))
-        planned = self.planned() if found.lost else {}
-        for key in found.lost.values():
+        planned = self.planned() if salvaged.lost else {}
+        for key in salvaged.lost.values():
             name = planned[key].name if key in planned else f"the cell with key {key}"
-            self._warn(f"the row of {name}", found.problem)
-        if found.problem and not found.lost:
-            self._warn("a part of its rows", found.problem)
+            self._warn(f"the row of {name}", salvaged.problem)
+        if salvaged.problem and not salvaged.lost:
+            self._warn("a part of its rows", salvaged.problem)
         return rows
 
     def read(self, row: Row) -> Result | None:
@@ -168,15 +168,15 @@ class Records:
         """All columns of a row; none where they cannot be read."""
         assert self._database is not None
         try:
-            found = self._database.execute("SELECT * FROM cells WHERE rowid = ?", (row.number,))
-            return dict(zip([column[0] for column in found.description], found.fetchone(), strict=True))
+            salvaged = self._database.execute("SELECT * FROM cells WHERE rowid = ?", (row.number,))
+            return dict(zip([column[0] for column in salvaged.description], salvaged.fetchone(), strict=True))
         except sqlite3.DatabaseError:
             return {}
 
     def _warn(self, what: str, problem: str) -> None:
         way = f"`stlbench verify {self.path.parent} --repair` has it measured again"
-        said = f"{self.path}: {what} is damaged and passed over; {way} ({one_line(problem.splitlines()[0])})"
-        warnings.warn(said, LedgerWarning, stacklevel=3)
+        text = f"{self.path}: {what} is damaged and passed over; {way} ({one_line(problem.splitlines()[0])})"
+        warnings.warn(text, LedgerWarning, stacklevel=3)
 
 
 def _cell(number: int, key: str, *columns: Any) -> CellId | None:
@@ -218,7 +218,7 @@ def salvage(database: sqlite3.Connection, table: str, columns: str, *, from_inde
     except sqlite3.DatabaseError as error:
         problem = str(error)
     keys = _keys(database, table)
-    found, lost = list[tuple[Any, ...]](), dict[int, str]()
+    salvaged, lost = list[tuple[Any, ...]](), dict[int, str]()
 
     def one_by_one() -> Iterator[tuple[Any, ...]]:
         for number in keys or range(1, _bound(database, table) + 1):
@@ -229,8 +229,8 @@ def salvage(database: sqlite3.Connection, table: str, columns: str, *, from_inde
 
     with suppress(sqlite3.DatabaseError):
         for row in _within(one_by_one(), _size(database)):
-            found.append(row)
-    return Salvaged(found, lost if keys else {}, problem)
+            salvaged.append(row)
+    return Salvaged(salvaged, lost if keys else {}, problem)
 
 
 def _read(database: sqlite3.Connection, query: str) -> Iterator[tuple[Any, ...]]:

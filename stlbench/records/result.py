@@ -99,8 +99,8 @@ class Score:
 
     def summarised(self) -> Score:
         """The same without the values per start."""
-        kept = Summary(self.mean, self.minimum, self.satisfaction, self.starts)
-        return Score((), (), self.first_failed, kept, self.ended_early)
+        summary = Summary(self.mean, self.minimum, self.satisfaction, self.starts)
+        return Score((), (), self.first_failed, summary, self.ended_early)
 
 
 def reported(scores: Mapping[str, Score]) -> Score:

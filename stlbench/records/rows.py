@@ -97,8 +97,8 @@ def checksum_of(text: Any) -> str:
 
 def checksums_beside(folder: Path, result: Result) -> Mapping[str, str]:
     """Of the traces and the policies that are there: name -> SHA-256, 64 hex digits."""
-    beside = cell_files(folder, result.id, result.key)
-    named = {"traces": beside.traces, "policies": beside.policies}
+    paths = cell_files(folder, result.id, result.key)
+    named = {"traces": paths.traces, "policies": paths.policies}
     return {name: _sha256(path) for name, path in named.items() if path.is_file()}
 
 

@@ -25,14 +25,14 @@ Which = Literal["selected", "final"]
 
 def save(path: Path, selected: Policy | StatePolicy, final: Policy | StatePolicy) -> tuple[str, str] | None:
     """Write both policies of a cell; their digests. None, and no file, where one of them cannot be kept."""
-    kept = {"selected": _arrays(selected), "final": _arrays(final)}
-    found = {which: arrays for which, arrays in kept.items() if arrays is not None}
-    if len(found) < len(kept):
+    arrays_of = {"selected": _arrays(selected), "final": _arrays(final)}
+    stored = {which: arrays for which, arrays in arrays_of.items() if arrays is not None}
+    if len(stored) < len(arrays_of):
         return None
-    digests = digest(found["selected"]), digest(found["final"])
+    digests = digest(stored["selected"]), digest(stored["final"])
     if len(set(digests)) == 1:
-        del found["final"]
-    npz.write(path, {f"{which}/{name}": array for which, arrays in found.items() for name, array in arrays.items()})
+        del stored["final"]
+    npz.write(path, {f"{which}/{name}": array for which, arrays in stored.items() for name, array in arrays.items()})
     return digests
 
 
@@ -43,11 +43,11 @@ def _arrays(policy: Policy | StatePolicy) -> Arrays | None:
 
 def digest(arrays: Arrays) -> str:
     """A hash (64 hex digits) of the arrays: of their names, types, shapes and bytes, and of no order of theirs."""
-    found = hashlib.sha256()
+    hashed = hashlib.sha256()
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
-        found.update(f"{name} {array.dtype.str} {arrays[name].shape}\n".encode() + array.tobytes())
-    return found.hexdigest()
+        hashed.update(f"{name} {array.dtype.str} {arrays[name].shape}\n".encode() + array.tobytes())
+    return hashed.hexdigest()
 
 
 def _why_none(result: Result) -> str:

@@ -35,8 +35,8 @@ def accidents_of(value: object) -> tuple[Status, ...]:
         words = list(value.split(","))
     elif isinstance(value, Iterable) and not isinstance(value, Mapping):
         words = list(value)
-    said = [str(word).strip() for word in words]
-    for word in said:
+    given = [str(word).strip() for word in words]
+    for word in given:
         if word not in (*ACCIDENTS, FAILED):
             raise UsageError(f"no failure '{word}'{did_you_mean(word, (*ACCIDENTS, FAILED))}")
-    return tuple(status for status in ACCIDENTS if status in said or FAILED in said)
+    return tuple(status for status in ACCIDENTS if status in given or FAILED in given)

@@ -95,8 +95,8 @@ def missing_by_key(path: Path) -> dict[str, CellId]:
     """The same, by the keys that they were planned with."""
     file = _existing(path)
     if file.suffix == SUFFIX:
-        found = (_checked(_Planned.of, text, where) for text, where in _texts(file))
-        return {planned.key: planned.cell for planned in found if planned}
+        entries = (_checked(_Planned.of, text, where) for text, where in _texts(file))
+        return {planned.key: planned.cell for planned in entries if planned}
     with Ledger(file, create=False) as ledger:
         lacking = set(ledger.missing())
         return {key: cell for key, cell in ledger.planned().items() if cell in lacking}

@@ -75,15 +75,15 @@ def verify(folder: Path) -> Verified:
         return Verified(sum(1 for _ in stored.read(folder)), 0, (), (), 0)
     with Ledger(folder / FILE, create=False) as ledger:
         damages = [Damage(key, cell, "row", _LOST) for key, cell in ledger.lost().items()]
-        found = [_looked_at(folder, each) for each in ledger.recorded()]
-        damages += [damage for one in found for damage in one.damages]
+        checked = [_looked_at(folder, each) for each in ledger.recorded()]
+        damages += [damage for one in checked for damage in one.damages]
         sound = not any(damage.what == "row" for damage in damages)  # else a row may have another key
         return Verified(
-            rows=len(found),
-            files=sum(one.files for one in found),
+            rows=len(checked),
+            files=sum(one.files for one in checked),
             structure=tuple(ledger.problems()),
             damages=tuple(damages),
-            marked=sum(one.again for one in found),
+            marked=sum(one.again for one in checked),
             strays=tuple(_strays(folder, {*(row.key for row in ledger.listed()), *ledger.planned()})) if sound else (),
         )
 
@@ -114,8 +114,8 @@ def _looked_at(folder: Path, row: Recorded) -> _Found:
 
 
 def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iterator[Damage]:
-    beside, there = cell_files(folder, result.id, result.key), checksums_beside(folder, result)
-    for what, path in (("traces", beside.traces), ("policies", beside.policies)):
+    paths, there = cell_files(folder, result.id, result.key), checksums_beside(folder, result)
+    for what, path in (("traces", paths.traces), ("policies", paths.policies)):
         if what in checksums and there.get(what) != checksums[what]:
             problem = "is not as it was recorded" if what in there else "is missing"
             yield Damage(result.key, result.id, what, f"{path} {problem}")
@@ -134,24 +134,24 @@ def repair(folder: Path) -> Verified:
         UsageError: as `verify`; or another process writes in the folder, or it cannot be written.
     """
     with writing(folder):
-        found = verify(folder)
-        if found.structure:
+        checked = verify(folder)
+        if checked.structure:
             _write_anew(folder / FILE)
-        if found.damages:
+        if checked.damages:
             with Ledger(folder / FILE) as ledger:
-                for damage in found.damages:
+                for damage in checked.damages:
                     ledger.mark(damage.key, damage.own_key or damage.key)
-    return found
+    return checked
 
 
 def _write_anew(path: Path) -> None:
-    new, kept = (inside(path.with_name(name), path.parent) for name in (f"{path.name}.new", DAMAGED))
+    new, damaged = (inside(path.with_name(name), path.parent) for name in (f"{path.name}.new", DAMAGED))
     try:
         new.unlink(missing_ok=True)
         with Ledger(path, create=False) as source, Ledger(new) as target:
             target.copy(source)
-        if not kept.exists():
-            shutil.copyfile(path, kept)
+        if not damaged.exists():
+            shutil.copyfile(path, damaged)
         new.replace(path)
     except OSError as error:
         raise unwritable(f"cannot write {new}", error) from error

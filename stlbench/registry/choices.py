@@ -86,8 +86,8 @@ def _parsed(text: str, allowed: re.Pattern[str], signs: str) -> Choice:
     for item in inside.split(","):
         key, value = _pair(item, text.strip())
         if not allowed.fullmatch(value):
-            said = f"the value of {key} consists of letters, digits and {signs}, got '{value}'"
-            raise UsageError(f"'{text.strip()}': {said}")
+            message = f"the value of {key} consists of letters, digits and {signs}, got '{value}'"
+            raise UsageError(f"'{text.strip()}': {message}")
         if key in pairs:
             raise UsageError(f"'{text.strip()}': {key} is given twice")
         pairs[key] = value

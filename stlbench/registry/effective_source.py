@@ -70,8 +70,8 @@ def _without_words(content: bytes) -> bytes:
         return content
     try:
         read = yaml.load(content, getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506 - both are safe
-        kept = {name: value for name, value in read.items() if name not in WORDS}
-        return json.dumps(kept, default=str).encode()
+        parts = {name: value for name, value in read.items() if name not in WORDS}
+        return json.dumps(parts, default=str).encode()
     except (yaml.YAMLError, AttributeError, TypeError, ValueError, RecursionError):
         return content
 

@@ -40,8 +40,8 @@ class Code:
     @cached_property
     def digest(self) -> str:
         """Of the files, 32 hex digits. A `task.yaml` has no part in it: a task's key has what it says."""
-        said = [f"{name} {digest}\n" for name, digest in self.files if not name.endswith(f"/{TASK_FILE}")]
-        return hashlib.sha256("".join(said).encode()).hexdigest()[:32]
+        text = [f"{name} {digest}\n" for name, digest in self.files if not name.endswith(f"/{TASK_FILE}")]
+        return hashlib.sha256("".join(text).encode()).hexdigest()[:32]
 
     @property
     def changed(self) -> str | None:
@@ -146,13 +146,13 @@ def _digest(path: Path, name: str) -> str | None:
 def _data(module: str) -> dict[str, str]:
     """Name -> digest of the files of data of a package, which a module may be."""
     top, *rest = module.split(".")
-    found = dict[str, str]()
+    names = dict[str, str]()
     for root in _place(top)[1]:
         for path in _data_files(Path(root, *rest)):
             name = f"{top}/{path.relative_to(root).as_posix()}"
             if (digest := _digest(path, name)) is not None:
-                found.setdefault(name, digest)
-    return found
+                names.setdefault(name, digest)
+    return names
 
 
 def _data_files(folder: Path) -> Iterator[Path]:

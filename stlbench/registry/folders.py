@@ -42,12 +42,12 @@ class FolderTask(plugins.Plugin):
         if not (self.folder / f"{_MODULE}.py").is_file():
             return plugins.written_alone(import_module(self.entry_point.module.rpartition(".")[0]))
         module = self.entry_point.load()
-        found = _tasks(module)
-        if len(found) != 1:
-            names = ", ".join(kind.__name__ for kind in found) or "none"
+        classes = _tasks(module)
+        if len(classes) != 1:
+            names = ", ".join(kind.__name__ for kind in classes) or "none"
             kinds = "System, GymTask or WorldTask"
             raise ImportError(f"{_MODULE}.py should have one subclass of stlbench.contract.{kinds}, it has {names}")
-        return found[0]
+        return classes[0]
 
 
 def _tasks(module: ModuleType) -> list[type]:

@@ -118,15 +118,15 @@ _ADDED = {kind: dict[str, Plugin]() for kind in KINDS}
 @lru_cache
 def _scan(kind: str, path: tuple[str, ...]) -> Mapping[str, Plugin]:
     """The path is what the answer depends on."""
-    found = dict[str, Plugin]()
+    by_name = dict[str, Plugin]()
     for plugin in sorted(_installed(kind), key=_precedence):
         if not choices.NAME.fullmatch(plugin.name):
             _warn(f"{plugin} is ignored: a plugin's name consists of a-z, 0-9 and -, and does not begin with -")
-        elif plugin.name in found:
-            _warn(f"{plugin} is ignored: the name is taken by {found[plugin.name]}")
+        elif plugin.name in by_name:
+            _warn(f"{plugin} is ignored: the name is taken by {by_name[plugin.name]}")
         else:
-            found[plugin.name] = plugin
-    return found
+            by_name[plugin.name] = plugin
+    return by_name
 
 
 def _installed(kind: str) -> Iterator[Plugin]:

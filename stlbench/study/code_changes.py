@@ -55,8 +55,8 @@ def run_checked(cell: Cell, run_cell: Callable[..., Result], folder: Path) -> Re
     files = cell_files(folder, cell.id, cell.key)
     for file in (files.traces, files.policies):
         inside(file, folder).unlink(missing_ok=True)
-    said = f"{one_line(place)} has changed since the study was planned; the same command again measures the cell"
-    return Result(cell.id, key_without_code(cell), "raised", said)
+    text = f"{one_line(place)} has changed since the study was planned; the same command again measures the cell"
+    return Result(cell.id, key_without_code(cell), "raised", text)
 
 
 def changed(cell: Cell) -> str | None:
@@ -78,7 +78,7 @@ def outdated(missing: Iterable[Cell], ledger: Ledger) -> dict[str, Cell]:
     return {key: cell for cell in missing if (key := counted.get(cell.id)) is not None and key != cell.key}
 
 
-def outdated_note(found: Mapping[str, Cell], ledger: Ledger, today: Mapping[str, str], keep: bool | None) -> str:
+def outdated_note(cells: Mapping[str, Cell], ledger: Ledger, today: Mapping[str, str], keep: bool | None) -> str:
     """One line: how many there are, what has changed, and what becomes of them.
 
     Args:
@@ -87,21 +87,21 @@ def outdated_note(found: Mapping[str, Cell], ledger: Ledger, today: Mapping[str,
         today: the provenance of cells that start now.
         keep: whether the old results count; None where the user cannot say so.
     """
-    examined = {key: found[key] for key in islice(found, _EXAMINED)}
+    examined = {key: cells[key] for key in islice(cells, _EXAMINED)}
     results = ledger.results(examined)
     causes = dict.fromkeys(cause for old in results for cause in _causes(old, examined[old.key], today))
-    have = "1 cell has a result" if len(found) == 1 else f"{len(found)} cells have results"
-    fate = f"{'is' if len(found) == 1 else 'are'} {'not ' if keep else ''}measured anew"
+    have = "1 cell has a result" if len(cells) == 1 else f"{len(cells)} cells have results"
+    fate = f"{'is' if len(cells) == 1 else 'are'} {'not ' if keep else ''}measured anew"
     hint = "; --keep-old counts the old results as done" if keep is False else ""
-    said = ", ".join(islice(causes, 4)) or "not known"
-    return f"{have} of other code and {fate}{hint}; what has changed: {said}{', ...' if len(causes) > 4 else ''}"
+    text = ", ".join(islice(causes, 4)) or "not known"
+    return f"{have} of other code and {fate}{hint}; what has changed: {text}{', ...' if len(causes) > 4 else ''}"
 
 
 def _causes(old: Result, cell: Cell, today: Mapping[str, str]) -> list[str]:
     then = code_of(old.provenance)
     if not then:
         return ["not known, as the old results do not say of which code they are"]
-    changed = [name for name, said in cell.parts if not said.startswith(then.get(name, "?"))]
+    changed = [name for name, text in cell.parts if not text.startswith(then.get(name, "?"))]
     names = {
         "harness": ["stlbench's own code"],
         "task": [f"task {cell.id.task}"],

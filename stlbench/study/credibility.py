@@ -1,4 +1,4 @@
-"""Whether a finished cell's result can be: never asked in the process in which the cell ran.
+"""Whether a finished cell's result can be: never call in the process in which the cell ran.
 
 A plugin can change anything in the process of its cell: the referee, the clock, the files. So what that process says of
 its policies is compared with itself, with the recorded traces, and with how long the cell was away. What a plugin could
@@ -69,16 +69,16 @@ def _impossible(score: Score) -> Iterator[str]:
     for start, (robustness, satisfied) in enumerate(of_starts):
         if (robustness < 0 and satisfied) or (robustness > 0 and not satisfied):
             yield f"robustness {robustness:g} from start {start}, which is {'' if satisfied else 'not '}satisfied"
-    if (kept := score.summary) is None:
+    if (summary := score.summary) is None:
         return
-    if not 0 <= kept.satisfaction <= 1 or kept.mean < kept.minimum:
-        yield f"satisfaction {kept.satisfaction:g}, mean robustness {kept.mean:g}, the least {kept.minimum:g}"
-    if kept.satisfaction < 1 and kept.minimum > 0:
-        yield f"the least robustness is {kept.minimum:g} beside {100 * kept.satisfaction:g} % satisfied"
-    if kept.satisfaction == 1 and kept.minimum < 0:
-        yield f"the least robustness is {kept.minimum:g} beside 100 % satisfied"
-    if kept.satisfaction == 0 and kept.mean > 0:
-        yield f"the mean robustness is {kept.mean:g} beside 0 % satisfied"
+    if not 0 <= summary.satisfaction <= 1 or summary.mean < summary.minimum:
+        yield f"satisfaction {summary.satisfaction:g}, mean robustness {summary.mean:g}, the least {summary.minimum:g}"
+    if summary.satisfaction < 1 and summary.minimum > 0:
+        yield f"the least robustness is {summary.minimum:g} beside {100 * summary.satisfaction:g} % satisfied"
+    if summary.satisfaction == 1 and summary.minimum < 0:
+        yield f"the least robustness is {summary.minimum:g} beside 100 % satisfied"
+    if summary.satisfaction == 0 and summary.mean > 0:
+        yield f"the mean robustness is {summary.mean:g} beside 0 % satisfied"
 
 
 def _of_clocks(measured: Measurement, seconds: float) -> Iterator[str]:
@@ -93,7 +93,7 @@ def _of_clocks(measured: Measurement, seconds: float) -> Iterator[str]:
         yield f"its clock cannot be right: it says {measured.wall_seconds:.3g} s, and was away for {seconds:.3g} s"
 
 
-def _of_traces(cell: Cell, result: Result, said: Score, folder: Path) -> Iterator[str]:
+def _of_traces(cell: Cell, result: Result, recorded: Score, folder: Path) -> Iterator[str]:
     """The main score is that of the recorded traces, which begin where the report's starts are."""
     try:
         task = cell.load_task()
@@ -104,16 +104,16 @@ def _of_traces(cell: Cell, result: Result, said: Score, folder: Path) -> Iterato
         elif isinstance(task.dynamics, System) and not _close(traces.samples[:, 0], task.system.signals(begun)):
             yield "its traces do not begin at the report's starts"
         else:
-            yield from _other_score(task, said, referee.score(task, traces.samples))
+            yield from _other_score(task, recorded, referee.score(task, traces.samples))
     except (UsageError, ValueError) as error:
         yield f"its traces cannot be scored again: {error}"
 
 
-def _other_score(task: Task, said: Score, found: Score) -> Iterator[str]:
-    if said.satisfied != found.satisfied or not _close(said.robustness, found.robustness):
-        numbers = f"robustness {said.mean:g}, satisfied {100 * said.satisfaction:g} %"
-        again = f"{found.mean:g} and {100 * found.satisfaction:g} %"
-        yield f"it says {numbers}; by the recorded traces and the formula of {task.name} it is {again}"
+def _other_score(task: Task, recorded: Score, rescored: Score) -> Iterator[str]:
+    if recorded.satisfied != rescored.satisfied or not _close(recorded.robustness, rescored.robustness):
+        numbers = f"robustness {recorded.mean:g}, satisfied {100 * recorded.satisfaction:g} %"
+        now = f"{rescored.mean:g} and {100 * rescored.satisfaction:g} %"
+        yield f"it says {numbers}; by the recorded traces and the formula of {task.name} it is {now}"
 
 
 def _close(one: object, other: object) -> bool:
@@ -147,19 +147,19 @@ class Examiner:
         """The result, or in its place a failure that says what cannot be; the files of that one are removed."""
         if result.measurement is None:
             return result
-        asked = (cell, result, self._folder, seconds)
-        problem = self._ask(asked) if self._apart else contradiction(*asked)
+        call = (cell, result, self._folder, seconds)
+        problem = self._ask(call) if self._apart else contradiction(*call)
         if problem is None:
             return result
-        beside = cell_files(self._folder, cell.id, cell.key)
-        for file in (beside.traces, beside.policies):
+        files = cell_files(self._folder, cell.id, cell.key)
+        for file in (files.traces, files.policies):
             file.unlink(missing_ok=True)
         return cell.ended("raised", f"its result is not credible: {one_line(problem)}")
 
-    def _ask(self, asked: tuple[Cell, Result, Path, float]) -> str | None:
+    def _ask(self, call: tuple[Cell, Result, Path, float]) -> str | None:
         try:
             self._link = link = self._link or self._started()
-            link.send(asked)
+            link.send(call)
             if not link.poll(_DEADLINE):
                 return f"who looks at it gave no answer within {_DEADLINE:.0f} s"
             answer: str | None = link.recv()
@@ -188,8 +188,8 @@ class Examiner:
 
 def _is_foreign(cell: Cell) -> bool:
     named = (("methods", cell.id.method.name), ("agents", cell.id.agent.name))
-    found = (plugins.available(kind).get(name) for kind, name in named)
-    return any(plugin is not None and plugin.distribution != plugins.OWN for plugin in found)
+    installed = (plugins.available(kind).get(name) for kind, name in named)
+    return any(plugin is not None and plugin.distribution != plugins.OWN for plugin in installed)
 
 
 def serve(descriptor: int) -> None:
@@ -198,9 +198,9 @@ def serve(descriptor: int) -> None:
     with suppress(EOFError, OSError):
         sys.path[:] = link.recv()
         while True:
-            asked = link.recv()
+            call = link.recv()
             try:
-                answer = contradiction(*asked)
+                answer = contradiction(*call)
             except Exception as error:
                 answer = f"it cannot be looked at: {cause(error)}"
             link.send(answer)

@@ -77,10 +77,10 @@ def task_part(task: Task, budget: str) -> Part:
     left_out = _NO_PART | _NO_SYSTEM if isinstance(task.dynamics, System) else _NO_PART
     content = task.file.model_dump(mode="json", exclude=left_out)
     numbers = task.budget(budget).model_dump(mode="json", include={"steps", "checkpoints", "random_starts"})
-    said: list[Any] = [task.choice.name, content, numbers]
+    values: list[Any] = [task.choice.name, content, numbers]
     if not isinstance(task.dynamics, GymTask):
-        return _part("tasks", task.choice.name, said)
-    return _part("tasks", task.choice.name, [*said, task.source.software], own_code(_modules(task)))
+        return _part("tasks", task.choice.name, values)
+    return _part("tasks", task.choice.name, [*values, task.source.software], own_code(_modules(task)))
 
 
 def _modules(task: Task) -> tuple[str, ...]:
@@ -102,7 +102,7 @@ def agent_part(task: Task, choice: Choice) -> Part:
     return _part("agents", choice.name, [str(choice), dict(task.recipe(choice.name))])
 
 
-def _part(kind: str, name: str, said: list[Any], further: Code = _NO_CODE) -> Part:
+def _part(kind: str, name: str, values: list[Any], further: Code = _NO_CODE) -> Part:
     """A plugin, and further code that it works on.
 
     A plugin of this distribution counts by its revision, so its code can move. Of any other, the source counts, and
@@ -112,4 +112,4 @@ def _part(kind: str, name: str, said: list[Any], further: Code = _NO_CODE) -> Pa
     code = code_of(plugin.entry_point.module) | further
     number = revision(kind, name) if plugin.distribution == plugins.OWN else None
     source = [plugin.version, code.digest] if number is None else [number]
-    return Part(digest([*said, plugin.distribution, *source]), code)
+    return Part(digest([*values, plugin.distribution, *source]), code)

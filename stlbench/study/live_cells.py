@@ -131,17 +131,17 @@ def clear(folder: Path) -> None:
 
 def running(folder: Path) -> list[Running]:
     """The cells that run, in the order in which they began. Files that say nothing are passed over."""
-    found = list[Running]()
+    cells = list[Running]()
     for path in sorted((folder / FOLDER).glob("*.json")):
         with suppress(OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
             if not path.is_file():  # a pipe would be waited for
                 continue
-            said = json.loads(path.read_text(encoding="utf-8"))
-            curve = tuple((int(steps), float(share), float(mean)) for steps, share, mean in said.pop("curve", ()))
-            one = Running(**said, curve=curve[-_POINTS:])
+            content = json.loads(path.read_text(encoding="utf-8"))
+            curve = tuple((int(steps), float(share), float(mean)) for steps, share, mean in content.pop("curve", ()))
+            one = Running(**content, curve=curve[-_POINTS:])
             if isinstance(one.of, int) and isinstance(one.steps, int) and one.began + one.told and one.id:
-                found.append(one)
-    return sorted(found, key=lambda one: (one.began, one.name))
+                cells.append(one)
+    return sorted(cells, key=lambda one: (one.began, one.name))
 
 
 # ------------------------------------------------------------------------------------------------------- in words

@@ -58,12 +58,12 @@ def _built(choice: Choice) -> RunLog:
 
 def logged(result: Result) -> LoggedCell:
     """What a log is told of a result."""
-    found, name = result.measurement, result.id.name
-    if found is None:
+    measured, name = result.measurement, result.id.name
+    if measured is None:
         return LoggedCell(name, result.id.budget, result.status, result.reason)
-    columns = numbers(found)
+    columns = numbers(measured)
     logged_numbers = {name: float(columns[column]) for name, column in _LOGGED.items()}
-    curve = [LoggedCheckpoint(name, at.steps, at.satisfaction, at.robustness_mean) for at in found.curve]
+    curve = [LoggedCheckpoint(name, at.steps, at.satisfaction, at.robustness_mean) for at in measured.curve]
     return LoggedCell(name, result.id.budget, result.status, "", logged_numbers, tuple(curve))
 
 
@@ -117,9 +117,9 @@ class Logged:
         told: whom to tell besides, and of a log that was turned off.
     """
 
-    def __init__(self, logs: dict[str, RunLog], folder: Path, told: Progress) -> None:
+    def __init__(self, logs: dict[str, RunLog], folder: Path, progress: Progress) -> None:
         self._threads = [_Thread(name, log) for name, log in logs.items()]
-        self._folder, self._told = folder, told
+        self._folder, self._told = folder, progress
         self._said, self._seen = set[str](), dict[tuple[str, str], int]()
         self._lock, self._over = threading.Lock(), threading.Event()
         self._begun = False

@@ -156,5 +156,5 @@ def _check_agent(task: Task, agent: Choice) -> None:
     except UsageError:
         raise
     except Exception as error:
-        said = one_line(error) if isinstance(error, Unsuitable) else cause(error)
-        raise UsageError(f"agent {agent}: {said}") from error
+        message = one_line(error) if isinstance(error, Unsuitable) else cause(error)
+        raise UsageError(f"agent {agent}: {message}") from error

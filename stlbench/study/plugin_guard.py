@@ -105,8 +105,8 @@ def _identity(question: Question[Any]) -> Any:
 
 
 def _places(question: Question[Any]) -> tuple[Path, ...]:
-    found = (folders.place_of(name) for kind, name in question.plugins if kind == "tasks")
-    return tuple(place for place in found if place is not None)
+    collected = (folders.place_of(name) for kind, name in question.plugins if kind == "tasks")
+    return tuple(place for place in collected if place is not None)
 
 
 def _is_own(kind: str, name: str) -> bool:
@@ -119,14 +119,14 @@ def _is_own(kind: str, name: str) -> bool:
 def _in_guard(questions: Sequence[Question[_T]], deadline: float) -> list[_T | Unanswered]:
     if not questions:
         return []
-    found = dict[int, Any]()
-    with tempfile.TemporaryDirectory(prefix="stlbench-asked-") as folder:
+    collected = dict[int, Any]()
+    with tempfile.TemporaryDirectory(prefix="stlbench-questions-") as folder:
         work = Work(_answered, _ready, partial(_log, Path(folder)))
         items = [_Call(question, _places(question)) for question in questions]
         with closing(build_executor(EXECUTOR).run(work, items, [deadline] * len(items))) as outcomes:
             for outcome in outcomes:
-                found[outcome.index] = _taken(outcome)
-    answers = [found[index] for index in range(len(questions))]
+                collected[outcome.index] = _taken(outcome)
+    answers = [collected[index] for index in range(len(questions))]
     for question, answer in zip(questions, answers, strict=True):
         if isinstance(answer, Unanswered):
             _UNANSWERED[_identity(question)] = answer
@@ -135,9 +135,9 @@ def _in_guard(questions: Sequence[Question[_T]], deadline: float) -> list[_T | U
     return answers
 
 
-def _log(folder: Path, asked: _Call) -> Path:
+def _log(folder: Path, call: _Call) -> Path:
     """What a plugin prints is not for a reader of a report, or of its JSON."""
-    return folder / str(id(asked))
+    return folder / str(id(call))
 
 
 def _taken(outcome: Outcome) -> Any:
@@ -152,11 +152,11 @@ def _ready() -> None:
     """To find this function, a process has imported what answers need."""
 
 
-def _answered(asked: _Call) -> _Answer:
-    for folder in asked.folders:
+def _answered(call: _Call) -> _Answer:
+    for folder in call.folders:
         folders.know(folder)  # this process may be another than the one in which it was named
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default", plugins.PluginWarning)
-        answer = answered_here(asked.question)
-    told = (str(each.message) for each in caught if issubclass(each.category, plugins.PluginWarning))
-    return _Answer(answer, tuple(dict.fromkeys(told)))
+        answer = answered_here(call.question)
+    messages = (str(each.message) for each in caught if issubclass(each.category, plugins.PluginWarning))
+    return _Answer(answer, tuple(dict.fromkeys(messages)))

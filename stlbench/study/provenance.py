@@ -38,7 +38,7 @@ def here() -> dict[str, str]:
 
 def elsewhere(provenance: Mapping[str, str], facts: Mapping[str, str]) -> dict[str, str]:
     """The provenance of a cell of the same run for which `here` said this on another machine."""
-    return {**facts, **{name: said for name, said in provenance.items() if name not in here()}}
+    return {**facts, **{name: text for name, text in provenance.items() if name not in here()}}
 
 
 def of_cell(cell: Cell) -> dict[str, str]:
@@ -47,7 +47,7 @@ def of_cell(cell: Cell) -> dict[str, str]:
         TASK_FOLDER,  # imports NumPy, which `here` is asked for before anything is loaded
     )
 
-    code = ", ".join(f"{name} {said[:8]}" for name, said in cell.parts)
+    code = ", ".join(f"{name} {text[:8]}" for name, text in cell.parts)
     place = {} if cell.folder is None else {TASK_FOLDER: str(cell.folder)}
     return ({CODE: code} if code else {}) | place
 

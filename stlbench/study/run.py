@@ -91,14 +91,14 @@ def build_executor(choice: Choice | str = "local", jobs: int | None = None, memo
     Raises:
         UsageError: there is no such executor, it cannot run here, or a parameter is wrong.
     """
-    said = chosen = executor_of(choice)
+    text = chosen = executor_of(choice)
     if memory is not None:
-        chosen = Choice(said.name, tuple({"memory": memory, **dict(said.parameters)}.items()))
+        chosen = Choice(text.name, tuple({"memory": memory, **dict(text.parameters)}.items()))
     try:
         with _refusals(), failing(chosen.name):
             return cast(Executor, plugins.build("executors", chosen, defaults={} if jobs is None else {"jobs": jobs}))
     except UsageError as error:
-        raise UsageError(str(error).replace(str(chosen), str(said))) from error  # by the name that the user gave it
+        raise UsageError(str(error).replace(str(chosen), str(text))) from error  # by the name that the user gave it
 
 
 @contextmanager
@@ -230,14 +230,14 @@ def run_cells(
 def _meddled(path: Path, cells: Iterable[Cell]) -> str:
     with Ledger(path) as ledger:
         lost = len(_missing(cells, ledger, (), None))
-    said = f"something else wrote in {path} during the run, perhaps a plugin: {lost} of its cells have no result there"
-    return f"{said}; the same command measures these again, and what else was changed nobody knows"
+    text = f"something else wrote in {path} during the run, perhaps a plugin: {lost} of its cells have no result there"
+    return f"{text}; the same command measures these again, and what else was changed nobody knows"
 
 
 def _given_up(cells: Sequence[CellId], attempts: int) -> str:
     named = ", ".join(cell.name for cell in cells[:3]) + (", ..." if len(cells) > 3 else "")
-    said = f"{len(cells)} {'cell' if len(cells) == 1 else 'cells'} failed {attempts} times or more in a row"
-    return f"{said}, given up: {named}; --attempts with a greater number tries again"
+    text = f"{len(cells)} {'cell' if len(cells) == 1 else 'cells'} failed {attempts} times or more in a row"
+    return f"{text}, given up: {named}; --attempts with a greater number tries again"
 
 
 def _missing(cells: Iterable[Cell], ledger: Ledger, retry: Collection[Status], attempts: int | None) -> list[Cell]:

@@ -58,8 +58,8 @@ def _result(cell: Cell, outcome: Outcome) -> Result:
     if isinstance(outcome.value, NoSpace):
         raise DiskFull(f"cannot store what {cell.id.name} gave: {outcome.value.reason}")
     if not (isinstance(outcome.value, Result) and outcome.value.key in (cell.key, key_without_code(cell))):
-        said = one_line(_Shown(outcome.value))[:200]
-        return cell.ended("raised", f"the cell's function returned no result of this cell but {said}")
+        text = one_line(_Shown(outcome.value))[:200]
+        return cell.ended("raised", f"the cell's function returned no result of this cell but {text}")
     try:
         return from_json(to_json(outcome.value))
     except (TypeError, ValueError) as error:  # a plugin's value of a wrong type somewhere in it
@@ -89,11 +89,11 @@ def outcomes(
     """
     left = set(range(len(items)))
     with failing(executor):
-        found = executor.run(function, items, deadlines)
-    if not isinstance(found, Generator):
-        _refuse(executor, f"its run should be a generator of outcomes, it gives {type(found).__name__}")
+        outcomes_of_run = executor.run(function, items, deadlines)
+    if not isinstance(outcomes_of_run, Generator):
+        _refuse(executor, f"its run should be a generator of outcomes, it gives {type(outcomes_of_run).__name__}")
     try:
-        for outcome in _each(executor, found):
+        for outcome in _each(executor, outcomes_of_run):
             if not (isinstance(outcome, Outcome) and outcome.index in left):
                 rule = f"its run should give one outcome for each of {len(items)} items"
                 _refuse(executor, f"{rule}, it gives {one_line(repr(outcome))}")
@@ -103,7 +103,7 @@ def outcomes(
             _refuse(executor, f"its run ended without the outcomes of {len(left)} of {len(items)} items")
     finally:
         with failing(executor):
-            found.close()
+            outcomes_of_run.close()
 
 
 @contextmanager
@@ -121,12 +121,12 @@ def _refuse(executor: Executor, what: str) -> NoReturn:
     raise UsageError(f"{_name(executor)}: {what}")
 
 
-def _each(executor: Executor, found: Generator[Any]) -> Iterator[Any]:
+def _each(executor: Executor, outcomes_of_run: Generator[Any]) -> Iterator[Any]:
     """All that it yields; what is raised by who takes it is none of its errors."""
     while True:
         with failing(executor):
             try:
-                outcome = next(found)
+                outcome = next(outcomes_of_run)
             except StopIteration:
                 return
         yield outcome

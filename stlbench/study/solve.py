@@ -65,14 +65,14 @@ def default_settings(task: Choice) -> tuple[PlanSetting, ...]:
 
     Raises `UsageError` where there is no such task.
     """
-    file, found = load_task(task).file, [PlanSetting()]
+    file, settings = load_task(task).file, [PlanSetting()]
     if all("gamma" in plugins.parameters(plugins.find("agents", name)) for name in _planners("reward")):
-        found.append(PlanSetting(parameters=(("gamma", "1"),)))
+        settings.append(PlanSetting(parameters=(("gamma", "1"),)))
     for part in _LEFT_OUT:
         with suppress(ValueError):
             file.without(part)
-            found.append(PlanSetting(part))
-    return tuple(found)
+            settings.append(PlanSetting(part))
+    return tuple(settings)
 
 
 def plan_alignment(

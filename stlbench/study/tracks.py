@@ -56,7 +56,7 @@ def read_recipes(path: Path) -> Recipes:
     """The recipes of a file that `stlbench tune` wrote. Raises `UsageError` with the entry that is wrong."""
     try:
         recipes = load_yaml(path.read_text(encoding="utf-8"), str(path))["recipes"]
-        found = TypeAdapter(dict[str, dict[str, dict[str, Recipe]]]).validate_python(recipes)
+        recipes_found = TypeAdapter(dict[str, dict[str, dict[str, Recipe]]]).validate_python(recipes)
     except UsageError as error:
         raise UsageError(f"cannot read the recipes {one_line(error)}") from error
     except (OSError, UnicodeError) as error:
@@ -67,7 +67,7 @@ def read_recipes(path: Path) -> Recipes:
         first = error.errors()[0]
         place = ".".join(map(str, ("recipes", *first["loc"])))
         raise UsageError(f"{path}: {place}: {in_words(first['msg'])}") from error
-    return Recipes(found, str(path))
+    return Recipes(recipes_found, str(path))
 
 
 def task_of(cell: CellId, recipe: Recipe | None = None) -> Task:

@@ -59,7 +59,7 @@ def train(
     method: RewardMethod,
     agent: Agent,
     cell: Cell,
-    told: Callable[[Policy | StatePolicy, int], None],
+    notify: Callable[[Policy | StatePolicy, int], None],
 ) -> Trained:
     """Rehearse, unless the agent plans, and train by the clock.
 
@@ -75,7 +75,7 @@ def train(
         clock.pause()
         meter.check(steps)
         reported.append(Checkpoint(policy, steps, clock.cpu))
-        told(policy, steps)
+        notify(policy, steps)
         clock.resume()
 
     training = _task_of_agent(task, method, cell, budget, report, meter, used.append)

@@ -88,7 +88,7 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell, notice: 
     """Train, and score the selected and the final policy. `notice` is told of every checkpoint."""
     whole = Clock()
     referee = Referee(task, method, task.budget(cell.id.budget).random_starts)
-    trained = train(task, method, agent, cell, _told(notice, referee))
+    trained = train(task, method, agent, cell, _checkpoint_notice(notice, referee))
     selected, curve = _choose(referee, trained.checkpoints)
     assessment = referee.assess(selected.policy)
     last = assessment if selected.policy is trained.final else referee.assess(trained.final)
@@ -120,22 +120,22 @@ def _planned(agent: Agent, policy: Policy | StatePolicy, assessment: Assessment)
     return Planned(agent.plans, float(np.mean(values)))
 
 
-def _told(notice: Notice | None, referee: Referee) -> Callable[[Policy | StatePolicy, int], None]:
-    """What is done with a checkpoint beside keeping it: who watches is told. It changes no result."""
+def _checkpoint_notice(notice: Notice | None, referee: Referee) -> Callable[[Policy | StatePolicy, int], None]:
+    """Shows a checkpoint to whoever watches. It changes no result."""
 
-    def told(policy: Policy | StatePolicy, steps: int) -> None:
+    def notify(policy: Policy | StatePolicy, steps: int) -> None:
         if notice is not None:
             notice.at(steps, partial(referee.glance, policy) if isinstance(policy, Policy) else None)
 
-    return told
+    return notify
 
 
 def _choose(referee: Referee, reported: Sequence[Checkpoint]) -> tuple[Checkpoint, tuple[CurvePoint, ...]]:
     """The best of the checkpoints, and the learning curve of all."""
-    found = referee.choose([checkpoint.policy for checkpoint in reported])
-    scores = zip(found.satisfaction.tolist(), found.robustness_mean.tolist(), found.starts.tolist(), strict=True)
+    choice = referee.choose([checkpoint.policy for checkpoint in reported])
+    scores = zip(choice.satisfaction.tolist(), choice.robustness_mean.tolist(), choice.starts.tolist(), strict=True)
     curve = [CurvePoint(at.steps, at.cpu_seconds, *score) for at, score in zip(reported, scores, strict=True)]
-    return reported[found.best], tuple(curve)
+    return reported[choice.best], tuple(curve)
 
 
 def reward_time(task: Task, method: RewardMethod, rows: int = 1024, repeats: int = 5, rounds: int = 10) -> float:

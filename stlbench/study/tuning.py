@@ -164,7 +164,7 @@ def _holds(task: Task, steps: int) -> bool:
 
 
 def search(
-    found: Sequence[Entrant],
+    tuned: Sequence[Entrant],
     study: Study,
     trials: int,
     run: Callable[[Sequence[Cell]], Mapping[CellId, Result]],
@@ -180,12 +180,12 @@ def search(
     Raises:
         UsageError: Optuna is not installed.
     """
-    searches = [_Search(entrant) for entrant in found]
+    searches = [_Search(entrant) for entrant in tuned]
     for begin in range(0, trials, _AT_ONCE):
         going = [one for one in searches if not one.entrant.hopeless]
-        asked = [(one, one.ask(study)) for one in going for _ in range(min(_AT_ONCE, trials - begin))]
-        results = run(tuple({cell.id: cell for _, (_, cells) in asked for cell in cells}.values()))
-        for one, (trial, cells) in asked:
+        trials_of = [(one, one.ask(study)) for one in going for _ in range(min(_AT_ONCE, trials - begin))]
+        results = run(tuple({cell.id: cell for _, (_, cells) in trials_of for cell in cells}.values()))
+        for one, (trial, cells) in trials_of:
             one.tell(trial, [results[cell.id] for cell in cells])
 
 
