@@ -446,16 +446,13 @@ class Nanny(RewardMethod):
         return np.where(signals[..., 0] == 1, np.nan, 1.0)
 
 
-class Blind(Late):
+class Blind(RewardMethod):
     """Shows what is no number."""
 
     memory_size = input_size = 1
 
-    def initial_memory(self, signals: Any, t: Any) -> Any:
-        return np.zeros((len(t), 1))
-
-    def step(self, signals: Any, action: Any, next_signals: Any, t: Any, memory: Any) -> Any:
-        return np.zeros(len(t)), memory + self.pay
+    def along(self, samples: Any, action: Any, t: Any, memory: Any) -> Any:
+        return np.zeros((len(samples) - 1, len(t))), memory + 3
 
     def inputs(self, memory: Any) -> Any:
         return np.where(memory > 4, np.inf, memory)
