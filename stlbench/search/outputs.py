@@ -18,7 +18,7 @@ from stlbench.search.certify import Certificate, plain
 from stlbench.search.falsify import Falsification
 
 
-def falsifications(found: Sequence[Falsification]) -> Table:
+def falsifications(results: Sequence[Falsification]) -> Table:
     """One row for each search: effort, least robustness, counterexample."""
     columns = (
         Column("searched", right=False),
@@ -38,18 +38,18 @@ def falsifications(found: Sequence[Falsification]) -> Table:
             one.failed if one.found or one.open else None,
             one.cpu_seconds,
         )
-        for one in found
+        for one in results
     )
-    count, open_ = sum(one.found for one in found), sum(one.open for one in found)
-    notes = [f"{count} of {len(found)} have a counterexample."]
+    count, open_ = sum(one.found for one in results), sum(one.open for one in results)
+    notes = [f"{count} of {len(results)} have a counterexample."]
     if open_:
         notes.append(f"Of {open_} the verdict is open: an episode ended early, and some continuations satisfy.")
     return Table("Falsification", columns, rows, tuple(notes))
 
 
-def certificates(found: Sequence[Certificate]) -> Table:
+def certificates(results: Sequence[Certificate]) -> Table:
     """One row for each certificate: the share of satisfied starts with its interval."""
-    some_open = any(one.open for one in found)
+    some_open = any(one.open for one in results)
     columns = (
         Column("certified", right=False),
         Column("confidence", right=False, shared=True),
@@ -68,20 +68,20 @@ def certificates(found: Sequence[Certificate]) -> Table:
             *([one.open] if some_open else []),
             *(one.satisfied / one.starts, one.interval, _claim(one), one.verdict, one.cpu_seconds),
         )
-        for one in found
+        for one in results
     )
     notes = ("The probability is of satisfaction by every continuation: open verdicts do not count.",)
     return Table("Certificates", columns, rows, notes if some_open else ())
 
 
-def _claim(found: Certificate) -> str | None:
-    claim = found.claim
+def _claim(result: Certificate) -> str | None:
+    claim = result.claim
     if claim.at_least is not None:
         return f"at least {plain(claim.at_least)}"
     return None if claim.width is None else f"known to {plain(claim.width)}"
 
 
-def write(found: Falsification, folder: Path) -> list[Path]:
+def write(result: Falsification, folder: Path) -> list[Path]:
     """Write the least robust trace as .npz and .csv, and its picture as PNG, SVG and PDF; the paths.
 
     The .npz has `traces` (1, T + 1, k), `signals` (k,), the names of the initial state's `coordinates` (n,) and its
@@ -91,30 +91,30 @@ def write(found: Falsification, folder: Path) -> list[Path]:
     Raises:
         UsageError: the folder cannot be written.
     """
-    kind = "counterexample" if found.found else "open" if found.open else "least"
-    name = file_name(kind, *found.actor.label)
-    paths = [_npz(found, folder / f"{name}.npz"), _csv(found, folder / f"{name}.csv")]
-    recorded = found.worst.trace[: found.steps + 1]
-    figure = counterexample(found.actor.task, recorded, found.witness, _title(found))
+    kind = "counterexample" if result.found else "open" if result.open else "least"
+    name = file_name(kind, *result.actor.label)
+    paths = [_npz(result, folder / f"{name}.npz"), _csv(result, folder / f"{name}.csv")]
+    recorded = result.worst.trace[: result.steps + 1]
+    figure = counterexample(result.actor.task, recorded, result.witness, _title(result))
     return [*paths, *save(figure, folder, name)]
 
 
-def _title(found: Falsification) -> str:
-    word = "verdict open" if found.open else found.worst.verdict
-    return f"{found.actor.name}: {word}, robustness {found.worst.robustness:.4g}, from {found.start_text(4)}"
+def _title(result: Falsification) -> str:
+    word = "verdict open" if result.open else result.worst.verdict
+    return f"{result.actor.name}: {word}, robustness {result.worst.robustness:.4g}, from {result.start_text(4)}"
 
 
-def _npz(found: Falsification, path: Path) -> Path:
-    names = {"signals": np.array(found.actor.task.signals), "coordinates": np.array(list(found.start))}
-    npz.write(path, {**names, "traces": found.worst.trace[None], "start": found.worst.point})
+def _npz(result: Falsification, path: Path) -> Path:
+    names = {"signals": np.array(result.actor.task.signals), "coordinates": np.array(list(result.start))}
+    npz.write(path, {**names, "traces": result.worst.trace[None], "start": result.worst.point})
     return path
 
 
-def _csv(found: Falsification, path: Path) -> Path:
-    task, text = found.actor.task, io.StringIO()
+def _csv(result: Falsification, path: Path) -> Path:
+    task, text = result.actor.task, io.StringIO()
     own_time = "time" in task.signals
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*([] if own_time else ["time"]), *task.signals])
-    for step, sample in enumerate(found.worst.trace.tolist()):
+    for step, sample in enumerate(result.worst.trace.tolist()):
         writer.writerow([*([] if own_time else [round(step * task.file.sampling_time, 9)]), *sample])
     return outputs.write(path, text.getvalue())
