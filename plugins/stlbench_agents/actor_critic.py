@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench_agents.aligned import zeros
 from stlbench_agents.compiler import compiled, part
-from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, layout, outputs, size_of
+from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, layout, outputs, size_of, zeros
 from stlbench_agents.matrices import flattened
 from stlbench_agents.products import inner_products
 from stlbench_agents.replay import Batch

@@ -16,9 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench_agents.aligned import zeros
 from stlbench_agents.compiler import compiled, inlined, part
-from stlbench_agents.layers import Room, Space, back_hidden, back_outputs, hidden, outputs, outputs_at
+from stlbench_agents.layers import Room, Space, back_hidden, back_outputs, hidden, outputs, outputs_at, zeros
 from stlbench_agents.matrices import flattened
 from stlbench_agents.products import START, inner_product
 from stlbench_agents.replay import Batch

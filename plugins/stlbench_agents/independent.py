@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Array, Arrays, Cost, Environment, Integers, Policy, Transition
-from stlbench_agents.actions import grid_of
 from stlbench_agents.dqn import DQN, Learner
+from stlbench_agents.training import grid_of
 
 if TYPE_CHECKING:
-    from stlbench_agents.network import GreedyPolicy
-    from stlbench_agents.q_learner import QLearner
+    from stlbench_agents.q_learner import GreedyPolicy, QLearner
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +91,7 @@ class TeamPolicy(Policy):
 
     def onnx(self) -> bytes:
         """One model of all robots' networks."""
-        from stlbench_agents.onnx_graph import Graph
+        from stlbench_agents.policies import Graph
 
         graph = Graph()
         index = graph.joined([robot.index_in(graph) for robot in self.robots], self.sizes)
@@ -101,7 +100,7 @@ class TeamPolicy(Policy):
     @classmethod
     def of(cls, arrays: Arrays, grid: ActionGrid) -> TeamPolicy:
         """The policy that gave these `arrays`, for the robots of a grid. Raises `Unsuitable` for others."""
-        from stlbench_agents.network import GreedyPolicy
+        from stlbench_agents.q_learner import GreedyPolicy
 
         own = [
             {name.removeprefix(f"{i}."): part for name, part in arrays.items() if name.startswith(f"{i}.")}

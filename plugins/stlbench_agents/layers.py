@@ -1,9 +1,12 @@
-"""Layers of perceptrons with ReLUs, forwards and backwards, compiled: what `dqn` and `td3` share.
+"""Layers of perceptrons with ReLUs, forwards and backwards, compiled, for `dqn` and `td3`.
 
 All weights of a network lie in one flat vector. A network is an array of one row per layer: the offset of its matrix,
 the matrix's rows and columns, the offset of its bias. Matrices of hidden layers are (inputs, outputs); the last is
-(outputs, inputs), so that what belongs to one output lies in one piece. B observations are a flat vector too, row by
-row. Everything works in whatever floating-point type the weights have.
+(outputs, inputs), so that the weights of one output lie in one piece. B observations are a flat vector too, row by row.
+Everything works in the floating-point type of the weights.
+
+Arrays begin where a line of the processor's cache does. NumPy's begin on a multiple of 16 bytes: then most vectors of
+64 bytes lie in two lines, and loops over whole arrays, such as Adam's, take longer.
 """
 
 from __future__ import annotations
@@ -15,10 +18,29 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench_agents.aligned import zeros
 from stlbench_agents.compiler import inlined, part
 from stlbench_agents.matrices import Matrix, matrix, transposed
 from stlbench_agents.products import inner_product, product, turn
+
+_LINE = 64
+"""Bytes of a line."""
+
+
+def zeros(shape: int | tuple[int, ...], dtype: Any = np.float32) -> NDArray[Any]:
+    """As `numpy.zeros`, row by row."""
+    size = np.dtype(dtype).itemsize * int(np.prod(shape))
+    memory = np.zeros(size + _LINE, np.uint8)
+    begin = -memory.ctypes.data % _LINE
+    array: NDArray[Any] = memory[begin : begin + size].view(dtype).reshape(shape)
+    return array
+
+
+def aligned(values: NDArray[Any]) -> NDArray[Any]:
+    """A copy."""
+    copy = zeros(values.shape, values.dtype)
+    copy[...] = values
+    return copy
+
 
 Floats = NDArray[Any]
 Indices = NDArray[np.int64]

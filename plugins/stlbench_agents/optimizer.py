@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench_agents.aligned import aligned, zeros
 from stlbench_agents.compiler import inlined, part
+from stlbench_agents.layers import aligned, zeros
 from stlbench_agents.products import START, inner_product
 
 Floats = NDArray[Any]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import Array, Event, Integers, Transition
-from stlbench_agents.aligned import zeros
 from stlbench_agents.compiler import compiled
+from stlbench_agents.layers import zeros
 from stlbench_agents.matrices import flattened
 
 Single = NDArray[np.float32]

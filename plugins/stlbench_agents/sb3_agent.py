@@ -1,23 +1,34 @@
-"""Training by Stable-Baselines3, on the very same environment and reward as by stlbench's own agents."""
+"""Training by Stable-Baselines3, on the same environment and reward as stlbench's own agents."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from stlbench.contract import ActionGrid, Actions, Agent, Arrays, Cost, Environment, Policy, Training
-from stlbench_agents.actions import box_of
-from stlbench_agents.actor_policy import ActorPolicy
-from stlbench_agents.checkpoints import report_rounds
-from stlbench_agents.costs import cost_of
-from stlbench_agents.libraries import need_sb3
-from stlbench_agents.one_thread import one_thread
-from stlbench_agents.parameter_types import Count, Positive, Share, Whole, Widths
+from stlbench_agents.policies import ActorPolicy
+from stlbench_agents.recipes import Count, Positive, Share, Whole, Widths
+from stlbench_agents.training import box_of, cost_of, need_sb3, report_rounds
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Dead ReLUs push Adam's moments into denormal numbers, which are slow; flushing them is put back at the end, as
+    what runs in the process later must not see another arithmetic."""
+    import torch  # takes seconds: here, where something trains, and not where parameters of an agent are checked
+
+    torch.set_num_threads(1)
+    torch.set_flush_denormal(True)
+    try:
+        yield
+    finally:
+        torch.set_flush_denormal(False)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 from stlbench.contract import ActionGrid, Array, Environment, Event, Integers
-from stlbench_agents.network import GreedyPolicy, QNetwork
+from stlbench_agents.q_learner import GreedyPolicy, QNetwork
 from stlbench_agents.replay import weighted_rewards
 
 Single = NDArray[np.float32]

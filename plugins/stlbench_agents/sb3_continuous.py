@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from stlbench.contract import Environment, Policy
-from stlbench_agents.actions import box_of
-from stlbench_agents.actor_policy import ActorPolicy, linear_layers
-from stlbench_agents.parameter_types import Count, NotNegative, Positive, Share
+from stlbench_agents.policies import ActorPolicy, linear_layers
+from stlbench_agents.recipes import Count, NotNegative, Positive, Share
 from stlbench_agents.sb3_agent import SB3Agent, SB3OffPolicy
+from stlbench_agents.training import box_of
 
 if TYPE_CHECKING:
     from stable_baselines3 import PPO, SAC, TD3

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from stlbench.contract import Actions, Arrays, Environment, Policy
-from stlbench_agents.actions import grid_of
-from stlbench_agents.parameter_types import Count, Positive, Share, Whole
+from stlbench_agents.recipes import Count, Positive, Share, Whole
 from stlbench_agents.sb3_agent import SB3OffPolicy
+from stlbench_agents.training import grid_of
 
 if TYPE_CHECKING:
     from stable_baselines3 import DQN
@@ -50,7 +50,7 @@ class SB3DQN(SB3OffPolicy):
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
         """The greedy policy of a network, which needs no SB3."""
-        from stlbench_agents.network import GreedyPolicy  # imports Numba, which parameters do not need
+        from stlbench_agents.q_learner import GreedyPolicy  # imports Numba, which parameters do not need
 
         return GreedyPolicy.of(arrays, grid_of(actions).shape)
 

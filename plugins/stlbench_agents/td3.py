@@ -14,16 +14,14 @@ from typing import ClassVar
 import numpy as np
 
 from stlbench.contract import ActionBox, Actions, Agent, Array, Arrays, Cost, Policy, Training
-from stlbench_agents.actions import box_of
-from stlbench_agents.actor_policy import ActorPolicy
-from stlbench_agents.checkpoints import report_rounds
 from stlbench_agents.compiled_code import is_ready, note_ready
-from stlbench_agents.costs import cost_of
-from stlbench_agents.parameter_types import Count, NotNegative, Positive, Share, ShareBelow1, Whole, Widths
+from stlbench_agents.policies import ActorPolicy
+from stlbench_agents.recipes import TD3Recipe
+from stlbench_agents.training import box_of, cost_of, report_rounds
 
 
 @dataclass(frozen=True, kw_only=True)
-class TD3(Agent):
+class TD3(TD3Recipe, Agent):
     """Twin delayed deep deterministic policy gradient with a time-aware input.
 
     Names are those of Stable-Baselines3 where it has the option.
@@ -38,48 +36,6 @@ class TD3(Agent):
             "hold": (5, 10, 20, 50),
         }
     )
-
-    net_arch: Widths = (64, 64)
-    """widths of the hidden layers of actor and critics"""
-    copies: Count = 8
-    """environments in lock-step"""
-    batch_size: Count = 128
-    """transitions in an update"""
-    buffer_size: Count = 400_000
-    """transitions kept for replay"""
-    gradient_steps: Count = 1
-    """updates after each step of all copies"""
-    learning_rate: Positive = 1e-3
-    """of Adam at the first update"""
-    learning_rate_final: Positive = 1e-4
-    """at the last update; the rate falls geometrically"""
-    gamma: Share = 0.95
-    """discount of a decision, that is, of `hold` steps. Rewards are weighted by 1 - gamma, so that values keep the
-    scale of the reward; with gamma = 1 they are not"""
-    n_steps: Count = 1
-    """rewards in a return before it bootstraps"""
-    tau: Share = 0.01
-    """weight of the online networks in an update of the targets, one for each `policy_delay` updates"""
-    policy_delay: Count = 2
-    """updates of the critics for one of the actor"""
-    averaging: ShareBelow1 = 0.995
-    """reported policies have an exponential average of the actor's weights, with this weight on the past at each update
-    of the actor; 0: the weights themselves. Actions in training are those of the current weights"""
-    target_policy_noise: NotNegative = 0.1
-    """standard deviation of the noise on target actions, which lie in [-1, 1]"""
-    target_noise_clip: NotNegative = 0.25
-    """the most that this noise may be"""
-    exploration_noise: NotNegative = 0.2
-    """standard deviation of the noise on actions in training, which lie in [-1, 1]; it rises from a quarter of this in
-    the first copy to one and three quarters in the last"""
-    exploration_noise_final: NotNegative | None = None
-    """what that falls to, linearly over the budget; it stays where left out"""
-    random_steps: Whole = 100
-    """steps of all copies with random actions at the start, without updates"""
-    action_penalty: NotNegative = 0.005
-    """weight in the actor's loss of its squared output before the tanh, without which actions stick at their ends"""
-    reward_scale: Positive = 10.0
-    """factor on rewards, which arrive divided by the method's `scale`"""
 
     def train(self, training: Training) -> Policy:
         """Spend the budget; return the policy at its end."""

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionBox, Array, Integers
 from stlbench_agents.actor_critic import Networks, Noise, Work, actor_gradient, critic_gradient, targets
-from stlbench_agents.actor_policy import ActorPolicy
 from stlbench_agents.compiler import OneKind, compiled
 from stlbench_agents.layers import Room, outputs_at, size_of, views
 from stlbench_agents.optimizer import Weights, decay, step
+from stlbench_agents.policies import ActorPolicy
+from stlbench_agents.recipes import TD3Recipe
 from stlbench_agents.replay import Batch, Memory, Replay, gather
-
-if TYPE_CHECKING:
-    from stlbench_agents.td3 import TD3
 
 Floats = NDArray[Any]
 Indices = NDArray[np.int64]
@@ -40,7 +38,9 @@ class Schedule(NamedTuple):
 class TD3Learner:
     """Actor and critics in training: their weights, their targets, and the actor's average."""
 
-    def __init__(self, recipe: TD3, inputs: int, box: ActionBox, generator: np.random.Generator, updates: int) -> None:
+    def __init__(
+        self, recipe: TD3Recipe, inputs: int, box: ActionBox, generator: np.random.Generator, updates: int
+    ) -> None:
         """Args: `inputs` D; `generator` of the initial weights; `updates` in all, for the learning rate."""
         self.box, self.networks = box, Networks.of(inputs, recipe.net_arch, len(box.names))
         self.actor = Weights.of(_initial(generator, self.networks.actor, last=0.1))

@@ -18,7 +18,7 @@ from pydantic import Field
 
 from stlbench.contract import Executor, Outcome, Unsuitable, cause
 from stlbench_executors.memory import Memory
-from stlbench_executors.order import Order
+from stlbench_executors.worker import Order
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -60,9 +60,8 @@ class DaskExecutor(Executor):
         self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
     ) -> Generator[Outcome]:
         """See `Executor.run`. Raises `Unsuitable` where no scheduler answers, or a worker has another version."""
-        from stlbench_executors.dask_run import DaskRun
-        from stlbench_executors.dask_worker import Run
-        from stlbench_executors.versions import installed
+        from stlbench_executors.dask_run import DaskRun, Run
+        from stlbench_executors.worker import installed
 
         order = Order(function, items, deadlines)
         if len(order) == 0:

@@ -14,8 +14,8 @@ from pydantic import Field
 from stlbench.contract import Executor, Outcome
 from stlbench_executors import slot as slots_of
 from stlbench_executors.memory import Memory, share
-from stlbench_executors.order import Order, outcome_of
 from stlbench_executors.slot import UNTAKEN, Site, Slot
+from stlbench_executors.worker import Order, outcome_of
 
 
 class LocalExecutor(Executor):

@@ -1,31 +1,86 @@
-"""A place for one item at a time: a keeper, replaced where it ends or hangs, below a server made for the run.
+"""Slots, in which the items of a run are executed one after the other, and the server that forks their keepers.
 
-Why not a process pool: the well-kept ones (pebble, loky, concurrent.futures) use a process again for the next item,
-which then sees what the one before has changed; told to use each once, they start an interpreter and import everything
-for each, for seconds. The fork server of multiprocessing is one for the whole life of the calling process, so that it
-goes on with old code after a plugin has been edited, and ends no grandchildren. Here a server is made for each run:
-
-    this process -> server, which imports everything -> a keeper for each slot -> a process for each item
-
-A keeper (`keeper`) watches one item at a time: its deadline, its memory, its output, its end.
+The server imports everything once. A keeper is forked from it for each slot, and forks a process for each item.
 """
 
 from __future__ import annotations
 
 import atexit
+import gc
 import math
 import os
+import pickle
 import signal
+import sys
 import threading
 import time
 import weakref
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import Pipe, resource_tracker
 from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from types import ModuleType
+from typing import Any
 
-from stlbench_executors.keeper import Ended, Task
-from stlbench_executors.server import Server
+import psutil
+
+from stlbench_executors.cell import adopt, end_strays
+from stlbench_executors.keeper import Ended, Task, keep
+
+
+class Server(SpawnProcess):
+    """A fresh interpreter, which does not run the user's script again, as a spawned one does.
+
+    Args:
+        links: the far end of the link to each keeper.
+        limit: bytes of memory that the processes of an item may take together.
+        prepare: pickled: what to call before the first item. What it raises is passed over: an item meets it again.
+    """
+
+    def __init__(self, links: Sequence[Connection], limit: int, prepare: bytes) -> None:
+        super().__init__(target=_serve, args=(links, limit, prepare))
+
+    @staticmethod
+    def _Popen(process: Any) -> Any:  # noqa: N802 - the name is that of multiprocessing
+        script = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            return SpawnProcess._Popen(process)
+        finally:
+            sys.modules["__main__"] = script
+
+
+def _serve(links: Sequence[Connection], limit: int, prepare: bytes) -> None:
+    os.setsid()  # a ctrl-C in the terminal is for the harness
+    adopt()
+    with suppress(BaseException):
+        pickle.loads(prepare)()  # noqa: S301 - from our own parent
+    if psutil.Process().num_threads() > 1:
+        os._exit(1)  # a fork would copy locks that nobody lets go of; the next server prepares nothing
+    gc.collect()
+    gc.freeze()  # what is never looked at by a garbage collection stays shared with all that is forked
+    keepers = {_forked(link, links, limit) for link in links}
+    for link in links:
+        link.close()
+    while keepers:
+        keepers.discard(os.wait()[0])
+        end_strays(keepers)
+
+
+def _forked(own: Connection, links: Sequence[Connection], limit: int) -> int:
+    """The number of a keeper, in whose process this never returns."""
+    process = os.fork()
+    if process:
+        return process
+    try:
+        for link in links:
+            if link is not own:
+                link.close()
+        keep(own, limit)
+    finally:
+        os._exit(0)
+
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Read when numpy or torch is imported, so a server must be born with them."""

@@ -18,7 +18,7 @@ from pydantic import Field
 
 from stlbench.contract import Executor, Outcome, Unsuitable, cause
 from stlbench_executors.memory import Memory
-from stlbench_executors.order import Order
+from stlbench_executors.worker import Order
 
 if TYPE_CHECKING:
     from submitit import Job
@@ -86,7 +86,7 @@ class SubmititExecutor(Executor):
         """See `Executor.run`. Raises `Unsuitable` where jobs cannot be submitted, or cannot run items."""
         from stlbench_executors.submitit_job import Chunk, Desk, run_chunk
         from stlbench_executors.submitit_run import SubmititRun, beating, ended_by_signals
-        from stlbench_executors.versions import installed
+        from stlbench_executors.worker import installed
 
         order, folder = Order(function, items, deadlines), (self.folder / uuid.uuid4().hex[:12]).absolute()
         if len(order) == 0:
@@ -139,7 +139,7 @@ class SubmititExecutor(Executor):
         return slurm
 
     def _states(self, jobs: Collection[Job[Any]]) -> Mapping[str, str]:
-        from stlbench_executors.slurm_states import states
+        from stlbench_executors.submitit_run import states
 
         if self.cluster == "local":
             return {job.job_id: job.state.upper() for job in jobs}

@@ -17,10 +17,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from stlbench_executors.crew import Crew
 from stlbench_executors.keeper import Ended, Task
 from stlbench_executors.memory import share
-from stlbench_executors.versions import difference, installed
+from stlbench_executors.worker import Crew, difference, installed
 
 OFFERS = 2
 """So often an item is begun, where the job before was lost."""

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from functools import reduce
+from operator import itemgetter
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
-from stlbench.contract import Array, Integers, RewardMethod, Specification
-from stlbench_methods.flag_counting import AbsoluteFlags, Flags, WindowFlags, is_windowed
+from stlbench import stl
+from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
+from stlbench_methods.windows import EXTENSION, KINDS, Terms, Window, from_first_read, leaves, truths
 
 
 class Flag(RewardMethod):
@@ -63,3 +69,126 @@ class Flag(RewardMethod):
     def describe(self) -> Mapping[str, Any]:
         """Which form was taken, and each flag's full count."""
         return {"form": self._flags.form, "flags": [int(value) for value in self._flags.full]}
+
+
+class Flags(ABC):
+    """A set of m flags: their values before the first sample and when full, (m,) each; how they go on."""
+
+    form: str
+    initial: Array
+    full: Array
+    floor: float
+    """The least that can be paid at a sample."""
+    scale: float = 1.0
+    extension: str = ""
+
+    @abstractmethod
+    def along(self, samples: Array, t: Integers, flags: Array) -> tuple[Array, Array]:
+        """Take h samples (h, N, k), the first at steps t (N,), one after the other, from flags (N, m).
+
+        Returns what is paid at each sample (h, N), for flags that include it, and the flags after the last (N, m).
+        """
+
+
+class WindowFlags(Flags):
+    """(F|G)[0,Te] phi, phi an and/or of F[0,w] psi and G[0,w] psi, as in the source.
+
+    Where all windows of phi begin at a later step, nothing is counted and 0 is paid before it: that sample is then to
+    them what the first is to the source's.
+    """
+
+    form = "outer operator over windows"
+
+    def __init__(self, formula: stl.Formula, specification: Specification, beta: float) -> None:
+        assert isinstance(formula, Window)
+        self._first, phi = from_first_read(formula.arg)
+        windows = list(_windows(phi))
+        self._holds = [specification.holds(window.arg) for window in windows]
+        self._eventually = np.array([isinstance(window, stl.Eventually) for window in windows])
+        self._combined = _combined(phi, itertools.count())
+        self._paid = _paid(isinstance(formula, stl.Eventually), beta)
+        self.floor = float(self._paid[0])
+        if self._first:
+            self.form = "outer operator over windows that begin late (extension)"
+            self.extension = f"windows begin {self._first} steps late; its source has them from 0"
+            self.floor = min(0.0, self.floor)
+        self.full = np.array([window.b + 1.0 for window in windows])
+        self.initial = np.zeros_like(self.full)
+
+    def along(self, samples: Array, t: Integers, flags: Array) -> tuple[Array, Array]:
+        """F[0,w] is satisfied iff its counter is positive, G[0,w] iff its counter is full."""
+        from stlbench_methods.updates import count  # imports Numba, which building a method does without
+
+        after = flags.copy()
+        verdicts = truths(self._holds, samples)
+        if self._first:
+            begun = t + np.arange(len(samples))[:, None] >= self._first
+            verdicts &= begun
+        count(verdicts, self._eventually, self.full, after)
+        paid = self._paid[self._combined(verdicts).view(np.int8)]
+        return np.where(begun, paid, 0.0) if self._first else paid, after
+
+
+class AbsoluteFlags(Flags):
+    """A conjunction of terms with absolute intervals: the extension to eq. 2."""
+
+    form = "absolute intervals (extension)"
+    extension = EXTENSION
+
+    def __init__(self, specification: Specification, beta: float) -> None:
+        terms = specification.terms
+        initial, full, columns = list[float](), list[float](), list[int]()
+        for term in terms:
+            columns.append(len(full))
+            initial += {"F": [0.0], "G": [1.0], "FG": [0.0, 0.0]}[term.kind]
+            full += [1.0, term.b - term.c2 + 1.0] if term.kind == "FG" else [1.0]
+        self.columns = np.array(columns)
+        """(n,): where the flag of each term is, 1 where the term is satisfied once its interval is over."""
+        self._holds = [specification.holds(term.psi) for term in terms]
+        t = np.arange(specification.steps + 1)
+        active = np.array([(term.start <= t) & (t <= term.end) for term in terms])
+        self._terms = Terms(
+            np.array([KINDS[term.kind] for term in terms]),
+            self.columns,
+            active,
+            np.array([_paid(term.kind != "G", beta) for term in terms]),
+        )
+        self.floor = float((active[:, 1:] * self._terms.paid[:, :1]).sum(axis=0).min())
+        self.initial, self.full = np.array(initial), np.array(full)
+        self.scale = float(active.sum(axis=0).max())
+
+    def along(self, samples: Array, t: Integers, flags: Array) -> tuple[Array, Array]:
+        """Latch F, drop G, count and latch F G, each on its own interval alone; pay the sum of those on whose it is."""
+        from stlbench_methods.updates import latch  # as above
+
+        after = flags.copy()
+        return latch(truths(self._holds, samples), self._terms, self.full, t, after), after
+
+
+def is_windowed(formula: stl.Formula) -> bool:
+    """Whether a formula reads (F|G)[0,Te] phi with phi an and/or of F[a,a+w] psi and G[a,a+w] psi, all of one a."""
+    if not (isinstance(formula, Window) and formula.a == 0):
+        return False
+    _, phi = from_first_read(formula.arg)
+    windows = list(_windows(phi))
+    return len(windows) == len(list(leaves(phi))) and all(
+        window.a == 0 and not stl.is_temporal(window.arg) for window in windows
+    )
+
+
+def _windows(phi: stl.Formula) -> Iterator[Window]:
+    return (leaf for leaf in leaves(phi) if isinstance(leaf, Window))
+
+
+def _combined(phi: stl.Formula, leaf: Iterator[int]) -> Callable[[Truth], Truth]:
+    """The and/or as a function of its leaves' verdicts (m, ...), in order of appearance; `leaf` counts them."""
+    if not isinstance(phi, stl.And | stl.Or):
+        return itemgetter(next(leaf))
+    combine = np.logical_and if isinstance(phi, stl.And) else np.logical_or
+    parts = [_combined(arg, leaf) for arg in phi.args]
+    return lambda verdicts: reduce(combine, [part(verdicts) for part in parts])
+
+
+def _paid(outer_f: bool, beta: float) -> Array:
+    """What is paid for sat = 0 and for sat = 1: exp(beta (sat - 1)) for F, -exp(-beta sat) for G."""
+    return np.array([math.exp(-beta), 1.0] if outer_f else [-1.0, -math.exp(-beta)])

@@ -10,8 +10,7 @@ from pydantic import Field
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth, Unsuitable
 from stlbench.stl import Term
-from stlbench_methods.predicates import truths
-from stlbench_methods.windows import bounded_range
+from stlbench_methods.windows import bounded_range, truths
 
 
 class Hprs(RewardMethod):

@@ -9,7 +9,7 @@ import numpy as np
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
 from stlbench.stl import Term
-from stlbench_methods.predicates import truths
+from stlbench_methods.windows import truths
 
 
 class Machine(RewardMethod):
@@ -102,7 +102,7 @@ class Machine(RewardMethod):
         return {str(term.formula): f"{length} in a row within {term.start}..{term.end}" for term, length in each}
 
     def _run(self, samples: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        from stlbench_methods.machine_updates import run  # imports Numba, which building a method does without
+        from stlbench_methods.updates import run  # imports Numba, which building a method does without
 
         after = memory.copy()
         held = truths(self._holds, samples)

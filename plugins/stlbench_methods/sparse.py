@@ -8,7 +8,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth, Unsuitable
-from stlbench_methods.flag_counting import AbsoluteFlags
+from stlbench_methods.flag import AbsoluteFlags
 from stlbench_methods.progress import Progress
 from stlbench_methods.values import Truths
 

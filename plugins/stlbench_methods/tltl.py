@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stlbench.contract import Array, Integers, RewardMethod, Specification
-from stlbench_methods.followed import Followed
+from stlbench_methods.progress import Followed
 from stlbench_methods.values import SemanticsName, Sharpness
 
 

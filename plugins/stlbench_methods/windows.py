@@ -1,13 +1,16 @@
-"""Formulas (F|G)[0,Te] phi of windows, for the methods that are made for them (`flag`, `tau-mdp`)."""
+"""Parts of formulas that several methods need: windows, ranges, predicates."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Specification, Unsuitable
+from stlbench.contract import Array, Integers, Specification, Truth, Unsuitable
 
 Window = stl.Always | stl.Eventually
 
@@ -65,3 +68,29 @@ def _earlier(phi: stl.Formula, steps: int) -> stl.Formula:
         return type(phi)(tuple(_earlier(arg, steps) for arg in phi.args))
     assert isinstance(phi, Window)
     return replace(phi, a=phi.a - steps, b=phi.b - steps)
+
+
+def truths(predicates: Sequence[Callable[[Array], Truth]], samples: Array) -> Truth:
+    """Which predicates hold at the samples (h, N, k): (number of predicates, h, N)."""
+    found = np.empty((len(predicates), *samples.shape[:2]), dtype=np.bool_)
+    for i, holds in enumerate(predicates):
+        found[i] = holds(samples)
+    return found
+
+
+F, G, FG = 0, 1, 2
+"""Kinds of terms, for compiled code."""
+KINDS = {"F": F, "G": G, "FG": FG}
+
+
+class Terms(NamedTuple):
+    """The n terms of a conjunction, for compiled code."""
+
+    kinds: Integers
+    """(n,): `F`, `G` or `FG`."""
+    columns: Integers
+    """(n,): where a term's flag is; the counter of F G follows it."""
+    active: Truth
+    """(n, T + 1): the samples of its interval."""
+    paid: Array
+    """(n, 2): for the flag down and up."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stlbench_agents.aligned import aligned, zeros
-from stlbench_agents.layers import Space, layout
+from stlbench_agents.layers import Space, aligned, layout, zeros
 from stlbench_agents.optimizer import Weights
 from stlbench_agents.replay import Batch
 

@@ -7,10 +7,10 @@ import math
 import pytest
 
 from stlbench.contract import ActionBox, ActionGrid
-from stlbench_agents.costs import cost_of
 from stlbench_agents.dqn import DQN
 from stlbench_agents.independent import DQNPerRobot
 from stlbench_agents.td3 import TD3
+from stlbench_agents.training import cost_of
 
 GRID = ActionGrid(("v", "w"), (tuple(range(21)), tuple(range(13))), (1, 1))
 BOX = ActionBox(("a", "b"), (-1.0, -1.0), (1.0, 1.0))

@@ -19,7 +19,7 @@ from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 from stlbench.task import build_agent, build_method, load_task
 from stlbench_agents.dqn import DQN
-from stlbench_agents.network import GreedyPolicy
+from stlbench_agents.q_learner import GreedyPolicy
 
 
 def training(

@@ -14,9 +14,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from stlbench_agents.engine import Network, Workspace, additive_gradient, greedy_actions, joint_gradient
-from stlbench_agents.network import GreedyPolicy, QNetwork
 from stlbench_agents.optimizer import Weights, adam, blend, clipping, step
-from stlbench_agents.parameter_types import Head
+from stlbench_agents.q_learner import GreedyPolicy, QNetwork
+from stlbench_agents.recipes import Head
 from stlbench_agents.replay import Batch
 
 Floats = NDArray[Any]

@@ -16,7 +16,7 @@ from stlbench.rollout.referee import Referee
 from stlbench.task import build_method, load_task
 from stlbench_agents.dqn import DQN
 from stlbench_agents.independent import DQNPerRobot, Team, TeamPolicy
-from stlbench_agents.network import GreedyPolicy
+from stlbench_agents.q_learner import GreedyPolicy
 
 COPIES = 16
 

@@ -12,8 +12,8 @@ from helpers.line_task import Probe, line
 from stlbench.contract import RewardMethod, Training
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench_agents.dqn import DQN
-from stlbench_agents.network import GreedyPolicy
-from stlbench_agents.others import Others
+from stlbench_agents.q_learner import GreedyPolicy
+from stlbench_agents.training import Others
 
 TASK = line(hold=2)
 

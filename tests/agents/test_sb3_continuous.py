@@ -12,7 +12,7 @@ from stlbench.contract import Policy, Training, Unsuitable
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 from stlbench.task import build_method
-from stlbench_agents.actor_policy import ActorPolicy
+from stlbench_agents.policies import ActorPolicy
 from stlbench_agents.sb3_agent import SB3Agent
 from stlbench_agents.sb3_continuous import SB3PPO, SB3SAC, SB3TD3
 

@@ -14,10 +14,10 @@ from stable_baselines3.common.vec_env import VecEnv
 from stlbench.contract import Policy, Training, Unsuitable
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.task import build_agent, build_method, load_task
-from stlbench_agents.actions import grid_of
-from stlbench_agents.network import GreedyPolicy
+from stlbench_agents.q_learner import GreedyPolicy
 from stlbench_agents.sb3_bridge import CopiesVecEnv, greedy_policy
 from stlbench_agents.sb3_dqn import SB3DQN
+from stlbench_agents.training import grid_of
 
 SMALL: dict[str, Any] = {"net_arch": (8, 8), "copies": 4, "batch_size": 16, "learning_starts": 20}
 

@@ -12,7 +12,7 @@ from stlbench.contract import Array, Policy, Training, Transition, Unsuitable
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.referee import Referee
 from stlbench.task import build_method
-from stlbench_agents.actor_policy import ActorPolicy
+from stlbench_agents.policies import ActorPolicy
 from stlbench_agents.replay import Memory
 from stlbench_agents.td3 import TD3
 from stlbench_agents.td3_learner import TD3Learner

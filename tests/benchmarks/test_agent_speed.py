@@ -11,9 +11,9 @@ import pytest
 from benchmarks.conftest import Race
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.task import build_method, load_task
-from stlbench_agents.actions import grid_of
 from stlbench_agents.dqn import DQN
 from stlbench_agents.q_learner import QLearner
+from stlbench_agents.training import grid_of
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, group="agent")
 

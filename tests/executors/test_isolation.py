@@ -11,7 +11,7 @@ from executors.test_local import alive, outcomes, until
 from helpers import victims
 
 from stlbench.contract import Work
-from stlbench_executors import log
+from stlbench_executors import keeper
 from stlbench_executors.local import LocalExecutor
 
 LEAKS = ("seterr", "chdir", "umask", "numpy", "time", "stlbench", "threads", "environment", "answer")
@@ -95,8 +95,8 @@ def test_a_log_has_the_beginning_and_the_end_of_what_is_too_long(tmp_path):
     text = written(tmp_path, "much 100000")["much"]
     assert text.startswith("line         0\nline         1\n")
     assert text.endswith("line     99998\nline     99999\n")
-    assert f"... {100_000 * 15 - 2 * log.PART} bytes left out ..." in text
-    assert len(text) < 2 * log.PART + 100
+    assert f"... {100_000 * 15 - 2 * keeper.PART} bytes left out ..." in text
+    assert len(text) < 2 * keeper.PART + 100
 
 
 def test_what_many_items_need_is_prepared_once_in_another_process():

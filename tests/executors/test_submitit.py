@@ -166,8 +166,8 @@ def test_a_job_ends_when_its_run_is_gone(tmp_path: Path) -> None:
     """The process of an item is ended too: its keeper sees that the job's process has ended."""
     program = (
         "import sys\nfrom pathlib import Path\nfrom helpers import victims\n"
-        "from stlbench_executors import submitit_job\nfrom stlbench_executors.order import Order\n"
-        "from stlbench_executors.versions import installed\n"
+        "from stlbench_executors import submitit_job\nfrom stlbench_executors.worker import Order\n"
+        "from stlbench_executors.worker import installed\n"
         "submitit_job.LISTEN_SECONDS = 0.1\n"
         "order = Order(victims.leave_pid, [Path(sys.argv[1], 'a')], [600.0])\n"
         "desk = submitit_job.Desk(Path(sys.argv[1], 'desk'))\n"

@@ -15,8 +15,7 @@ import numpy as np
 from helpers.stepwise import Stepwise, one_step
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array, End, Integers, Model, RewardMethod, Specification, StatePolicy, System
-from stlbench_agents.planning.axes import Axis
-from stlbench_agents.planning.grid import Grid
+from stlbench_agents.planning.grid import Axis, Grid
 from stlbench_agents.planning.moves import ActionSet
 
 REACH = 9

@@ -14,7 +14,7 @@ from stlbench.contract import Array, Model, Unsuitable
 from stlbench.rollout import referee
 from stlbench.task import build_method, load_task
 from stlbench.testing import check_task
-from stlbench_agents.planning.axes import axes_of
+from stlbench_agents.planning.grid import axes_of
 from stlbench_tasks.noisy_unicycle import NoisyUnicycle
 
 TASK = load_task("patrol")

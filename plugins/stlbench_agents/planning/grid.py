@@ -1,17 +1,141 @@
-"""A grid: axes, its states one after the other, and where any states lie on it."""
+"""A grid of states: its axes, its points, and where any state lies on it."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from stlbench.contract import Array
-from stlbench_agents.planning.axes import Axis
+from stlbench.contract import Array, Model, Unsuitable
 from stlbench_agents.planning.kernels import interpolate
+
+Indices = NDArray[np.int32]
+
+_POINTS = {1: 2001, 2: 301, 3: 61, 4: 25}
+"""Points of an axis without a number of its own, by the dimensions of the state."""
+_MOST = 10_000_000
+"""The most points of an axis."""
+
+
+class AxisRecipe(BaseModel):
+    """One axis of a planner's grid, as a recipe gives it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    low: float
+    high: float
+    points: Annotated[int, Field(ge=2)] | None = None
+    periodic: bool = False
+    """Whether `high` is the same state as `low`, as of an angle; states then never leave the axis."""
+    near: tuple[float, ...] = ()
+    """Values near which points are closer together, such as the borders of predicates."""
+    width: Annotated[float, Field(gt=0)] = 0.1
+    """How far around them, in the axis' unit."""
+    density: Annotated[float, Field(ge=1)] = 10.0
+    """How many times closer together they are there."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> AxisRecipe:
+        if not self.low < self.high:
+            raise ValueError(f"low = {self.low:g} must be less than high = {self.high:g}")
+        if self.periodic and self.near:
+            raise ValueError("a periodic axis has evenly spaced points, and so nothing that they are near")
+        return self
+
+
+class Place(NamedTuple):
+    """Where values lie on an axis."""
+
+    below: Indices
+    """The number of the point below each; -1 for a value outside."""
+    weight: NDArray[np.float32]
+    """In [0, 1]: how far each is on its way to the next point."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Points in rising order. On a periodic axis the last one is the first again."""
+
+    points: Array
+    periodic: bool = False
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @classmethod
+    def of(cls, recipe: AxisRecipe, points: int) -> Axis:
+        """So many points from low to high, both included."""
+        even = np.linspace(recipe.low, recipe.high, points)
+        return cls(_gathered(recipe, points) if recipe.near else even, recipe.periodic)
+
+    def finer(self, parts: int) -> Axis:
+        """The same with each interval in so many parts."""
+        at = np.arange((len(self) - 1) * parts + 1) / parts
+        return Axis(np.interp(at, np.arange(len(self)), self.points), self.periodic)
+
+    def place(self, values: Array, *, clip: bool = False) -> Place:
+        """Where values (...) lie; those outside a clipped axis at its ends."""
+        low, high = self.points[0], self.points[-1]
+        if self.periodic:
+            values = low + (values - low) % (high - low)
+        inside = np.clip(values, low, high)
+        index = np.clip(np.searchsorted(self.points, inside, side="right") - 1, 0, len(self) - 2)
+        weight = (inside - self.points[index]) / np.diff(self.points)[index]
+        if not clip:
+            index = np.where(inside == values, index, -1)
+        return Place(index.astype(np.int32), weight.astype(np.float32))
+
+
+def _gathered(recipe: AxisRecipe, points: int) -> Array:
+    """Points whose density is `density` at the values in `near`, which are among them, and falls to 1 over `width`."""
+    fine = np.linspace(recipe.low, recipe.high, 20_001)
+    away = np.abs(fine[:, None] - recipe.near).min(axis=1) / recipe.width
+    density = 1 + (recipe.density - 1) / (1 + away**4)
+    share = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2)])
+    found = np.interp(np.linspace(0, share[-1], points), share, fine)
+    for value in recipe.near:
+        inner = found[1:-1]
+        if found[1] <= value <= found[-2]:
+            inner[np.abs(inner - value).argmin()] = value
+    return found
+
+
+def axes_of(model: Model, grid: Mapping[str, AxisRecipe], resolution: float) -> tuple[Axis, ...]:
+    """One axis per column of the state, with `resolution` times its recipe's points.
+
+    A column without a recipe that is also a signal has the signal's range.
+
+    Raises:
+        Unsuitable: the state has more than four columns, one has no range, a recipe names none of them, or an
+            axis has millions of points.
+    """
+    names = model.system.state
+    if len(names) > max(_POINTS):
+        raise Unsuitable(f"a state of {len(names)} dimensions; a grid has at most {max(_POINTS)}")
+    if unknown := [name for name in grid if name not in names]:
+        raise Unsuitable(f"grid: the state has no column '{unknown[0]}', it has {', '.join(names)}")
+    axes = []
+    for name in names:
+        recipe = grid.get(name) or _range(model, name)
+        points = max(2, round(((recipe.points or _POINTS[len(names)]) - 1) * resolution) + 1)
+        if points > _MOST:
+            raise Unsuitable(f"an axis {name} of {points} points; it may have {_MOST}")
+        axes.append(Axis.of(recipe, points))
+    return tuple(axes)
+
+
+def _range(model: Model, name: str) -> AxisRecipe:
+    specification = model.method.specification
+    if name not in specification.signals:
+        raise Unsuitable(f"the state's {name} is no signal, so it has no range; give it one: grid: {{{name}: ...}}")
+    column = specification.signals.index(name)
+    return AxisRecipe(low=specification.low[column], high=specification.high[column])
+
 
 Floats = NDArray[Any]
 

@@ -1,14 +1,14 @@
-"""What each action leads to from each state of a grid: computed once, since the dynamics do not change in time."""
+"""The actions of a plan, where each leads from each state of a grid, and the memory that this takes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from stlbench.contract import ActionGrid, Actions, Array, Integers, Model
-from stlbench_agents.planning.grid import Grid, Places
+from stlbench.contract import ActionGrid, Actions, Array, Integers, Model, Unsuitable
+from stlbench_agents.planning.grid import AxisRecipe, Grid, Places, axes_of
 
 See = Callable[[int, Array], None]
 
@@ -81,3 +81,25 @@ def sweep(model: Model, grid: Grid, actions: ActionSet, see: Iterable[See] = ())
         for look in lookers:
             look(a, samples)
     return Places(at, weights)
+
+
+_GIGABYTES = 4.0
+
+
+def prepare(model: Model, recipes: Mapping[str, AxisRecipe], resolution: float, most: int) -> tuple[Grid, ActionSet]:
+    """The grid of the states and the set of actions. Raises `Unsuitable`, as where 4 GB are not enough."""
+    grid, actions = Grid(axes_of(model, recipes, resolution)), ActionSet.of(model.actions, most)
+    each = len(actions) * grid.size
+    dimensions = 4 * (1 + len(grid.axes)), 4 * (1 + len(model.method.specification.signals))
+    decisions = model.steps // model.hold
+    needed = (each * (dimensions[0] + model.hold * dimensions[1] + 4) + 4 * grid.size * decisions) / 1e9
+    refuse_beyond(needed, f"a grid of {grid} points with {len(actions)} actions of {model.hold} samples")
+    return grid, actions
+
+
+def refuse_beyond(gigabytes: float, what: str) -> None:
+    """Raises `Unsuitable` where `what` needs more than a plan may have."""
+    if gigabytes > _GIGABYTES:
+        raise Unsuitable(
+            f"{what} needs {gigabytes:.1f} GB, and may have {_GIGABYTES:g}; choose a lower resolution, or fewer actions"
+        )

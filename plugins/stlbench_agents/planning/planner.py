@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from stlbench.contract import Agent, Model, StatePolicy, Training
 from stlbench_agents.compiled_code import is_ready, note_ready
-from stlbench_agents.parameter_types import Count, Positive, Share, Whole
-from stlbench_agents.planning.axes import AxisRecipe
+from stlbench_agents.planning.grid import AxisRecipe
+from stlbench_agents.recipes import Count, Positive, Share, Whole
 
 if TYPE_CHECKING:
     from stlbench_agents.planning.grid import Grid
@@ -32,7 +32,7 @@ class _OnGrid(Agent):
         """Solve; no environment is stepped. Raises `Unsuitable` where the task or the method does not fit a grid."""
         if training.model is None:
             raise TypeError("a planner is given a model")
-        from stlbench_agents.planning.setup import prepare  # imports Numba
+        from stlbench_agents.planning.moves import prepare  # imports Numba
 
         prepared = prepare(training.model, self.grid, self.resolution, self.actions)
         policy = self._solve(training.model, *prepared)
@@ -77,9 +77,10 @@ class Planner(_OnGrid):
     for a count; 0 refuses it"""
 
     def _solve(self, model: Model, grid: Grid, actions: ActionSet) -> StatePolicy:
-        from stlbench_agents.planning import memories, sums
+        from stlbench_agents.planning import sums
+        from stlbench_agents.planning.rewards import Limits
 
-        return sums.plan(model, grid, actions, self.gamma, memories.Limits(self.memories, self.rounded))
+        return sums.plan(model, grid, actions, self.gamma, Limits(self.memories, self.rounded))
 
 
 @dataclass(frozen=True, kw_only=True)

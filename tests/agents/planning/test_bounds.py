@@ -14,10 +14,9 @@ from stlbench.rollout.model import model_of
 from stlbench.rollout.referee import Referee
 from stlbench.task import build_agent, build_method, load_task
 from stlbench_agents.planning import maximin, sums
-from stlbench_agents.planning.axes import Axis
-from stlbench_agents.planning.grid import Grid
+from stlbench_agents.planning.grid import Axis, Grid
+from stlbench_agents.planning.moves import prepare
 from stlbench_agents.planning.planner import BestPossible, Planner
-from stlbench_agents.planning.setup import prepare
 
 STEPS = 12
 STARTS = np.arange(-2.0, 3.0)[:, None]

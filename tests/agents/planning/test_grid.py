@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from stlbench_agents.planning.axes import Axis
-from stlbench_agents.planning.grid import Grid
+from stlbench_agents.planning.grid import Axis, Grid
 
 
 def uneven(dimensions: int) -> Grid:
