@@ -49,7 +49,7 @@ def test_the_wheel_holds_the_task_files_and_no_tests(wheels: dict[str, Path]) ->
     tasks = sorted(path.parent.name for path in (ROOT / "tasks" / "stlbench_tasks").glob("*/task.yaml"))
     assert sorted(name.split("/")[1] for name in names if name.endswith("/task.yaml")) == tasks
     templates = [path.name for path in (ROOT / "stlbench/cli/templates").iterdir()]
-    assert sorted(name.split("/")[-1] for name in names if "/templates/" in name) == sorted(templates)
+    assert sorted(name.split("/")[-1] for name in names if "/cli/templates/" in name) == sorted(templates)
     assert [name for name in names if "test_" in name or "conftest" in name] == []
     tops = {name.partition("/")[0] for name in names if ".dist-info/" not in name}
     plugins = {"stlbench_agents", "stlbench_executors", "stlbench_logs", "stlbench_methods", "stlbench_tasks"}

@@ -90,7 +90,7 @@ def _cell_text(result: Result, log: Path) -> Iterator[str | Table]:
     if result.details:
         yield f"\n{result.details.rstrip()}"
     if result.status in ACCIDENTS and (end := end_of_log(log)):
-        yield "\nthe end of its log:\n"
+        yield "\nthe end of its log:"
         yield from end
     if (measured := result.measurement) is None:
         return

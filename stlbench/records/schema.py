@@ -78,6 +78,9 @@ def _opened(path: Path, *, to_write: bool) -> sqlite3.Connection:
             if to_write:
                 database.execute("PRAGMA journal_mode = DELETE")  # in WAL mode results would be in another file
             if is_new:
+                if not to_write:  # an empty file cannot be given tables here
+                    database = sqlite3.connect(":memory:", isolation_level=None)
+                    undone.callback(database.close)
                 _make(database)
             undone.pop_all()
             return database

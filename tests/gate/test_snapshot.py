@@ -14,6 +14,7 @@ from stlbench.gate.snapshot import Sample, Snapshot, gather, load, sample, save
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import Ledger
 from stlbench.records.result import Result
+from stlbench.task import load_task
 
 HEADER = "task,method,agent,seed,budget,track,status,reason,robustness_mean,satisfaction,training_cpu_seconds"
 HEADER += ",reward_nanoseconds\n"
@@ -58,7 +59,7 @@ def test_a_ledger_a_folder_and_the_table_of_a_report(tmp_path: Path) -> None:
             ledger.record(result)
     found = load(tmp_path)
     assert found == load(tmp_path / "ledger.sqlite") == gather(results())
-    report.write(report.condense(results()[:1]), {}, tmp_path)
+    report.write(report.Report(report.condense(results()[:1]), {}), tmp_path, load_task)
     assert load(tmp_path) == found  # the ledger goes before the table
     (entry,) = load(tmp_path / "cells.csv").samples.values()
     assert entry == sample(results()[0])
@@ -66,7 +67,7 @@ def test_a_ledger_a_folder_and_the_table_of_a_report(tmp_path: Path) -> None:
 
 def test_planned_cells_without_a_result_are_no_samples(tmp_path: Path) -> None:
     groups = report.condense(results()[:1], [CellId.parse("hold-disc/funnel/dqn/7", "quick")])
-    report.write(groups, {}, tmp_path)
+    report.write(report.Report(groups, {}), tmp_path, load_task)
     assert "hold-disc,funnel,dqn,7,quick,shared,not run" in (tmp_path / "cells.csv").read_text()
     assert [cell.seed for cell in load(tmp_path).samples] == [0]
 

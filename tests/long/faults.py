@@ -62,8 +62,8 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "flood": Kind("sys.stdout.write('x' * 2**22)", "done"),
         "change": Kind("change_all(); raise ValueError('changed')", "raised", "ValueError: changed"),
         # 3: what a cell says
-        "nan": Kind("return np.full(len(arguments[0]), np.nan), arguments[4]", "raised", "reward is nan"),
-        "shape": Kind("return np.zeros(3 + len(arguments[0])), arguments[4]", "raised", "the shape of its rewards"),
+        "nan": Kind("return np.full(arguments[0][1:, :, 0].shape, np.nan), arguments[3]", "raised", "reward is nan"),
+        "shape": Kind("return np.zeros(3 + len(arguments[0])), arguments[3]", "raised", "the shape of its rewards"),
     }
 )
 

@@ -25,10 +25,8 @@ STEPS = 30
 
 
 class Unpaid(RewardMethod):
-    def step(
-        self, signals: Array, action: Array, next_signals: Array, t: Integers, memory: Array
-    ) -> tuple[Array, Array]:
-        return np.zeros(len(t)), memory
+    def arrival(self, signals: Array, t: Integers) -> Array:
+        return np.zeros(t.shape)
 
 
 @pytest.fixture(scope="module")

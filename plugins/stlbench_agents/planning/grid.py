@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from stlbench.contract import Array, Model, Unsuitable
-from stlbench_agents.planning.kernels import interpolate
 
 Indices = NDArray[np.int32]
 
@@ -188,6 +187,8 @@ class Grid:
 
     def read(self, values: Floats, points: Array, outside: float) -> Array:
         """Values (size,) of the grid between its points, at points (N, axes): (N,)."""
+        from stlbench_agents.planning.kernels import interpolate  # imports Numba, which `stlbench list` does not need
+
         places = self.places(points)
         found = np.empty(len(points), np.float32)
         interpolate(values, places.at, places.weights, self.strides, outside, found)
