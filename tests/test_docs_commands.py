@@ -128,6 +128,7 @@ def test_the_examples_of_a_page(page: str, least: int) -> None:
 FROM_OTHERS = {name: ROOT / "examples" / name for name in ("gym-pendulum", "dm-balance")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "library"), [("gym-pendulum", "gymnasium"), ("dm-balance", "shimmy")])
 def test_the_examples_on_environments_follow_the_rules(name: str, library: str) -> None:
     pytest.importorskip(library, reason=f"the example needs {library}")

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from helpers.browser import CHROMIUM, FLAGS, PATIENCE
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 DOCUMENTED = {
     name: path.stem

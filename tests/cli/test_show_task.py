@@ -55,7 +55,11 @@ def test_a_key_that_a_later_signal_has_is_a_column_for_all(say: Callable[..., Re
 
 
 @pytest.mark.parametrize(
-    ("name", "library", "part"), [("gym-pendulum", "gymnasium", "atan2(y, x)"), ("dm-balance", "shimmy", "cosine")]
+    ("name", "library", "part"),
+    [
+        ("gym-pendulum", "gymnasium", "atan2(y, x)"),
+        pytest.param("dm-balance", "shimmy", "cosine", marks=pytest.mark.slow),
+    ],
 )
 def test_every_example_is_shown(say: Callable[..., Result], toy: Path, name: str, library: str, part: str) -> None:
     pytest.importorskip(library, reason=f"the example needs {library}")

@@ -112,6 +112,7 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", TYPED)
 def test_what_a_page_types_runs(
     page: str, first: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, site: Callable[..., Path]

@@ -32,7 +32,10 @@ from helpers.dask_cluster import Cluster, cluster
 
 from stlbench_executors.dask import DaskExecutor
 
-pytestmark = pytest.mark.filterwarnings("ignore:waiting for a worker")  # on a machine that does much else
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore:waiting for a worker"),  # on a machine that does much else
+]
 
 
 @pytest.fixture(scope="module")

@@ -24,6 +24,8 @@ from stlbench_executors.submitit import SubmititExecutor
 from stlbench_executors.submitit_job import SILENCE_SECONDS, Desk
 from stlbench_executors.submitit_run import minutes_for
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:

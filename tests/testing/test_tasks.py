@@ -18,7 +18,11 @@ from stlbench.testing import Rules, check_task
 TASKS = plugins.available("tasks")
 
 
-@pytest.mark.parametrize("task", TASKS)
+DEAR = ("lane", "fetch-reach", "ball-in-cup")
+"""Tasks whose check takes more than ten seconds."""
+
+
+@pytest.mark.parametrize("task", [pytest.param(task, marks=[pytest.mark.slow] * (task in DEAR)) for task in TASKS])
 def test_every_installed_task(task: str) -> None:
     check_task(task)
 
