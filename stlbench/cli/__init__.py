@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from typing import Annotated
 
 import typer
 
 from stlbench import __version__
-from stlbench.errors import foreign
-
-if problem := foreign():  # before a module of stlbench is imported that may be another project's
-    print(f"error: {problem}", file=sys.stderr)
-    sys.exit(2)
-os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # to look for plugins, pydantic reads all distributions
-
 from stlbench.cli.advise import advise
 from stlbench.cli.bundle import bundle
 from stlbench.cli.certify import certify
 from stlbench.cli.check import check
-from stlbench.cli.common import Commands
+from stlbench.cli.common import Commands, refuse
 from stlbench.cli.export import export, export_policy
 from stlbench.cli.falsify import falsify
 from stlbench.cli.gate import compare, gate
@@ -38,6 +30,7 @@ from stlbench.cli.show import app as show
 from stlbench.cli.tune import tune
 from stlbench.cli.verify import verify
 from stlbench.cli.watch import watch
+from stlbench.errors import foreign
 
 __all__ = ["app", "main"]
 
@@ -107,4 +100,6 @@ def stlbench(
 
 def main() -> None:
     """The console script `stlbench`."""
+    if problem := foreign():
+        sys.exit(refuse(problem))
     app(prog_name="stlbench")

@@ -12,7 +12,6 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from stlbench.errors import UsageError, did_you_mean, in_words, one_line
 from stlbench.records.status import Status, accidents_of
-from stlbench.registry import folders
 from stlbench.registry.choices import Choice, choice_of, executor_of, parse_choices, split
 
 if TYPE_CHECKING:
@@ -62,6 +61,8 @@ def _choices(
 
 def _tasks(value: Any) -> Any:
     """As `_choices`; a task may be a folder's path."""
+    from stlbench.registry import folders  # it imports NumPy, which the help of the command line need not wait for
+
     return _choices(value, folders.parse_tasks, folders.task_of)
 
 
@@ -107,7 +108,8 @@ _Some = Annotated[tuple[Choice, ...], Field(min_length=1)]
 class Study(BaseModel):
     """The settings of `stlbench run`: its options, the keys of a YAML file and the arguments of `run_study`."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    # Built when first used: to build it, pydantic reads the metadata of all distributions, and one may be broken.
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     tasks: Annotated[_Some, BeforeValidator(_tasks), Option("LIST", completes="tasks")] = Field(
         description="Tasks, a comma list of names, or of folders such as ./my-task."

@@ -350,7 +350,6 @@ def test_a_closed_stdout_is_no_traceback(command):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.xfail(reason="a broken distribution of others no longer stops a run", strict=False)
 @pytest.mark.parametrize("content", [b"[x]\nfoo\n", b"[stlbench.methods]\n\xff\xfe = = x"])
 def test_a_broken_distribution_is_named(tmp_path, content):
     place = tmp_path / "zz_broken-1.0.dist-info"
