@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
@@ -25,6 +25,9 @@ def task(
         str,
         typer.Argument(metavar="NAME", help="A name, or the path of a task's folder.", autocompletion=names("tasks")),
     ],
+    track: Annotated[
+        Literal["auto", "shared", "plain"], typer.Option(metavar="NAME", help="As `stlbench run --track` trains it.")
+    ] = "shared",
     as_json: Json = False,
 ) -> None:
     """Show a task: formula, signals, actions, training, budgets, controller and baselines, what methods make of it.
@@ -32,13 +35,16 @@ def task(
     \b
     Examples:
       stlbench show task hold-disc
-      stlbench show task robot-nav --json
-      stlbench show task ./my-task
+      stlbench show task robot-nav --track auto
+      stlbench show task ./my-task --json
     """
     from stlbench.registry import plugins
+    from stlbench.registry.choices import Choice
+    from stlbench.study.tracks import on_track, own_agent_on
     from stlbench.task import load_task
 
     loaded = load_task(name)
+    loaded = on_track(loaded, Choice(own_agent_on(loaded, track)), track)
     plugin = plugins.find("tasks", loaded.choice.name)
     facts = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | _facts(loaded)
     show(as_json, facts, task_text(facts))
@@ -57,6 +63,7 @@ def _facts(task: Task) -> dict[str, Any]:
         "source": file.source,
         "notes": " ".join(file.notes.split()),
         "formula": str(task.formula),
+        "rewarded": None if file.rewarded is None else str(file.rewarded),
         "horizon": stl.horizon(task.formula),
         "steps": file.steps,
         "sampling_time": file.sampling_time,
@@ -92,16 +99,18 @@ def _facts(task: Task) -> dict[str, Any]:
 
 
 def _features(task: Task) -> str:
-    """A policy's view: "engineered" features or "state" of a system, the "observation" of anything else."""
+    """A policy's view: "engineered" or "state" of a system, "observation" of anything else, or "formula" of both."""
     from stlbench.contract import System
 
-    return task.file.features if isinstance(task.dynamics, System) else "observation"
+    return task.file.features if isinstance(task.dynamics, System) or task.view else "observation"
 
 
 def _beyond_state(task: Task) -> tuple[str, ...]:
     """The features that are not part of the state."""
     from stlbench.contract import System
 
+    if task.view is not None:
+        return task.view.quantities
     dynamics, engineered = task.dynamics, task.file.features == "engineered"
     return dynamics.beyond_state if isinstance(dynamics, System) and engineered else ()
 

@@ -26,6 +26,8 @@ def task_text(facts: dict[str, Any]) -> Iterator[str | Table]:
     yield f"{facts['name']}: {facts['title']} ({origin})"
     yield f"source:   {facts['source']}"
     yield f"formula:  {facts['formula']}"
+    if facts["rewarded"] is not None:
+        yield f"rewarded: {facts['rewarded']}"
     yield f"horizon:  {facts['horizon']} steps of {facts['sampling_time']:g} s"
     yield f"episode:  {facts['steps']} steps ({seconds:g} s), each action held for {facts['hold']}"
     yield f"starts:   {facts['starts']} for the report, as many others for the selection of checkpoints"
@@ -46,6 +48,8 @@ def task_text(facts: dict[str, Any]) -> Iterator[str | Table]:
 
 
 def _seen(facts: dict[str, Any]) -> str:
+    if facts["features"] == "formula":
+        return f"the state or the observation, and the formula's view: {'; '.join(facts['beyond_state'])}"
     if facts["features"] != "engineered":
         return {"state": "the state alone, scaled", "observation": "the whole observation"}[facts["features"]]
     beyond = "; ".join(facts["beyond_state"])

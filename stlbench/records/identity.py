@@ -13,10 +13,13 @@ from stlbench.registry.choices import Choice, choice_of, parse_choice
 
 __all__ = ["IDENTITY", "OUTSIDE", "CellId", "Setting", "Track", "find_cell"]
 
-Track = Literal["shared", "plain", "tuned", "outside"]
-"""By which rules a cell was trained. `shared`: by the task's one recipe for all methods. `plain`: on the state and the
-time alone, without any part of the task that is there to help, with the agent's defaults. `tuned`: by a recipe that was
-found for this method, with the same budget of tuning for each. `outside`: stlbench did not train it, and scored it."""
+Track = Literal["auto", "shared", "plain", "tuned", "outside"]
+"""By which rules a cell was trained.
+
+`auto`: with help that follows from the formula by rules, the same for all tasks and methods. `shared`: by the task's
+one recipe for all methods. `plain`: on the state and the time alone, without any part of the task that is there to
+help, with the agent's defaults. `tuned`: by a recipe that was found for this method, with the same budget of tuning for
+each. `outside`: stlbench did not train it, and scored it."""
 
 OUTSIDE: Literal["outside"] = "outside"
 """The track of what stlbench did not train (`stlbench score`): no comparison and no statistic has it."""

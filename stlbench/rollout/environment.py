@@ -15,7 +15,7 @@ from stlbench.contract import ActionGrid, Array, Event, Integers, RewardMethod, 
 from stlbench.rollout import faults
 from stlbench.rollout.early_ends import EarlyEnds
 from stlbench.rollout.model import ends_of, first_end
-from stlbench.rollout.observing import scaled_times, time_and_inputs
+from stlbench.rollout.observing import features, scaled_times, time_and_inputs
 from stlbench.rollout.worlds import make_world
 from stlbench.task.task import Task
 
@@ -74,7 +74,7 @@ class Simulator:
         `t` (N,) stands in place of the copies' own time where it is given.
         """
         t = self.t if t is None else t
-        parts = [self.world.features(t), *time_and_inputs(self.method, self._times, t, self.memory)]
+        parts = [features(self.task, self.world, t), *time_and_inputs(self.method, self._times, t, self.memory)]
         observation = np.concatenate(parts, axis=1)
         faults.check_observation(self.task, self.method, parts, observation, t)
         return observation

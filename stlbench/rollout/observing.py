@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stlbench.contract import Array, GymTask, Integers, RewardMethod, System
+from stlbench.contract import Array, GymTask, Integers, RewardMethod, System, World
 from stlbench.records.observation import Observation
 from stlbench.rollout.worlds import make_world
 from stlbench.task.task import Task
@@ -26,15 +26,23 @@ def time_and_inputs(method: RewardMethod, times: Array, t: Integers, memory: Arr
     return [times[t], method.inputs(memory)] if method.memory_size else [times[t]]
 
 
+def features(task: Task, world: World, t: Integers) -> Array:
+    """The numbers of the task at steps t (N,): the state's, and with `features: formula` those of the view: (N, d)."""
+    state = world.features(t)
+    return state if task.view is None else np.concatenate([state, task.view(state, world.signals, t)], axis=1)
+
+
 def observation_of(task: Task, method: RewardMethod, name: str = "") -> Observation:
     """What policies see of a task, with the inputs of a method; `name` is what users call the method."""
     shown = Observation.beside(task.file.steps, method.input_size, name, task.name)
-    if isinstance(task.dynamics, GymTask):
+    if isinstance(task.dynamics, GymTask) and task.view is None:
         return task.source.observed.described(shown)
     names: tuple[str, ...] = ()
     if isinstance(task.dynamics, System):
         more = task.dynamics.beyond_state if task.file.features == "engineered" else ()
         names = (*task.dynamics.state, *more)
+    if task.view is not None:
+        names = (*names, *task.view.quantities)
     return replace(shown, size=size_without(task) - 1, names=names)
 
 
@@ -47,5 +55,5 @@ def size_without(task: Task) -> int:
     """The number of features, and the time. It starts no method, as some import a compiler."""
     world = make_world(task, 1)
     world.restart(np.zeros(1, dtype=np.int64), task.starts.report_and_selection()[0][:1])
-    features: int = world.features(np.zeros(1, dtype=np.int64)).shape[1]
-    return features + 1
+    size: int = features(task, world, np.zeros(1, dtype=np.int64)).shape[1]
+    return size + 1

@@ -14,6 +14,7 @@ from stlbench.registry.choices import Choice, parse_choice
 from stlbench.rollout import baselines, controller
 from stlbench.rollout.questions import Ask, Question, answers, ask_here
 from stlbench.task import build_method, load_task
+from stlbench.task.auto import automatic
 from stlbench.task.equal_rewards import Difference, Paid, equal_payments, payments
 from stlbench.task.file import BestKnown
 
@@ -116,6 +117,8 @@ def _paid(choice: Choice, track: Track, method: str) -> Paid | None:
         task = load_task(choice)
         if track == "plain":
             task = replace(task, file=task.file.plain())
+        elif track == "auto":
+            task = replace(task, file=automatic(task.file, task.own_agent))
         return payments(build_method(task, method))
     except (Intractable, Unsuitable, UsageError):
         return None

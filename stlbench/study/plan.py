@@ -15,7 +15,7 @@ from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
 from stlbench.study import keys
 from stlbench.study.cell import Cell
-from stlbench.study.tracks import Recipe, Recipes, on_track
+from stlbench.study.tracks import Recipe, Recipes, on_track, own_agent_on
 from stlbench.task import build_agent, load_task
 from stlbench.task.task import Task
 
@@ -86,7 +86,9 @@ class _Planned:
     ) -> _Planned:
         """Raises `UsageError` where the task has no such budget."""
         several = task.budget(budget).seeds
-        return cls(task, agents or (Choice(task.own_agent),), seeds or range(several), budget, track, harness)
+        return cls(
+            task, agents or (Choice(own_agent_on(task, track)),), seeds or range(several), budget, track, harness
+        )
 
     def cell(self, method: Choice, agent: Choice, seed: int, part: keys.Part, recipes: Recipes | None) -> Cell:
         recipe = recipes.of(self.task.choice, agent, method) if recipes else None
@@ -126,7 +128,7 @@ def check_cells(cells: Iterable[Cell]) -> tuple[str, ...]:
     for cell, task in _trainings(planned):
         agent = cell.id.agent
         _check_agent(task, agent)
-        if cell.id.track != "plain" and agent.name not in load_task(cell.id.task).file.agents:
+        if cell.id.track in ("shared", "tuned") and agent.name not in load_task(cell.id.task).file.agents:
             notes[f"task {cell.id.task} has no recipe for agent {agent}, which trains with its defaults"] = None
     return tuple(notes)
 

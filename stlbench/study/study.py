@@ -126,9 +126,10 @@ class Study(BaseModel):
     budget: Annotated[str, Option("NAME")] = Field(
         "quick", description="How much training; `stlbench show task NAME` lists budgets."
     )
-    track: Annotated[Literal["shared", "plain", "tuned"], Option("NAME")] = Field(
+    track: Annotated[Literal["auto", "shared", "plain", "tuned"], Option("NAME")] = Field(
         "shared",
-        description="By which rules: shared, one recipe per task; plain, no help; tuned, a recipe per method.",
+        description="By which rules: auto, help derived from the formula; shared, one recipe per task; plain, no help; "
+        "tuned, a recipe per method.",
     )
     recipes: Annotated[Path | None, Option("FILE")] = Field(
         None, description="Recipes of the track tuned, as `stlbench tune` writes them."

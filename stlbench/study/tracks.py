@@ -14,6 +14,7 @@ from stlbench.errors import UsageError, in_words, one_line
 from stlbench.records.identity import CellId, Track
 from stlbench.records.outputs import write
 from stlbench.registry.choices import Choice
+from stlbench.task.auto import automatic, own_agent
 from stlbench.task.entry import Count
 from stlbench.task.task import Task, load_task
 from stlbench.task.yaml_text import load_yaml
@@ -89,6 +90,8 @@ def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = No
     """
     if track == "shared":
         return task
+    if track == "auto":
+        return replace(task, file=automatic(task.file, agent.name))
     if track == "plain":
         file = task.file.plain()
         return replace(task, file=file.model_copy(update={"agents": {**file.agents, agent.name: {}}}))
@@ -99,6 +102,11 @@ def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = No
         return replace(task, file=file if recipe.hold is None else file.held(recipe.hold))
     except ValueError as error:
         raise UsageError(f"the recipe for {task.name}: {error}") from error
+
+
+def own_agent_on(task: Task, track: Track) -> str:
+    """The agent that a task is trained with on a track unless another is named."""
+    return own_agent(task.actions) if track == "auto" else task.own_agent
 
 
 def write_recipes(path: Path, recipes: _Found, facts: Mapping[str, Any]) -> None:

@@ -211,8 +211,9 @@ class TaskFile(Entry):
     """Robot -> its actions, where there is more than one robot; together all actions, in their order."""
     initial: Region | None = None
     """Where the referee's starts lie. None on an environment, where they are seeds."""
-    features: Literal["engineered", "state"] = "engineered"
-    """What policies see of the system's state: `System.features`, or `System.scaled_state`, the state alone."""
+    features: Literal["engineered", "state", "formula"] = "engineered"
+    """What policies see of a system: `System.features`, or `System.scaled_state`, the state alone, or with the state
+    the view of the formula (`view.FormulaView`). An environment shows its observation, for `formula` with the view."""
     training: TrainingEpisodes = TrainingEpisodes()
     best_known: BestKnown | None = None
     """What the policies' robustness is compared with, beside the controller by hand."""
@@ -224,6 +225,11 @@ class TaskFile(Entry):
     agents: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
     """Agent -> recipe, the same for every method. The first is the task's own agent."""
     budgets: Annotated[dict[str, Budget], Field(min_length=1)]
+
+    @property
+    def box(self) -> dict[str, tuple[float, float]]:
+        """Signal -> the ends of its range."""
+        return {name: (signal.low, signal.high) for name, signal in self.signals.items()}
 
     def without(self, part: str) -> TaskFile:
         """This file without one of OPTIONAL, for an ablation. Raises `ValueError` where it is without it already."""

@@ -27,6 +27,7 @@ from stlbench.task.entry import Parts
 from stlbench.task.file import Axis, Budget, TaskFile
 from stlbench.task.reading import errors_of, read
 from stlbench.task.starts import SeedStarts, StateStarts
+from stlbench.task.view import FormulaView
 
 if TYPE_CHECKING:
     from stlbench.task.gym_source import GymSource
@@ -105,6 +106,13 @@ class Task:
             nested=self.file.nested,
             can_end=not isinstance(self.dynamics, System),
         )
+
+    @cached_property
+    def view(self) -> FormulaView | None:
+        """What policies see of the formula, with `features: formula`."""
+        if self.file.features != "formula":
+            return None
+        return FormulaView(self.formula, self.file.box, self.file.steps)
 
     @property
     def own_agent(self) -> str:

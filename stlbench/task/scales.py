@@ -1,0 +1,58 @@
+"""At which sizes a predicate's margin matters: the same for every way to write the predicate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from stlbench import stl
+from stlbench.stl import Expression, Number, Predicate
+
+Box = Mapping[str, tuple[float, float]]
+"""Signal -> the ends of its range."""
+
+
+class Scale(NamedTuple):
+    """Sizes of a margin, in its own unit, all positive."""
+
+    best: float
+    """The largest margin within the ranges of the signals."""
+    worst: float
+    """The largest violation within the ranges."""
+
+    @property
+    def near(self) -> float:
+        """Where a difference decides: the smaller of the two, as the radius of a goal or of an obstacle."""
+        return min(self.best, self.worst)
+
+    @property
+    def far(self) -> float:
+        """The largest magnitude."""
+        return max(self.best, self.worst)
+
+
+def scale(psi: stl.Formula, box: Box) -> Scale:
+    """The sizes of the margin of a formula without temporal operators, from its proven bounds over the box.
+
+    A side that the margin cannot reach, or that has no finite bound, counts a tenth of the other one, or of 1.
+    """
+    sides = _sides(psi, box)
+    largest = max(sides) or 1.0
+    best, worst = (side if side > 1e-9 * largest else 0.1 * largest for side in sides)
+    return Scale(best, worst)
+
+
+def reach(expression: Expression, box: Box) -> float:
+    """The largest magnitude of an expression over the box; 1 where it has no finite bound, or is 0 everywhere."""
+    return max(_sides(Predicate(">=", expression, Number(0.0)), box)) or 1.0
+
+
+def _sides(psi: stl.Formula, box: Box) -> tuple[float, float]:
+    """How far the margin gets above and below 0; 0 where it does not, or where nothing is proven."""
+    try:
+        bounds = stl.bounds(psi, dict(box))
+    except stl.UndefinedError:  # it has no value somewhere in the box, as x / y
+        return 0.0, 0.0
+    high, low = (side if math.isfinite(side) and side > 0 else 0.0 for side in (bounds.high, -bounds.low))
+    return high, low

@@ -1,0 +1,59 @@
+"""The rules of the track `auto`: what they make of a task, and that nothing of it depends on the method."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stlbench.contract import ActionBox, ActionGrid
+from stlbench.registry.choices import Choice
+from stlbench.rollout.environment import BatchEnvironment
+from stlbench.stl import parse
+from stlbench.study.tracks import on_track, own_agent_on
+from stlbench.task import build_method, load_task
+from stlbench.task.auto import cuts, own_agent
+
+
+@pytest.mark.parametrize(
+    ("formula", "hold", "expected"),
+    [
+        ("G[900,1300] x >= 0 & G[1600,2000] x <= 0", 10, (1300,)),
+        ("F[0,5] x >= 0 & F[0,7] x <= 0 & F[0,9] x >= 1", 2, (6, 8)),
+        ("G[0,100] x >= 0 & F[0,50] x <= 1", 1, ()),
+        ("F[0,5] x >= 0 & F[2,5] x <= 0", 1, ()),
+    ],
+)
+def test_returns_are_cut_where_the_next_goal_changes(formula: str, hold: int, expected: tuple[int, ...]) -> None:
+    assert cuts(parse(formula), hold, 2000) == expected
+
+
+def test_the_agent_follows_from_the_actions() -> None:
+    assert own_agent(ActionBox(("u",), (-1.0,), (1.0,))) == "td3"
+    assert own_agent(ActionGrid(("u", "v"), ((0.0, 1.0), (0.0, 1.0)))) == "dqn"
+    assert own_agent(ActionGrid(("u", "v"), ((0.0, 1.0), (0.0, 1.0)), (1, 1))) == "dqn-per-robot"
+
+
+@pytest.mark.parametrize("name", ["overlap", "pendulum", "formation", "patrol", "cartpole-steady"])
+def test_nothing_by_hand_is_left(name: str) -> None:
+    task = load_task(name)
+    by_rules = on_track(task, Choice(own_agent_on(task, "auto")), "auto").file
+    bare = task.file.plain().model_copy(update={"hold": task.file.hold, "agents": {"dqn": {}}})
+    of_bare = on_track(type(task)(task.choice, bare, task.dynamics), Choice(own_agent_on(task, "auto")), "auto").file
+    assert by_rules.model_copy(update={"notes": ""}) == of_bare.model_copy(update={"notes": ""})
+    assert by_rules.features == "formula"
+    assert by_rules.rewarded is not None
+
+
+def test_the_method_changes_nothing_that_the_agent_is_given_but_the_reward() -> None:
+    task = load_task("overlap")
+    task = on_track(task, Choice("dqn"), "auto")
+    environments = [BatchEnvironment(task, build_method(task, method), 4, seed=3) for method in ("raw", "funnel")]
+    first, other = (environment.reset() for environment in environments)
+    np.testing.assert_array_equal(first, other)
+    generator = np.random.default_rng(0)
+    for _ in range(20):
+        action = generator.integers(0, task.actions.size, 4)  # type: ignore[union-attr]
+        raw, funnel = (environment.step(action) for environment in environments)
+        np.testing.assert_array_equal(raw.observation, funnel.observation)
+        np.testing.assert_array_equal(raw.event, funnel.event)
+        assert (raw.reward != funnel.reward).any()
