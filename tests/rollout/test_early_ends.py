@@ -37,7 +37,7 @@ def test_table(formula: str, greatest: float, least: float) -> None:
     assert found == pytest.approx((greatest, least))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(formulas(), SEEDS)
 def test_no_trace_within_the_ranges_is_outside(formula: stl.Formula, seed: int) -> None:
     steps = stl.horizon(formula)
@@ -166,7 +166,7 @@ def test_an_early_end_is_never_better_than_what_was_recorded(terminated: str) ->
     assert score.satisfied == (False,) * 4
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(formulas(), SEEDS, st.integers(0, 5))
 def test_within_the_ranges_what_was_recorded_changes_no_bound(formula: stl.Formula, seed: int, last: int) -> None:
     steps = max(stl.horizon(formula), 6)

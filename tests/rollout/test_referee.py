@@ -82,7 +82,7 @@ def lost_by_definition(formula: stl.Formula, trace: Array) -> int:
     return len(trace)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(formulas(longest=4, leaves=4, endless=True), SEEDS)
 def test_when_a_formula_is_lost(formula: stl.Formula, seed: int) -> None:
     batch = traces(9, seed, (4,))

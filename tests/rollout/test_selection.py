@@ -51,7 +51,7 @@ class TestWhoWins:
         found, played = raced(rows(1), rows(0.5))
         assert (found.best, played) == (0, [([0], 0, 8)])
 
-    @settings(max_examples=100, deadline=None)
+    @settings(max_examples=100)
     @given(st.integers(0, 10**6), st.integers(1, 12), st.integers(1, 8))
     def test_few_starts_are_all_played(self, seed: int, checkpoints: int, starts: int) -> None:
         generator = np.random.default_rng(seed)
@@ -136,7 +136,7 @@ class TestWhoLeaves:
         assert found.best == 0
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.integers(0, 10**6))
 def test_what_is_chosen_is_hardly_worse_than_the_best_of_all_starts(seed: int) -> None:
     """Ten checkpoints of any margin and any spread over the starts, with heavy tails."""

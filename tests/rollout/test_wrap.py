@@ -200,7 +200,7 @@ def test_a_truncation_before_the_last_step_is_an_early_end_too() -> None:
     assert walk(wrapped(Breaks(), "G[0,4] x <= 1"), RIGHT)[0][1:4] == (0.5 + 3 * 0.5, True, False)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.sampled_from(["raw", "funnel", "flag", "tau-mdp"]), st.lists(st.integers(0, 2), min_size=7, max_size=7))
 def test_every_sample_is_paid_what_the_method_pays_for_it(method: str, actions: list[int]) -> None:
     env = wrapped(formula="F[0,4] G[0,3] x >= 0.5", steps=7, method=method)

@@ -26,7 +26,7 @@ PREDICATES = st.sampled_from(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(formulas(PREDICATES, longest=3, constants=False), st.integers(0, 2**32 - 1))
 def test_the_same_traces_satisfy_it(formula: Formula, seed: int) -> None:
     batch = traces(30, seed, (20,))

@@ -54,7 +54,7 @@ def test_extremes(text: str, lower: float, upper: float) -> None:
     assert proven.tight
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(pointwise(), SEEDS)
 def test_no_sample_lies_outside(psi: Formula, seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -55,7 +55,7 @@ def test_operation_contains_its_values(text: str) -> None:
             assert_contains(centred, values)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(pointwise(), SEEDS)
 def test_formula_contains_its_margins(psi: Formula, seed: int) -> None:
     boxes, rng = random_boxes(seed), np.random.default_rng(seed)
@@ -67,7 +67,7 @@ def test_formula_contains_its_margins(psi: Formula, seed: int) -> None:
             assert_contains(centred, values)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(EXPRESSIONS, SEEDS)
 def test_slopes_contain_difference_quotients(node: Expression, seed: int) -> None:
     psi = parse(f"{node} >= 0")

@@ -37,7 +37,7 @@ from stlbench.stl import (
     xor,
 )
 
-quick = settings(max_examples=60, deadline=None)
+quick = settings(max_examples=60)
 P, Q, R = (Predicate(">=", Signal(name), Number(0)) for name in "pqr")
 LETTERS = st.builds(
     Predicate,
@@ -108,7 +108,7 @@ def test_letters_and_words_may_name_signals() -> None:
     assert is_temporal(parse("always -x <= 1"))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(formulas(st.one_of(LETTERS, PREDICATES), leaves=10, endless=True))
 def test_text_parses_back_to_the_same_value(formula: Formula) -> None:
     again = parse(str(formula))
@@ -158,7 +158,7 @@ FEW = formulas(LIPSCHITZ, 2, 3)
 
 
 @pytest.mark.parametrize(("name", "law"), LAWS, ids=[name for name, _ in LAWS])
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(p=FEW, q=FEW, r=FEW, ends=intervals(4), seed=SEEDS)
 def test_law(name: str, law: Any, p: Formula, q: Formula, r: Formula, ends: tuple[int, int], seed: int) -> None:
     left, right = law(p, q, r, *ends)

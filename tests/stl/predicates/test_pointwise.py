@@ -89,7 +89,7 @@ class TestValues:
         both = values([parse_expression("x"), parse_expression("1")], ["x"])
         assert both(np.ones((*shape, 1))).shape == (*shape, 2)
 
-    @settings(max_examples=50, deadline=None)
+    @settings(max_examples=50)
     @given(PREDICATES, SEEDS)
     def test_a_margin_is_the_difference_of_the_sides(self, psi: Predicate, seed: int) -> None:
         samples = traces(20, seed)

@@ -28,7 +28,7 @@ def test_by_hand() -> None:
     assert holds_trace(parse("F[1,2] x > 0"), ["x"])(samples).tolist() == [[True, True], [False, False]]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(formulas(), SEEDS)
 def test_equals_the_checked_ones(formula: Formula, seed: int) -> None:
     steps = horizon(formula) + 4

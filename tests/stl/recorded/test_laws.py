@@ -25,7 +25,7 @@ from stlbench.stl import (
     satisfied,
 )
 
-quick = settings(max_examples=80, deadline=None)
+quick = settings(max_examples=80)
 LAWS: list[tuple[str, Any]] = [
     ("double negation", lambda p, q, a, b: (Not(Not(p)), p)),
     ("F is not G not", lambda p, q, a, b: (Eventually(a, b, p), Not(Always(a, b, Not(p))))),
@@ -57,7 +57,7 @@ LAWS: list[tuple[str, Any]] = [
 
 
 @pytest.mark.parametrize(("name", "law"), LAWS, ids=[name for name, _ in LAWS])
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(p=formulas(LIPSCHITZ, 3, 3), q=formulas(LIPSCHITZ, 3, 3), ends=intervals(4), seed=SEEDS)
 def test_law(name: str, law: Any, p: Formula, q: Formula, ends: tuple[int, int], seed: int) -> None:
     left, right = law(p, q, *ends)

@@ -27,7 +27,7 @@ from stlbench.stl import (
     satisfied_trace,
 )
 
-quick = settings(max_examples=80, deadline=None)
+quick = settings(max_examples=80)
 X = [[3.0], [1.0], [-2.0], [4.0], [0.0]]
 
 

@@ -141,7 +141,7 @@ def test_windows_to_the_end_are_read_from_the_first_on(text: str) -> None:
             FIRST[name](parse(text), trace_with(0, 2), ["x", "y"])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(formulas(LIPSCHITZ, 3, 4, endless=True), SEEDS, st.integers(0, 2), st.integers(0, 9))
 def test_all_evaluators_agree_about_what_is_read(formula: Formula, seed: int, column: int, step: int) -> None:
     trace = traces(10, seed)

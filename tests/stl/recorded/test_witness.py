@@ -25,7 +25,7 @@ from stlbench.stl import (
     witness,
 )
 
-quick = settings(max_examples=150, deadline=None)
+quick = settings(max_examples=150)
 X = [[3.0], [1.0], [-2.0], [4.0], [0.0]]
 ANY = formulas(endless=True)
 

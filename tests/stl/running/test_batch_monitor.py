@@ -39,7 +39,7 @@ WATCHED = st.one_of(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(WATCHED, SEEDS, st.booleans())
 def test_equals_scalar_monitors(formula: Formula, seed: int, restarts: bool) -> None:
     count, rng = 4, np.random.default_rng(seed)

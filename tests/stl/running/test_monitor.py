@@ -31,7 +31,7 @@ from stlbench.stl import (
 )
 from stlbench.stl.running.tree import last_step
 
-quick = settings(max_examples=80, deadline=None)
+quick = settings(max_examples=80)
 
 
 def test_a_run_by_hand() -> None:
@@ -62,7 +62,7 @@ WATCHED = st.one_of(
 )
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=250)
 @given(WATCHED, SEEDS)
 def test_equals_the_interval_policy_at_every_step(formula: Formula, seed: int) -> None:
     trace = traces(min(last_step(formula), 9) + 3, seed)

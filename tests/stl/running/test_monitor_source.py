@@ -33,7 +33,7 @@ from stlbench.stl.running.monitor import source
 from stlbench.stl.running.scalar import one
 from stlbench.stl.running.tree import Tree, last_step
 
-quick = settings(max_examples=100, deadline=None)
+quick = settings(max_examples=100)
 #: ties, zeros of both signs, and what is next to them and to infinity
 VALUES = st.one_of(
     st.integers(-2, 6).map(lambda i: i / 2),

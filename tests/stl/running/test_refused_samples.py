@@ -26,7 +26,7 @@ from stlbench.stl import (
 )
 from stlbench.stl.running.unfolding import Recent
 
-quick = settings(max_examples=60, deadline=None)
+quick = settings(max_examples=60)
 HALF = parse("G[0,2] y >= 0 & G[0,2] sqrt(x) >= 0")
 ROOT = Predicate(">=", Call("sqrt", (Signal("root"),)), Signal("x"))
 
