@@ -12,10 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench_agents.compiler import compiled, part
+from stlbench_agents.kernels import compiled, flattened, inner_products, part
 from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, layout, outputs, size_of, zeros
-from stlbench_agents.matrices import flattened
-from stlbench_agents.products import inner_products
 from stlbench_agents.replay import Batch
 
 Floats = NDArray[Any]
@@ -106,7 +104,7 @@ def _single_output(flat: Floats, layers: Indices, last: Floats, rows: int, into:
         into[i] += flat[bias]
 
 
-@compiled()
+@compiled
 def targets(
     actor: Floats, critics: Floats, networks: Networks, batch: Batch, noise: Noise, bounds: tuple[float, float],
     work: Work,
@@ -136,7 +134,7 @@ def targets(
         work.goal[i] = min(kind(bounds[1]), max(kind(bounds[0]), goal))
 
 
-@compiled()
+@compiled
 def critic_gradient(critics: Floats, networks: Networks, batch: Batch, work: Work, into: Floats) -> None:
     """The gradient of Huber's loss of both critics, the sum of their means over the batch, by `work.goal`."""
     rows, kind = len(batch.returns), critics.dtype.type
@@ -153,7 +151,7 @@ def critic_gradient(critics: Floats, networks: Networks, batch: Batch, work: Wor
         back_hidden(critics, layers, work.joined, rows, work.critic, True, into)
 
 
-@compiled()
+@compiled
 def actor_gradient(
     actor: Floats, critics: Floats, networks: Networks, batch: Batch, penalty: float, work: Work, into: Floats
 ) -> None:

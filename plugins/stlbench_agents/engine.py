@@ -16,10 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench_agents.compiler import compiled, inlined, part
+from stlbench_agents.kernels import START, compiled, flattened, inlined, inner_product, part
 from stlbench_agents.layers import Room, Space, back_hidden, back_outputs, hidden, outputs, outputs_at, zeros
-from stlbench_agents.matrices import flattened
-from stlbench_agents.products import START, inner_product
 from stlbench_agents.replay import Batch
 
 Floats = NDArray[Any]
@@ -78,7 +76,7 @@ def _greedy(values: Floats, begin: int, network: Network) -> int:
     return action
 
 
-@inlined()
+@inlined
 def _additive(values: Floats, begin: int, action: int, axes: Indices, ones: Floats) -> Any:
     """V + sum_i (A_i(a_i) - mean A_i) of a row of outputs that begins there."""
     q, at, rest = values[begin], begin + len(ones), action
@@ -89,14 +87,14 @@ def _additive(values: Floats, begin: int, action: int, axes: Indices, ones: Floa
     return q
 
 
-@inlined()
+@inlined
 def _single(flat: Floats, layers: Indices, last: Floats, row: int, action: int) -> Any:
     """Q of one action of a joint head: one row of the last layer is all it needs."""
     at, _, width, bias = layers[-1]
     return inner_product(last, row * width, flat, at + action * width, width) + flat[bias + action]
 
 
-@compiled()
+@compiled
 def actions(
     flat: Floats, network: Network, observation: Floats, epsilon: float, chance: Floats, count: int, room: Room,
     into: Indices,
@@ -123,7 +121,7 @@ def greedy_actions(flat: Floats, network: Network, observation: Floats) -> Indic
 _NO_CHANCE = np.empty((2, 0))
 
 
-@inlined()
+@inlined
 def joint_gradient(
     online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace, into: Floats
 ) -> None:
@@ -149,7 +147,7 @@ def joint_gradient(
     back_hidden(online, layers, x, rows, space, True, into)
 
 
-@inlined()
+@inlined
 def additive_gradient(
     online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace, into: Floats
 ) -> None:
@@ -168,7 +166,7 @@ def additive_gradient(
     back_hidden(online, layers, x, rows, space, True, into)
 
 
-@inlined()
+@inlined
 def _look_ahead(online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace) -> None:
     """The target network's hidden layers where transitions arrived; with `double` also the best actions there."""
     rows, space = len(batch.returns), work.space
@@ -183,7 +181,7 @@ def _look_ahead(online: Floats, target: Floats, network: Network, batch: Batch, 
     hidden(target, network.layers, there, rows, space.there)
 
 
-@inlined()
+@inlined
 def _back_joint(
     flat: Floats, layers: Indices, last: Floats, action: Indices, rows: int, work: Workspace, into: Floats
 ) -> None:
@@ -202,7 +200,7 @@ def _back_joint(
             back[begin + j] = error * flat[row + j]
 
 
-@inlined()
+@inlined
 def _back_additive(
     flat: Floats, network: Network, last: Floats, action: Indices, rows: int, work: Workspace, into: Floats
 ) -> None:

@@ -18,9 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench_agents.compiler import inlined, part
-from stlbench_agents.matrices import Matrix, matrix, transposed
-from stlbench_agents.products import inner_product, product, turn
+from stlbench_agents.kernels import copy_transposed, inlined, inner_product, matrix, part, product, transposed
+from stlbench_agents.plain_kernels import Matrix
 
 _LINE = 64
 """Bytes of a line."""
@@ -153,14 +152,14 @@ def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, turned: Floa
                 total = inner_product(last, i * width, flat, at + j * width, width)
                 into[i * count + j] = total + flat[bias + j]
         return
-    turn(flat, at, count, width, turned)
+    copy_transposed(flat, at, count, width, turned)
     product(
         matrix(last, 0, rows, width), matrix(turned, 0, width, count), matrix(flat, bias, 1, count), -np.inf,
         matrix(into, 0, rows, count),
     )  # fmt: skip
 
 
-@inlined()
+@inlined
 def outputs_at(flat: Floats, layers: Indices, observation: Floats, room: Room) -> None:
     """All outputs at observations (B, D) of any floating-point type, in `room.outputs`."""
     rows, inputs = observation.shape
@@ -175,7 +174,7 @@ _FEW = 8
 """Below so many outputs their inner products are faster one by one."""
 
 
-@inlined()
+@inlined
 def back_outputs(
     flat: Floats, layers: Indices, last: Floats, by_output: Floats, rows: int, space: Space, wanted: bool, into: Floats
 ) -> None:
@@ -193,7 +192,7 @@ def back_outputs(
     product(given, matrix(flat, at, count, width), nothing, -np.inf, matrix(space.back[0], 0, rows, width))
 
 
-@inlined()
+@inlined
 def back_hidden(
     flat: Floats, layers: Indices, x: Floats, rows: int, space: Space, wanted: bool, into: Floats
 ) -> Floats:
@@ -218,13 +217,13 @@ def back_hidden(
             _column_sums(back, rows, columns, space.one, into, bias)
         if layer:
             following = space.back[(len(layers) - 1 - layer) % 2]
-            turn(flat, at, inner, columns, space.turned)
+            copy_transposed(flat, at, inner, columns, space.turned)
             product(given, matrix(space.turned, 0, columns, inner), nothing, -np.inf, matrix(following, 0, rows, inner))
             back = following
     return back
 
 
-@inlined()
+@inlined
 def _column_sums(values: Floats, rows: int, columns: int, one: Floats, into: Floats, at: int) -> None:
     """The sums over rows of a matrix, written to `into` from an offset on: the product with a row of ones."""
     ones = Matrix(one, 0, 1, rows, 0, 0)

@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench_agents.compiler import inlined, part
+from stlbench_agents.kernels import START, inlined, inner_product, part
 from stlbench_agents.layers import aligned, zeros
-from stlbench_agents.products import START, inner_product
 
 Floats = NDArray[Any]
 
@@ -44,14 +43,14 @@ def decay(first: float, last: float, updates: int) -> float:
     return float((last / first) ** (1 / max(1, updates - 1)))
 
 
-@inlined()
+@inlined
 def clipping(gradient: Floats, max_norm: float) -> float:
     """The factor, at most 1, that brings the gradient's norm to `max_norm`."""
     total = inner_product(gradient, START, gradient, START, len(gradient))
     return float(min(1.0, max_norm / (np.sqrt(total) + 1e-6)))
 
 
-@inlined()
+@inlined
 def adam(
     weights: Floats, gradient: Floats, mean: Floats, square: Floats, rate: float, count: int, factor: float
 ) -> None:
@@ -71,7 +70,7 @@ def adam(
         weights[i] -= step * mean[i] / (np.sqrt(square[i]) + epsilon)
 
 
-@inlined()
+@inlined
 def blend(into: Floats, weights: Floats, share: float) -> None:
     """into = (1 - share) into + share weights: a target network, or averaged weights, one step on; exact at 0 and 1."""
     part, rest = into.dtype.type(share), into.dtype.type(1 - share)

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid, Array, Arrays, Integers, Policy, Transition, Unsuitable
-from stlbench_agents.compiler import OneKind, compiled, inlined
 from stlbench_agents.engine import Network, Workspace, actions, additive_gradient, greedy_actions, joint_gradient
+from stlbench_agents.kernels import compiled, fixed_types, inlined
 from stlbench_agents.layers import Room, layout, size_of, views
 from stlbench_agents.optimizer import Weights, decay, step
 from stlbench_agents.recipes import DQNRecipe, Head
@@ -177,7 +177,7 @@ class QLearner:
         self._batch = Batch.of(recipe.batch_size, size)
         self._room = Room.of(self.network.engine.layers, copies)
         self._work = Workspace.of(self.network.engine, recipe.batch_size)
-        self._update = OneKind(_update_joint if recipe.head == "joint" else _update_additive)
+        self._update = fixed_types(_update_joint if recipe.head == "joint" else _update_additive)
 
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
         """Actions (N,) at observations (N, D): each with probability `epsilon` any, else the current best."""
@@ -218,7 +218,7 @@ class QLearner:
         return GreedyPolicy(self.network, self.network.views(flat))
 
 
-@compiled()
+@compiled
 def _update_joint(
     weights: Weights, network: Network, memory: Memory, first: Integers, copies: int, schedule: Schedule, count: int,
     batch: Batch, work: Workspace,
@@ -234,7 +234,7 @@ def _update_joint(
         _descend(weights, schedule, count + row)
 
 
-@compiled()
+@compiled
 def _update_additive(
     weights: Weights, network: Network, memory: Memory, first: Integers, copies: int, schedule: Schedule, count: int,
     batch: Batch, work: Workspace,
@@ -246,7 +246,7 @@ def _update_additive(
         _descend(weights, schedule, count + row)
 
 
-@inlined()
+@inlined
 def _descend(weights: Weights, schedule: Schedule, count: int) -> None:
     """The step along the gradient that follows `count` others."""
     tau = schedule.tau if (count + 1) % schedule.interval == 0 else 0.0

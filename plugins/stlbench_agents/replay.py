@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import Array, Event, Integers, Transition
-from stlbench_agents.compiler import compiled
+from stlbench_agents.kernels import compiled, flattened
 from stlbench_agents.layers import zeros
-from stlbench_agents.matrices import flattened
 
 Single = NDArray[np.float32]
 
@@ -138,7 +137,7 @@ class Replay:
         return batch
 
 
-@compiled()
+@compiled
 def gather(memory: Memory, first: Integers, copies: int, into: Batch) -> None:
     """Write the transitions of up to n decisions that begin at the places `first` (B,) into a batch of B rows."""
     reward, powers, size = memory.reward, memory.powers, memory.observation.shape[1]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stlbench.contract import ActionBox, Array, Integers
 from stlbench_agents.actor_critic import Networks, Noise, Work, actor_gradient, critic_gradient, targets
-from stlbench_agents.compiler import OneKind, compiled
+from stlbench_agents.kernels import compiled, fixed_types
 from stlbench_agents.layers import Room, outputs_at, size_of, views
 from stlbench_agents.optimizer import Weights, decay, step
 from stlbench_agents.policies import ActorPolicy
@@ -63,7 +63,7 @@ class TD3Learner:
         self._batch = Batch.of(recipe.batch_size, inputs, len(box.names))
         self._room = Room.of(self.networks.actor, 1)
         self._work = Work.of(self.networks, recipe.batch_size)
-        self._update = OneKind(_update)
+        self._update = fixed_types(_update)
 
     def compile(self) -> None:
         """Call all that is compiled, on nothing of interest."""
@@ -119,7 +119,7 @@ def _initial(generator: np.random.Generator, layers: Indices, last: float) -> Fl
     return flat
 
 
-@compiled()
+@compiled
 def _act(flat: Floats, layers: Indices, observation: Floats, noise: Floats, room: Room, into: Floats) -> None:
     outputs_at(flat, layers, observation, room)
     rows, axes = noise.shape
@@ -128,7 +128,7 @@ def _act(flat: Floats, layers: Indices, observation: Floats, noise: Floats, room
             into[i, j] = min(1.0, max(-1.0, math.tanh(room.outputs[i * axes + j]) + noise[i, j]))
 
 
-@compiled()
+@compiled
 def _update(
     actor: Weights, critics: Weights, networks: Networks, memory: Memory, first: Integers, copies: int,
     normal: Floats, schedule: Schedule, bounds: tuple[float, float], count: int, batch: Batch, work: Work,

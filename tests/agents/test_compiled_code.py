@@ -45,11 +45,11 @@ def test_what_is_compiled_is_not_compiled_again(empty: Path, agent: Agent, same:
 ONCE = """
 import sys
 from stlbench_agents.dqn import DQN
-from stlbench_agents import products, layers, engine, optimizer, replay, q_learner
+from stlbench_agents import llvm_kernels, layers, engine, optimizer, replay, q_learner
 DQN(head="additive")._compile()
-for module in (products, layers, engine, optimizer, replay, q_learner):
+for module in (llvm_kernels, layers, engine, optimizer, replay, q_learner):
     for name, function in vars(module).items():
-        if hasattr(function, "signatures") and function.py_func.__module__ == module.__name__:
+        if hasattr(function, "py_func") and function.py_func.__module__ == module.__name__:
             print(name, len(function.signatures))
 """
 

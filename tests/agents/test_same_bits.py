@@ -1,4 +1,4 @@
-"""The same training gives the same bits: in the process that compiles the code, and in those that load it."""
+"""The same training gives the same bits: in processes that compile or load the code, and with plain kernels."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from stlbench import run_study
 
 _TRAINED = """
 import hashlib, sys
+import numba.core.registry
+if sys.argv[4:] == ["changed"]:
+    del numba.core.registry.CPUDispatcher  # a private interface of Numba, on which the fast kernels build
 from stlbench.contract import Training
 from stlbench.registry.choices import choice_of
 from stlbench.rollout.environment import BatchEnvironment
@@ -34,21 +37,30 @@ _TRAININGS = {
 }
 
 
-def trained(arguments: tuple[str, ...], cache: Path) -> tuple[int, str]:
-    """How many functions are compiled then, and the weights' digest."""
+def trained(cache: Path, *arguments: str) -> tuple[int, str, str]:
+    """How many functions are compiled then, the weights' digest, and warnings."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-c", _TRAINED, *arguments]
     ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
     count, digest = ended.stdout.split()
-    return int(count), digest
+    return int(count), digest, ended.stderr
 
 
 @pytest.mark.parametrize("training", _TRAININGS.values(), ids=_TRAININGS)
 def test_in_a_process_that_compiles_and_in_one_that_loads(training: tuple[str, ...], tmp_path: Path) -> None:
-    compiled = trained(training, tmp_path)
+    compiled = trained(tmp_path, *training)
     assert compiled[0] > 0
-    assert trained(training, tmp_path) == compiled
+    assert trained(tmp_path, *training) == compiled
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("training", _TRAININGS.values(), ids=_TRAININGS)
+def test_in_plain_numba_where_a_private_interface_has_changed(training: tuple[str, ...], tmp_path: Path) -> None:
+    _, digest, _ = trained(tmp_path, *training)
+    _, plain_digest, warnings = trained(tmp_path, *training, "changed")
+    assert plain_digest == digest
+    assert warnings.count("the fast kernels do not work with Numba") == 1
 
 
 def test_with_one_job_and_with_two_and_in_any_order_of_cells(tmp_path: Path) -> None:

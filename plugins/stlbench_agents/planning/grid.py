@@ -140,7 +140,7 @@ Floats = NDArray[Any]
 
 
 class Places(NamedTuple):
-    """Where points lie on a grid, for `stlbench_agents.planning.kernels`."""
+    """Where points lie on a grid, for `stlbench_agents.planning.loops`."""
 
     at: NDArray[np.int32]
     """(...): the number of the cell's lowest corner; -1 outside the grid."""
@@ -187,7 +187,7 @@ class Grid:
 
     def read(self, values: Floats, points: Array, outside: float) -> Array:
         """Values (size,) of the grid between its points, at points (N, axes): (N,)."""
-        from stlbench_agents.planning.kernels import interpolate  # imports Numba, which `stlbench list` does not need
+        from stlbench_agents.planning.loops import interpolate  # imports Numba, which `stlbench list` does not need
 
         places = self.places(points)
         found = np.empty(len(points), np.float32)

@@ -19,7 +19,7 @@ from stlbench import stl
 from stlbench.contract import Array, Integers, Model, StatePolicy, Unsuitable
 from stlbench.stl import Term
 from stlbench_agents.planning.grid import Floats, Grid
-from stlbench_agents.planning.kernels import extremes, reach_best
+from stlbench_agents.planning.loops import extremes, reach_best
 from stlbench_agents.planning.moves import ActionSet, held, refuse_beyond, sweep
 
 Truth = NDArray[np.bool_]

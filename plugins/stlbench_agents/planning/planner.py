@@ -48,7 +48,7 @@ class _OnGrid(Agent):
         self._compile()
 
     def _compile(self) -> None:
-        from stlbench_agents.planning.kernels import compile_all
+        from stlbench_agents.planning.loops import compile_all
 
         compile_all()
         note_ready("planning")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from stlbench.contract import Array, Model, Unsuitable
 from stlbench_agents.planning.grid import Axis, Floats, Grid, Places
-from stlbench_agents.planning.kernels import mean_rewards
+from stlbench_agents.planning.loops import mean_rewards
 from stlbench_agents.planning.moves import ActionSet, held
 
 

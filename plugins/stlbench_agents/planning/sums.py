@@ -9,7 +9,7 @@ import numpy as np
 
 from stlbench.contract import Array, End, Integers, Model, StatePolicy
 from stlbench_agents.planning.grid import Floats, Grid, Places
-from stlbench_agents.planning.kernels import pay_best
+from stlbench_agents.planning.loops import pay_best
 from stlbench_agents.planning.moves import ActionSet, held, refuse_beyond, sweep
 from stlbench_agents.planning.rewards import KEPT, MOST_SIGNALS, USUAL, Arrivals, Limits, Memories, Transitions
 

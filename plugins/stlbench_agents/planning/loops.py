@@ -12,31 +12,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stlbench_agents.compiler import compiled, inlined
+from stlbench_agents.plain_kernels import compiled, inlined
 
 Floats = NDArray[Any]
 Indices = NDArray[np.int32]
 Strides = NDArray[np.int64]
 
 
-@inlined()
+@inlined
 def _line(values: Floats, at: int, weights: Floats) -> Any:
     return values[at] + weights[-1] * (values[at + 1] - values[at])
 
 
-@inlined()
+@inlined
 def _plane(values: Floats, at: int, strides: Strides, weights: Floats) -> Any:
     low = _line(values, at, weights)
     return low + weights[-2] * (_line(values, at + strides[-2], weights) - low)
 
 
-@inlined()
+@inlined
 def _space(values: Floats, at: int, strides: Strides, weights: Floats) -> Any:
     low = _plane(values, at, strides, weights)
     return low + weights[-3] * (_plane(values, at + strides[-3], strides, weights) - low)
 
 
-@inlined()
+@inlined
 def _between(values: Floats, at: int, strides: Strides, weights: Floats) -> Any:
     """Multilinear interpolation in a flat grid of one to four axes."""
     axes = len(strides)
@@ -50,14 +50,14 @@ def _between(values: Floats, at: int, strides: Strides, weights: Floats) -> Any:
     return low + weights[-4] * (_space(values, at + strides[-4], strides, weights) - low)
 
 
-@compiled()
+@compiled
 def interpolate(values: Floats, at: Indices, weights: Floats, strides: Strides, outside: float, into: Floats) -> None:
     """Values (S,) of a grid at places (N,), weights (N, axes): into (N,)."""
     for i in range(len(at)):
         into[i] = _between(values, at[i], strides, weights[i]) if at[i] >= 0 else outside
 
 
-@compiled()
+@compiled
 def mean_rewards(tables: Floats, at: Indices, weights: Floats, strides: Strides, into: Floats) -> None:
     """Rewards of held actions (A, 1, S): the means over the samples, by tables of rewards over signals (H, cells).
 
@@ -71,7 +71,7 @@ def mean_rewards(tables: Floats, at: Indices, weights: Floats, strides: Strides,
             into[a, 0, s] = total / at.shape[2]
 
 
-@compiled()
+@compiled
 def pay_best(
     later: Floats, at: Indices, weights: Floats, strides: Strides, rewards: Floats, memory: Indices, ended: Floats,
     gamma: float, lost: float, into: Floats,
@@ -97,7 +97,7 @@ def pay_best(
                 into[m, s] = max(into[m, s], value)
 
 
-@compiled()
+@compiled
 def reach_best(
     later: Floats, at: Indices, weights: Floats, strides: Strides, paid: Floats, lost: float, into: Floats
 ) -> None:
@@ -108,7 +108,7 @@ def reach_best(
             into[s] = max(into[s], min(value, paid[a, s]))
 
 
-@compiled()
+@compiled
 def extremes(margins: Floats, active: NDArray[np.bool_], least: bool, into: Floats) -> None:
     """The least or greatest margin (A, S, H) of a held action's active samples (H,): (A, S)."""
     sign = 1.0 if least else -1.0
