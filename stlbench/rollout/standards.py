@@ -12,9 +12,9 @@ from stlbench.records.identity import Setting, Track
 from stlbench.records.result import Score
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.rollout import baselines, controller
+from stlbench.rollout.auto import automatic
 from stlbench.rollout.questions import Ask, Question, answers, ask_here
 from stlbench.task import build_method, load_task
-from stlbench.task.auto import automatic
 from stlbench.task.equal_rewards import Difference, Paid, equal_payments, payments
 from stlbench.task.file import BestKnown
 
@@ -118,7 +118,7 @@ def _paid(choice: Choice, track: Track, method: str) -> Paid | None:
         if track == "plain":
             task = replace(task, file=task.file.plain())
         elif track == "auto":
-            task = replace(task, file=automatic(task.file, task.own_agent))
+            task = automatic(task, task.own_agent)
         return payments(build_method(task, method))
     except (Intractable, Unsuitable, UsageError):
         return None

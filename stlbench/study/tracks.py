@@ -14,7 +14,7 @@ from stlbench.errors import UsageError, in_words, one_line
 from stlbench.records.identity import CellId, Track
 from stlbench.records.outputs import write
 from stlbench.registry.choices import Choice
-from stlbench.task.auto import automatic, own_agent
+from stlbench.rollout.auto import automatic, own_agent
 from stlbench.task.entry import Count
 from stlbench.task.task import Task, load_task
 from stlbench.task.yaml_text import load_yaml
@@ -91,7 +91,7 @@ def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = No
     if track == "shared":
         return task
     if track == "auto":
-        return replace(task, file=automatic(task.file, agent.name))
+        return automatic(task, agent.name)
     if track == "plain":
         file = task.file.plain()
         return replace(task, file=file.model_copy(update={"agents": {**file.agents, agent.name: {}}}))

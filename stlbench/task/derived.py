@@ -6,80 +6,169 @@ satisfy both formulas. The referee scores the task's own formula.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from math import log
 
 from stlbench import stl
-from stlbench.stl import Formula, Implies, Not, Predicate
+from stlbench.contract import Array
+from stlbench.stl import And, Formula, Implies, Not, Or, Predicate
 from stlbench.task.scales import Box, Scale, scale
-from stlbench.task.windows import Window, with_parts
+from stlbench.task.windows import Window, windows, with_parts
 
-_Shape = Callable[[str, Scale], str]
-"""The text of a margin and its sizes -> the text of the margin on the common scale."""
-
+FARTHEST = 0.4
+"""What a goal costs at its worst, where an invariant costs 1."""
+BEST = 0.5
+"""What a goal pays at its best."""
 CLEARANCE = 0.3
-"""What an invariant pays for clearance, as a share of what it takes for a violation."""
+"""What an invariant pays at its best."""
+STEEPNESS = 4.0
+"""An invariant costs 1 at so small a part of the depth at which it pays its best."""
+KEPT = 4.0
+"""A predicate that the start keeps costs no more beyond so many near sizes."""
 
 
-def derived(formula: Formula, box: Box) -> Formula:
+def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array) -> Formula:
     """The formula with its predicates on one scale.
 
-    With w the near size of the margin m of a predicate (`scales.Scale`), the margin becomes
+    With m the margin of a predicate and w its near size (`scales.Scale`), the margin becomes
 
-    - of a goal, for m < 0 the distance on a logarithmic scale, -log(1 - m / w) / log(1 + worst / w), from -1 to 0;
-      for m >= 0 m / (2 best), with `best` the largest margin of all that has to hold with it;
-    - of an invariant, with d = w / 2: m / d, at least -1, where it is violated, and .3 min(m / d, 1) where it holds.
-      So a violation counts as much as the farthest goal, and a goal that is far does not hide an obstacle.
+    - of a goal: -.4 log(1 - m / w) / K where m < 0, with K the largest such logarithm in its window, so that it is
+      from -.4 to 0; .5 m / best where m >= 0, with `best` the largest margin of all that has to hold with it;
+    - of a kept predicate, which holds at all initial states beside others that do not: the same, but -m / w counts at
+      most 4. So a robot that starts at rest may move until it is there;
+    - of an invariant, with d half of the least near size among the invariants of its unit: 4 m / d, but at least -1,
+      where m < 0; .3 min(m / d, 1) where m >= 0. So a goal that is far does not hide an obstacle.
+
+    A predicate whose margin is 0 at best, as `collisions <= 0`, pays .3 where it holds. It costs 1 where it is violated
+    by more than a billionth of its range. Where a formula asks for invariants alone, they count as goals.
 
     Args:
         formula: of the task, intervals in steps.
         box: the ranges of the signals.
+        units: signal -> its unit; the signal's name stands in for none.
+        initial: samples (n, k) at the start of episodes.
     """
-    return with_parts(formula, partial(_part, box=box))
+    parts = windows(formula)
+    invariants = [part for part in parts if part.invariant] if any(not part.invariant for part in parts) else []
+    depths = dict[tuple[str, ...], float]()
+    for predicate, _ in (each for part in invariants for each in _signed(part.psi)):
+        unit, depth = _unit(predicate, units), scale(predicate, box).near / 2
+        depths[unit] = min(depth, depths.get(unit, depth))
+
+    def part(window: Window) -> Formula:
+        if window in invariants:
+            return _rescaled(window.psi, lambda each: _invariant(_Margin.of(each, box), depths[_unit(each[0], units)]))
+        return _goal(window.psi, box, initial)
+
+    return with_parts(formula, part)
 
 
-def _part(window: Window, box: Box) -> Formula:
-    if window.invariant:
-        return _shaped(window.psi, _as_invariant, box)
-    best = scale(window.psi, box).best
-    return _shaped(window.psi, lambda margin, size: _as_goal(margin, size, best), box)
+_Signed = tuple[Predicate, bool]
+"""A predicate, and whether it stands inside of a negation."""
 
 
-def _shaped(psi: Formula, shape: _Shape, box: Box, negated: bool = False) -> Formula:
-    """A formula without temporal operators with another scale of its predicates; `negated` inside of a negation."""
+@dataclass(frozen=True)
+class _Margin:
+    """A margin that has to be positive: its text and its sizes."""
+
+    text: str
+    size: Scale
+    tight: bool
+    """Whether it is met at its border alone."""
+
+    @classmethod
+    def of(cls, signed: _Signed, box: Box) -> _Margin:
+        """The margin of a predicate, or of its negation."""
+        predicate, negated = signed
+        size = scale(predicate, box)
+        greater, less = predicate.left, predicate.right
+        if predicate.op.startswith("<") != negated:
+            greater, less = less, greater
+        size, closed = size.negated if negated else size, ("=" in predicate.op) != negated
+        return cls(f"({greater} - ({less}))", size, size.tight and closed)
+
+    @property
+    def near(self) -> float:
+        """The near size, at most half of the worst violation: a distance is then resolved on its whole way."""
+        return min(self.size.near, self.size.worst / 2)
+
+    @property
+    def octaves(self) -> float:
+        """The logarithm of the worst violation."""
+        return log(1 + self.size.worst / self.near)
+
+
+def _goal(psi: Formula, box: Box, initial: Array) -> Formula:
+    signed = list(_signed(psi))
+    kept = {each for each in signed if _holds(each, tuple(box), initial)}
+    if len(kept) == len(signed) or not isinstance(psi, And):
+        kept = set()
+    margins = {each: _Margin.of(each, box) for each in signed}
+    octaves = max((margin.octaves for margin in margins.values()), default=1.0)
+    best = scale(psi, box).best
+
+    def shape(each: _Signed) -> str:
+        margin = margins[each]
+        if margin.tight:
+            return _all_or_nothing(margin)
+        far = f"max(0, -{margin.text}) / {margin.near:.9g}"
+        if each in kept:
+            far = f"min({KEPT:g}, {far})"
+        reached = f"{BEST:g} * min(1, max(0, {margin.text}) / {min(margin.size.best, best):.9g})"
+        return f"{reached} - {FARTHEST / octaves:.9g} * log(1 + {far})"
+
+    return _rescaled(psi, shape)
+
+
+def _invariant(margin: _Margin, depth: float) -> str:
+    if margin.tight:
+        return _all_or_nothing(margin)
+    deep = f"{margin.text} / {depth:.9g}"
+    return f"max(-1, min({STEEPNESS:g} * {deep}, {CLEARANCE:g} * min({deep}, 1)))"
+
+
+def _all_or_nothing(margin: _Margin) -> str:
+    """Of a margin that is 0 at best: it pays its best there, and costs 1 from a billionth of the range on."""
+    return f"max(-1, min({CLEARANCE:g}, {CLEARANCE:g} + {margin.text} / {1e-9 * margin.size.worst:.9g}))"
+
+
+def _rescaled(psi: Formula, shape: Callable[[_Signed], str], negated: bool = False) -> Formula:
+    """A formula without temporal operators with new margins; `shape` gives what has to be positive, as text."""
     match psi:
-        case Predicate():
-            return _predicate(psi, shape, box, negated)
+        case Predicate(op):
+            compared = f"{'<' if negated else '>'}{op[1:]}"  # the border counts as before
+            return stl.parse(f"{shape((psi, negated))} {compared} 0")
         case Not(arg):
-            return replace(psi, arg=_shaped(arg, shape, box, not negated))
-        case stl.And(args) | stl.Or(args):
-            return replace(psi, args=tuple(_shaped(arg, shape, box, negated) for arg in args))
+            return replace(psi, arg=_rescaled(arg, shape, not negated))
+        case And(args) | Or(args):
+            return replace(psi, args=tuple(_rescaled(arg, shape, negated) for arg in args))
         case Implies(left, right):
-            return replace(psi, left=_shaped(left, shape, box, not negated), right=_shaped(right, shape, box, negated))
+            return replace(psi, left=_rescaled(left, shape, not negated), right=_rescaled(right, shape, negated))
         case _:
             return psi
 
 
-def _predicate(predicate: Predicate, shape: _Shape, box: Box, negated: bool) -> Formula:
-    """The predicate on another scale. If it is negated, the margin of its negation is the one to make positive."""
-    greater, less = predicate.left, predicate.right
-    if predicate.op.startswith("<"):
-        greater, less = less, greater
-    size = scale(predicate, box)
-    if negated:
-        greater, less, size = less, greater, Scale(size.worst, size.best)
-    comparison = predicate.op[1:]  # whether the border itself counts
-    return stl.parse(f"{shape(f'({greater} - ({less}))', size)} {'<' if negated else '>'}{comparison} 0")
+def _signed(psi: Formula, negated: bool = False) -> Iterator[_Signed]:
+    """The predicates, each with whether it stands inside of a negation."""
+    match psi:
+        case Predicate():
+            yield psi, negated
+        case Not(arg):
+            yield from _signed(arg, not negated)
+        case And(args) | Or(args):
+            for arg in args:
+                yield from _signed(arg, negated)
+        case Implies(left, right):
+            yield from _signed(left, not negated)
+            yield from _signed(right, negated)
 
 
-def _as_goal(margin: str, size: Scale, best: float) -> str:
-    near = min(size.near, size.worst / 2)
-    distance = f"log(1 + max(0, -{margin}) / {near:.9g}) / {log(1 + size.worst / near):.9g}"
-    return f"max(0, {margin}) / {2 * best:.9g} - {distance}"
+def _holds(signed: _Signed, names: tuple[str, ...], initial: Array) -> bool:
+    """Whether it holds at all initial samples."""
+    predicate, negated = signed
+    return bool((stl.holds(predicate, names)(initial) != negated).all())
 
 
-def _as_invariant(margin: str, size: Scale) -> str:
-    depth = f"{margin} / {size.near / 2:.9g}"
-    return f"max(-1, min({depth}, {CLEARANCE:g} * min({depth}, 1)))"
+def _unit(predicate: Predicate, units: Mapping[str, str]) -> tuple[str, ...]:
+    return tuple(sorted({units.get(name) or name for name in stl.signals(predicate)}))

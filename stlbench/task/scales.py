@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import NamedTuple
 
 from stlbench import stl
@@ -20,6 +21,15 @@ class Scale(NamedTuple):
     """The largest margin within the ranges of the signals."""
     worst: float
     """The largest violation within the ranges."""
+    tight: bool = False
+    """Whether no margin is above 0, so that it is met at its border alone, as `collisions <= 0`."""
+    sure: bool = False
+    """Whether none is below 0."""
+
+    @property
+    def negated(self) -> Scale:
+        """The sizes of the opposite margin."""
+        return Scale(self.worst, self.best, self.sure, self.tight)
 
     @property
     def near(self) -> float:
@@ -37,21 +47,22 @@ def scale(psi: stl.Formula, box: Box) -> Scale:
 
     A side that the margin cannot reach, or that has no finite bound, counts a tenth of the other one, or of 1.
     """
-    sides = _sides(psi, box)
-    largest = max(sides) or 1.0
-    best, worst = (side if side > 1e-9 * largest else 0.1 * largest for side in sides)
-    return Scale(best, worst)
+    above, below = _sides(psi, tuple(box.items()))
+    largest = max(above, below) or 1.0
+    tight, sure = (side <= 1e-5 * largest for side in (above, below))
+    return Scale(0.1 * largest if tight else above, 0.1 * largest if sure else below, tight, sure)
 
 
 def reach(expression: Expression, box: Box) -> float:
     """The largest magnitude of an expression over the box; 1 where it has no finite bound, or is 0 everywhere."""
-    return max(_sides(Predicate(">=", expression, Number(0.0)), box)) or 1.0
+    return max(_sides(Predicate(">=", expression, Number(0.0)), tuple(box.items()))) or 1.0
 
 
-def _sides(psi: stl.Formula, box: Box) -> tuple[float, float]:
+@lru_cache(maxsize=1024)
+def _sides(psi: stl.Formula, box: tuple[tuple[str, tuple[float, float]], ...]) -> tuple[float, float]:
     """How far the margin gets above and below 0; 0 where it does not, or where nothing is proven."""
     try:
-        bounds = stl.bounds(psi, dict(box))
+        bounds = stl.bounds(psi, dict(box), nodes=20_000)
     except stl.UndefinedError:  # it has no value somewhere in the box, as x / y
         return 0.0, 0.0
     high, low = (side if math.isfinite(side) and side > 0 else 0.0 for side in (bounds.high, -bounds.low))

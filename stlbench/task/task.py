@@ -8,6 +8,8 @@ from functools import cached_property
 from importlib import resources
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
+
 from stlbench import stl
 from stlbench.contract import (
     ActionBox,
@@ -16,6 +18,7 @@ from stlbench.contract import (
     GymTask,
     Specification,
     System,
+    Truth,
     Unsuitable,
     WorldTask,
 )
@@ -27,7 +30,7 @@ from stlbench.task.entry import Parts
 from stlbench.task.file import Axis, Budget, TaskFile
 from stlbench.task.reading import errors_of, read
 from stlbench.task.starts import SeedStarts, StateStarts
-from stlbench.task.view import FormulaView
+from stlbench.task.view import FormulaView, bent_columns
 
 if TYPE_CHECKING:
     from stlbench.task.gym_source import GymSource
@@ -112,7 +115,21 @@ class Task:
         """What policies see of the formula, with `features: formula`."""
         if self.file.features != "formula":
             return None
-        return FormulaView(self.formula, self.file.box, self.file.steps)
+        bent = self._bent(self.dynamics) if isinstance(self.dynamics, System) else None
+        return FormulaView(self.formula, self.file.box, self.file.steps, bent)
+
+    def _bent(self, system: System, copies: int = 16, decisions: int = 40) -> Truth:
+        """Which numbers of the state are more than the signals, on a random walk; all where it leaves the numbers."""
+        generator = np.random.default_rng(0)
+        state = self.starts.of_training(generator, copies)
+        states = [state]
+        for _ in range(decisions):
+            action = generator.uniform(self.actions.low, self.actions.high, (copies, len(self.actions.names)))
+            for _ in range(self.file.hold):
+                state = system.step(state, action)
+            states.append(state)
+        walked = np.concatenate(states)
+        return bent_columns(system.scaled_state(walked), system.signals(walked))
 
     @property
     def own_agent(self) -> str:

@@ -10,63 +10,84 @@ from helpers.generated_formulas import formulas, traces
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stlbench.contract import Array
 from stlbench.stl import Formula, margin, parse, satisfied
 from stlbench.task.derived import derived
 from stlbench.task.scales import scale
+from stlbench.task.windows import windows
 
 BOX = {"x": (-3.0, 3.0), "y": (-3.0, 3.0), "z": (-3.0, 3.0)}
+NAMES = tuple(BOX)
+AT_REST = np.array([[2.5, 0.0, 0.0], [2.0, 0.0, 0.0]])
+"""Initial samples: x is far from 0, y and z are there."""
 PREDICATES = st.sampled_from(
     [
         parse(text)
         for text in (
             *("norm(x - 1, y) <= 1", "abs(x) < 0.5", "x >= 1", "y < -2", "norminf(x, y) > 2", "x - y <= z"),
-            *("min(x, z) >= 0.25", "x <= 9", "x >= 9", "0 <= 1"),
+            *("min(x, z) >= 0.25", "x <= 9", "x >= 9", "0 <= 1", "abs(x) <= 0", "abs(y) >= 0"),
         )
     ]
 )
+
+
+def _derived(formula: Formula | str, initial: Array = AT_REST) -> Formula:
+    return derived(parse(formula) if isinstance(formula, str) else formula, BOX, {}, initial)
+
+
+def _value(formula: str, *sample: float, of: int = 0) -> float:
+    """The margin of a window of the derived formula, at a sample that is 0 where nothing is given."""
+    psi = windows(_derived(formula))[of].psi
+    return float(margin(psi, NAMES)(np.array([*sample, 0.0, 0.0][:3])))
 
 
 @settings(max_examples=200)
 @given(formulas(PREDICATES, longest=3, constants=False), st.integers(0, 2**32 - 1))
 def test_the_same_traces_satisfy_it(formula: Formula, seed: int) -> None:
     batch = traces(30, seed, (20,))
-    expected = satisfied(formula, batch, tuple(BOX))
-    assert (satisfied(derived(formula, BOX), batch, tuple(BOX)) == expected).all()
+    changed = _derived(formula, batch[:, 0])
+    assert (satisfied(changed, batch, NAMES) == satisfied(formula, batch, NAMES)).all()
 
 
 def test_a_goal_by_hand() -> None:
-    (psi,) = _parts("F[1,9] norm(x, y) <= 1")
-    best, worst = 1.0, scale(parse("norm(x, y) <= 1"), BOX).worst
+    goal, worst = "F[1,9] norm(x, y) <= 1", scale(parse("norm(x, y) <= 1"), BOX).worst
     assert worst == pytest.approx(math.hypot(3, 3) - 1)
-    for x, expected in ((0.0, 0.5 * best), (0.5, 0.25), (1.0, 0.0), (2.0, -math.log(2) / math.log(1 + worst))):
-        assert _value(psi, x) == pytest.approx(expected)
-    assert _value(psi, 3.0, 3.0) == pytest.approx(-1)
+    for x, expected in ((0.0, 0.5), (0.5, 0.25), (1.0, 0.0), (2.0, -0.4 * math.log(2) / math.log(1 + worst))):
+        assert _value(goal, x) == pytest.approx(expected)
+    assert _value(goal, 3.0, 3.0) == pytest.approx(-0.4)
 
 
 def test_an_invariant_by_hand() -> None:
-    (psi,) = _parts("G[0,9] abs(x) >= 1")  # at most 2 above its border, 1 below: its near size is 1
-    for x, expected in ((3.0, 0.3), (1.5, 0.3), (1.25, 0.15), (1.0, 0.0), (0.75, -0.5), (0.0, -1.0)):
-        assert _value(psi, x) == pytest.approx(expected)
+    both = "G[0,9] abs(x) >= 1 & F[0,9] y >= 1"  # at most 2 above its border, 1 below: its near size is 1
+    for x, expected in ((3.0, 0.3), (1.5, 0.3), (1.25, 0.15), (1.0, 0.0), (0.9375, -0.5), (0.5, -1.0), (0.0, -1.0)):
+        assert _value(both, x) == pytest.approx(expected)
+
+
+def test_invariants_of_one_unit_share_the_steepest_scale() -> None:
+    both = "G[0,9] (abs(x) >= 1 & abs(x) <= 2.9) & F[0,9] y >= 1"  # the near size of the second is 0.1
+    assert _value(both, 0.9875) == pytest.approx(-1.0)
+
+
+def test_invariants_alone_are_goals() -> None:
+    assert _value("G[0,9] norm(x, y) <= 1", 0.5) == pytest.approx(0.25)
 
 
 def test_a_goal_of_several_predicates_counts_what_all_of_them_can_reach() -> None:
-    alone, narrow = (_parts(f"F[1,9] {text}")[0] for text in ("abs(x) <= 1", "(abs(x) <= 1 & abs(y) <= 0.1)"))
-    assert _value(alone, 0.0) == pytest.approx(0.5)
-    assert _value(narrow, 0.95, 0.0) == pytest.approx(0.25)  # 0.05 of at most 0.1, over 2
+    assert _value("F[1,9] abs(x) <= 1", 0.0) == pytest.approx(0.5)
+    assert _value("F[1,9] (abs(x) <= 1 & abs(y) <= 0.1)", 0.95) == pytest.approx(0.25)  # 0.05 of at most 0.1, over 2
+
+
+def test_what_the_start_keeps_costs_no_more_beyond_four_near_sizes() -> None:
+    both = "G[5,9] (abs(x) <= 0.1 & abs(y) <= 0.1)"  # only y is there at the start
+    assert _value(both, 0.0, 0.5) == _value(both, 0.0, 3.0) > _value(both, 3.0, 0.0) == _value(both, 3.0, 3.0)
+
+
+def test_a_margin_that_is_0_at_best_is_all_or_nothing() -> None:
+    assert [_value("G[5,9] abs(x) <= 0", x) for x in (0.0, 1e-6, 3.0)] == [0.3, -1.0, -1.0]
 
 
 @pytest.mark.parametrize("other", ["1 >= norm(x, y)", "0 <= 1 - norm(x, y)", "norm(x, y) - 1 <= 0", "!norm(x, y) > 1"])
 def test_it_is_the_same_for_every_way_to_write_a_predicate(other: str) -> None:
     samples = np.random.default_rng(0).uniform(-3, 3, (50, 3))
-    values = [margin(_parts(f"F[1,9] {text}")[0], tuple(BOX))(samples) for text in ("norm(x, y) <= 1", other)]
-    np.testing.assert_allclose(*values, atol=1e-9)
-
-
-def _parts(formula: str) -> tuple[Formula, ...]:
-    from stlbench.task.windows import windows
-
-    return tuple(window.psi for window in windows(derived(parse(formula), BOX)))
-
-
-def _value(psi: Formula, x: float, y: float = 0.0) -> float:
-    return float(margin(psi, tuple(BOX))(np.array([x, y, 0.0])))
+    values = [margin(windows(_derived(f"F[1,9] {text}"))[0].psi, NAMES)(samples) for text in ("norm(x, y) <= 1", other)]
+    np.testing.assert_allclose(*values, atol=1e-6)

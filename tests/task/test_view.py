@@ -7,7 +7,7 @@ import pytest
 
 from stlbench.contract import Array
 from stlbench.stl import parse
-from stlbench.task.view import FEW_WINDOWS, FormulaView
+from stlbench.task.view import FEW_GOALS, FormulaView, bent_columns
 
 BOX = {"x": (-10.0, 10.0), "y": (-10.0, 10.0)}
 STEPS = 100
@@ -39,12 +39,9 @@ def test_one_goal_by_hand() -> None:
 def test_goals_take_turns_in_the_same_columns() -> None:
     formula = "F[0,20] norm(x - 5, y) <= 1 & F[30,60] norm(x + 5, y - 2) <= 1"
     ahead, back = _at(formula, 5.5, 0.5, 10), _at(formula, -4.5, 2.5, 50)
-    shown = _view(formula).quantities
-    assert shown == (
-        "margin of norm(x - 5, y) <= 1",
-        *("x - 5", "y"),
-        "margin of norm(x + 5, y - 2) <= 1",
-        *("x + 5", "y - 2"),
+    assert _view(formula).quantities == (
+        *("margin of norm(x - 5, y) <= 1", "x - 5", "y"),
+        *("margin of norm(x + 5, y - 2) <= 1", "x + 5", "y - 2"),
     )
     width = 2 * 3  # each quantity at two sizes
     slot = slice(2 * width, 3 * width)
@@ -53,13 +50,20 @@ def test_goals_take_turns_in_the_same_columns() -> None:
     np.testing.assert_array_equal(back[3 * width :][:2], [-1, 1])
 
 
-def test_many_windows_grow_the_view_only_by_their_number() -> None:
+def test_goals_over_different_signals_have_columns_of_their_own() -> None:
+    formula = "F[0,20] abs(x) <= 1 & F[30,60] abs(y) <= 1"
+    early, late = _at(formula, 5.0, 7.0, 10), _at(formula, 5.0, 7.0, 50)
+    assert len(early) == 2 * (2 * 2 + 4)  # a margin and an argument at two sizes, four of the clock
+    np.testing.assert_array_equal(early[:4], late[:4])
+
+
+def test_many_goals_grow_the_view_only_by_their_number() -> None:
     def size(goals: int) -> int:
         formula = " & ".join(f"F[0,{10 + i}] norm(x - {i}, y) <= 1" for i in range(goals))
         return len(_at(formula, 0.0, 0.0, 0))
 
-    assert size(FEW_WINDOWS + 3) - size(FEW_WINDOWS + 2) == 1
-    assert size(FEW_WINDOWS + 1) < size(FEW_WINDOWS)
+    assert size(FEW_GOALS + 3) - size(FEW_GOALS + 2) == 1
+    assert size(FEW_GOALS + 1) < size(FEW_GOALS)
 
 
 def test_an_invariant_alone_shows_its_margins() -> None:
@@ -84,3 +88,9 @@ def test_every_kind_of_formula_has_a_view_of_numbers_from_minus_1_to_1(formula: 
     assert (abs(columns) <= 1).all()
     rows = [_view(formula)(np.zeros((1, 3)), signals[[i]], t[[i]]) for i in range(5)]
     assert {row.shape[1] for row in rows} == {columns.shape[1]}
+
+
+def test_only_what_the_signals_do_not_say_is_multiplied() -> None:
+    signals = np.random.default_rng(0).uniform(-1, 1, (50, 2))
+    state = np.stack([signals[:, 0], 3 - 2 * signals[:, 1], np.cos(3 * signals[:, 0]), np.ones(50)], axis=1)
+    assert bent_columns(state, signals).tolist() == [False, False, True, False]

@@ -7,11 +7,11 @@ import pytest
 
 from stlbench.contract import ActionBox, ActionGrid
 from stlbench.registry.choices import Choice
+from stlbench.rollout.auto import cuts, own_agent
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.stl import parse
 from stlbench.study.tracks import on_track, own_agent_on
 from stlbench.task import build_method, load_task
-from stlbench.task.auto import cuts, own_agent
 
 
 @pytest.mark.parametrize(

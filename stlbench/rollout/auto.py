@@ -1,0 +1,128 @@
+"""The track `auto`: all that helps a training, by rules from the formula, the ranges and the time, for every task.
+
+A task is then dynamics with signals and their ranges, a sampling time, the time for which an action is held, initial
+states and a formula. No rule knows the method.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from stlbench import stl
+from stlbench.contract import ActionBox, Actions, Array, System
+from stlbench.rollout.worlds import make_world
+from stlbench.stl import Formula
+from stlbench.task.derived import derived
+from stlbench.task.entry import Region
+from stlbench.task.file import Ending, Exploring, TrainingEpisodes
+from stlbench.task.forms import regular
+from stlbench.task.task import Task
+from stlbench.task.windows import windows
+
+_GAMMA = 0.95
+_SHARED: Mapping[str, Any] = {"net_arch": [128, 128], "gamma": _GAMMA}
+_DQN: Mapping[str, Any] = {
+    **_SHARED,
+    "head": "additive",
+    "copies": 64,
+    "gradient_steps": 4,
+    "n_steps": 5,
+    "buffer_size": 131072,
+    "averaging": 0.9995,
+    "exploration_final_eps": 0.02,
+    "reward_scale": 2 / (1 - _GAMMA),
+}
+_TD3: Mapping[str, Any] = {
+    **_SHARED,
+    "copies": 8,
+    "gradient_steps": 4,
+    "n_steps": 3,
+    "exploration_noise": 0.5,
+    "exploration_noise_final": 0.1,
+}
+RECIPES: Mapping[str, Mapping[str, Any]] = {
+    "dqn": _DQN,
+    "dqn-per-robot": _DQN,
+    "td3": _TD3,
+    "sb3-dqn": {**_SHARED, "n_steps": 5, "buffer_size": 131072},
+    "sb3-td3": {**_SHARED, "gradient_steps": 4, "n_steps": 3},
+    "sb3-sac": {**_SHARED, "gradient_steps": 4, "n_steps": 3},
+    "sb3-ppo": _SHARED,
+}
+"""Parameters of agents, the same for every task; another agent trains with its defaults."""
+
+_EXPLORING: Mapping[str, Any] = {"share": 0.5, "kept": 0.5, "length": 40}
+_FEW = 8
+"""Copies of an environment whose first samples are looked at; of a system eight times as many."""
+
+
+def own_agent(actions: Actions) -> str:
+    """The agent that the rules train with: by the kind of the actions, and by the number of robots."""
+    if isinstance(actions, ActionBox):
+        return "td3"
+    return "dqn-per-robot" if len(actions.robots) > 1 else "dqn"
+
+
+def automatic(task: Task, agent: str) -> Task:
+    """The task with all help by the rules, and none by hand, for training with an agent."""
+    file = task.file
+    bare = replace(task, file=file.model_copy(update={"training": TrainingEpisodes()}))
+    units = {name: signal.unit for name, signal in file.signals.items()}
+    initial = _initial(bare)
+
+    def rewarded(formula: Formula) -> Formula:
+        return derived(regular(formula), file.box, units, initial)
+
+    helped = file.model_copy(
+        update={
+            "features": "formula",
+            "rewarded": rewarded(file.formula),
+            "nested": None if file.nested is None else rewarded(file.nested),
+            "training": TrainingEpisodes(
+                cuts=cuts(file.formula, file.hold, file.steps), ends=_ends(bare), exploring=_exploring(bare)
+            ),
+            "agents": {agent: dict(RECIPES.get(agent, {}))},
+        }
+    )
+    return replace(task, file=helped)
+
+
+def cuts(formula: Formula, hold: int, steps: int) -> tuple[int, ...]:
+    """The steps at which the next goal changes: the ends of the windows of all goals but the last, decisions' ones."""
+    ends = sorted({window.end for window in windows(formula) if not window.invariant})
+    held = {-(-end // hold) * hold for end in ends[:-1]}
+    return tuple(sorted(cut for cut in held if 0 < cut < steps))
+
+
+def _ends(task: Task) -> tuple[Ending, ...]:
+    """A training episode ends where a signal leaves its range that an invariant over half of the task or more reads."""
+    if not isinstance(task.dynamics, System):
+        return ()
+    long = [window for window in windows(task.formula) if window.invariant and 2 * window.end >= task.file.steps]
+    names = [name for name in task.signals if any(name in stl.signals(window.psi) for window in long)]
+    ends = [f"{name} < {task.file.box[name][0]!r} | {name} > {task.file.box[name][1]!r}" for name in names]
+    return (Ending.model_validate({"where": " | ".join(ends)}),) if ends else ()
+
+
+def _initial(task: Task) -> Array:
+    """Signals (n, k) at the start of some episodes, always the same ones."""
+    count = 8 * _FEW if isinstance(task.dynamics, System) else _FEW
+    world = make_world(task, count)
+    world.restart(np.arange(count), task.starts.of_training(np.random.default_rng(0), count))
+    return world.signals
+
+
+def _exploring(task: Task) -> Exploring | None:
+    """Episodes that begin at a random time, in states met before or over the ranges; none where no state can be set."""
+    if not isinstance(task.dynamics, System):
+        return None
+    assert task.file.initial is not None
+    box = dict[str, tuple[float, float]]()
+    for name, (low, high) in task.file.initial.box.items():
+        least, greatest = task.file.box.get(name, (low, high))
+        box[name] = min(low, least), max(high, greatest)
+    return Exploring(**_EXPLORING, states=Region(box=box))
