@@ -17,8 +17,7 @@ from matplotlib.lines import Line2D
 from recorded import Seeds, by_hand, number, recorded
 
 from stlbench.report.figures.files import save_svg
-from stlbench.report.figures.palette import COLOURS
-from stlbench.report.figures.style import styled, width
+from stlbench.report.figures.style import COLOURS, styled, width
 from stlbench.report.statistics.differences import Difference, Pair, differences
 from stlbench.report.statistics.intervals import median
 from stlbench.report.tables.comparisons import MATTERS

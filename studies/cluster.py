@@ -29,8 +29,7 @@ from stlbench.records import stored
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.result import Result, from_json, to_json
 from stlbench.report.figures.files import save_svg
-from stlbench.report.figures.palette import COLOURS
-from stlbench.report.figures.style import styled
+from stlbench.report.figures.style import COLOURS, styled
 
 CELLS = 300
 WORKERS = (1, 3, 10, 30, 100, 300, 1000, 3000, 10_000)

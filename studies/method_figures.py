@@ -18,8 +18,7 @@ from stlbench.contract import Array, RewardMethod, Specification, Unsuitable
 from stlbench.registry import plugins
 from stlbench.registry.choices import parse_choice
 from stlbench.report.figures.files import save_svg
-from stlbench.report.figures.palette import COLOURS
-from stlbench.report.figures.style import styled
+from stlbench.report.figures.style import COLOURS, styled
 
 FOLDER = Path(__file__).parents[1] / "docs" / "figures" / "methods"
 STEPS = 40

@@ -130,15 +130,15 @@ def _known(task: Task, folder: Path) -> dict[str, dict[str, Any]]:
 
     known = dict[str, dict[str, Any]]()
     groups = [group for group in condense(stored.read(folder)) if group.done]
-    for group in sorted(groups, key=lambda group: max(group.values(lambda numbers: numbers.env_steps))):
+    for group in sorted(groups, key=lambda group: max(group.values("env_steps"))):
         setting = group.setting
         if (setting.task, str(setting.agent), setting.track) != (task.choice, task.own_agent, "shared"):
             continue
         known[str(setting.method)] = {
             "budget": setting.budget,
             "seeds": len(group.done),
-            "satisfaction": fmean(group.values(lambda numbers: numbers.satisfaction)),
-            "robustness": fmean(group.values(lambda numbers: numbers.robustness_mean)),
+            "satisfaction": fmean(group.values("satisfaction")),
+            "robustness": fmean(group.values("robustness_mean")),
         }
     if not known:
         own = f"with {task.own_agent} on the track shared"

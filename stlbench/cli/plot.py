@@ -56,8 +56,7 @@ def plot(
     from stlbench.records.outputs import inside
     from stlbench.report import condense
     from stlbench.report.figures import trace_figures
-    from stlbench.report.figures.palette import colours_of
-    from stlbench.report.figures.style import fitting
+    from stlbench.report.figures.style import colours_of, fitting
     from stlbench.study.plugin_guard import ask, load_guarded
 
     groups = condense(stored.read(run), stored.missing(run))

@@ -74,7 +74,7 @@ def _cell_text(result: Result, log: Path) -> Iterator[str | Table]:
     from stlbench.records.cell_files import end_of_log
     from stlbench.records.identity import OUTSIDE
     from stlbench.records.status import ACCIDENTS
-    from stlbench.report.tables.cells import cost_table, scores_table
+    from stlbench.report.tables.cells import scores_and_cost
 
     parts = {
         "cell": result.id.name,
@@ -92,14 +92,9 @@ def _cell_text(result: Result, log: Path) -> Iterator[str | Table]:
     if result.status in ACCIDENTS and (end := end_of_log(log)):
         yield "\nthe end of its log:"
         yield from end
-    if (measured := result.measurement) is None:
-        return
-    yield ""
-    if result.id.track == OUTSIDE:
-        yield scores_table({"": measured.selected})
-    else:
-        yield scores_table({"selected": measured.selected, "final": measured.final})
-        yield cost_table(measured)
+    if result.measurement is not None:
+        yield ""
+        yield from scores_and_cost(result.measurement, outside=result.id.track == OUTSIDE)
 
 
 @app.command("method")

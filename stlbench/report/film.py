@@ -19,12 +19,10 @@ from matplotlib.figure import Figure
 from stlbench.contract import Array, Integers
 from stlbench.contract.presentation import Drawn, Pixels
 from stlbench.records.saved_traces import Film
-from stlbench.report.figures import plane
-from stlbench.report.figures.layout import patch
-from stlbench.report.figures.palette import TRACE
-from stlbench.report.figures.regions import READ, parts, signals_in_time
-from stlbench.report.figures.trajectories import part_keys
-from stlbench.report.figures.units import signal_label
+from stlbench.report.figures import layout, plane
+from stlbench.report.figures.regions import parts, signal_label
+from stlbench.report.figures.style import TRACE
+from stlbench.report.figures.trajectories import READ, part_keys, signals_in_time
 from stlbench.report.video import FRAMES_A_SECOND
 from stlbench.report.video import write as write_video
 from stlbench.rollout.traces import Recording
@@ -206,7 +204,7 @@ def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
     for axes, values, signal in zip(table[:, 0], np.moveaxis(traces, -1, 0), task.signals, strict=True):
         axes.set_ylabel(signal_label(task, signal))
         _show(axes, task.file.signals[signal], values)
-    read = [patch(READ, label="steps at which the row's signal is read")] if shaded else []
+    read = [layout.patch(READ, label="steps at which the row's signal is read")] if shaded else []
     figure.legend(handles=[*part_keys(task, shaded), *read], loc="outside lower left", ncols=1, fontsize=9)
 
     def update(sample: int) -> None:

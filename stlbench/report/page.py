@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.util import find_spec
 from itertools import groupby
 from pathlib import Path
@@ -13,36 +14,38 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from stlbench import stl
 from stlbench.errors import UsageError
-from stlbench.records.cell_files import TRACES
-from stlbench.records.identity import CellId, Setting
+from stlbench.records.cell_files import TRACES, cell_files, end_of_log
+from stlbench.records.identity import OUTSIDE, CellId, Setting
 from stlbench.records.outputs import write
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
-from stlbench.report.figures.palette import Colours, colours_of
-from stlbench.report.figures.report_figures import (
-    Drawing,
-    drawings_across,
-    drawings_of_alignment,
-    drawings_of_tasks,
-)
-from stlbench.report.figures.style import fitting
-from stlbench.report.figures.units import Load
-from stlbench.report.page_cells import cell_part, cells_shown, first_cells
-from stlbench.report.tables.rows import Group
-from stlbench.report.tables.table import Table, Value, show
+from stlbench.report.figures.files import svg_of
+from stlbench.report.figures.regions import Load, terms
+from stlbench.report.figures.report_figures import drawings_of_all, drawings_of_tasks
+from stlbench.report.figures.style import Colours, colours_of, fitting
+from stlbench.report.report import Report
+from stlbench.report.tables.cells import ENDED_EARLY, if_done, scores_and_cost
+from stlbench.report.tables.rows import Group, Numbers, Row
+from stlbench.report.tables.table import Column, Table, Value, show
 from stlbench.rollout.questions import Ask
 from stlbench.task.task import Task
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from stlbench.report.report import Report
+    from stlbench.report.figures.counterexample import Story
 
 FILE = "report.html"
 """Name of the page in a folder of results."""
+MOST = 2000
+"""Cells that a page has one by one. Its tables and figures are of all cells."""
+_LOG_LINES = 60
 
 Tell = Callable[[int, int], None]
-"""Is told how many groups of how many are read."""
+"""Is called with the number of groups that are read, and of all."""
+Facts = list[tuple[str, str]]
+Part = dict[str, Any]
+"""What the template shows of a task or a cell."""
 
 
 class Picture(NamedTuple):
@@ -56,27 +59,8 @@ class Picture(NamedTuple):
     """Width and height in pixels."""
 
 
-@dataclass(frozen=True)
-class TaskPart:
-    """The part of one task."""
-
-    key: str
-    name: str
-    title: str
-    facts: list[tuple[str, str]]
-    """Name and text: formula, terms, source."""
-    lacks: list[str]
-    """What the folder does not hold, in a line each."""
-    tables: list[Table]
-    pictures: list[Picture]
-    worst: Table
-    """The worst start of each group, and why; without rows where no traces are there."""
-    policies: list[tuple[str, list[Picture]]]
-    """What the policies of each group did."""
-
-
 def require() -> None:
-    """Raise `UsageError` where the extra `page` is not installed."""
+    """Raise `UsageError` if the extra `page` is not installed."""
     if find_spec("jinja2") is None:
         raise UsageError('the page needs the package jinja2: pip install "stlbench-rl[page]"')
 
@@ -94,60 +78,123 @@ def write_page(
 
     Args:
         report: of all of them.
-        results: those of its cells, of which one is asked for at a time; cells without a result are not there.
-        folder: where traces, policies and logs are, as far as they are there.
+        results: of its cells, read one at a time; cells without a result are not there.
+        folder: has traces, policies and logs, as far as there are any.
         load: loads a task.
         ask: asks methods for their bounds.
-        path: the file, in the folder where none is given; folders above it are made.
-        tell: is called after each group of cells.
+        path: the file; None is report.html in the folder. Folders above it are made.
+        tell: is called after each task.
 
     Raises:
         UsageError: jinja2 is not installed, or the file cannot be written.
     """
     require()
     with fitting("column"):
-        text = _page(report, results, folder, load, ask, tell)
+        text = _Page(report, results, folder, load, ask).text(tell)
     try:
         return write(path or folder / FILE, text)
     except UsageError as error:
         raise type(error)(f"{error}; --out FILE writes the page elsewhere") from error
 
 
-def _page(report: Report, results: Mapping[CellId, Result], folder: Path, load: Load, ask: Ask, tell: Tell) -> str:
-    colours = colours_of(report.groups)
-    drawings = drawings_of_tasks(report.learned, colours, load)
-    parts, done = list[TaskPart](), 0
-    for task, several in groupby(report.groups, key=lambda group: group.setting.task):
-        groups = list(several)
-        parts.append(
-            _task_part(f"task-{len(parts)}", groups, drawings.get(task, []), report, results, folder, load, ask)
+@dataclass(frozen=True)
+class _Page:
+    """What the page is made from: the arguments of `write_page`."""
+
+    report: Report
+    results: Mapping[CellId, Result]
+    folder: Path
+    load: Load
+    ask: Ask
+
+    @cached_property
+    def colours(self) -> Colours:
+        return colours_of(self.report.groups)
+
+    def text(self, tell: Tell) -> str:
+        """The HTML."""
+        report = self.report
+        drawings = drawings_of_tasks(report.learned, self.colours, self.load)
+        parts, done = list[Part](), 0
+        for choice, members in groupby(report.groups, key=lambda group: group.setting.task):
+            groups = list(members)
+            pictures = [_picture(drawing.label, drawing.draw()) for drawing in drawings.get(choice, [])]
+            parts.append({"key": f"task-{len(parts)}", "pictures": pictures, **self.task_part(choice, groups)})
+            done += len(groups)
+            tell(done, len(report.groups))
+        drawn = [
+            _picture(drawing.label, drawing.draw()) for drawing in drawings_of_all(report, self.colours, self.load)
+        ]
+        overview = _overview(report.tables["robustness"])
+        across = [*report.first, *(report.tables[name] for name in ("aggregates", "improvement"))]
+        across = [_trimmed(table) for table in across if table.rows]
+        rows, cells = _cells(report.groups)
+        keys = {part["name"]: part["key"] for part in parts}
+        tables = [overview, *across, cells, *(table for part in parts for table in (*part["tables"], part["worst"]))]
+        return _rendered(
+            title=self.folder.resolve().name or "results",
+            overview=overview,
+            task_links=[f"#{keys[str(row[0])]}" for row in overview.rows],
+            across=across,
+            pictures=drawn,
+            parts=parts,
+            cells=cells,
+            details=[_cell_part(row, self.results.get(row.id), self.folder) for row in rows],
+            notes={
+                table.notes: (f"notes-{i}", table.title.partition(":")[0])
+                for i, table in enumerate(tables)
+                if table.notes
+            },
+            circumstances=report.circumstances,
         )
-        done += len(groups)
-        tell(done, len(report.groups))
-    keys = {part.name: part.key for part in parts}
-    overview = _overview(report.tables["robustness"])
-    rows, left_out = first_cells(report.groups)
-    across = [*report.first, *(table for name in ("aggregates", "improvement") if (table := report.tables[name]).rows)]
-    cells = cells_shown(rows, left_out)
-    tables = [overview, *across, cells, *(table for part in parts for table in (*part.tables, part.worst))]
-    return _rendered(
-        title=folder.resolve().name or "results",
-        overview=overview,
-        task_links=[f"#{keys[str(row[0])]}" for row in overview.rows],
-        across=[_trimmed(table) for table in across],
-        pictures=_drawn([*drawings_across(report.fields, colours), *drawings_of_alignment(report.aligned, load)]),
-        parts=parts,
-        cells=_trimmed(cells),
-        details=[cell_part(row, results.get(row.id), folder) for row in rows],
-        notes={
-            table.notes: (f"notes-{i}", table.title.partition(":")[0]) for i, table in enumerate(tables) if table.notes
-        },
-        circumstances=report.circumstances,
-    )
+
+    def task_part(self, choice: Choice, groups: Sequence[Group]) -> Part:
+        """What the task is, what its policies did, and what the folder lacks."""
+        from stlbench.report.figures.counterexample import tell_story, worst_table
+
+        shown = [group for group in groups if group.outside or group in self.report.learned]
+        task, lacks, stories = None, list[str](), dict[Setting, Story]()
+        try:
+            task = self.load(choice)
+        except UsageError as error:
+            lacks.append(f"The task is not known here, so neither its formula nor traces are shown: {error}")
+        if not any(each.curve for group in shown for each in group.done):
+            lacks.append("No checkpoint is recorded: there are no learning curves.")
+        if task is not None and not (self.folder / TRACES).is_dir():
+            lacks.append(f"There is no folder {TRACES}/ beside these results: what policies did is not shown.")
+        elif task is not None:
+            for group in shown:
+                members = [self.results[row.id] for row in group.rows if row.numbers is not None]
+                try:
+                    if story := tell_story(task, members, self.folder):
+                        stories[group.setting] = story
+                except UsageError as error:
+                    lacks.append(str(error))
+        return {
+            "name": str(choice),
+            "title": "" if task is None else task.file.title,
+            "facts": [] if task is None else _facts(task),
+            "lacks": lacks,
+            "tables": _of_task(self.report, choice),
+            "worst": _trimmed(worst_table(stories), folded=True),
+            "policies": [] if task is None else list(self._policies(task, stories)),
+        }
+
+    def _policies(self, task: Task, stories: Mapping[Setting, Story]) -> Iterator[tuple[str, list[Picture]]]:
+        """The figures of each group: best, median and worst start; robustness in time; the reason of the worst."""
+        from stlbench.report.figures.counterexample import figures_of
+        from stlbench.report.figures.margins import bands_of
+
+        bands = bands_of(task.choice, (setting.method for setting in stories), self.ask)
+        for setting, story in stories.items():
+            track = "" if setting.track == "shared" else f", {setting.track}"
+            name = f"{setting.method} ({setting.agent}, {setting.budget}{track})"
+            figures = figures_of(task, story, bands[setting.method], name, self.colours[str(setting.method)])
+            yield name, [_picture(label, figure) for label, figure in figures]
 
 
 def _rendered(**content: Any) -> str:
-    """The template, filled in. Whatever a name holds is text there: jinja2 escapes it."""
+    """The template, filled in. jinja2 escapes all texts."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -158,49 +205,48 @@ def _rendered(**content: Any) -> str:
         lstrip_blocks=True,
     )
     environment.filters["shown"] = lambda value, column: show(value, column.digits)
-    template = environment.get_template("page.html")
     nonce = hashlib.sha256(repr(content).encode()).hexdigest()[:32]
-    return template.render(nonce=nonce, **content)
-
-
-def _drawn(drawings: Sequence[Drawing]) -> list[Picture]:
-    return [_picture(drawing.label, drawing.draw()) for drawing in drawings]
+    return environment.get_template("page.html").render(nonce=nonce, **content)
 
 
 def _picture(label: str, figure: Figure) -> Picture:
-    from stlbench.report.figures.files import svg_of
-
     width, height = (round(96 * inches) for inches in figure.get_size_inches())
     return Picture(label, base64.b64encode(svg_of(figure)).decode(), (width, height))
 
 
-# ------------------------------------------------------------------------------------------------------------ tables
+def _facts(task: Task) -> Facts:
+    file, parts = task.file, terms(task)
+    seconds = file.steps * file.sampling_time
+    return [
+        ("formula", str(task.formula)),
+        *(("term", str(term.formula)) for term in (parts if len(parts) > 1 else ())),
+        ("episode", f"{file.steps} steps of {file.sampling_time:g} s, {seconds:g} s together"),
+        ("horizon", f"{stl.horizon(task.formula)} steps"),
+        ("source", file.source),
+        *([("notes", " ".join(file.notes.split()))] if file.notes else []),
+    ]
+
+
+# -------------------------------------------------------------------------------------------------------------- tables
 
 
 def _overview(table: Table) -> Table:
     """The columns of the table of robustness that a wide screen shows."""
-    shown = [i for i, column in enumerate(table.columns) if column.drop <= 2 and not column.below]
-    rows = tuple(tuple(row[i] for i in shown) for row in table.rows)
-    return _trimmed(Table("Overview", tuple(table.columns[i] for i in shown), rows, table.notes))
+    shown = (i for i, column in enumerate(table.columns) if column.drop <= 2 and not column.below)
+    return _trimmed(table.select(shown, "Overview"))
 
 
 def _trimmed(table: Table, *, folded: bool = False) -> Table:
-    """Without columns that hold nothing; where `folded`, what all rows share goes into the title, as on a screen."""
-    columns, rows = table.columns, table.rows
-    shown = [i for i in range(len(columns)) if not rows or any(row[i] not in (None, "") for row in rows)]
-    alike = [i for i in shown if folded and columns[i].shared and len({row[i] for row in rows}) == 1]
-    common = ", ".join(f"{columns[i].heading} {show(rows[0][i])}" for i in alike)
-    shown = [i for i in shown if i not in alike]
-    return Table(
-        f"{table.title}: {common}" if common else table.title,
-        tuple(columns[i] for i in shown),
-        tuple(tuple(row[i] for i in shown) for row in rows),
-        table.notes,
-    )
+    """Without empty columns. If `folded`, what all rows share goes into the title, as on a screen."""
+    shown = [
+        i for i in range(len(table.columns)) if not table.rows or any(row[i] not in (None, "") for row in table.rows)
+    ]
+    alike = [i for i in shown if folded and i in table.alike]
+    return table.select((i for i in shown if i not in alike), table.title_with(alike))
 
 
 def _of_task(report: Report, choice: Choice) -> list[Table]:
-    """The rows of one task; what belongs to the task and its ablations alike has its name alone."""
+    """The rows of one task. Controllers and plans have rows of the task, and none of its ablations."""
     names: dict[str, Value] = {
         "robustness": str(choice),
         "comparisons": str(choice),
@@ -217,83 +263,69 @@ def _of_task(report: Report, choice: Choice) -> list[Table]:
     return tables
 
 
-# ------------------------------------------------------------------------------------------------------------- tasks
+# --------------------------------------------------------------------------------------------------------------- cells
 
 
-def _task_part(
-    key: str,
-    groups: Sequence[Group],
-    drawings: Sequence[Drawing],
-    report: Report,
-    results: Mapping[CellId, Result],
-    folder: Path,
-    load: Load,
-    ask: Ask,
-) -> TaskPart:
-    from stlbench.report.stories import Story, tell_story, worst_table
-
-    choice = groups[0].setting.task
-    shown = [group for group in groups if group.outside or group in report.learned]
-    task, lacks, stories = None, list[str](), dict[Setting, Story]()
-    try:
-        task = load(choice)
-    except UsageError as error:
-        lacks.append(f"The task is not known here, so neither its formula nor traces are shown: {error}")
-    if not any(each.curve for group in shown for each in group.done):
-        lacks.append("No checkpoint is recorded: there are no learning curves.")
-    if task is not None and not (folder / TRACES).is_dir():
-        lacks.append(f"There is no folder {TRACES}/ beside these results: what policies did is not shown.")
-    elif task is not None:
-        for group in shown:
-            members = [results[row.id] for row in group.rows if row.numbers is not None]
-            try:
-                story = tell_story(task, members, folder)
-            except UsageError as error:
-                lacks.append(str(error))
-                continue
-            if story is not None:
-                stories[group.setting] = story
-    colours = colours_of(report.groups)
-    return TaskPart(
-        key=key,
-        name=str(choice),
-        title="" if task is None else task.file.title,
-        facts=[] if task is None else _facts(task),
-        lacks=lacks,
-        tables=_of_task(report, choice),
-        pictures=_drawn(drawings),
-        worst=_trimmed(worst_table(stories), folded=True),
-        policies=[] if task is None else _policies(task, stories, colours, ask),
+def _cells(groups: Sequence[Group]) -> tuple[list[Row], Table]:
+    """The cells that the page has one by one, and their table."""
+    rows, notes = [row for group in groups for row in group.rows], list[str]()
+    if len(rows) > MOST:
+        seeds = max(1, MOST // len(groups))
+        notes.append(f"Of {len(rows)} cells the first {seeds} seeds of each setting; `stlbench show cell` shows any.")
+        rows = [row for group in groups for row in group.rows[:seeds]]
+    notes.append(
+        "Of the selected policy, from the report's starts. Open a cell for its scores, cost, provenance and log."
     )
+    early = any(row.numbers and row.numbers.ended_early for row in rows)
+    numbers: dict[Column, Callable[[Numbers], Value]] = {
+        Column("mean robustness", digits=3): lambda numbers: numbers.robustness_mean,
+        Column("worst start", digits=3): lambda numbers: numbers.robustness_min,
+        Column("satisfied", unit="%", digits=1): lambda numbers: 100 * numbers.satisfaction,
+        Column("ended early", unit="%", digits=1): (
+            lambda numbers: None if numbers.ended_early is None else 100 * numbers.ended_early
+        ),
+        Column("cell CPU", unit="s", digits=1): lambda numbers: numbers.cpu_seconds,
+    }
+    columns: dict[Column, Callable[[Row], Value]] = {
+        Column("cell", right=False): lambda row: row.id.name,
+        Column("budget", right=False): lambda row: row.id.budget,
+        Column("status", right=False): lambda row: row.status,
+        **{column: if_done(value) for column, value in numbers.items() if early or column.title != "ended early"},
+        Column("reason", right=False): lambda row: row.reason or None,
+    }
+    return rows, _trimmed(Table.of("Cells", rows, columns, (*notes, *([ENDED_EARLY] if early else []))))
 
 
-def _facts(task: Task) -> list[tuple[str, str]]:
-    from stlbench.report.figures.regions import terms
+def _cell_part(row: Row, result: Result | None, folder: Path) -> Part:
+    """All that is recorded of one cell: facts, tables, and texts such as a traceback."""
+    if result is None:
+        facts = {"status": row.status, "budget": row.id.budget}
+        return {"name": row.id.name, "facts": list(facts.items()), "tables": [], "texts": [], "provenance": []}
+    files, measured, outside = cell_files(folder, result.id, result.key), result.measurement, row.id.track == OUTSIDE
+    written = "\n".join(end_of_log(files.log, _LOG_LINES))
+    facts = {
+        "status": result.status,
+        "reason": result.reason,
+        "budget": result.id.budget,
+        "track": result.id.track,
+        "policy": _policy(result, files.policies, folder),
+        "log": str(files.log.relative_to(folder))
+        if written
+        else "none here: the cell wrote nothing, or it was not kept",
+    }
+    texts = {"Traceback": result.details, "End of its log": written}
+    return {
+        "name": result.id.name,
+        "facts": [(name, text) for name, text in facts.items() if text],
+        "tables": [] if measured is None else scores_and_cost(measured, outside=outside),
+        "texts": [(title, text) for title, text in texts.items() if text],
+        "provenance": [*result.provenance.items(), ("key", result.key)],
+    }
 
-    file, parts = task.file, terms(task)
-    seconds = file.steps * file.sampling_time
-    return [
-        ("formula", str(task.formula)),
-        *(("term", str(term.formula)) for term in (parts if len(parts) > 1 else ())),
-        ("episode", f"{file.steps} steps of {file.sampling_time:g} s, {seconds:g} s together"),
-        ("horizon", f"{stl.horizon(task.formula)} steps"),
-        ("source", file.source),
-        *([("notes", " ".join(file.notes.split()))] if file.notes else []),
-    ]
 
-
-def _policies(
-    task: Task, stories: Mapping[Setting, Any], colours: Colours, ask: Ask
-) -> list[tuple[str, list[Picture]]]:
-    """The figures of each group: best, median and worst start; robustness in time; why the worst is as it is."""
-    from stlbench.report.figures.margins import bands_of
-    from stlbench.report.stories import figures_of
-
-    bands = bands_of(task.choice, (setting.method for setting in stories), ask)
-    policies = list[tuple[str, list[Picture]]]()
-    for setting, story in stories.items():
-        track = "" if setting.track == "shared" else f", {setting.track}"
-        name = f"{setting.method} ({setting.agent}, {setting.budget}{track})"
-        figures = figures_of(task, story, bands[setting.method], name, colours[str(setting.method)])
-        policies.append((name, [_picture(label, figure) for label, figure in figures]))
-    return policies
+def _policy(result: Result, path: Path, folder: Path) -> str:
+    stored = result.measurement.policies if result.measurement else None
+    if stored is None:
+        return "none is stored" if result.measurement else ""
+    where = str(path.relative_to(folder)) if path.is_file() else "its file is not in this folder"
+    return f"{where}; SHA-256 selected {stored.selected}, final {stored.final}"

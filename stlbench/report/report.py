@@ -1,4 +1,4 @@
-"""All that is said of some results: one value, whose tables the terminal, the files and the page show."""
+"""One value holds all tables of some results; the terminal, the files and the page show them."""
 
 from __future__ import annotations
 
@@ -12,18 +12,16 @@ from stlbench.records import outputs
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.across import Field, aggregates_table, fields, improvement_table
 from stlbench.report.tables.alignment import Aligned, align, alignment_table
-from stlbench.report.tables.cells import cells_table, unfinished_table
+from stlbench.report.tables.cells import cells_table, circumstances, time_table, unfinished_table
 from stlbench.report.tables.comparisons import Comparison, advice, compare, comparisons_table
-from stlbench.report.tables.controllers import controllers_table
-from stlbench.report.tables.costs import circumstances, time_table
+from stlbench.report.tables.controllers import Known, best_known, controllers_table
 from stlbench.report.tables.formats import to_csv, to_latex, to_markdown
-from stlbench.report.tables.planned import best_known, split
 from stlbench.report.tables.robustness import overview, robustness_table
-from stlbench.report.tables.rows import Group, outside, trained
+from stlbench.report.tables.rows import Group, outside, split, trained
 from stlbench.report.tables.table import Table, Width
 
 if TYPE_CHECKING:
-    from stlbench.report.figures.units import Load
+    from stlbench.report.figures.regions import Load
     from stlbench.rollout.standards import Standard
 
 
@@ -36,9 +34,9 @@ class Report:
     standards: Mapping[str, Standard]
     """What the policies of each task are compared with."""
     recorded: Sequence[Group] | None = None
-    """All results of the folder, where `groups` are a part of them: plans are compared with all of these."""
+    """All results of the folder, if `groups` are a part of them: plans are compared with all of these."""
     first: tuple[Table, ...] = ()
-    """Tables that stand before these, such as one of bundles."""
+    """Tables that come before these, such as one of bundles."""
 
     @cached_property
     def learned(self) -> tuple[Group, ...]:
@@ -46,55 +44,49 @@ class Report:
         return split(self.groups)[0]
 
     @cached_property
-    def best(self) -> dict[Choice, float]:
-        """The best known robustness of the tasks that were learned."""
-        tasks = {group.setting.task for group in self.learned}
-        known = best_known(self._recorded, self.standards)
-        return {task: value for task, value in known.items() if task in tasks}
-
-    @cached_property
     def fields(self) -> tuple[Field, ...]:
         """The sets of tasks over which methods are aggregated."""
-        return fields(self.learned, self.standards, self.best)
+        return fields(self.learned, self._known)
 
     @cached_property
     def pairs(self) -> tuple[Comparison, ...]:
         """Each two methods on each task."""
-        return compare(self.learned, self.standards, self.best)
+        return compare(self.learned, self._known)
 
     @cached_property
     def aligned(self) -> tuple[Aligned, ...]:
-        """What was planned, beside what was learned."""
-        return align(self._recorded, self.standards, self.groups)
+        """What was planned, and what was learned in the same setting."""
+        known = Known(self.standards, best_known(self._recorded, self.standards))
+        return align(self._recorded, known, self.groups)
 
     @cached_property
     def overview(self) -> Table:
-        """One row per task, one column per method."""
-        return overview(self.learned, self.standards, self.best, advice(self.pairs))
+        """One row for each task, one column for each method."""
+        return overview(self.learned, self._known, advice(self.pairs))
 
     @cached_property
     def robustness(self) -> Table:
-        """One row per task, method, agent, budget and track."""
-        tasks = {group.setting.task for group in self.learned}
-        untrained = [each for each in outside(self._recorded) if each.setting.task in tasks or each in self.groups]
-        return robustness_table(self.learned, self.best, self.standards, untrained)
+        """One row for each task, method, agent, budget and track."""
+        untrained = [
+            each for each in outside(self._recorded) if each.setting.task in self._tasks or each in self.groups
+        ]
+        return robustness_table(self.learned, self._known, untrained)
 
     @cached_property
     def comparisons(self) -> Table:
-        """One row per pair of methods on a task."""
+        """One row for each pair of methods on a task."""
         return comparisons_table(self.pairs)
 
     @cached_property
     def tables(self) -> dict[str, Table]:
-        """The tables that are written as files and as JSON, by name; those without a row too."""
+        """The tables that are written as files and as JSON, by name, also those without a row."""
         names = {group.setting.task.name for group in self.groups}
-        known = {name: standard for name, standard in self.standards.items() if name in names}
         return {
             "robustness": self.robustness,
             "comparisons": self.comparisons,
             "aggregates": aggregates_table(self.fields),
             "improvement": improvement_table(self.fields),
-            "controllers": controllers_table(known),
+            "controllers": controllers_table({name: self.standards[name] for name in self.standards if name in names}),
             "alignment": alignment_table(self.aligned),
             "time": time_table(self.learned),
             "cells": cells_table(row for group in self.groups for row in group.rows),
@@ -103,10 +95,9 @@ class Report:
     @property
     def summary(self) -> tuple[Table, ...]:
         """What a reader is shown, in this order; tables without a row are left out."""
-        several = len({group.setting.task for group in self.learned}) > 1
         names = ("aggregates", "improvement", "robustness", "comparisons", "controllers", "alignment", "time")
-        tables = [self.overview] * several + [self.tables[name] for name in names] + [unfinished_table(self.groups)]
-        return (*self.first, *(table for table in tables if table.rows))
+        tables = [self.overview] * (len(self._tasks) > 1) + [self.tables[name] for name in names]
+        return (*self.first, *(table for table in (*tables, unfinished_table(self.groups)) if table.rows))
 
     @property
     def circumstances(self) -> Table:
@@ -117,24 +108,28 @@ class Report:
     def _recorded(self) -> Sequence[Group]:
         return self.groups if self.recorded is None else self.recorded
 
+    @cached_property
+    def _tasks(self) -> set[Choice]:
+        return {group.setting.task for group in self.learned}
+
+    @cached_property
+    def _known(self) -> Known:
+        """What is known of the tasks that were learned."""
+        best = best_known(self._recorded, self.standards)
+        return Known(self.standards, {task: value for task, value in best.items() if task in self._tasks})
+
 
 def write(report: Report, folder: Path, load: Load, width: Width = "page") -> list[Path]:
-    """Write every table into `folder`, and every figure that an earlier report did not draw alike; all files' paths.
+    """Write every table into `folder`, and every figure that has changed; the paths of all files.
 
-    report.md has all tables and the circumstances. Each table has a .csv and a .tex, cells a .csv alone; there is none
-    of aggregates below three tasks, and none of alignment where nothing was planned. figures/ has a few figures of each
+    report.md has all tables and the circumstances. Each table has a .csv and a .tex, cells a .csv alone. There are no
+    files of aggregates below three tasks, and none of alignment without a plan. figures/ has a few figures of each
     task. Figures and LaTeX fit the `width`. `load` loads a task, for the units of its axes.
-    Raises `UsageError` where the folder cannot be written, or a file or folder in it is a link.
+    Raises `UsageError` if the folder cannot be written, or a file or folder in it is a link.
     """
     from stlbench.report.figures.report_figures import write_figures
 
     figures = outputs.inside(folder / "figures", folder)
-    texts = [outputs.write(folder / name, text) for name, text in _texts(report, width).items()]
-    return [*texts, *write_figures(report, figures, load, width)]
-
-
-def _texts(report: Report, width: Width) -> dict[str, str]:
-    """File name -> content."""
     text = "\n".join(map(to_markdown, (*report.summary, report.circumstances)))
     files = {"report.md": f"# stlbench report\n\n{text}"}
     for name, table in report.tables.items():
@@ -142,4 +137,5 @@ def _texts(report: Report, width: Width) -> dict[str, str]:
             files[f"{name}.csv"] = to_csv(table)
             if name != "cells":
                 files[f"{name}.tex"] = to_latex(table, width)
-    return files
+    texts = [outputs.write(folder / name, text) for name, text in files.items()]
+    return [*texts, *write_figures(report, figures, load, width)]

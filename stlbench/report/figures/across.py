@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import groupby, pairwise
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from stlbench.contract import Array
 from stlbench.report.figures import layout
-from stlbench.report.figures.axes import Window, arrow_at_left, beyond_key, number, window
-from stlbench.report.figures.palette import BOUNDS, GROUPS_PER_FIGURE, INK, TRACE, Colours, lines_of
-from stlbench.report.figures.style import SINGLE, small, styled, tiny, width
+from stlbench.report.figures.style import (
+    BOUNDS,
+    INK,
+    SINGLE,
+    TRACE,
+    Colours,
+    lines_of,
+    pages,
+    small,
+    styled,
+    tiny,
+    width,
+)
 from stlbench.report.statistics.across import Estimate, profile
 from stlbench.report.tables.across import Entry, Field
 from stlbench.report.tables.alignment import Aligned
@@ -35,7 +44,7 @@ _MARKERS = ("D", "s", "^")
 
 
 def place(score: float) -> float:
-    """Where a score stands on the axis: -log10 of what it lacks of the best; 0 at random, 1 at 0.9, 2 at 0.99, to 3."""
+    """The place of a score on the axis, -log10(1 - score): 0 at random, 1 at 0.9, 2 at 0.99, up to 3."""
     return -math.log10(1 - min(score, _BEST))
 
 
@@ -47,10 +56,10 @@ def across_tasks(fields: Sequence[Field], colours: Colours) -> Figure:
     first field, with its band, in as many panels as colours tell methods apart.
     """
     first = fields[0]
-    parts = list(_parts(len(first.entries)))
+    parts = [part for _, part in pages(range(len(first.entries)))]
     heights = 1.1 + 0.25 * len(first.entries), 0.3 + 2.3 * len(parts)
     side_by_side = width() > 2 * SINGLE
-    figure = Figure(figsize=(width(), 0.5 + (max(heights) if side_by_side else sum(heights))), layout="constrained")
+    figure = layout.figure_of(0.5 + (max(heights) if side_by_side else sum(heights)))
     if side_by_side:
         left, right = figure.subfigures(1, 2, squeeze=False)[0]
     else:
@@ -60,16 +69,12 @@ def across_tasks(fields: Sequence[Field], colours: Colours) -> Figure:
     for axes, part in zip(panels, parts, strict=True):
         _profiles(axes, first, part, colours)
     _scores(panels[-1], "score", _lowest(first), _BEST)
-    layout.title(figure, f"Robustness across tasks ({first.name}; budget {first.budget}, track {first.track})")
-    layout.legend(figure, _keys(fields), 2)
-    return figure
-
-
-def _parts(count: int) -> Iterator[range]:
-    """The rows of each panel of profiles."""
-    panels = math.ceil(count / GROUPS_PER_FIGURE)
-    ends = [round(i * count / panels) for i in range(panels + 1)]
-    return (range(start, end) for start, end in pairwise(ends))
+    keys = [
+        layout.key_of(f"IQM over {field.name}, 95 % interval", color="0.3", marker=marker, markersize=5, linewidth=2)
+        for field, marker in zip(fields, _MARKERS, strict=False)
+    ]
+    title = f"Robustness across tasks ({first.name}; budget {first.budget}, track {first.track})"
+    return layout.finish(figure, title, keys, 2)
 
 
 def _aggregates(axes: Axes, fields: Sequence[Field], colours: Colours) -> None:
@@ -101,7 +106,7 @@ def _lowest(field: Field) -> float:
     return min(score for entry in field.entries for seeds in entry.scores for score in seeds)
 
 
-def _profiles(axes: Axes, field: Field, rows: range, colours: Colours) -> None:
+def _profiles(axes: Axes, field: Field, rows: Sequence[int], colours: Colours) -> None:
     places, lines = profiles(field)
     own = [colours[field.entries[row].method] for row in rows]
     for row, colour, line in zip(rows, own, lines_of(own), strict=True):
@@ -136,15 +141,6 @@ def _scores(axes: Axes, label: str, lowest: float, highest: float) -> None:
     axes.grid(alpha=0.3)
 
 
-def _keys(fields: Iterable[Field]) -> list[Line2D]:
-    """Entries of the legend: what is left of each field."""
-    looks = zip((field.name for field in fields), _MARKERS, strict=False)
-    return [
-        Line2D([], [], color="0.3", marker=marker, markersize=5, linewidth=2, label=f"IQM over {name}, 95 % interval")
-        for name, marker in looks
-    ]
-
-
 def _label(entry: Entry) -> str:
     """The method, with how many of the tasks it fits where that is not all."""
     return entry.method if all(entry.scores) else f"{entry.method}\n(fits {entry.coverage})"
@@ -175,16 +171,13 @@ def alignment(rows: Sequence[Aligned], units: Mapping[str, str]) -> Figure:
     columns = min(int(width() / SINGLE), len(panels))
     lines = [panels[at : at + columns] for at in range(0, len(panels), columns)]
     heights = [_AROUND + _ROW * max(len(members) for _, members in line) for line in lines]
-    figure = Figure(figsize=(width(), sum(heights) + 0.6), layout="constrained")
+    figure = layout.figure_of(sum(heights) + 0.6)
     cut = False
     grid = figure.add_gridspec(len(lines), columns, height_ratios=heights)
     for i, (task, members) in enumerate(panels):
         cut = _panel(figure.add_subplot(grid[i // columns, i % columns]), task, members, units[task]) or cut
-    layout.title(
-        figure, "Alignment: the best known, the best by the reward, the learned (means over the report starts)"
-    )
-    layout.legend(figure, _alignment_keys(cut), 3)
-    return figure
+    title = "Alignment: the best known, the best by the reward, the learned (means over the report starts)"
+    return layout.finish(figure, title, _alignment_keys(cut), 3)
 
 
 def _panel(axes: Axes, task: str, rows: Sequence[Aligned], unit: str) -> bool:
@@ -193,7 +186,7 @@ def _panel(axes: Axes, task: str, rows: Sequence[Aligned], unit: str) -> bool:
         places = [place for place, row in enumerate(rows) if row.method == method]
         if i % 2:
             axes.axhspan(places[0] - 0.5, places[-1] + 0.5, color="0.95", zorder=0)
-    shown = window([*_values(row)] for row in rows)
+    shown = layout.window([*_values(row)] for row in rows)
     for place, row in enumerate(rows):
         _marks(axes, place, row, shown)
     axes.axvline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)
@@ -213,7 +206,7 @@ def _values(row: Aligned) -> Iterator[float]:
     return (value for value in values if value is not None and math.isfinite(value))
 
 
-def _marks(axes: Axes, place: int, row: Aligned, shown: Window | None) -> None:
+def _marks(axes: Axes, place: int, row: Aligned, shown: layout.Window | None) -> None:
     ends = [value for value in (row.best_known, row.reward_optimal, row.selected) if value is not None]
     axes.plot((min(ends), max(ends)), (place, place), "-", color="0.8", linewidth=0.8, zorder=2)
     if row.best_known is not None:
@@ -222,16 +215,16 @@ def _marks(axes: Axes, place: int, row: Aligned, shown: Window | None) -> None:
     far = list[tuple[str, str]]()
     for value, mark in zip((row.final, row.selected, row.reward_optimal), _POLICIES, strict=True):
         if value is not None and shown is not None and value < shown.low:
-            far.append((number(value), mark["color"]))
+            far.append((layout.number(value), mark["color"]))
         elif value is not None:
             axes.plot([value], [place], linestyle="", zorder=4, clip_on=False, **mark)
     if far:
-        arrow_at_left(axes, place, far)
+        layout.arrow_at_left(axes, place, far)
 
 
 def _alignment_keys(cut: bool) -> list[Artist]:
     texts = ("learned: final policies", "learned: selected policies, mean over seeds", "best by the reward")
-    marks = [Line2D([], [], linestyle="", label=text, **mark) for text, mark in zip(texts, _POLICIES, strict=True)]
-    best = Line2D([], [], color=INK, linewidth=2, label="the best known")
+    marks = [layout.key_of(text, linestyle="", **mark) for text, mark in zip(texts, _POLICIES, strict=True)]
+    best = layout.key_of("the best known", color=INK, linewidth=2)
     keys = [best, *reversed(marks), layout.level_key("0: satisfied above")]
-    return [*keys, beyond_key("<", "below the axis: numbers in the colour of the mark")] if cut else [*keys]
+    return [*keys, layout.beyond_key("<", "below the axis: numbers in the colour of the mark")] if cut else [*keys]

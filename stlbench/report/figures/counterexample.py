@@ -1,25 +1,30 @@
-"""One trace and why it has its robustness: signals against time, the margin that decides, and the plane."""
+"""Why a trace has its robustness, in a figure; and the best, the median and the worst start of a group."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from stlbench import stl
 from stlbench.contract import Array
+from stlbench.contract.presentation import Band
+from stlbench.records.identity import Setting
+from stlbench.records.result import MAIN, Result
 from stlbench.report.figures import layout, plane
-from stlbench.report.figures.palette import MARK, TRACE
-from stlbench.report.figures.regions import parts, signals_in_time
-from stlbench.report.figures.style import SINGLE, small, styled, width
-from stlbench.report.figures.units import robustness_unit, signal_label, time_label
-from stlbench.rollout.reasons import first_loss
+from stlbench.report.figures.margins import robustness_in_time
+from stlbench.report.figures.regions import parts, robustness_unit, signal_label, time_label
+from stlbench.report.figures.style import MARK, SINGLE, TRACE, small, styled, width
+from stlbench.report.figures.trajectories import signals_in_time, trajectories
+from stlbench.report.tables.table import Column, Table, Value
+from stlbench.rollout.reasons import Loss, first_loss, last_step, reason
+from stlbench.rollout.traces import Recording, gather, load
 from stlbench.task.task import Task
 
 _PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1}
@@ -65,8 +70,7 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
     here, wide = place_of(task, trace, witness), task.file.plane is not None
     rows = len(task.signals) + (here.predicate is not None)
     side_by_side = wide and width() > 2 * SINGLE
-    tall = max(3.2, 1.2 + 1.1 * rows) + (_PLANE if wide and not side_by_side else 0.0)
-    figure = Figure(figsize=(width(), tall), layout="constrained")
+    figure = layout.figure_of(max(3.2, 1.2 + 1.1 * rows) + (_PLANE if wide and not side_by_side else 0.0))
     if side_by_side or not wide:
         grid = figure.add_gridspec(rows, 2 if wide else 1)
     else:
@@ -80,10 +84,8 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
     in_time[-1].tick_params(labelbottom=True)
     if wide:
         drawn |= set(_plane(figure.add_subplot(grid[:, 1] if side_by_side else grid[rows, 0]), task, trace, here))
-    layout.title(figure, title)
-    keys = _keys(task, sorted(drawn), here)
-    layout.legend(figure, keys, 1)
-    return figure
+    mark = layout.key_of(textwrap.fill(here.explanation, _LETTERS), linestyle="", marker="o", color=MARK, markersize=5)
+    return layout.finish(figure, title, [mark, *(layout.term_patch(i, str(parts(task)[i])) for i in sorted(drawn))], 1)
 
 
 def place_of(task: Task, trace: Array, witness: stl.Witness | None) -> Place:
@@ -150,7 +152,92 @@ def _plane(axes: Axes, task: Task, trace: Array, here: Place) -> tuple[int, ...]
     return view.drawn
 
 
-def _keys(task: Task, drawn: Sequence[int], here: Place) -> list[Artist]:
-    text, named = textwrap.fill(here.explanation, _LETTERS), parts(task)
-    mark = Line2D([], [], linestyle="", marker="o", color=MARK, markersize=5, label=text)
-    return [mark, *(layout.term_patch(i, str(named[i])) for i in drawn)]
+# ------------------------------------------------------------------------------------------------- stories of a group
+
+
+@dataclass(frozen=True)
+class Story:
+    """Of the selected policies of all seeds of a group."""
+
+    recording: Recording
+    """All traces."""
+    picks: tuple[int, ...]
+    """Which of them are the best, the median and the worst start, in this order; of a single start, that one."""
+    cell: str
+    """Of the worst start."""
+    start: int
+    """Which of the report's starts is the worst."""
+    robustness: float
+    """From there."""
+    place: Place
+    """Where this robustness comes from."""
+    loss: Loss | None
+    """What the worst start lost first; None where it satisfies."""
+
+    @property
+    def worst(self) -> Array:
+        """The trace of the worst start, as far as it was recorded: (t + 1, k)."""
+        trace: Array = self.recording.traces[self.picks[-1]]
+        return trace[: last_step(trace) + 1]
+
+
+def tell_story(task: Task, results: Sequence[Result], folder: Path) -> Story | None:
+    """Read the traces of finished cells; None where no result has values of single starts.
+
+    Raises `UsageError` where there is no file of the traces, or one of another version of the task.
+    """
+    starts = [
+        (value, result.id.name, start)
+        for result in results
+        if result.measurement is not None
+        for start, value in enumerate(result.measurement.selected[MAIN].robustness)
+    ]
+    if not starts:
+        return None
+    recording = gather([load(task, result, folder) for result in results])
+    ranked = sorted(range(len(starts)), key=lambda row: starts[row][0])
+    picks = tuple(dict.fromkeys((ranked[-1], ranked[len(ranked) // 2], ranked[0])))
+    value, cell, start = starts[ranked[0]]
+    trace = recording.traces[ranked[0]]
+    loss = first_loss(task, trace) if value <= 0 else None
+    place = place_of(task, trace[: last_step(trace) + 1], reason(task, trace))
+    return Story(recording, picks, cell, start, value, place, loss)
+
+
+def figures_of(task: Task, story: Story, bands: Sequence[Band], name: str, colour: str) -> list[tuple[str, Figure]]:
+    """The figures of a story, each with what it shows."""
+    picked = replace(story.recording, traces=story.recording.traces[list(story.picks)])
+    in_time = robustness_in_time(task, story.recording, bands, name, colour=colour)
+    why = counterexample(
+        task, story.worst, story.place.witness, f"{name}: worst start, robustness {story.robustness:.4g}"
+    )
+    return [
+        (f"{name}: the best, the median and the worst start", trajectories(task, picked, name, colour)),
+        *([(f"{name}: margin of each term against time; a term holds above 0", in_time)] if in_time else []),
+        (f"{name}: why the worst start has robustness {story.robustness:.4g}: {story.place.explanation}", why),
+    ]
+
+
+def worst_table(stories: Mapping[Setting, Story]) -> Table:
+    """Which part of the formula failed, when, by how much."""
+    columns: dict[Column, Callable[[tuple[Setting, Story]], Value]] = {
+        Column("method", right=False): lambda row: str(row[0].method),
+        Column("agent", right=False, shared=True): lambda row: str(row[0].agent),
+        Column("budget", right=False, shared=True): lambda row: row[0].budget,
+        Column("track", right=False, shared=True): lambda row: row[0].track,
+        Column("worst start", right=False): lambda row: f"{row[1].cell}, start {row[1].start}",
+        Column("robustness", digits=3): lambda row: row[1].robustness,
+        Column("lost first", right=False): lambda row: (loss := row[1].loss) and str(loss.conjunct),
+        Column("lost at step"): lambda row: (loss := row[1].loss) and loss.step,
+        Column("decided by", right=False): (
+            lambda row: "an early end" if (why := row[1].place.witness) is None else str(why.predicate)
+        ),
+        Column("at step"): lambda row: row[1].place.step,
+        Column("margin", digits=3): lambda row: why.margin if (why := row[1].place.witness) else None,
+    }
+    notes = (
+        "Of the selected policies of all seeds, the report's start with the least robustness.",
+        "Lost first: the part of the formula that nothing could satisfy any more from that step on. Decided by: the "
+        "predicate whose margin at that step is the robustness.",
+    )
+    return Table.of("Worst start of each method, and why", stories.items(), columns, notes)

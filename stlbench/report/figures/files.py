@@ -1,12 +1,13 @@
-"""Files of figures, PNG, SVG and PDF: their names, writing them, and what each of them says it was drawn from."""
+"""Files of figures, PNG, SVG and PDF. PNG and SVG have a digest of what they were drawn from."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
-from importlib import metadata
+from importlib import import_module, metadata
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,9 +27,9 @@ _DPI = 200
 
 
 def file_name(*parts: str) -> str:
-    """The parts as one name of a file, such as time-hold-disc-funnel. Raises `UsageError` where that could be a path.
+    """The parts as one name of a file, such as time-hold-disc-funnel. Raises `UsageError` if that could be a path.
 
-    Names of plugins and their parameters always can name a file; a ledger from elsewhere may hold anything.
+    Names of plugins and their parameters can always name a file; a ledger of somebody else may have any text.
     """
     for part in parts:
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.,=+\[\]-]*", part):
@@ -36,28 +37,44 @@ def file_name(*parts: str) -> str:
     return "-".join(parts)
 
 
-def source_of(*values: object) -> str:
-    """A digest (64 hex digits) of what a figure is drawn from: its values (as `repr`), format and code."""
-    return sha256(repr((_drawing(), format_now(), values)).encode()).hexdigest()
+@dataclass(frozen=True)
+class Drawing:
+    """A figure of a report that can be drawn."""
+
+    name: str
+    """Of its files."""
+    label: str
+    """What it shows, for those who cannot see it."""
+    function: tuple[str, str]
+    """Module and name, in this room, of the function that draws it. The module imports matplotlib."""
+    values: tuple[Any, ...]
+    """The function's arguments: what it is drawn from."""
+
+    def draw(self) -> Figure:
+        """Draw it."""
+        module, name = self.function
+        figure: Figure = getattr(import_module(f"{__package__}.{module}"), name)(*self.values)
+        return figure
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write the files, unless they are there and were drawn from the same; their paths.
+
+        A PDF has no digest within its first bytes; it is written before the others, which have it.
+        """
+        source = sha256(repr((_code(), format_now(), self.name, self.values)).encode()).hexdigest()
+        png, svg, pdf = paths = [folder / f"{self.name}.{end}" for end in _ENDS]
+        if pdf.is_file() and all(source.encode() in _head(path) for path in (png, svg)):
+            return paths
+        return save(self.draw(), folder, self.name, source)
 
 
 @cache
-def _drawing() -> tuple[str, ...]:
-    """What draws: versions, and the code of this room, so that a change of it shows without a new version."""
+def _code() -> tuple[str, ...]:
+    """Versions, and the code of this room, so that a change of it shows without a new version."""
     code = sha256()
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         code.update(path.read_bytes())
     return stlbench.__version__, metadata.version("matplotlib"), code.hexdigest()
-
-
-def drawn(folder: Path, name: str, source: str) -> list[Path]:
-    """The files of a figure where all are there and were drawn from this source (`source_of`); else none.
-
-    A PDF says nothing of its source within its first bytes; it is written before the others, which do.
-    """
-    png, svg, pdf = (folder / f"{name}.{end}" for end in _ENDS)
-    alike = pdf.is_file() and all(source.encode() in _head(path) for path in (png, svg))
-    return [png, svg, pdf] if alike else []
 
 
 def _head(path: Path) -> bytes:
@@ -71,32 +88,30 @@ def _head(path: Path) -> bytes:
 def save(figure: Figure, folder: Path, name: str, source: str = "") -> list[Path]:
     """Write the figure as `name`.png, .svg and .pdf, the same bytes whenever it is drawn again; their paths.
 
-    In the vector files text is text.
-
-    The PNG has 256 colours, a third of the size: reports are committed. They are chosen for coverage; by the usual
-    median cut, colours of few pixels such as a legend's were merged with their neighbours.
+    In the vector files text is text. The PNG has 256 colours, a third of the size, since reports are committed. They
+    are chosen for coverage: the usual median cut merged colours of few pixels, such as a legend's.
 
     Args:
         figure: what to write.
-        folder: is made where it is not there.
+        folder: is made if it is not there.
         name: without the ending.
-        source: of the figure (`source_of`), kept in PNG and SVG for `drawn`; none is kept where it is empty.
+        source: a digest of what it was drawn from, kept in PNG and SVG; empty keeps none.
     """
     import matplotlib as mpl
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
-    picture, few, svg, pdf, note = BytesIO(), BytesIO(), BytesIO(), BytesIO(), PngInfo()
+    picture, few, pdf, note = BytesIO(), BytesIO(), BytesIO(), PngInfo()
     with mpl.rc_context(rc()):
         figure.savefig(pdf, format="pdf", metadata={"CreationDate": None})
         figure.savefig(picture, format="png", dpi=_DPI)
-        figure.savefig(svg, format="svg", metadata={"Date": None, "Identifier": source or None})
     if source:
         note.add_text("Source", source)
     colours = Image.open(picture).convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     colours.save(few, format="png", optimize=True, pnginfo=note)
-    for end, file in (("pdf", pdf), ("svg", svg), ("png", few)):
-        write(folder / f"{name}.{end}", file.getvalue())
+    contents = {"pdf": pdf.getvalue(), "svg": _svg(figure, source=source), "png": few.getvalue()}
+    for end, content in contents.items():
+        write(folder / f"{name}.{end}", content)
     return [folder / f"{name}.{end}" for end in _ENDS]
 
 
@@ -110,10 +125,10 @@ def svg_of(figure: Figure) -> bytes:
     return _svg(figure, {"svg.fonttype": "path"}, transparent=True)
 
 
-def _svg(figure: Figure, settings: Mapping[str, Any] | None = None, **words: Any) -> bytes:
+def _svg(figure: Figure, settings: Mapping[str, str] | None = None, source: str = "", **options: bool) -> bytes:
     import matplotlib as mpl
 
     file = BytesIO()
     with mpl.rc_context(rc() | dict(settings or {})):
-        figure.savefig(file, format="svg", metadata={"Date": None}, **words)
+        figure.savefig(file, format="svg", metadata={"Date": None, "Identifier": source or None}, **options)
     return file.getvalue()

@@ -1,18 +1,21 @@
-"""What all figures lay out alike: titles that fit, patches of a legend."""
+"""What all figures lay out alike: titles and legends that fit, and axes whose values span orders of magnitude."""
 
 from __future__ import annotations
 
+import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from statistics import median
+from typing import Any, NamedTuple
 
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from stlbench.report.figures.palette import INK, term_style
-from stlbench.report.figures.style import small
+from stlbench.report.figures.style import INK, small, term_style, tiny, width
 
 LEVEL = INK
 """The grey of the line at robustness 0."""
@@ -20,29 +23,35 @@ REGION_ALPHA = 0.18
 _LETTERS_PER_INCH = 13.5
 """Of a title, which is set in 9 points."""
 _LETTER, _KEY = 0.56, 6
-"""Of a legend: the width of a letter, of its height; letters beside a label that its line or patch takes."""
+"""Of a legend: the width of a letter, as a share of its height; letters that a line or a patch takes."""
 
 
-def title(figure: Figure, text: str) -> None:
-    """The figure's title, on as many lines as its width takes."""
-    width = int(_LETTERS_PER_INCH * figure.get_figwidth())
-    figure.suptitle(textwrap.fill(text, width))
+def figure_of(height: float) -> Figure:
+    """An empty figure as wide as the current format, so many inches high."""
+    return Figure(figsize=(width(), height), layout="constrained")
 
 
-def legend(figure: Figure, keys: Sequence[Artist], most: int, size: float | None = None) -> None:
-    """The legend below a figure, in as many columns as its width takes, at most `most`; long labels are wrapped."""
+def finish(figure: Figure, title: str, keys: Sequence[Artist], columns: int, size: float | None = None) -> Figure:
+    """Add the title, on as many lines as the width takes, and the legend below, in at most so many columns."""
+    figure.suptitle(textwrap.fill(title, int(_LETTERS_PER_INCH * figure.get_figwidth())))
     points = size or small()
     letters = 72 * figure.get_figwidth() / (_LETTER * points)
     for key in keys:
         key.set_label(textwrap.fill(str(key.get_label()), int(letters) - _KEY))
     longest = max(len(line) for key in keys for line in str(key.get_label()).splitlines())
-    columns = max(1, min(most, len(keys), int(letters / (longest + _KEY))))
+    columns = max(1, min(columns, len(keys), int(letters / (longest + _KEY))))
     figure.legend(handles=list(keys), loc="outside lower center", ncols=columns, fontsize=points)
+    return figure
+
+
+def key_of(label: str, **style: Any) -> Line2D:
+    """The entry of a legend for a line or a mark of this style."""
+    return Line2D([], [], label=label, **style)
 
 
 def level_key(label: str) -> Line2D:
     """The entry of a legend for the line at robustness 0."""
-    return Line2D([], [], color=LEVEL, linewidth=0.9, label=label)
+    return key_of(label, color=LEVEL, linewidth=0.9)
 
 
 def patch(colour: str, label: str, alpha: float | None = None) -> Patch:
@@ -57,11 +66,162 @@ def absent_patch(label: str) -> Patch:
 
 def term_patch(i: int, label: str) -> Patch:
     """The box of a legend for the region of term i, filled and framed as the region is."""
-    style = term_style(i)
-    return Patch(
-        facecolor=to_rgba(style.colour, REGION_ALPHA),
-        edgecolor=style.colour,
-        hatch=style.hatch,
-        linewidth=1.3,
-        label=label,
-    )
+    colour, hatch = term_style(i)
+    return Patch(facecolor=to_rgba(colour, REGION_ALPHA), edgecolor=colour, hatch=hatch, linewidth=1.3, label=label)
+
+
+# ------------------------------------------------------------------------------------------------- ends with an arrow
+
+
+_NEAR, _FAR = 5.0, 10.0
+"""What lies so many times as far as the nearest group is shown with it; beyond the second number more is cut."""
+_LEAST, _LEAST_AT_ZERO = 1e-3, 2e-2
+"""Of the furthest value's distance, that of the nearest group is at least: one by chance at 0 cuts off no others.
+
+The second number counts where no value is positive, as where 0 is the best known.
+"""
+_ROOM = 0.25
+"""Below 0, of what is above it."""
+_FROM = 0.5
+"""Of a lower end's length: arrows stand further right, where the curves that rise have risen."""
+_MARGIN = 0.05
+_PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}
+"""Behind a number, over what else is there."""
+
+
+class Window(NamedTuple):
+    """The part of an axis that is shown."""
+
+    low: float
+    high: float
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """With a margin."""
+        margin = _MARGIN * (self.high - self.low) or 1.0
+        return self.low - margin, self.high + margin
+
+
+def window(groups: Iterable[Iterable[float]]) -> Window | None:
+    """Where to end an axis so that values of the best groups can be told apart; None if it can show all.
+
+    The distance of a value is from the best of all, or from 0 if none is positive. A group has that of its median. The
+    axis shows 0, and values up to five times as far as the nearest group, or as the best value is above 0. It shows all
+    if no value is more than ten times as far.
+    """
+    finite = [shown for group in groups if (shown := [value for value in group if math.isfinite(value)])]
+    values = [value for group in finite for value in group]
+    top = max([0.0, *values])
+    furthest = top - min(values, default=0.0)
+    share = _LEAST if top > 0 else _LEAST_AT_ZERO
+    least = max(min((top - median(group) for group in finite), default=0.0), top, share * furthest)
+    if furthest <= _FAR * least:
+        return None
+    return Window(min([-_ROOM * top, *(value for value in values if top - value <= _NEAR * least)]), top)
+
+
+def number(value: float) -> str:
+    """A value beyond the axis, in three digits or so."""
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}"
+
+
+def arrow_at_left(axes: Axes, place: float, texts: Sequence[tuple[str, str]]) -> None:
+    """At the left end of a row: an arrow, and the numbers that lie there, each with its colour."""
+    where, shift = axes.get_yaxis_transform(), 7.0
+    axes.plot([0.0], [place], "<", color=texts[0][1], markersize=4.5, transform=where, clip_on=False, zorder=6)
+    for text, colour in texts:
+        words = axes.annotate(text, (0.0, place), (shift, 0), xycoords=where, textcoords="offset points")
+        words.set(ha="left", va="center", color=colour, fontsize=tiny(), bbox=_PAPER, zorder=7)
+        shift += 0.62 * tiny() * len(text) + 5
+
+
+def arrows_below(axes: Axes, texts: Sequence[tuple[str, str]]) -> None:
+    """At the lower end of an axis: an arrow for each line that ends below it, and over it the number in its colour."""
+    where = axes.transAxes
+    for i, (text, colour) in enumerate(texts):
+        place = _FROM + (1 - _FROM) * (i + 1) / (len(texts) + 1)
+        axes.plot([place], [0.0], "v", color=colour, markersize=4.5, transform=where, clip_on=False, zorder=6)
+        words = axes.annotate(text, (place, 0.0), (0, 5), xycoords=where, textcoords="offset points", rotation=90)
+        words.set(ha="center", va="bottom", color=colour, fontsize=tiny(), bbox=_PAPER, zorder=7)
+
+
+def beyond_key(marker: str, text: str) -> Line2D:
+    """The entry of a legend for arrows."""
+    return key_of(text, linestyle="", marker=marker, color="0.3", markersize=5)
+
+
+# -------------------------------------------------------------------------------------------------- symmetric logarithm
+
+_LINEAR_ENOUGH = 10.0
+"""If the largest value is at most that many times the smaller one, a linear axis shows both well."""
+_DECADES = 4
+"""The logarithmic part has at most so many, so that a value near 0 does not squeeze all others."""
+_LINEAR_PART = 1.0
+"""From 0 to the threshold takes as much room as that many decades beyond."""
+_PAD = 0.04
+_ALONE = 0.25
+"""Of the threshold: an end from here on has a number, though it is in the linear part."""
+_APART = 2.5
+"""How many times the threshold the next tick is at least, so that their numbers do not touch."""
+
+
+def linear_threshold(value: float, largest: float) -> float | None:
+    """Up to which magnitude an axis has to be linear, so that values up to `value` can be told apart.
+
+    `largest` is the largest magnitude on the axis. The threshold is 1, 2 or 5 times a power of ten, and at least a
+    10,000th of `largest`. None if a linear axis will do.
+    """
+    reach = max(value, largest / 10**_DECADES)
+    if not math.isfinite(reach) or not math.isfinite(largest) or largest <= _LINEAR_ENOUGH * reach:
+        return None
+    return next(each for each in _round_numbers(reach) if 1.01 * each >= reach)
+
+
+def _round_numbers(value: float) -> list[float]:
+    """1, 2, 5 and 10 times the power of ten below a value, as the floats nearest to these decimals."""
+    exponent = math.floor(math.log10(value))
+    return [_decimal(digit, exponent) for digit in (1, 2, 5, 10)]
+
+
+def _decimal(digit: int, exponent: int) -> float:
+    """The float nearest to digit x 10^exponent, which a product in floats may miss."""
+    return float(f"{digit}e{exponent}")
+
+
+def set_symlog(axes: Axes, threshold: float, low: float, high: float) -> str:
+    """Make the y axis linear up to `threshold` and logarithmic beyond, over at least [low, high]; a note on it."""
+    low = min(low, -threshold) if low < 0 else 0.0
+    high = max(high, threshold) if high > 0 else 0.0
+    axes.set_yscale("symlog", linthresh=threshold, linscale=_LINEAR_PART)
+    major, minor = symlog_ticks(threshold, low, high)
+    axes.set_yticks(major, [f"{tick:g}" for tick in major])
+    axes.set_yticks(minor, minor=True)
+    axes.tick_params(axis="y", which="minor", labelleft=False)
+    transform = axes.yaxis.get_transform()
+    ends = transform.transform([low, high])
+    pad = _PAD * (ends[1] - ends[0])
+    axes.set_ylim(*transform.inverted().transform([ends[0] - pad, ends[1] + pad]))
+    return f"logarithmic beyond ±{threshold:g}"
+
+
+def symlog_ticks(threshold: float, low: float, high: float) -> tuple[list[float], list[float]]:
+    """Ticks with and without numbers, of an axis from `low` <= 0 to `high` >= 0.
+
+    Beyond the threshold each power of ten has a number; over one decade and a half or less 1, 2 and 5 times each. An
+    end below the threshold has the last round number before it.
+    """
+    major, minor = {0.0}, set[float]()
+    for sign, end in ((-1, -low), (1, high)):
+        if end < threshold:
+            if end > _ALONE * threshold:
+                major.add(sign * max(each for each in _round_numbers(end) if each <= end))
+            continue
+        digits: Sequence[int] = (1,) if end > 10**1.5 * threshold else (1, 2, 5)
+        nearest = _APART * threshold if len(digits) == 1 else threshold
+        major.add(sign * threshold)
+        for exponent in range(math.floor(math.log10(threshold)), math.floor(math.log10(end)) + 1):
+            for digit in range(1, 10):
+                value = _decimal(digit, exponent)
+                if threshold < value <= end:
+                    (major if digit in digits and value >= nearest else minor).add(sign * value)
+    return sorted(major), sorted(minor)

@@ -9,25 +9,20 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from stlbench.contract import Array, Intractable, Unsuitable
 from stlbench.contract.presentation import Band, Banded
 from stlbench.registry.choices import Choice
 from stlbench.report.figures import layout
-from stlbench.report.figures.axes import linear_threshold, set_symlog
-from stlbench.report.figures.palette import BOUNDS, TRACE
-from stlbench.report.figures.regions import rewarded_terms, terms
-from stlbench.report.figures.style import SINGLE as COLUMN
-from stlbench.report.figures.style import small, styled, width
-from stlbench.report.figures.units import robustness_unit, time_label
+from stlbench.report.figures.regions import rewarded_terms, robustness_unit, terms, time_label
+from stlbench.report.figures.style import BOUNDS, SINGLE, TRACE, small, styled, width
 from stlbench.rollout.questions import Ask, Question, answers
 from stlbench.rollout.traces import Recording
 from stlbench.stl import Term
 from stlbench.task import build_method, load_task
 from stlbench.task.task import Task
 
-SINGLE, READ = "0.45", "0.88"
+_ONE_TRACE, _READ = "0.45", "0.88"
 _SINGLE_TRACES = 7
 """Traces that are drawn one by one, from the worst to the best of the term's interval."""
 BAND_ELSEWHERE = "the method's bounds are of the rewarded form: `stlbench plot --rewarded`"
@@ -59,7 +54,7 @@ def robustness_in_time(
     rows = rewarded_terms(task) if rewarded else terms(task)
     if not rows:
         return None
-    figure = Figure(figsize=(width(), 1.0 + (1.6 if width() > 2 * COLUMN else 2.4) * len(rows)), layout="constrained")
+    figure = layout.figure_of(1.0 + (1.6 if width() > 2 * SINGLE else 2.4) * len(rows))
     by_term = {band.term: band for band in bands} if rewarded or task.file.rewarded is None else {}
     for axes, term in zip(figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0], rows, strict=True):
         unit = "rewarded form, no unit" if rewarded else robustness_unit(task, term.psi)
@@ -67,14 +62,14 @@ def robustness_in_time(
     axes.set_xlabel(time_label(task))
     count = f"{len(recording.traces)} traces" + (f", {recording.seeds} seeds" if recording.seeds > 1 else "")
     form = " of the rewarded form" if rewarded else ""
-    layout.title(figure, f"{title}: robustness{form} against time ({count})")
-    layout.legend(figure, _keys(bands, by_term, colour), 3)
-    return figure
+    return layout.finish(
+        figure, f"{title}: robustness{form} against time ({count})", _keys(bands, bool(by_term), colour), 3
+    )
 
 
 def _row(axes: Axes, task: Task, term: Term, traces: Array, band: Band | None, unit: str, colour: str) -> None:
     margins = task.specification.margin(term.psi)(traces)
-    axes.axvspan(term.start, term.end, color=READ, linewidth=0, zorder=0)
+    axes.axvspan(term.start, term.end, color=_READ, linewidth=0, zorder=0)
     axes.axhline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)
     if band is not None:
         _band(axes, band)
@@ -82,9 +77,9 @@ def _row(axes: Axes, task: Task, term: Term, traces: Array, band: Band | None, u
     label = f"robustness of psi\n[{unit}]"
     low, best = task.specification.range(term.psi)
     low, high = min(low, float(margins.min())), max(best, float(margins.max()))
-    threshold = linear_threshold([[best]], max(-low, high)) if best > 0 else None
+    threshold = layout.linear_threshold(best, max(-low, high)) if best > 0 else None
     if threshold is not None:
-        label += f"\n{set_symlog(axes, 'y', threshold, low, high)}"
+        label += f"\n{layout.set_symlog(axes, threshold, low, high)}"
     axes.set_title(
         textwrap.fill(str(term.formula), int(14.6 * width())), fontsize=small(), loc="left", family="monospace"
     )
@@ -100,7 +95,7 @@ def _traces(axes: Axes, margins: Array, term: Term, colour: str) -> None:
     read = margins[:, term.start : term.end + 1]
     order = np.argsort(read.min(axis=1) if term.kind == "G" else read.max(axis=1))
     for i in np.unique(np.linspace(0, len(order) - 1, _SINGLE_TRACES).round().astype(np.int64)):
-        axes.plot(t, margins[order[i]], color=SINGLE, linewidth=0.4, alpha=0.7, zorder=4)
+        axes.plot(t, margins[order[i]], color=_ONE_TRACE, linewidth=0.4, alpha=0.7, zorder=4)
     axes.plot(t, middle, color=colour, linewidth=1.3, zorder=5)
 
 
@@ -111,16 +106,16 @@ def _band(axes: Axes, band: Band) -> None:
         axes.plot(t, bound, "--", color=BOUNDS, linewidth=1.1, zorder=6)
 
 
-def _keys(bands: Sequence[Band], shown: object, colour: str) -> list[Artist]:
+def _keys(bands: Sequence[Band], shown: bool, colour: str) -> list[Artist]:
     keys: list[Artist] = [
-        Line2D([], [], color=colour, linewidth=1.3, label="median"),
+        layout.key_of("median", color=colour, linewidth=1.3),
         layout.patch(colour, "5 to 95 %", alpha=0.25),
-        Line2D([], [], color=SINGLE, linewidth=0.5, label="single traces"),
-        layout.patch(READ, "steps that the term reads"),
+        layout.key_of("single traces", color=_ONE_TRACE, linewidth=0.5),
+        layout.patch(_READ, "steps that the term reads"),
         layout.level_key("0: psi holds above"),
     ]
     if shown:
-        keys.append(Line2D([], [], color=BOUNDS, linestyle="--", linewidth=1.1, label="the method's bounds"))
+        keys.append(layout.key_of("the method's bounds", color=BOUNDS, linestyle="--", linewidth=1.1))
     elif bands:
         keys.append(layout.absent_patch(BAND_ELSEWHERE))
     return keys

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -13,10 +13,9 @@ from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
 
 from stlbench.contract import Array, Truth
-from stlbench.report.figures.layout import REGION_ALPHA
-from stlbench.report.figures.palette import TIME, term_style
-from stlbench.report.figures.regions import parts, region
-from stlbench.report.figures.units import signal_label
+from stlbench.report.figures import layout
+from stlbench.report.figures.regions import parts, region, signal_label
+from stlbench.report.figures.style import TIME, term_style
 from stlbench.task.task import Task
 
 _POINTS = 150
@@ -25,32 +24,14 @@ _GRID = 201
 _PAD = 0.06
 
 
-class _Mark(NamedTuple):
-    marker: Literal["o", "s", "X"]
-    colour: str
-    edge: str
-    size: float
-
-    def artist(self, places: Array, label: str = "") -> Line2D:
-        """A mark at each of the places (N, 2)."""
-        return Line2D(
-            *places.T,
-            linestyle="",
-            marker=self.marker,
-            color=self.colour,
-            markeredgecolor=self.edge,
-            markeredgewidth=0.7,
-            markersize=self.size,
-            label=label,
-        )
-
-
-_START, _END, _LEAVES = (
-    _Mark("o", "white", "black", 4),
-    _Mark("s", "black", "black", 3),
-    _Mark("X", "black", "white", 6),
+_START, _END, _LEAVES = tuple[dict[str, Any], ...](
+    {"linestyle": "", "marker": marker, "color": colour, "markeredgecolor": edge, "markeredgewidth": 0.7, "ms": size}
+    for marker, colour, edge, size in (
+        ("o", "white", "black", 4),
+        ("s", "black", "black", 3),
+        ("X", "black", "white", 6),
+    )
 )
-_NOWHERE = np.zeros((0, 2))
 
 
 class View(NamedTuple):
@@ -69,8 +50,8 @@ class View(NamedTuple):
 def lay_out(axes: Axes, task: Task, traces: Array, *, whole: bool = False) -> View:
     """Lay out the plane of a task that names one, with the regions of its formula's parts.
 
-    It shows the regions and the traces (N, T + 1, k), as far as these stay in the ranges of the signals; where the
-    `whole` is wanted, all of these ranges.
+    It shows the regions and the traces (N, T + 1, k), as far as these stay in the ranges of the signals, or the `whole`
+    of these ranges.
     """
     assert task.file.plane is not None
     names = task.file.plane
@@ -85,9 +66,8 @@ def lay_out(axes: Axes, task: Task, traces: Array, *, whole: bool = False) -> Vi
         if margin_and_truth is not None:
             margin, inside = margin_and_truth
             _fill(axes, grid, margin, inside, i)
-            visible.append(
-                np.column_stack([values[index] for values, index in zip(grid, inside.nonzero(), strict=True)])
-            )
+            at = zip(grid, inside.nonzero(), strict=True)
+            visible.append(np.column_stack([values[index] for values, index in at]))
             drawn.append(i)
     view = (ranges if whole else _around(np.concatenate(visible), ranges))._replace(drawn=tuple(drawn))
     axes.set(xlabel=signal_label(task, names[0]), ylabel=signal_label(task, names[1]))
@@ -98,9 +78,9 @@ def lay_out(axes: Axes, task: Task, traces: Array, *, whole: bool = False) -> Vi
 
 
 def _fill(axes: Axes, grid: Sequence[Array], margin: Array, inside: Truth, i: int) -> None:
-    """Draw the region of part i, where the margin (p_1, p_2) over the grid is known, and where psi holds."""
+    """Draw the region of part i, from the margin and the truth (p_1, p_2) over the grid."""
     colour, hatch = term_style(i)
-    levels, fill = (0.5, 1.5), to_rgba(colour, REGION_ALPHA)
+    levels, fill = (0.5, 1.5), to_rgba(colour, layout.REGION_ALPHA)
     filled = axes.contourf(*grid, inside.T.astype(float), levels=levels, colors=[fill], hatches=[hatch], zorder=1)
     filled.set_edgecolor(colour)  # of the hatch
     filled.set_linewidth(0)
@@ -126,15 +106,12 @@ def draw_traces(axes: Axes, task: Task, view: View, traces: Array) -> LineCollec
     lines.set_array(np.tile(chosen[:-1].astype(float), len(traces)))
     lines.set_clim(0, task.file.steps)
     axes.add_collection(lines)
-    marks = [_START.artist(places[:, 0]), _END.artist(places[:, -1])]
+    axes.add_line(Line2D(*places[:, 0].T, zorder=5, **_START))
+    axes.add_line(Line2D(*places[:, -1].T, zorder=6, **_END))
     away = leaving(view, traces)
     if away.any():
         exits = np.array([trace[np.argmax(_outside(view, trace))] for trace in places[away]])
-        marks.append(_LEAVES.artist(np.clip(exits, view.low, view.high)))
-        marks[-1].set_clip_on(False)
-    for zorder, mark in enumerate(marks, start=5):
-        mark.set_zorder(zorder)
-        axes.add_line(mark)
+        axes.add_line(Line2D(*np.clip(exits, view.low, view.high).T, zorder=7, clip_on=False, **_LEAVES))
     return lines
 
 
@@ -150,7 +127,7 @@ def _outside(view: View, places: Array) -> Truth:
 
 def mark_keys(away: Truth) -> list[Artist]:
     """Entries of a legend for the marks of `draw_traces`; `away` (N,) says which traces leave the picture."""
-    keys: list[Artist] = [_START.artist(_NOWHERE, "start"), _END.artist(_NOWHERE, "end")]
+    keys: list[Artist] = [layout.key_of("start", **_START), layout.key_of("end", **_END)]
     if away.any():
-        keys.append(_LEAVES.artist(_NOWHERE, f"leaves the picture here: {away.sum()} of {len(away)} traces"))
+        keys.append(layout.key_of(f"leaves the picture here: {away.sum()} of {len(away)} traces", **_LEAVES))
     return keys

@@ -1,23 +1,26 @@
-"""Where and when the parts of a task's formula hold, for pictures of its signals."""
+"""A task's formula and signals in pictures: where and when its parts hold, and the units of axes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import to_rgba
-from matplotlib.patches import Rectangle
 
 from stlbench import stl
 from stlbench.contract import Array, Truth, Unsuitable
-from stlbench.report.figures.layout import REGION_ALPHA
-from stlbench.report.figures.palette import term_style
-from stlbench.report.figures.units import time_label
+from stlbench.errors import UsageError
+from stlbench.registry.choices import Choice
 from stlbench.stl import Always, And, Eventually, Formula, Or, Release, Term, Until
+from stlbench.stl.language.structure import walk
 from stlbench.task.task import Task
+
+Load = Callable[[Choice | str], Task]
+"""Loads a task; raises `UsageError` if that is not possible."""
+
+_SAMPLES, _MOST_VALUES, _MOST_OTHERS = 2_000_000, 801, 4
+"""At most, in a picture: computed points, values of each signal that it leaves out, and such signals."""
 
 
 class Part(NamedTuple):
@@ -29,16 +32,16 @@ class Part(NamedTuple):
     end: int
     """The last."""
     operators: tuple[str, ...]
-    """Those that it stands in, from outside: G[0,900], F[0,99]."""
+    """The temporal operators around it, from outside: G[0,900], F[0,99]."""
 
     def __str__(self) -> str:
         return " ".join([*self.operators, str(self.psi)])
 
 
 def parts(task: Task) -> tuple[Part, ...]:
-    """The parts of the task's own formula, in their order; of one in the fragment of eq. 2, one per term.
+    """The parts of the task's own formula, in their order; of one in the fragment of eq. 2, one for each term.
 
-    Negations and implications of temporal formulas are read with their negations inside.
+    In temporal formulas, negations and implications are pushed inside first.
     """
     return tuple(_parts(Part(task.formula, 0, 0, ())))
 
@@ -70,14 +73,8 @@ def _inside(within: Part, operator: str, arg: Formula, a: int, b: int) -> Part:
     return Part(arg, within.start + a, within.end + b, (*within.operators, operator))
 
 
-_MOST_OTHERS = 4
-"""Signals of a term that a picture may leave out."""
-_SAMPLES, _MOST_VALUES = 2_000_000, 801
-"""Points that are looked at for a picture, about, and values of each signal that it leaves out, at most."""
-
-
 def terms(task: Task) -> tuple[Term, ...]:
-    """The terms of the task's own formula, which the referee scores; none where it is outside the fragment of eq. 2."""
+    """The terms of the task's own formula, which the referee scores; none if it is outside the fragment of eq. 2."""
     try:
         return stl.fragment(task.formula)
     except stl.FragmentError:
@@ -85,25 +82,18 @@ def terms(task: Task) -> tuple[Term, ...]:
 
 
 def rewarded_terms(task: Task) -> tuple[Term, ...]:
-    """The terms that reward methods see: of the task file's `rewarded` form where it has one."""
+    """The terms that reward methods see: of the task file's `rewarded` form if it has one."""
     try:
         return task.specification.terms
     except Unsuitable:
         return ()
 
 
-def heading(term: Term) -> str:
-    """The term's operators, which name it in a picture: G[900,1300] or F[0,600] G[0,200]."""
-    if term.kind == "FG":
-        return f"F[{term.a},{term.c1}] G[{term.c2},{term.b}]"
-    return f"{term.kind}[{term.a},{term.b}]"
-
-
 def region(task: Task, psi: Formula, axes: Sequence[Array], names: Sequence[str]) -> tuple[Array, Truth] | None:
     """The margin of `psi` over a grid of some signals, and where it holds.
 
-    Further signals that psi reads take what values in their ranges are best, of a few: a region in the plane is the
-    shadow of that in space.
+    Other signals that psi reads take the best of a few values in their ranges: a region in the plane is the projection
+    of the region in space.
 
     Args:
         task: gives the signals and their ranges.
@@ -112,8 +102,8 @@ def region(task: Task, psi: Formula, axes: Sequence[Array], names: Sequence[str]
         names: one signal or two.
 
     Returns:
-        Margin and truth, both (p_1, p_2) or (p_1,). None where psi reads none of these signals, or more than four
-        others, which are too many to search.
+        Margin and truth, both (p_1, p_2) or (p_1,). None if psi reads none of these signals, or more than four others,
+        which are too many to search.
     """
     read, specification = stl.signals(psi), task.specification
     hidden = [name for name in task.signals if name in read and name not in names]
@@ -136,55 +126,95 @@ def region(task: Task, psi: Formula, axes: Sequence[Array], names: Sequence[str]
     return margin, truth
 
 
-READ = "0.92"
-"""The grey of the steps at which a part of the formula is read."""
+# --------------------------------------------------------------------------------------------------------------- units
+
+NO_UNIT = "-"
+"""If the task file names none."""
+UNKNOWN = "unit of the predicates"
+_SAME_UNIT = ("abs", "min", "max", "norm", "norminf")
+"""Functions whose value has the unit of their arguments."""
 
 
-class Read(NamedTuple):
-    """That a part of the formula reads a signal."""
-
-    row: int
-    """Which signal."""
-    place: int
-    """Which part."""
-    part: Part
-    ranges: list[tuple[float, float]]
-    """Values of the signal with which the part can hold."""
+def signal_label(task: Task, name: str) -> str:
+    """The signal with its unit: x [m]."""
+    return f"{name} [{task.file.signals[name].unit or NO_UNIT}]"
 
 
-def readings(task: Task) -> Iterator[Read]:
-    """Which signals the parts read, as far as that can be drawn."""
-    for row, (name, signal) in enumerate(task.file.signals.items()):
-        grid = np.linspace(signal.low, signal.high, 1001)
-        for i, part in enumerate(parts(task)):
-            shadow = region(task, part.psi, (grid,), (name,)) if name in stl.signals(part.psi) else None
-            if shadow is not None:
-                yield Read(row, i, part, [(float(grid[first]), float(grid[last])) for first, last in _runs(shadow[1])])
+def time_label(task: Task) -> str:
+    """The label of the time axis."""
+    return f"time [steps of {task.file.sampling_time:g} s]"
 
 
-def signals_in_time(rows: Sequence[Axes], task: Task) -> list[int]:
-    """Lay out one row per signal: when each part of the formula is read, and with which values it can hold then.
+def robustness_unit(task: Task, formula: stl.Formula) -> str:
+    """The unit of a formula's robustness: "m"; "rad or rad/s" if predicates have different ones.
 
-    Returns:
-        Indices of the parts that have a region in some row.
+    "unit of the predicates" if a predicate is no sum, difference, multiple or norm of signals of one unit.
     """
-    drawn = set()
-    for row, i, part, ranges in readings(task):
-        drawn.add(i)
-        rows[row].axvspan(part.start, part.end, color=READ, linewidth=0, zorder=0)
-        colour, hatch = term_style(i)
-        for low, high in ranges:
-            corner, size = (part.start, low), (part.end - part.start, high - low)
-            fill = to_rgba(colour, 2 * REGION_ALPHA)
-            rows[row].add_patch(Rectangle(corner, *size, facecolor=fill, edgecolor=colour, hatch=hatch, zorder=1))
-    for axes in rows:
-        axes.set_xlim(0, task.file.steps)
-        axes.grid(alpha=0.25)
-    rows[-1].set_xlabel(time_label(task))
-    return sorted(drawn)
+    units = list[str]()
+    for node in walk(formula):
+        if isinstance(node, stl.Predicate):
+            unit = _common(task, (node.left, node.right))
+            if not unit:
+                return UNKNOWN
+            units.append(unit)
+    return " or ".join(dict.fromkeys(units)) or UNKNOWN
 
 
-def _runs(truth: Truth) -> list[tuple[int, int]]:
-    """First and last index of each run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], truth, [False]]).astype(np.int8)))
-    return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
+def _common(task: Task, expressions: Sequence[stl.Expression]) -> str | None:
+    """The unit of all these expressions; empty if all are constants, None if they have none in common."""
+    units = {_unit(task, each) for each in expressions} - {""}
+    return units.pop() if len(units) == 1 else None if units else ""
+
+
+def _unit(task: Task, expression: stl.Expression) -> str | None:
+    """The unit of an expression; empty for constants, None if it is none of the signals' units."""
+    match expression:
+        case stl.Number():
+            return ""
+        case stl.Signal(name):
+            return task.file.signals[name].unit or NO_UNIT
+        case stl.Negative(arg):
+            return _unit(task, arg)
+        case stl.Binary("*", stl.Number(), part) | stl.Binary("*" | "/", part, stl.Number()):
+            return _unit(task, part)
+        case stl.Binary("+" | "-", left, right):
+            return _common(task, (left, right))
+        case stl.Call(name, args) if name in _SAME_UNIT:
+            return _common(task, args)
+    return None
+
+
+class Scale(NamedTuple):
+    """What an axis of a task's robustness says."""
+
+    unit: str
+    most: float
+    """No trace within the signals' ranges has more robustness; inf if nothing is known."""
+
+
+def scale_of_task(choice: Choice | str, load: Load) -> Scale:
+    """The scale of the robustness of a task's formula; "unit of the predicates" if the task is not installed here."""
+    try:
+        task = load(choice)
+    except UsageError:
+        return Scale(UNKNOWN, math.inf)
+    return Scale(robustness_unit(task, task.formula), _most(task, task.formula))
+
+
+def _most(task: Task, formula: stl.Formula) -> float:
+    """An upper bound of the robustness, from the ranges of the signals: parts may be read at different times."""
+    if not stl.is_temporal(formula):
+        try:
+            return task.specification.range(formula)[1]
+        except stl.UndefinedError:
+            return math.inf
+    match formula:
+        case And(args):
+            return min(_most(task, arg) for arg in args)
+        case Or(args):
+            return max(_most(task, arg) for arg in args)
+        case Always(_, _, arg) | Eventually(_, _, arg) | Until(_, _, _, arg):
+            return _most(task, arg)
+        case _ if (pushed := stl.negations_inside(formula)) != formula:
+            return _most(task, pushed)
+    return math.inf

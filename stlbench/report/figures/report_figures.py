@@ -1,70 +1,42 @@
 """Figures of a report, from the numbers of cells alone: robustness by method, learning curves, all tasks, alignment.
 
-A figure whose files are there, drawn from the same, is not drawn again: matplotlib alone takes a second to import.
+A figure whose files were drawn from the same is not drawn again: matplotlib alone takes a second to import.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stlbench.registry.choices import Choice
-from stlbench.report.figures.files import drawn, file_name, save, source_of
-from stlbench.report.figures.palette import Colours, colours_of, pages
-from stlbench.report.figures.style import fitting
-from stlbench.report.figures.units import Load, Scale, scale_of_task
-from stlbench.report.tables.across import Field
-from stlbench.report.tables.alignment import Aligned
+from stlbench.report.figures.files import Drawing, file_name
+from stlbench.report.figures.regions import Load, Scale, scale_of_task
+from stlbench.report.figures.style import Colours, colours_of, fitting, pages
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Width
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from stlbench.report.report import Report
 
 ROWS_PER_FIGURE = 24
 """Groups that have a row each."""
 
 
-@dataclass(frozen=True)
-class Drawing:
-    """A figure that can be drawn."""
-
-    name: str
-    """Of its files."""
-    label: str
-    """What it shows, for those who cannot see it."""
-    values: tuple[object, ...]
-    """What it is drawn from."""
-    draw: Callable[[], Figure]
-
-    def write(self, folder: Path) -> list[Path]:
-        """Write the files, unless they are there and were drawn from the same; their paths."""
-        source = source_of(self.name, *self.values)
-        return drawn(folder, self.name, source) or save(self.draw(), folder, self.name, source)
-
-
 def write_figures(report: Report, folder: Path, load: Load, width: Width) -> list[Path]:
     """Draw what has changed of a report's figures; the paths of all files."""
     colours = colours_of(report.groups)
     with fitting(width):
-        drawings = [
-            *(drawing for several in drawings_of_tasks(report.learned, colours, load).values() for drawing in several),
-            *drawings_across(report.fields, colours),
-            *drawings_of_alignment(report.aligned, load),
-        ]
+        of_tasks = drawings_of_tasks(report.learned, colours, load).values()
+        drawings = [*(each for several in of_tasks for each in several), *drawings_of_all(report, colours, load)]
         return [path for drawing in drawings for path in drawing.write(folder)]
 
 
 def drawings_of_tasks(groups: Sequence[Group], colours: Colours, load: Load) -> dict[Choice, list[Drawing]]:
     """Robustness by method, and learning curves, of each task that has a finished cell.
 
-    Where a task has more groups than one figure takes, further figures have names that end in _2, _3, ...
+    If a task has more groups than one figure takes, further figures have names that end in _2, _3, ...
     """
     drawings = dict[Choice, list[Drawing]]()
     for task, members in groupby(groups, key=lambda group: group.setting.task):
@@ -74,8 +46,8 @@ def drawings_of_tasks(groups: Sequence[Group], colours: Colours, load: Load) -> 
                 Drawing(
                     file_name("robustness", str(task)) + end,
                     f"Robustness by seed of {len(page)} methods on {task}; the table of robustness has the numbers",
-                    (scale, page, _own(colours, page)),
-                    partial(_robustness, page, scale, colours),
+                    ("methods", "robustness_by_method"),
+                    (page, scale, _own(colours, page)),
                 )
                 for end, page in pages(of_task, ROWS_PER_FIGURE)
             ]
@@ -89,8 +61,8 @@ def drawings_of_learning(groups: Sequence[Group], colours: Colours, scale: Scale
         Drawing(
             file_name("learning", str(page[0].setting.task)) + ("" if track == "shared" else f"-{track}") + end,
             f"Satisfaction and robustness of the checkpoints of {len(page)} methods, against environment steps",
-            (scale, page, _own(colours, page)),
-            partial(_learning, page, scale, colours),
+            ("methods", "learning_curves"),
+            (page, scale, _own(colours, page)),
         )
         for track in dict.fromkeys(group.setting.track for group in groups)
         for end, page in pages([group for group in groups if group.setting.track == track])
@@ -98,54 +70,25 @@ def drawings_of_learning(groups: Sequence[Group], colours: Colours, scale: Scale
     ]
 
 
-def drawings_across(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
-    """One figure over all tasks of each budget and track."""
-    by_kind = dict[tuple[str, str], list[Field]]()
-    for field in fields:
-        by_kind.setdefault((field.budget, field.track), []).append(field)
-    return [
-        Drawing(
-            file_name("across", *kind),
+def drawings_of_all(report: Report, colours: Colours, load: Load) -> list[Drawing]:
+    """A figure over all tasks of each budget and track, and one of all that was planned."""
+    drawings = list[Drawing]()
+    for kind, members in groupby(report.fields, key=lambda field: (field.budget, field.track)):
+        several = list(members)
+        label = (
             "Interquartile means of the methods over all tasks, and the share of runs above each score; the table "
-            "across tasks has the numbers",
-            (several, [colours[entry.method] for entry in several[0].entries]),
-            partial(_across, several, colours),
+            "across tasks has the numbers"
         )
-        for kind, several in by_kind.items()
-    ]
+        own = {entry.method: colours[entry.method] for entry in several[0].entries}
+        drawings.append(Drawing(file_name("across", *kind), label, ("across", "across_tasks"), (several, own)))
+    finished = [row for row in report.aligned if row.reward_optimal is not None]
+    if finished:
+        label = "The best known robustness, the best policy by each reward, and what was learned with it"
+        units = {row.task: scale_of_task(row.task, load).unit for row in finished}
+        drawings.append(Drawing("alignment", label, ("across", "alignment"), (finished, units)))
+    return drawings
 
 
-def drawings_of_alignment(rows: Sequence[Aligned], load: Load) -> list[Drawing]:
-    """One figure of all that was planned; none where nothing was."""
-    finished = [row for row in rows if row.reward_optimal is not None]
-    units = {row.task: scale_of_task(row.task, load).unit for row in finished}
-    label = "The best known robustness, the best policy by each reward, and what was learned with it"
-    return [Drawing("alignment", label, (units, finished), partial(_alignment, finished, units))] if finished else []
-
-
-def _own(colours: Colours, groups: Sequence[Group]) -> list[str]:
-    return [colours[str(group.setting.method)] for group in groups]
-
-
-def _robustness(groups: Sequence[Group], scale: Scale, colours: Colours) -> Figure:
-    from stlbench.report.figures.robustness import robustness_by_method
-
-    return robustness_by_method(groups, scale.unit, colours)
-
-
-def _learning(groups: Sequence[Group], scale: Scale, colours: Colours) -> Figure:
-    from stlbench.report.figures.learning import learning_curves
-
-    return learning_curves(groups, scale.unit, colours, scale.most)
-
-
-def _across(fields: Sequence[Field], colours: Colours) -> Figure:
-    from stlbench.report.figures.across import across_tasks
-
-    return across_tasks(fields, colours)
-
-
-def _alignment(rows: Sequence[Aligned], units: Mapping[str, str]) -> Figure:
-    from stlbench.report.figures.across import alignment
-
-    return alignment(rows, units)
+def _own(colours: Colours, groups: Sequence[Group]) -> dict[str, str]:
+    methods = (str(group.setting.method) for group in groups)
+    return {method: colours[method] for method in methods}

@@ -1,13 +1,19 @@
-"""The style of all figures: fonts, widths of columns, lines. Sizes are those of print, as a paper takes them."""
+"""The style of all figures: sizes as a paper prints them, and what tells groups and terms apart."""
+
+# matplotlib is imported late: a report whose figures are up to date does not need it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
-from typing import Any, NamedTuple, ParamSpec, TypeVar
+from itertools import cycle, pairwise
+from typing import Any, Literal, NamedTuple, ParamSpec, TypeVar
 
+from stlbench.report.tables.rows import Group, split, unfinished
 from stlbench.report.tables.table import Width
 
 SINGLE, DOUBLE = 3.5, 7.16
@@ -33,7 +39,7 @@ _now: ContextVar[Format] = ContextVar("format", default=_FORMATS["page"])
 
 @contextmanager
 def fitting(wanted: Width) -> Iterator[None]:
-    """What is drawn within fits a column of a paper, or the page."""
+    """Figures drawn within fit a column of a paper, or the page."""
     before = _now.set(_FORMATS[wanted])
     try:
         yield
@@ -42,7 +48,7 @@ def fitting(wanted: Width) -> Iterator[None]:
 
 
 def format_now() -> Format:
-    """The format of what is drawn now."""
+    """The current format."""
     return _now.get()
 
 
@@ -62,7 +68,7 @@ def tiny() -> float:
 
 
 def rc() -> dict[Any, Any]:
-    """What matplotlib is told, for the format of now."""
+    """The settings of matplotlib for the current format."""
     sizes = _now.get()
     return {
         "font.family": ["DejaVu Sans"],  # comes with matplotlib, so that figures are the same on every machine
@@ -94,10 +100,11 @@ def rc() -> dict[Any, Any]:
 
 Words = ParamSpec("Words")
 Drawn = TypeVar("Drawn")
+Shown = TypeVar("Shown")
 
 
 def styled(draw: Callable[Words, Drawn]) -> Callable[Words, Drawn]:
-    """Make what a function draws look so; matplotlib reads most of it when an artist is made."""
+    """Give a function's figure this style; matplotlib reads most of it when an artist is made."""
 
     @wraps(draw)
     def drawing(*args: Words.args, **words: Words.kwargs) -> Drawn:
@@ -107,3 +114,94 @@ def styled(draw: Callable[Words, Drawn]) -> Callable[Words, Drawn]:
             return draw(*args, **words)
 
     return drawing
+
+
+Colours = Mapping[str, str]
+"""Method -> its colour, on every chart of a folder of results."""
+SAFE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Okabe and Ito's palette without its yellow, which is hard to see on white; told apart by colour-blind readers."""
+_FURTHER = ("#8C6D31", "#C2185B", "#5E9C1F", "#6B6ECF", "#A55194", "#17A2A2", "#8F8F8F")
+"""Of as many more methods; also of terms, which seldom meet so many."""
+COLOURS = (*SAFE, *_FURTHER)
+"""Of methods, and of nothing else."""
+INK, TRACE, MARK, BOUNDS = "0.15", "0.3", "#A00000", "#6A3D9A"
+"""What belongs to no method: what is best possible, recorded traces, what decides, a method's own bounds."""
+TIME = "cividis"
+"""Colours of the time along a trace: from blue to yellow, so that no term's colour is among them."""
+Line = Literal["-", "--", ":"]
+LINES: tuple[Line, ...] = ("-", "--", ":")
+GROUPS_PER_FIGURE = len(SAFE)
+"""In figures that tell them apart by colour."""
+TERM_COLOURS = _FURTHER[:5]
+HATCHES = ("", "///", "...", "xxx")
+
+
+class GroupStyle(NamedTuple):
+    """How one group looks in every figure of its task."""
+
+    label: str
+    """The method, with agent and budget where they differ, and how many seeds finished: "flag: 4 of 5 seeds"."""
+    colour: str
+    line: Line
+
+
+class TermStyle(NamedTuple):
+    """How the region of one term of a task is filled."""
+
+    colour: str
+    hatch: str
+    """Empty for the first terms; further terms have a hatch beside their colour."""
+
+
+def colours_of(groups: Sequence[Group]) -> Colours:
+    """The colour of each method, given all groups of a folder; after `COLOURS` methods they come again.
+
+    Methods that learned come first, by name; then those that were only planned for.
+    """
+    learned = {str(group.setting.method) for group in split(groups)[0]}
+    planned = {str(group.setting.method) for group in groups} - learned
+    return dict(zip([*sorted(learned), *sorted(planned)], cycle(COLOURS), strict=False))
+
+
+def lines_of(colours: Iterable[str]) -> list[Line]:
+    """For lines of these colours on one chart: lines of one colour differ in how they are drawn, first solid."""
+    seen, result = Counter[str](), list[Line]()
+    for colour in colours:
+        result.append(LINES[seen[colour] % len(LINES)])
+        seen[colour] += 1
+    return result
+
+
+def styles(groups: Sequence[Group], colours: Colours) -> list[GroupStyle]:
+    """The styles of groups that one chart of their task shows; `colours` of their methods."""
+    further = [
+        part for part in ("agent", "budget", "track") if len({getattr(each.setting, part) for each in groups}) > 1
+    ]
+    own = [colours[str(group.setting.method)] for group in groups]
+    names = [", ".join(str(getattr(group.setting, part)) for part in ("method", *further)) for group in groups]
+    return [
+        GroupStyle(f"{name}: {_standing(group)}", colour, line)
+        for group, name, colour, line in zip(groups, names, own, lines_of(own), strict=True)
+    ]
+
+
+def _standing(group: Group) -> str:
+    """ "4 of 5 seeds, 1 timeout"; "intractable" if all seeds ended alike without a result."""
+    statuses = {row.status for row in group.rows if row.numbers is None}
+    if not group.done and len(statuses) == 1:
+        return statuses.pop()
+    ended = unfinished(group.rows)
+    return f"{len(group.done)} of {len(group.rows)} seeds" + (f", {ended}" if ended else "")
+
+
+def pages(shown: Sequence[Shown], size: int = GROUPS_PER_FIGURE) -> Iterator[tuple[str, Sequence[Shown]]]:
+    """Pages of at most `size` each, about as many on each, after the endings of their files: "", "_2", "_3", ..."""
+    count = math.ceil(len(shown) / size)
+    ends = [round(i * len(shown) / count) for i in range(count + 1)] if count else []
+    for i, (start, end) in enumerate(pairwise(ends)):
+        yield f"_{i + 1}" if i else "", shown[start:end]
+
+
+def term_style(i: int) -> TermStyle:
+    """The style of term i of a task; the first 20 are all different."""
+    return TermStyle(TERM_COLOURS[i % len(TERM_COLOURS)], HATCHES[i // len(TERM_COLOURS) % len(HATCHES)])

@@ -1,31 +1,36 @@
-"""Trajectories, of one method or of plans side by side: in the plane that the task names, else signals against time."""
+"""Trajectories, of one method or of several plans: in the plane that the task names, else signals against time."""
 
 from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from stlbench.contract import Array
+from stlbench import stl
+from stlbench.contract import Array, Truth
 from stlbench.report.figures import layout, plane
-from stlbench.report.figures.palette import TRACE
-from stlbench.report.figures.regions import READ, parts, signals_in_time
-from stlbench.report.figures.style import small, styled, tiny, width
-from stlbench.report.figures.units import signal_label, time_label
+from stlbench.report.figures.regions import parts, region, signal_label, time_label
+from stlbench.report.figures.style import TRACE, small, styled, term_style, tiny, width
 from stlbench.rollout.traces import Recording
 from stlbench.task.task import Task
 
+READ = "0.92"
+"""The grey of the steps at which a part of the formula is read."""
 TRACES_PER_PANEL = 16
+PLANS_PER_FIGURE = 6
 _PLANE = 4.6
 """Inches: wider than one column, since the formula stands under it."""
+_PANEL = 1.7
+"""Inches of a panel of a plan, at least."""
 
 
 @styled
@@ -34,57 +39,17 @@ def trajectories(task: Task, recording: Recording, title: str, colour: str = TRA
 
     Against time they have the method's colour; in a plane their colour is the time.
     """
-    shown = recording.evenly(TRACES_PER_PANEL)
-    figure, keys = _in_plane(task, shown) if task.file.plane else _in_time(task, shown, colour)
-    layout.title(figure, f"{title}: {len(shown)} of {len(recording.traces)} traces")
-    layout.legend(figure, keys, 1)
-    return figure
-
-
-def _in_plane(task: Task, traces: Array) -> tuple[Figure, list[Artist]]:
-    inches = min(_PLANE, width())
-    figure = Figure(figsize=(inches, inches - 0.3 + 0.16 * len(parts(task))), layout="constrained")
-    axes: Axes = figure.subplots()
-    view = plane.lay_out(axes, task, traces)
-    lines = plane.draw_traces(axes, task, view, traces)
-    figure.colorbar(lines, ax=axes, label=time_label(task), shrink=0.8)
-    return figure, [*part_keys(task, view.drawn), *plane.mark_keys(plane.leaving(view, traces))]
-
-
-def _in_time(task: Task, traces: Array, colour: str) -> tuple[Figure, list[Artist]]:
-    figure = Figure(figsize=(width(), 1.0 + 1.4 * len(task.signals)), layout="constrained")
-    rows = list(figure.subplots(len(task.signals), 1, sharex=True, squeeze=False)[:, 0])
-    drawn = traces_in_time(rows, task, traces, colour)
-    one_trace = Line2D([], [], color=colour, linewidth=0.8, label="one trace")
-    shading = [layout.patch(READ, label="steps at which the row's signal is read")] if drawn else []
-    return figure, [*part_keys(task, drawn), *shading, one_trace]
-
-
-def traces_in_time(rows: Sequence[Axes], task: Task, traces: Array, colour: str = TRACE) -> list[int]:
-    """Draw traces (N, T + 1, k) against time, one row per signal; the parts that have a region in one of the rows."""
-    drawn = signals_in_time(rows, task)
-    for i, axes in enumerate(rows):
-        axes.plot(traces[..., i].T, color=colour, linewidth=0.6, alpha=0.7, zorder=4)
-        axes.set_ylabel(signal_label(task, task.signals[i]))
-    return drawn
-
-
-def part_keys(task: Task, drawn: Sequence[int], letters: int = 72) -> list[Artist]:
-    """Entries of a legend for all parts of the formula; those without a region say so, in a dotted box."""
-    keys: list[Artist] = []
-    for i, part in enumerate(parts(task)):
-        most = letters if i in drawn else letters - 22
-        text = textwrap.shorten(str(part), most, placeholder=" ...")
-        if i in drawn:
-            keys.append(layout.term_patch(i, text))
-        else:
-            keys.append(layout.absent_patch(f"{text} (has no region here)"))
-    return keys
-
-
-PLANS_PER_FIGURE = 6
-_PANEL = 1.7
-"""Inches that a panel takes at least."""
+    traces = recording.evenly(TRACES_PER_PANEL)
+    if task.file.plane:
+        inches = min(_PLANE, width())
+        figure = Figure(figsize=(inches, inches - 0.3 + 0.16 * len(parts(task))), layout="constrained")
+        keys = _in_plane(figure, [figure.subplots()], task, [traces], shrink=0.8)
+    else:
+        figure = layout.figure_of(1.0 + 1.4 * len(task.signals))
+        rows = list(figure.subplots(len(task.signals), 1, sharex=True, squeeze=False)[:, 0])
+        drawn = _in_time(rows, task, traces, colour)
+        keys = _time_keys(task, drawn, colour, "steps at which the row's signal is read" if drawn else "")
+    return layout.finish(figure, f"{title}: {len(traces)} of {len(recording.traces)} traces", keys, 1)
 
 
 class Plan(NamedTuple):
@@ -109,48 +74,23 @@ class Plan(NamedTuple):
 def planned(task: Task, plans: Sequence[Plan]) -> Figure:
     """Draw at most `PLANS_PER_FIGURE` plans of one task: in its plane, or each signal against time."""
     columns = min(int(width() / _PANEL), 3, len(plans))
-    figure = _plans_in_plane(task, plans, columns) if task.file.plane else _plans_in_time(task, plans, columns)
-    layout.title(figure, f"{task.name}: what is asked for by the formula, and by rewards")
-    return figure
-
-
-def _plans_in_plane(task: Task, plans: Sequence[Plan], columns: int) -> Figure:
-    rows = math.ceil(len(plans) / columns)
-    figure = Figure(
-        figsize=(max(width() * max(columns, 2) / 3, min(width(), 2 * _PANEL)), 2.6 * rows + 0.9), layout="constrained"
-    )
-    panels = [figure.add_subplot(rows, columns, i + 1) for i in range(len(plans))]
-    every = np.concatenate([plan.traces for plan in plans])
-    for axes, plan in zip(panels, plans, strict=True):
-        view = plane.lay_out(axes, task, every)
-        lines = plane.draw_traces(axes, task, view, plan.traces)
-        axes.set_title(plan.title, fontsize=small())
-    keys = [*part_keys(task, view.drawn), *plane.mark_keys(plane.leaving(view, every))]
-    figure.colorbar(lines, ax=panels, label=time_label(task), aspect=30)
-    layout.legend(figure, keys, 1, tiny())
-    return figure
-
-
-def _plans_in_time(task: Task, plans: Sequence[Plan], columns: int) -> Figure:
     bands, signals = math.ceil(len(plans) / columns), len(task.signals)
-    figure = Figure(
-        figsize=(max(width() * max(columns, 2) / 3, min(width(), 2 * _PANEL)), 0.8 + 1.2 * bands * signals),
-        layout="constrained",
-    )
-    grid = figure.subplots(bands * signals, columns, sharex=True, squeeze=False)
-    drawn = list[int]()
-    for i, plan in enumerate(plans):
-        band, column = divmod(i, columns)
-        rows = list(grid[band * signals : (band + 1) * signals, column])
-        drawn = traces_in_time(rows, task, plan.traces)
-        rows[0].set_title(plan.title, fontsize=small())
-    _same_limits(grid[: bands * signals].reshape(bands, signals, columns))
-    for axes in grid.ravel()[[not axes.has_data() for axes in grid.ravel()]]:
-        axes.set_visible(False)
-    one_trace = Line2D([], [], color=TRACE, linewidth=0.8, label="one trace")
-    keys: list[Artist] = [*part_keys(task, drawn), layout.patch(READ, label="steps at which a part is read"), one_trace]
-    layout.legend(figure, keys, 1, tiny())
-    return figure
+    figure = layout.figure_of(2.6 * bands + 0.9 if task.file.plane else 0.8 + 1.2 * bands * signals)
+    figure.set_figwidth(max(width() * max(columns, 2) / 3, min(width(), 2 * _PANEL)))
+    if task.file.plane:
+        tops = [figure.add_subplot(bands, columns, i + 1) for i in range(len(plans))]
+        keys = _in_plane(figure, tops, task, [plan.traces for plan in plans], aspect=30)
+    else:
+        grid = figure.subplots(bands * signals, columns, sharex=True, squeeze=False).reshape(bands, signals, columns)
+        panels = [grid[i // columns, :, i % columns] for i in range(len(plans))]
+        drawn = [_in_time(list(rows), task, plan.traces) for rows, plan in zip(panels, plans, strict=True)][-1]
+        _same_limits(grid)
+        for axes in grid.ravel()[[not axes.has_data() for axes in grid.ravel()]]:
+            axes.set_visible(False)
+        tops, keys = [rows[0] for rows in panels], _time_keys(task, drawn, TRACE, "steps at which a part is read")
+    for axes, plan in zip(tops, plans, strict=True):
+        axes.set_title(plan.title, fontsize=small())
+    return layout.finish(figure, f"{task.name}: what is asked for by the formula, and by rewards", keys, 1, tiny())
 
 
 def _same_limits(grid: NDArray[Any]) -> None:
@@ -160,3 +100,97 @@ def _same_limits(grid: NDArray[Any]) -> None:
         ends = np.array([axes.get_ylim() for axes in used])
         for axes in used:
             axes.set_ylim(ends[:, 0].min(), ends[:, 1].max())
+
+
+def _in_plane(figure: Figure, panels: Sequence[Axes], task: Task, traces: Sequence[Array], **bar: Any) -> list[Artist]:
+    """Draw traces (N, T + 1, k) in each panel, all with one view and one colour bar; the entries of the legend."""
+    every = np.concatenate(traces)
+    for axes, own in zip(panels, traces, strict=True):
+        view = plane.lay_out(axes, task, every)
+        lines = plane.draw_traces(axes, task, view, own)
+    figure.colorbar(lines, ax=panels, label=time_label(task), **bar)
+    return [*part_keys(task, view.drawn), *plane.mark_keys(plane.leaving(view, every))]
+
+
+def _in_time(rows: Sequence[Axes], task: Task, traces: Array, colour: str = TRACE) -> list[int]:
+    """Draw traces (N, T + 1, k) against time, one row for each signal; the parts that have a region in some row."""
+    drawn = signals_in_time(rows, task)
+    for i, axes in enumerate(rows):
+        axes.plot(traces[..., i].T, color=colour, linewidth=0.6, alpha=0.7, zorder=4)
+        axes.set_ylabel(signal_label(task, task.signals[i]))
+    return drawn
+
+
+def _time_keys(task: Task, drawn: Sequence[int], colour: str, shading: str) -> list[Artist]:
+    """Entries of a legend. Without a text, `shading` has none."""
+    trace = layout.key_of("one trace", color=colour, linewidth=0.8)
+    return [*part_keys(task, drawn), *([layout.patch(READ, label=shading)] if shading else []), trace]
+
+
+def part_keys(task: Task, drawn: Sequence[int], letters: int = 72) -> list[Artist]:
+    """Entries of a legend for all parts of the formula; a part without a region says so, in a dotted box."""
+    keys: list[Artist] = []
+    for i, part in enumerate(parts(task)):
+        most = letters if i in drawn else letters - 22
+        text = textwrap.shorten(str(part), most, placeholder=" ...")
+        keys.append(layout.term_patch(i, text) if i in drawn else layout.absent_patch(f"{text} (has no region here)"))
+    return keys
+
+
+# -------------------------------------------------------------------------------------------------- signals in time
+
+
+class Read(NamedTuple):
+    """One part of the formula reads one signal."""
+
+    row: int
+    """Which signal."""
+    place: int
+    """Which part."""
+    start: int
+    """The first step at which it is read."""
+    end: int
+    ranges: list[tuple[float, float]]
+    """Values of the signal with which the part can hold."""
+
+
+def readings(task: Task) -> Iterator[Read]:
+    """Which signals the parts read, as far as that can be drawn."""
+    for row, (name, signal) in enumerate(task.file.signals.items()):
+        grid = np.linspace(signal.low, signal.high, 1001)
+        for i, part in enumerate(parts(task)):
+            shadow = region(task, part.psi, (grid,), (name,)) if name in stl.signals(part.psi) else None
+            if shadow is not None:
+                ranges = [(float(grid[first]), float(grid[last])) for first, last in _runs(shadow[1])]
+                yield Read(row, i, part.start, part.end, ranges)
+
+
+def _runs(truth: Truth) -> list[tuple[int, int]]:
+    """First and last index of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], truth, [False]]).astype(np.int8)))
+    return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
+
+
+def signals_in_time(rows: Sequence[Axes], task: Task) -> list[int]:
+    """Lay out one row for each signal: when each part of the formula is read, and with which values it can hold then.
+
+    Returns:
+        Indices of the parts that have a region in some row.
+    """
+    drawn = set()
+    for row, i, start, end, ranges in readings(task):
+        drawn.add(i)
+        rows[row].axvspan(start, end, color=READ, linewidth=0, zorder=0)
+        colour, hatch = term_style(i)
+        fill = to_rgba(colour, 2 * layout.REGION_ALPHA)
+        for low, high in ranges:
+            rows[row].add_patch(
+                Rectangle(
+                    (start, low), end - start, high - low, facecolor=fill, edgecolor=colour, hatch=hatch, zorder=1
+                )
+            )
+    for axes in rows:
+        axes.set_xlim(0, task.file.steps)
+        axes.grid(alpha=0.25)
+    rows[-1].set_xlabel(time_label(task))
+    return sorted(drawn)

@@ -8,15 +8,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 LEVEL = 0.95
-"""Confidence of every interval in tables and figures, but for that of the median of five seeds: 93.75 %."""
+"""Confidence of every interval in tables and figures; the median of five seeds has 93.75 %."""
 FEWEST = 5
-"""Seeds of which an interval of the median is said: of four, no two seeds cover it in more than 87.5 % of cases."""
+"""Seeds of an interval of the median, at least: of four, no two seeds cover it in more than 87.5 % of cases."""
 
 
 class Interval(NamedTuple):
@@ -27,23 +27,27 @@ class Interval(NamedTuple):
 
 
 def median(values: Sequence[float]) -> float:
-    """What half of the seeds reach; of an even number of them the middle between the two in the middle."""
+    """The median, with the mean of the middle two of an even number of values."""
     return float(np.median(values))
+
+
+def mean(values: Sequence[float]) -> float | None:
+    """The mean; None without values."""
+    return float(np.mean(values)) if values else None
 
 
 def median_interval(values: Sequence[float]) -> Interval | None:
     """Interval of the median: from one seed to another (Thompson 1936, Annals of Mathematical Statistics 7).
 
-    The median is outside if too few seeds lie on one side of it, and how many do is a binomial number with probability
-    1/2. So the interval covers it whatever the distribution is, also where any share of the seeds fails, and it never
-    leaves what seeds have reached. It has as many seeds outside at either end as leave a coverage of 95 %, or none.
+    The number of seeds below the median is binomial with probability 1/2, whatever the distribution is, also if many
+    seeds fail. As many seeds are outside at either end as leave a coverage of 95 %, or none.
 
     Args:
-        values: one number per seed.
+        values: one number for each seed.
 
     Returns:
-        Lower and upper end; None for fewer than `FEWEST` values, or where one is not finite. Coverage is 93.75 % for
-        five values, 97.9 % for ten, and at least 95 % for any other number.
+        Lower and upper end; None for fewer than `FEWEST` values, or if one is not finite. Coverage is 93.75 % for five
+        values, 97.9 % for ten, and at least 95 % for any other number.
     """
     if len(values) < FEWEST or not np.isfinite(values).all():
         return None
@@ -53,7 +57,7 @@ def median_interval(values: Sequence[float]) -> Interval | None:
 
 @lru_cache
 def _outside(count: int) -> int:
-    """How many of so many seeds may lie outside at either end."""
+    """How many of the seeds may be outside at either end."""
     chance, total = 1 - LEVEL, 2**count
     outside, below = 0, 1 + count
     while 2 * below / total <= chance:
@@ -63,7 +67,7 @@ def _outside(count: int) -> int:
 
 
 def mean_interval(values: Sequence[float]) -> Interval | None:
-    """Student's 95 % t interval of the mean; None for fewer than two values, or where one is not finite."""
+    """Student's 95 % t interval of the mean; None for fewer than two values, or if one is not finite."""
     if len(values) < 2 or not np.isfinite(values).all():
         return None
     data = np.sort(np.asarray(values, dtype=np.float64))  # the same sums in whatever order the seeds come
@@ -115,9 +119,9 @@ def mean_curve(
     value: Callable[[Point], float],
     possible: tuple[float, float] = (-np.inf, np.inf),
 ) -> MeanCurve:
-    """The mean of the seeds' curves, with its 95 % t interval where there are two seeds or more.
+    """The mean of the seeds' curves, with its 95 % t interval if there are two seeds or more.
 
-    The interval ends at what is `possible`, and never between the seeds.
+    The interval is cut at what is `possible`, but never between the seeds.
     """
     steps, values = aligned(curves, value)
     ends = [mean_interval(column.tolist()) or (np.nan, np.nan) for column in values.T]
@@ -128,9 +132,9 @@ def mean_curve(
 
 
 def aligned(curves: Sequence[Sequence[Point]], value: Callable[[Point], float]) -> tuple[Array, Array]:
-    """Curves on common steps: (p,) and (seeds, p), where seeds took checkpoints at other steps linearly interpolated.
+    """Curves on common steps: (p,) and (seeds, p), interpolated for seeds with checkpoints at other steps.
 
-    The common steps end where the shortest curve does and begin where the latest one does.
+    The common steps begin with the latest first checkpoint, and end with the earliest last one.
     """
     begin, end = max(curve[0][0] for curve in curves), min(curve[-1][0] for curve in curves)
     steps = np.array(sorted({point[0] for curve in curves for point in curve if begin <= point[0] <= end}), dtype=float)
@@ -138,47 +142,37 @@ def aligned(curves: Sequence[Sequence[Point]], value: Callable[[Point], float]) 
     return steps, np.array(values)
 
 
-_HALF = 0.5
 _SMALLEST = 1e-15
-"""The distance of a share to 0 or to 1 below which it is not told from it."""
-
-
-def log_evidence(successes: ArrayLike, trials: ArrayLike, share: ArrayLike) -> Any:
-    """Logarithm of the evidence against a share in (0, 1), from so many trials: arrays or numbers, like the arguments.
-
-    If the share is true, it is ever above log(1 / a), after whatever number of trials, with probability a at most.
-    """
-    import numpy as np
-    from scipy import special
-
-    won, lost = np.asarray(successes, dtype=float), np.subtract(trials, successes, dtype=float)
-    shares = np.asarray(share, dtype=float)
-    mixed = special.betaln(won + _HALF, lost + _HALF) - special.betaln(_HALF, _HALF)
-    return mixed - special.xlogy(won, shares) - special.xlog1py(lost, -shares)
+"""A share that is closer to 0 or to 1 is not told from it."""
 
 
 def share_sequence(successes: int, trials: int, level: float) -> Interval:
     """Interval of a share, in [0, 1], that covers it with probability `level` at all numbers of trials at once.
 
+    It has the shares against which the evidence of the trials is at most 1 / (1 - level). The evidence mixes all other
+    shares by Jeffreys' prior.
+
     Args:
         successes: how many of the trials.
-        trials: so far, at least 0. They are independent, each a success with the probability that is asked for.
+        trials: so far, at least 0. They are independent, and the share is the probability of a success.
         level: confidence, in (0, 1).
     """
-    limit = math.log(1 / (1 - level))
     if not trials:
         return Interval(0.0, 1.0)
-    share = successes / trials
-    low = 0.0 if successes == 0 else _crossing(successes, trials, limit, _SMALLEST, min(share, 1 - _SMALLEST))
-    high = 1.0 if successes == trials else _crossing(successes, trials, limit, 1 - _SMALLEST, max(share, _SMALLEST))
-    return Interval(low, high)
+    from scipy import optimize, special
 
-
-def _crossing(successes: int, trials: int, limit: float, outer: float, inner: float) -> float:
-    """Where, between a share that is refuted and one that is not, the evidence reaches the limit."""
-    from scipy import optimize
+    failures = trials - successes
+    prior = special.betaln(successes + 0.5, failures + 0.5) - special.betaln(0.5, 0.5)
 
     def beyond(share: float) -> float:
-        return float(log_evidence(successes, trials, share)) - limit
+        """By how much the logarithm of the evidence against a share is above its limit."""
+        evidence = prior - special.xlogy(successes, share) - special.xlog1py(failures, -share)
+        return float(evidence) - math.log(1 / (1 - level))
 
-    return outer if beyond(outer) <= 0 else float(optimize.brentq(beyond, outer, inner, xtol=1e-12))
+    def end(outer: float, inner: float) -> float:
+        return outer if beyond(outer) <= 0 else float(optimize.brentq(beyond, outer, inner, xtol=1e-12))
+
+    share = successes / trials
+    low = 0.0 if successes == 0 else end(_SMALLEST, min(share, 1 - _SMALLEST))
+    high = 1.0 if successes == trials else end(1 - _SMALLEST, max(share, _SMALLEST))
+    return Interval(low, high)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +16,13 @@ from stlbench.registry.choices import Choice
 from stlbench.report.statistics import across
 from stlbench.report.statistics.across import Estimate, Runs
 from stlbench.report.statistics.intervals import Interval
-from stlbench.report.tables.comparisons import Contest, contests, level
-from stlbench.report.tables.rows import Group, Row
+from stlbench.report.tables.comparisons import Contest, contests
+from stlbench.report.tables.controllers import Known
+from stlbench.report.tables.rows import Group, Row, unfinished
 from stlbench.report.tables.table import Column, Table, Value
 
-if TYPE_CHECKING:
-    from stlbench.rollout.standards import Standard
-
 FEWEST_TASKS = 3
-"""Aggregates are over so many tasks at least, and two methods."""
+"""Tasks of an aggregate, at least. It has two methods at least."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +31,12 @@ class Entry:
 
     method: str
     scores: tuple[tuple[float, ...], ...]
-    """Of each task, of each seed: 0 is a policy that acts at random, 1 the best known. A seed without a result has
-    0. Empty for a task of which no seed has one: the method does not fit."""
+    """For each task, one score for each seed: 0 is a policy that acts at random, 1 the best known. A seed without a
+    result has 0. Empty for a task that the method does not fit, so that no seed has a result."""
     unfinished: str
-    """How the cells without a result ended: "40 intractable"; empty where there are none."""
+    """How the cells without a result ended: "40 intractable"; empty if all have one."""
     classes: tuple[int, ...] = ()
-    """Of each task: methods of the same class are paid the same there, up to a constant. Empty: none are."""
+    """For each task: methods of the same class are paid the same there, up to a constant. Empty: none are."""
 
     @property
     def runs(self) -> Runs:
@@ -50,6 +47,16 @@ class Entry:
     def coverage(self) -> str:
         """On how many of the tasks it fits: "11 of 12"."""
         return f"{len(self.runs)} of {len(self.scores)}"
+
+
+class Aggregate(NamedTuple):
+    """The numbers of one method over the tasks of a field."""
+
+    entry: Entry
+    mean: Estimate
+    middle: Estimate
+    """Interquartile mean."""
+    rank: Estimate
 
 
 @dataclass(frozen=True)
@@ -65,54 +72,63 @@ class Field:
 
     @cached_property
     def aggregates(self) -> tuple[Aggregate, ...]:
-        """Of each entry; they take a second, and are computed once."""
-        return _aggregates(self)
+        """One for each entry; they take a second, and are computed once."""
+        return tuple(
+            Aggregate(entry, across.mean(entry.runs), across.middle(entry.runs), rank)
+            for entry, rank in zip(self.entries, across.ranks(self._by_task), strict=True)
+        )
+
+    @cached_property
+    def improvements(self) -> tuple[tuple[str, str, int, Estimate], ...]:
+        """For each two methods: how many tasks both fit, and the probability that the first is better."""
+        rows = []
+        for (i, one), (j, other) in combinations(enumerate(self.entries), 2):
+            both = [(first, second) for methods in self._by_task if (first := methods[i]) and (second := methods[j])]
+            if both:
+                # runs of methods that are paid the same count as equal
+                runs, other_runs = zip(*((a, b) if k != m else (0 * a, 0 * b) for (k, a), (m, b) in both), strict=True)
+                rows.append((one.method, other.method, len(both), across.improvement(runs, other_runs)))
+        return tuple(rows)
+
+    @property
+    def _by_task(self) -> list[list[tuple[int, NDArray[np.float64]] | None]]:
+        """For each task and method its class and its runs; None if it does not fit."""
+        classes = [entry.classes or (place,) * len(self.tasks) for place, entry in enumerate(self.entries)]
+        return [
+            [
+                (kinds[task], np.array(entry.scores[task])) if entry.scores[task] else None
+                for kinds, entry in zip(classes, self.entries, strict=True)
+            ]
+            for task in range(len(self.tasks))
+        ]
 
 
-@dataclass(frozen=True)
-class Aggregate:
-    """What is said of one method over the tasks of a field."""
+def fields(groups: Iterable[Group], known: Known) -> tuple[Field, ...]:
+    """The fields of each budget and track.
 
-    entry: Entry
-    mean: Estimate
-    middle: Estimate
-    """Interquartile mean."""
-    rank: Estimate
+    One is over the tasks that are not trivial. If some are trivial, one is over all tasks. If not every method fits
+    every task, one is over those that are not trivial and that every method fits. Fields have three tasks or more.
 
-
-def fields(
-    groups: Iterable[Group], standards: Mapping[str, Standard], best: Mapping[Choice, float]
-) -> tuple[Field, ...]:
-    """The fields of each budget and track: over the tasks that are not trivial, over all tasks where some are, and over
-    those that are not trivial and that every method fits, where these are others.
-
-    A task counts if it is no ablation, if it is known what actions at random and the best policy get, and if it was
-    trained by its own agent. A method counts if it was tried on all these tasks and fits one that is not trivial.
-    Fields have three tasks or more.
+    A task counts if it is no ablation, was trained by its own agent, and has a scale: the robustness at random and the
+    best known. A method counts if it was tried on all these tasks and fits one that is not trivial.
     """
     by_kind = dict[tuple[str, str], list[Contest]]()
     for (task, agent, budget, track), contest in contests(groups).items():
-        standard = standards.get(task.name)
+        standard = known.standards.get(task.name)
         own = standard is not None and not task.parameters and str(agent) == standard.own_agent
-        if own and len(contest) > 1 and _scale(task, standards, best):
+        if own and len(contest) > 1 and _scale(task, known):
             by_kind.setdefault((budget, track), []).append(contest)
-    return tuple(field for key, members in sorted(by_kind.items()) for field in _fields(*key, members, standards, best))
+    return tuple(field for key, members in sorted(by_kind.items()) for field in _fields(*key, members, known))
 
 
-def _scale(task: Choice, standards: Mapping[str, Standard], best: Mapping[Choice, float]) -> tuple[float, float] | None:
+def _scale(task: Choice, known: Known) -> tuple[float, float] | None:
     """Robustness at random and at best."""
-    at_random, top = standards[task.name].at_random, level(task, standards, best)
+    at_random, top = known.standards[task.name].at_random, known.level(task)
     return (at_random.mean, top) if at_random and top is not None and at_random.mean < top else None
 
 
-def _fields(
-    budget: str,
-    track: str,
-    members: Sequence[Contest],
-    standards: Mapping[str, Standard],
-    best: Mapping[Choice, float],
-) -> Iterable[Field]:
-    hard = [contest for contest in members if not standards[contest[0].setting.task.name].trivial] or members
+def _fields(budget: str, track: str, members: Sequence[Contest], known: Known) -> Iterator[Field]:
+    hard = [contest for contest in members if not known.standards[contest[0].setting.task.name].trivial] or members
     tried = set.intersection(*({group.setting.method for group in contest} for contest in members))
     methods = sorted({group.setting.method for contest in hard for group in contest if group.done} & tried)
     common = [contest for contest in hard if all(group.done for group in contest if group.setting.method in methods)]
@@ -122,77 +138,42 @@ def _fields(
             tasks = tuple(str(contest[0].setting.task) for contest in contests_of)
             parts = ["not trivial"] * (count <= len(hard) < len(members)) + ["all methods fit"] * (count < len(hard))
             name = ", ".join([f"{count} of {len(members)}", *parts]) if parts else f"all {count}"
-            entries = tuple(_entry(method, contests_of, standards, best) for method in methods)
+            entries = tuple(_entry(method, contests_of, known) for method in methods)
             yield Field(budget, track, tasks, name, entries)
 
 
-def _entry(
-    method: Choice, members: Sequence[Contest], standards: Mapping[str, Standard], best: Mapping[Choice, float]
-) -> Entry:
+def _entry(method: Choice, members: Sequence[Contest], known: Known) -> Entry:
     groups = [group for contest in members for group in contest if group.setting.method == method]
     scores = []
     for group in groups:
-        low, high = _scale(group.setting.task, standards, best) or (0.0, 1.0)
+        low, high = _scale(group.setting.task, known) or (0.0, 1.0)
         scores.append(tuple(_score(row, low, high) for row in group.rows) if group.done else ())
-    ended = Counter(row.status for group in groups for row in group.rows if row.status != "done")
-    unfinished = ", ".join(f"{count} {status}" for status, count in ended.items())
-    classes = tuple(_class(group, contest, standards) for group, contest in zip(groups, members, strict=True))
-    return Entry(str(method), tuple(scores), unfinished, classes)
+    ended = unfinished(row for group in groups for row in group.rows)
+    classes = tuple(_class(group, contest, known) for group, contest in zip(groups, members, strict=True))
+    return Entry(str(method), tuple(scores), ended, classes)
 
 
-def _class(group: Group, contest: Contest, standards: Mapping[str, Standard]) -> int:
+def _class(group: Group, contest: Contest, known: Known) -> int:
     """The place of the first method in the contest that is paid the same."""
-    standard = standards[group.setting.task.name]
-    same = (other is group or standard.likeness(group.setting, other.setting) == "=" for other in contest)
+    same = (other is group or known.likeness(group.setting, other.setting) == "=" for other in contest)
     return list(same).index(True)
 
 
 def _score(row: Row, low: float, high: float) -> float:
-    """0 without a result, or where the robustness is no finite number."""
+    """0 without a result, or if the robustness is no finite number."""
     value = row.numbers.robustness_mean if row.numbers else math.nan
     return (value - low) / (high - low) if math.isfinite(value) else 0.0
 
 
-def _aggregates(field: Field) -> tuple[Aggregate, ...]:
-    return tuple(
-        Aggregate(entry, across.mean(entry.runs), across.middle(entry.runs), rank)
-        for entry, rank in zip(field.entries, across.ranks(_by_task(field)), strict=True)
-    )
-
-
-def _by_task(field: Field) -> list[list[tuple[int, NDArray[np.float64]] | None]]:
-    """Of each task, of each method its class and its runs; None where it does not fit."""
-    classes = [entry.classes or (place,) * len(field.tasks) for place, entry in enumerate(field.entries)]
-    return [
-        [
-            (kinds[task], np.array(entry.scores[task])) if entry.scores[task] else None
-            for kinds, entry in zip(classes, field.entries, strict=True)
-        ]
-        for task in range(len(field.tasks))
-    ]
-
-
-def _improvements(field: Field) -> tuple[tuple[str, str, int, Estimate], ...]:
-    """Of each two methods that fit a common task: how many such tasks there are, and how often the first is better."""
-    rows, tasks = [], _by_task(field)
-    for (i, one), (j, other) in combinations(enumerate(field.entries), 2):
-        both = [(first, second) for methods in tasks if (first := methods[i]) and (second := methods[j])]
-        if both:
-            # of methods that are paid the same, each run is as good as any of the other
-            runs, other_runs = zip(*((a, b) if k != m else (0 * a, 0 * b) for (k, a), (m, b) in both), strict=True)
-            rows.append((one.method, other.method, len(both), across.improvement(runs, other_runs)))
-    return tuple(rows)
-
-
-_FIELD = (
-    Column("budget", right=False, shared=True),
-    Column("track", right=False, shared=True),
-    Column("tasks", right=False, shared=True),
-)
+_FIELD: dict[Column, Callable[[Field], Value]] = {
+    Column("budget", right=False, shared=True): lambda field: field.budget,
+    Column("track", right=False, shared=True): lambda field: field.track,
+    Column("tasks", right=False, shared=True): lambda field: field.name,
+}
 
 
 def aggregates_table(several: Iterable[Field]) -> Table:
-    """One row per field and method."""
+    """One row for each field and method."""
     columns = (
         *_FIELD,
         Column("method", right=False),
@@ -206,37 +187,31 @@ def aggregates_table(several: Iterable[Field]) -> Table:
         Column("rank 95 % interval", digits=2, kind=Interval),
         Column("without a result", right=False),
     )
-    rows = tuple(_row(field, each) for field in several for each in field.aggregates)
-    return Table("Across tasks", columns, rows, _NOTES)
-
-
-def _row(field: Field, aggregate: Aggregate) -> tuple[Value, ...]:
-    entry = aggregate.entry
-    estimates = [part for each in (aggregate.mean, aggregate.middle, aggregate.rank) for part in each]
-    return (
-        *_field(field),
-        entry.method,
-        entry.coverage,
-        sum(map(len, entry.scores)),
-        *estimates,
-        entry.unfinished or None,
+    rows = tuple(
+        (
+            *(value(field) for value in _FIELD.values()),
+            *(entry.method, entry.coverage, sum(map(len, entry.scores))),
+            *(part for estimate in estimates for part in estimate),
+            entry.unfinished or None,
+        )
+        for field in several
+        for entry, *estimates in field.aggregates
     )
-
-
-_NOTES = (
-    "Robustness of the selected policies, normalised: 0 is what actions at random get on a task, 1 the best known, "
-    "or what the controller by hand gets where that is not known. Not trivial: no constant action solves the task.",
-    "Fits: on how many of the tasks the method has a result. All other numbers are of these tasks alone, so they are "
-    "nothing without it: a method may fit the easy tasks, or meet few rivals. On a task that it fits, a seed without a "
-    "result counts as 0.",
-    "Over all runs of all tasks: mean and interquartile mean. Rank: place among the methods that fit a task by the "
-    "median of the seeds, 1 is the best, mean over tasks; methods that pay the same there share a place. Intervals: "
-    "bootstrap over the seeds of each task.",
-)
+    notes = (
+        "Robustness of the selected policies, normalised: 0 is what actions at random get on a task, 1 the best known, "
+        "or what the controller by hand gets where that is not known. Not trivial: no constant action solves the task.",
+        "Fits: on how many of the tasks the method has a result. All other numbers are of these tasks alone, so they "
+        "are nothing without it: a method may fit the easy tasks, or meet few rivals. On a task that it fits, a seed "
+        "without a result counts as 0.",
+        "Over all runs of all tasks: mean and interquartile mean. Rank: place among the methods that fit a task by the "
+        "median of the seeds, 1 is the best, mean over tasks; methods that pay the same there share a place. "
+        "Intervals: bootstrap over the seeds of each task.",
+    )
+    return Table("Across tasks", columns, rows, notes)
 
 
 def improvement_table(several: Iterable[Field]) -> Table:
-    """One row per field and pair of methods."""
+    """One row for each field and pair of methods."""
     columns = (
         *_FIELD,
         Column("method", right=False),
@@ -246,16 +221,12 @@ def improvement_table(several: Iterable[Field]) -> Table:
         Column("95 % interval", digits=2, kind=Interval),
     )
     rows = tuple(
-        (*_field(field), one, other, f"{both} of {len(field.tasks)}", *estimate)
+        (*(value(field) for value in _FIELD.values()), one, other, f"{both} of {len(field.tasks)}", *estimate)
         for field in several
-        for one, other, both, estimate in _improvements(field)
+        for one, other, both, estimate in field.improvements
     )
     note = (
         "That a run of the method does better than a run of the other on the same task, mean over the tasks that both "
         "fit; 0.5 says neither does, as on a task where both pay the same."
     )
     return Table("Probability of improvement", columns, rows, (note,))
-
-
-def _field(field: Field) -> tuple[str, str, str]:
-    return field.budget, field.track, field.name

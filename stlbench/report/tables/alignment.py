@@ -3,32 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from stlbench.records.status import NOT_RUN
 from stlbench.registry.choices import Choice
-from stlbench.report.tables.planned import RESOLUTION, best_known, maximised, reached, split
-from stlbench.report.tables.rows import Group
-from stlbench.report.tables.table import Column, Table, Value
-
-if TYPE_CHECKING:
-    from stlbench.rollout.standards import Standard
+from stlbench.report.statistics.intervals import mean
+from stlbench.report.tables.controllers import Known
+from stlbench.report.tables.rows import Group, maximised, split
+from stlbench.report.tables.table import Column, Table
 
 FORMULA = "(formula)"
-"""In the place of a method, where it is the formula's own robustness that was maximised."""
+"""In the place of a method, if the plan maximised the formula's own robustness."""
 RECIPE = "recipe"
-"""The setting in which nothing is left out of the task's recipe, and the agent's parameters are those of it."""
+"""The setting with the task's whole recipe and the agent's parameters of it."""
+RESOLUTION = "resolution"
+"""The parameter of an agent that plans which says how fine its grid is: 1 by default, larger is finer."""
 _MUCH = 0.05
 """Share of the best known by which two resolutions may differ without a remark."""
 
 
 @dataclass(frozen=True)
 class Aligned:
-    """One task, method and setting. Robustness is the mean over the report's starts; None where it is not known."""
+    """One task, method and setting. Robustness is the mean over the report's starts; None if it is not known."""
 
     task: str
     method: str
@@ -44,7 +41,6 @@ class Aligned:
     """Of the selected policies that were learned in this setting, mean over seeds."""
     final: float | None = None
     seeds: int | None = None
-    """How many of them there are."""
     resolution: float = 1.0
     """How fine the grid of the plan is."""
     disagreement: float | None = None
@@ -62,22 +58,24 @@ class Aligned:
         return _difference(self.reward_optimal, self.selected)
 
 
-def align(
-    groups: Sequence[Group], standards: Mapping[str, Standard], shown: Iterable[Group] | None = None
-) -> tuple[Aligned, ...]:
-    """A row for each task, method and setting that was planned for, first those of the formula itself.
+def _difference(larger: float | None, smaller: float | None) -> float | None:
+    return None if larger is None or smaller is None else larger - smaller
 
-    Plans that differ in nothing but the resolution share a row: it has the numbers of the one without that parameter,
-    else of the finest, and says how far they disagree.
+
+def align(groups: Sequence[Group], known: Known, shown: Iterable[Group] | None = None) -> tuple[Aligned, ...]:
+    """A row for each task, method and setting that was planned for; rows of the formula come first.
+
+    Plans that differ in the resolution alone share a row. It has the numbers of the plan without that parameter, else
+    of the finest, and says how far they disagree.
 
     Args:
         groups: all that is recorded, planned and learned.
-        standards: of their tasks.
-        shown: rows are of these alone, with what the others say of them; of all where left out.
+        known: of their tasks.
+        shown: rows have plans of these alone, compared with all groups; None is all groups.
     """
     wanted = {group.setting for group in (groups if shown is None else shown)}
     learned, planned = split(groups)
-    planners, best = maximised(planned), best_known(groups, standards)
+    planners = maximised(planned)
     together = dict[tuple[str, str, bool, str, str], list[Group]]()
     for group in planned:
         task, agent = group.setting.task, group.setting.agent
@@ -85,74 +83,70 @@ def align(
         text = setting_text(task, agent)
         together.setdefault((task.name, method, text != RECIPE, text, agent.name), []).append(group)
     return tuple(
-        _row(method, sorted(several, key=_fineness), learned, best, _own_agent(standards.get(task)))
-        for (task, method, *_), several in sorted(together.items())
+        _row(method, sorted(several, key=_fineness), learned, known)
+        for (_, method, *_), several in sorted(together.items())
         if any(group.setting in wanted for group in several)
     )
 
 
 def setting_text(task: Choice, agent: Choice) -> str:
-    """What a plan is of beside task and method: "recipe", "gamma=1", "without=cuts+ends, gamma=1"."""
-    parts = [*task.parameters, *_own(agent)]
-    return ", ".join(f"{key}={value}" for key, value in parts) or RECIPE
+    """The setting of a plan beside task and method: "recipe", "gamma=1", "without=cuts+ends, gamma=1"."""
+    return ", ".join(f"{key}={value}" for key, value in (*task.parameters, *_own(agent))) or RECIPE
 
 
 def _own(agent: Choice) -> tuple[tuple[str, str], ...]:
-    """The agent's parameters that change what is maximised, and not how well."""
+    """The agent's parameters that change what is maximised."""
     return tuple((key, value) for key, value in agent.parameters if key != RESOLUTION)
 
 
 def _fineness(group: Group) -> tuple[bool, float]:
-    """First the plan at the default resolution, then the finest."""
+    """Sorts the plan at the default resolution first, then the finest."""
     return RESOLUTION in dict(group.setting.agent.parameters), -_resolution(group)
 
 
 def _resolution(group: Group) -> float:
-    """1 where nothing is said; NaN where it is no number, so that no plan was made."""
+    """NaN if it is no number, so that no plan was made."""
     try:
         return float(dict(group.setting.agent.parameters).get(RESOLUTION, 1))
     except ValueError:
         return math.nan
 
 
-def _own_agent(standard: Standard | None) -> str | None:
-    return None if standard is None else standard.own_agent
-
-
-def _row(
-    method: str, several: Sequence[Group], learned: Sequence[Group], best: Mapping[Choice, float], own_agent: str | None
-) -> Aligned:
-    """Of plans that differ in the resolution, the one that counts first."""
+def _row(method: str, several: Sequence[Group], learned: Sequence[Group], known: Known) -> Aligned:
+    """The row of plans that differ in the resolution; the first finished one counts."""
     plan = next((group for group in several if group.done), several[0])
-    setting = plan.setting
-    values = [value for group in several if (value := reached(group)) is not None]
+    setting, possible = plan.setting, known.best.get(plan.setting.task)
+    values = [value for group in several if (value := group.mean("robustness_mean")) is not None]
     expected = [numbers.planned.value for numbers in plan.done if numbers.planned]
-    taught = None if method == FORMULA else _learned(plan, learned, own_agent)
-    possible = best.get(setting.task)
+    taught = None if method == FORMULA else _learned(plan, learned, known)
     disagreement = max(values) - min(values) if len(values) > 1 else None
+    remarks = [group.remarks or ("" if group.done else NOT_RUN) for group in several]
+    if disagreement is not None and possible is not None and disagreement > _MUCH * abs(possible):
+        remarks.append(f"resolutions differ by {disagreement:.3g}, more than {100 * _MUCH:.0f} % of the best known")
     return Aligned(
         task=setting.task.name,
         method=method,
         setting=setting_text(setting.task, setting.agent),
         best_known=possible,
-        reward_optimal=None if method == FORMULA else reached(plan),
-        satisfied=_mean([numbers.satisfaction for numbers in plan.done]),
-        grid_value=_mean([value for value in expected if not math.isnan(value)]),
-        selected=None if taught is None else reached(taught),
-        final=None if taught is None else _mean(taught.values(lambda numbers: numbers.final_robustness_mean)),
-        seeds=None if taught is None else len(taught.done),
+        reward_optimal=None if method == FORMULA else plan.mean("robustness_mean"),
+        satisfied=plan.mean("satisfaction"),
+        grid_value=mean([value for value in expected if not math.isnan(value)]),
+        selected=taught.mean("robustness_mean") if taught else None,
+        final=taught.mean("final_robustness_mean") if taught else None,
+        seeds=len(taught.done) if taught else None,
         resolution=_resolution(plan),
         disagreement=disagreement,
-        remarks=_remarks(several, _coarse(disagreement, possible)),
+        remarks="; ".join(filter(None, dict.fromkeys(remarks))) or None,
     )
 
 
-def _learned(plan: Group, learned: Sequence[Group], own_agent: str | None) -> Group | None:
-    """What the task's own agent learned with the method in the same setting; None where nobody trained it so.
+def _learned(plan: Group, learned: Sequence[Group], known: Known) -> Group | None:
+    """What the task's own agent learned with the method in the same setting; None if nobody trained it so.
 
-    Of several budgets the plan's, else the largest.
+    Of several budgets the plan's counts, else the largest.
     """
-    setting = plan.setting
+    setting, standard = plan.setting, known.standards.get(plan.setting.task.name)
+    own_agent = standard.own_agent if standard else None
     same = [
         group
         for group in learned
@@ -162,27 +156,15 @@ def _learned(plan: Group, learned: Sequence[Group], own_agent: str | None) -> Gr
         and group.setting.agent.name == (own_agent or group.setting.agent.name)
         and group.setting.agent.parameters == _own(setting.agent)
     ]
-    return max(same, key=lambda group: _trained(group, setting.budget), default=None)
 
+    def trained(group: Group) -> tuple[bool, int]:
+        return group.setting.budget == setting.budget, max(group.values("env_steps"))
 
-def _trained(group: Group, budget: str) -> tuple[bool, int]:
-    return group.setting.budget == budget, max(numbers.env_steps for numbers in group.done)
-
-
-def _remarks(several: Sequence[Group], coarse: str) -> str | None:
-    """How plans without a result ended, each said once, and how coarse those with one are."""
-    endings = [group.remarks or ("" if group.done else NOT_RUN) for group in several]
-    return "; ".join(filter(None, dict.fromkeys([*endings, coarse]))) or None
-
-
-def _coarse(disagreement: float | None, possible: float | None) -> str:
-    if disagreement is None or possible is None or disagreement <= _MUCH * abs(possible):
-        return ""
-    return f"resolutions differ by {disagreement:.3g}, more than {100 * _MUCH:.0f} % of the best known"
+    return max(same, key=trained, default=None)
 
 
 def alignment_table(rows: Iterable[Aligned]) -> Table:
-    """One row per task, method and setting that was planned for."""
+    """One row for each task, method and setting that was planned for."""
     columns = (
         Column("task", right=False, shared=True),
         Column("method", right=False),
@@ -200,26 +182,15 @@ def alignment_table(rows: Iterable[Aligned]) -> Table:
         Column("disagreement", "disagree", digits=3, drop=1),
         Column("remarks", right=False, below=True),
     )
-    body = tuple(tuple(_value(getattr(row, column.title)) for column in columns) for row in rows)
-    return Table("Alignment", columns, body, _NOTES)
-
-
-_NOTES = (
-    "Robustness of the task's formula, mean over the report's starts: the best known; of "
-    "the policy that a plan finds best by the reward; and of what was learned, selected and final.",
-    "Satisfied is of the planned policy, a share of the starts; grid value, what its plan expects, in the unit of what "
-    "is maximised. Disagree: by how much plans of several resolutions differ.",
-    "The reward loses what its own best policy lacks of the best known, and the learner what it lacks of that.",
-)
-
-
-def _value(value: Value) -> Value:
-    return None if isinstance(value, float) and math.isnan(value) else value
-
-
-def _mean(values: Sequence[float]) -> float | None:
-    return float(np.mean(values)) if values else None
-
-
-def _difference(larger: float | None, smaller: float | None) -> float | None:
-    return None if larger is None or smaller is None else larger - smaller
+    values = [[getattr(row, column.title) for column in columns] for row in rows]
+    known = tuple(
+        tuple(None if isinstance(value, float) and math.isnan(value) else value for value in row) for row in values
+    )
+    notes = (
+        "Robustness of the task's formula, mean over the report's starts: the best known; of "
+        "the policy that a plan finds best by the reward; and of what was learned, selected and final.",
+        "Satisfied is of the planned policy, a share of the starts; grid value, what its plan expects, in the unit of "
+        "what is maximised. Disagree: by how much plans of several resolutions differ.",
+        "The reward loses what its own best policy lacks of the best known, and the learner what it lacks of that.",
+    )
+    return Table("Alignment", columns, known, notes)

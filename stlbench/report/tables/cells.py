@@ -1,71 +1,76 @@
-"""Tables with a row per cell, and the tables of one cell."""
+"""Tables of cells: one row for each cell, the numbers of one cell, and what training took on which machine."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 
 from stlbench.records.identity import IDENTITY
 from stlbench.records.result import Measurement, Score
 from stlbench.records.status import ACCIDENTS
-from stlbench.report.statistics.intervals import Interval, share_interval
-from stlbench.report.tables.rows import Group, Numbers, Row
+from stlbench.report.statistics.intervals import Interval, mean_interval, share_interval
+from stlbench.report.tables.rows import SETTING, Group, Numbers, Row
 from stlbench.report.tables.table import Column, Table, Value
 
-_PARTS = ("planned", "further", "first_failed", "curve", "starts", "extension", "ended_early")
-_NUMBERS = tuple(field.name for field in fields(Numbers) if field.name not in _PARTS)
-
-_OF_STARTS = (
-    Column("starts"),
-    Column("satisfaction 95 % interval", kind=Interval),
-    Column("final_satisfaction 95 % interval", kind=Interval),
-    Column("extension"),
-    Column("ended_early"),
-)
-_PLANS = (Column("maximised"), Column("grid_value"))
+_APART = ("planned", "further", "first_failed", "curve", "starts", "extension", "ended_early")
+"""What has no column, or one of the last."""
 
 
 def cells_table(rows: Iterable[Row]) -> Table:
-    """One row per cell with its numbers, for other programs; where any was planned, also what its plan says."""
+    """One row for each cell with its numbers, for other programs. If any was planned, also what its plan says."""
     listed = list(rows)
-    planned = any(row.numbers and row.numbers.planned for row in listed)
-    columns = [Column(title, right=title == "seed") for title in (*IDENTITY, "status", "reason")]
-    columns += [*map(Column, _NUMBERS), *_OF_STARTS, *(_PLANS if planned else ())]
-    return Table("Cells", tuple(columns), tuple((*_cell(row), *(_plan(row) if planned else ())) for row in listed))
+    of_cell: dict[Column, Callable[[Row], Value]] = {
+        **{Column(name, right=name == "seed"): _identity(name) for name in IDENTITY},
+        Column("status", right=False): lambda row: row.status,
+        Column("reason", right=False): lambda row: row.reason or None,
+    }
+    of_numbers: dict[Column, Callable[[Numbers], Value]] = {
+        **{Column(each.name): _number(each.name) for each in fields(Numbers) if each.name not in _APART},
+        Column("starts"): lambda numbers: numbers.starts,
+        Column("satisfaction 95 % interval", kind=Interval): lambda each: _of_starts(each.satisfaction, each),
+        Column("final_satisfaction 95 % interval", kind=Interval): (
+            lambda each: _of_starts(each.final_satisfaction, each)
+        ),
+        Column("extension"): lambda numbers: numbers.extension or None,
+        Column("ended_early"): lambda numbers: numbers.ended_early,
+    }
+    if any(row.numbers and row.numbers.planned for row in listed):
+        of_numbers[Column("maximised")] = lambda each: each.planned.maximised if each.planned else None
+        of_numbers[Column("grid_value")] = lambda each: each.planned.value if each.planned else None
+    return Table.of("Cells", listed, of_cell | {column: if_done(value) for column, value in of_numbers.items()})
 
 
-def _cell(row: Row) -> tuple[Value, ...]:
-    cell, numbers = row.id, row.numbers
-    return (
-        *(str(cell.task), str(cell.method), str(cell.agent), cell.seed, cell.budget, cell.track),
-        *(row.status, row.reason or None),
-        *(None if numbers is None else getattr(numbers, name) for name in _NUMBERS),
-        *((None,) * len(_OF_STARTS) if numbers is None else _of_starts(numbers)),
-    )
+def _identity(name: str) -> Callable[[Row], Value]:
+    return lambda row: part if isinstance(part := getattr(row.id, name), int) else str(part)
 
 
-def _of_starts(numbers: Numbers) -> tuple[Value, ...]:
-    """How many starts, and the exact intervals of the shares that satisfy, for this one policy."""
-    starts = numbers.starts
-    ends = [
-        share_interval(round(share * starts), starts) if starts else None
-        for share in (numbers.satisfaction, numbers.final_satisfaction)
-    ]
-    return (starts, *ends, numbers.extension or None, numbers.ended_early)
+def _number(name: str) -> Callable[[Numbers], Value]:
+    return lambda numbers: getattr(numbers, name)
 
 
-def _plan(row: Row) -> tuple[Value, ...]:
-    planned = row.numbers.planned if row.numbers else None
-    return (None, None) if planned is None else (planned.maximised, planned.value)
+def if_done(value: Callable[[Numbers], Value]) -> Callable[[Row], Value]:
+    """A value of the numbers; None for a cell without numbers."""
+    return lambda row: None if row.numbers is None else value(row.numbers)
+
+
+def _of_starts(share: float, numbers: Numbers) -> Interval | None:
+    """The exact interval of a share of the starts, for this one policy."""
+    return share_interval(round(share * numbers.starts), numbers.starts) if numbers.starts else None
 
 
 def unfinished_table(groups: Iterable[Group]) -> Table:
     """The cells that ended by accident: raised, out of time, killed."""
+    columns: dict[Column, Callable[[Row], Value]] = {
+        Column("cell", right=False): lambda row: row.id.name,
+        Column("budget", right=False): lambda row: row.id.budget,
+        Column("status", right=False): lambda row: row.status,
+        Column("reason", right=False): lambda row: row.reason or None,
+    }
     rows = [row for group in groups for row in group.rows if row.status in ACCIDENTS]
-    columns = tuple(Column(title, right=False) for title in ("cell", "budget", "status", "reason"))
-    cells = tuple((row.id.name, row.id.budget, row.status, row.reason or None) for row in rows)
-    return Table("Cells without a result", columns, cells, ("`stlbench run --retry failed` runs them again.",))
+    return Table.of("Cells without a result", rows, columns, ("`stlbench run --retry failed` runs them again.",))
 
+
+# ------------------------------------------------------------------------------------------------------------ one cell
 
 ENDED_EARLY = (
     "Ended early: share of the starts whose episode the environment ended before the formula's horizon. The task's "
@@ -75,38 +80,37 @@ ENDED_EARLY = (
 
 
 def scores_table(policies: Mapping[str, Mapping[str, Score]]) -> Table:
-    """One row per protocol and policy, from the scores of policies by name; of a single one without a name no name."""
+    """One row for each protocol and policy, from name -> protocol -> score. A single policy may have an empty name."""
     early = any(score.ended_early for scores in policies.values() for score in scores.values())
-    columns = (
-        Column("protocol", right=False),
-        *([Column("policy", right=False)] if any(policies) else []),
-        Column("mean robustness", "mean", digits=3),
-        Column("worst start", digits=3),
-        Column("satisfied", unit="%", digits=1),
-        *([Column("ended early", unit="%", digits=1)] if early else []),
-        Column("starts", digits=0),
-        Column("failed first", right=False),
-    )
-    rows = tuple(
-        (
-            protocol,
-            *([policy] if any(policies) else []),
-            *(score.mean, score.minimum, 100 * score.satisfaction),
-            *([None if score.ended_early is None else 100 * score.ended_early] if early else []),
-            score.starts,
-            "\n".join(f"{formula}: {count}" for formula, count in score.first_failed.items()) or None,
-        )
-        for protocol in next(iter(policies.values()))
-        for policy, scores in policies.items()
-        for score in [scores[protocol]]
-    )
-    return Table("Scores", columns, rows, (ENDED_EARLY,) if early else ())
+    rows = [(protocol, name) for protocol in next(iter(policies.values())) for name in policies]
+
+    def of_score(value: Callable[[Score], Value]) -> Callable[[tuple[str, str]], Value]:
+        return lambda row: value(policies[row[1]][row[0]])
+
+    columns: dict[Column, Callable[[tuple[str, str]], Value]] = {
+        Column("protocol", right=False): lambda row: row[0],
+        **({Column("policy", right=False): lambda row: row[1]} if any(policies) else {}),
+        Column("mean robustness", "mean", digits=3): of_score(lambda score: score.mean),
+        Column("worst start", digits=3): of_score(lambda score: score.minimum),
+        Column("satisfied", unit="%", digits=1): of_score(lambda score: 100 * score.satisfaction),
+        **({Column("ended early", unit="%", digits=1): of_score(_ended_early)} if early else {}),
+        Column("starts", digits=0): of_score(lambda score: score.starts),
+        Column("failed first", right=False): of_score(
+            lambda score: "\n".join(f"{formula}: {count}" for formula, count in score.first_failed.items()) or None
+        ),
+    }
+    return Table.of("Scores", rows, columns, (ENDED_EARLY,) if early else ())
 
 
-def cost_table(measurement: Measurement) -> Table:
-    """What the cell took, one row per number."""
-    columns = (Column("what", right=False), Column("value"))
-    names = {
+def _ended_early(score: Score) -> float | None:
+    return None if score.ended_early is None else 100 * score.ended_early
+
+
+def scores_and_cost(measurement: Measurement, *, outside: bool) -> list[Table]:
+    """The tables of one cell. A policy from outside has one score, and no cost."""
+    if outside:
+        return [scores_table({"": measurement.selected})]
+    cost = {
         "selected at environment step": measurement.selected_steps,
         "environment steps": measurement.env_steps,
         "checkpoints": len(measurement.curve),
@@ -117,4 +121,83 @@ def cost_table(measurement: Measurement) -> Table:
         "reward [ns/step]": measurement.reward_nanoseconds,
         "inputs added": measurement.inputs_added,
     }
-    return Table("Cost", columns, tuple(names.items()))
+    return [
+        scores_table({"selected": measurement.selected, "final": measurement.final}),
+        Table("Cost", (Column("what", right=False), Column("value")), tuple(cost.items())),
+    ]
+
+
+# ---------------------------------------------------------------------------------------------------- time and machine
+
+
+def time_table(groups: Sequence[Group]) -> Table:
+    """What training took: one row for each group."""
+    columns: dict[Column, Callable[[Group], Value]] = {
+        **SETTING,
+        Column("training wall", "train wall", unit="s", digits=1): lambda group: group.mean("training_wall_seconds"),
+        Column("wall 95 % interval", unit="s", digits=1, kind=Interval, drop=2): (
+            lambda group: _seconds_interval(group.values("training_wall_seconds"))
+        ),
+        Column("training CPU", "train CPU", unit="s", digits=1): lambda group: group.mean("training_cpu_seconds"),
+        Column("CPU 95 % interval", unit="s", digits=1, kind=Interval, drop=2): (
+            lambda group: _seconds_interval(group.values("training_cpu_seconds"))
+        ),
+        Column("cell CPU", unit="s", digits=1, drop=5): lambda group: group.mean("cpu_seconds"),
+        Column("env steps", digits=0): lambda group: group.mean("env_steps"),
+        Column("reward", unit="ns/step", digits=1): lambda group: group.mean("reward_nanoseconds"),
+        Column("inputs added", digits=0, drop=3): lambda group: group.mean("inputs_added"),
+        Column("jobs at a time", drop=4): _jobs,
+        Column("remarks", right=False, below=True): lambda group: group.remarks or None,
+    }
+    notes = (
+        "Means over seeds, with t intervals, cut at 0. 'Cell' is training, checkpoints and evaluation.",
+        "Reward: CPU nanoseconds of the method's reward per step and copy, in a batch of 1024.",
+    )
+    return Table.of("Time", groups, columns, notes)
+
+
+def _seconds_interval(values: Sequence[float]) -> Interval | None:
+    """Of the mean, cut at 0: the interval of two seeds is wide."""
+    interval = mean_interval(values)
+    return None if interval is None else Interval(max(interval.low, 0.0), interval.high)
+
+
+def _jobs(group: Group) -> str | None:
+    """How many cells ran at a time."""
+    jobs = {row.provenance.get("jobs", "") for row in group.rows if row.numbers}
+    return ", ".join(sorted(jobs - {""})) or None
+
+
+_NO_VERSIONS = {"machine", "jobs", "time", "code", "task_folder", "load"}
+_NO_VERSIONS |= {"training_calibration_seconds", "reward_calibration_seconds"}
+"""What provenance has beside versions of packages."""
+
+
+def circumstances(groups: Sequence[Group]) -> Table:
+    """Machine, versions, code, jobs, days, cells and CPU time: one row each. If cells differ, it has all values."""
+    rows = [row for group in groups for row in group.rows]
+    values: dict[str, set[str]] = {}
+    for row in rows:
+        for name, value in row.provenance.items():
+            values.setdefault(name, set()).add(value)
+    texts = {name: "; ".join(sorted(several)) for name, several in values.items()}
+    parts = (part.partition(" ") for row in rows for part in row.provenance.get("code", "").split(", "))
+    days = sorted({time.partition("T")[0] for time in values.get("time", ())})
+    seconds = sum(row.numbers.cpu_seconds for row in rows if row.numbers)
+    lines = {
+        "machine": texts.get("machine", ""),
+        "versions": ", ".join(f"{name} {texts[name]}" for name in sorted(texts.keys() - _NO_VERSIONS)),
+        "code of stlbench": "; ".join(sorted({version for part, _, version in parts if part == "harness"})),
+        "cells at a time": texts.get("jobs", ""),
+        "begun": days[0] if len(days) == 1 else " to ".join([*days[:1], *days[-1:]]),
+        "cells": f"{len(rows)}, {sum(row.numbers is not None for row in rows)} of them with a result",
+        "CPU time": f"{_time(seconds)}, training and evaluation",
+    }
+    columns = (Column("what", right=False), Column("value", right=False))
+    return Table("Circumstances", columns, tuple((name, text) for name, text in lines.items() if text))
+
+
+def _time(seconds: float) -> str:
+    if seconds < 60:
+        return f"{seconds:.1f} seconds"
+    return f"{seconds / 60:.1f} minutes" if seconds < 3600 else f"{seconds / 3600:.2f} hours"

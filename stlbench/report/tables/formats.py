@@ -1,4 +1,4 @@
-"""One table, written in several ways: Markdown, LaTeX and on a terminal for people, CSV and records in full."""
+"""One table in several formats: Markdown, LaTeX and the terminal are rounded; CSV and records have all digits."""
 
 from __future__ import annotations
 
@@ -37,95 +37,89 @@ A column of IEEE has 252 points, a page 516."""
 _LINES = 60
 """Of 9.5 points, on a page of IEEE, with its caption."""
 _TEXT = 16
-"""Characters of a line of text in a column that is no wider than it has to be."""
+"""Characters of a line of text in a column that is no wider than necessary."""
 
 
-def _texts(table: Table) -> list[list[str]]:
-    """The rows for people."""
-    return [
-        [show(value, column.digits) for value, column in zip(row, table.columns, strict=True)] for row in table.rows
-    ]
+# ------------------------------------------------------------------------------------------- Markdown, CSV and records
 
 
 def to_markdown(table: Table) -> str:
     """A section: heading, table with padded columns, notes."""
-    header = [_MARKDOWN.sub(r"\\\1", column.heading) for column in table.columns]
-    body = [[_MARKDOWN.sub(r"\\\1", text) for text in row] for row in _texts(table)]
-    widths = [max(3, *(len(line[i]) for line in [header, *body])) for i in range(len(header))]
-    rule = [
-        "-" * (width - 1) + (":" if column.right else "-") for width, column in zip(widths, table.columns, strict=True)
+    columns = table.columns
+    texts = [[show(value, column.digits) for value, column in zip(row, columns, strict=True)] for row in table.rows]
+    header, *body = [
+        [_MARKDOWN.sub(r"\\\1", text) for text in line] for line in ([column.heading for column in columns], *texts)
     ]
-    lines = [_padded(line, widths, table.columns) for line in [header, rule, *body]]
+    widths = [max(3, *map(len, texts)) for texts in zip(header, *body, strict=True)]
+    rule = ["-" * (width - 1) + (":" if column.right else "-") for width, column in zip(widths, columns, strict=True)]
+    lines = []
+    for line in (header, rule, *body):
+        cells = zip(line, widths, columns, strict=True)
+        padded = [text.rjust(width) if column.right else text.ljust(width) for text, width, column in cells]
+        lines.append(f"| {' | '.join(padded)} |")
     return "\n".join([f"## {table.title}", "", *lines, "", *(f"- {note}" for note in table.notes)]) + "\n"
 
 
-def _padded(line: Sequence[str], widths: Sequence[int], columns: Sequence[Column]) -> str:
-    padded = [
-        text.rjust(width) if column.right else text.ljust(width)
-        for text, width, column in zip(line, widths, columns, strict=True)
-    ]
-    return f"| {' | '.join(padded)} |"
-
-
 def to_csv(table: Table) -> str:
-    """Header and rows in full, without title and notes; nothing to show is an empty field."""
+    """Header and rows in full, without title and notes; None is an empty field."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_headings(table))
-    writer.writerows(_plain(row, table.columns) for row in table.rows)
+    csv.writer(text, lineterminator="\n").writerows([_headings(table), *_plain(table)])
     return text.getvalue()
 
 
 def to_records(table: Table) -> list[dict[str, Plain]]:
-    """One mapping per row, from heading to value, in full."""
-    return [dict(zip(_headings(table), _plain(row, table.columns), strict=True)) for row in table.rows]
+    """One mapping for each row, from heading to value, in full."""
+    return [dict(zip(_headings(table), row, strict=True)) for row in _plain(table)]
 
 
 def _headings(table: Table) -> list[str]:
     return list(chain.from_iterable(column.headings for column in table.columns))
 
 
-def _plain(row: Sequence[Value], columns: Sequence[Column]) -> list[Plain]:
-    """The values of a row, those of compound ones side by side."""
-    values: list[Plain] = []
-    for value, column in zip(row, columns, strict=True):
-        if isinstance(value, tuple):
-            values += value
-        else:
-            values += [value, *[None] * (len(column.headings) - 1)]
-    return values
+def _plain(table: Table) -> Iterator[list[Plain]]:
+    """The rows, in which compound values are several plain ones."""
+    for row in table.rows:
+        values: list[Plain] = []
+        for value, column in zip(row, table.columns, strict=True):
+            values += value if isinstance(value, tuple) else [value, *[None] * (len(column.headings) - 1)]
+        yield values
+
+
+# --------------------------------------------------------------------------------------------------------------- LaTeX
 
 
 def to_latex(table: Table, width: Width = "page") -> str:
-    r"""Tabulars for `\usepackage{booktabs}`, no wider than a column or a page of two columns, in text of 8 points.
+    r"""Tabulars for `\usepackage{booktabs}` in text of 8 points, no wider than a column or a page of two columns.
 
-    What all rows share, the long texts, and the notes are comments. Columns are left out as on a screen of that width,
-    and a comment names them. What is still too wide comes in several tabulars, such as one of each task. So does what
-    is longer than a page.
+    Comments have the notes, the long texts and what all rows share. Columns are left out as on a screen of that width;
+    a comment names them. A table that is still too wide, or longer than a page, comes in several tabulars.
     """
     columns = table.columns
     rows = [[_stacked(value, column.digits) for value, column in zip(row, columns, strict=True)] for row in table.rows]
     lines = [[_wrapped(text, column) for text, column in zip(row, columns, strict=True)] for row in rows]
-    widths = {i: _widest([_header(column), *(row[i] for row in lines)]) for i, column in enumerate(columns)}
+    widths = {
+        i: max(len(line) for cell in (_header(column), *(row[i] for row in lines)) for line in cell)
+        for i, column in enumerate(columns)
+    }
     fit = _fit(table, rows, widths, _CHARACTERS[width])
     notes = [f"% {' '.join(note.split())}" for note in table.notes]
     too_wide = any(sum(part.values()) + 2 * len(part) > _CHARACTERS[width] for part in fit.parts)
     varying = [i for i, column in enumerate(columns) if column.shared and len({row[i] for row in rows}) > 1]
     if too_wide and varying:
-        return "\n".join([*notes, *(to_latex(some, width) for some in _apart(table, varying[0]))])
+        return "\n".join([*notes, *(to_latex(some, width) for some in _split(table, varying[0]))])
     comments = (fit.title, *([f"Left out: {fit.left_out}."] if fit.left_out else []), *fit.remarks)
     tabulars = [_tabular(columns, some, part) for part in fit.parts for some in _pages(lines, part)]
     return "\n".join([*(f"% {' '.join(line.split())}" for line in comments), *notes, "\n\n".join(tabulars), ""])
 
 
-def _apart(table: Table, place: int) -> Iterator[Table]:
-    """A table, without notes, for each value of a column."""
+def _split(table: Table, place: int) -> Iterator[Table]:
+    """A table without notes for each value of a column."""
     for value in dict.fromkeys(row[place] for row in table.rows):
         yield Table(table.title, table.columns, tuple(row for row in table.rows if row[place] == value))
 
 
 def _stacked(value: Value, digits: int | None) -> str:
-    """A value: the interval of what was learned stands on a line of its own, and nothing else does."""
+    """A value on one line, but for the interval of what was learned."""
     return _folded(value, digits) if isinstance(value, Learned) else " ".join(show(value, digits).split())
 
 
@@ -136,10 +130,6 @@ def _wrapped(text: str, column: Column) -> list[str]:
 
 def _header(column: Column) -> list[str]:
     return textwrap.wrap(column.header, 12, break_long_words=False, break_on_hyphens=False)
-
-
-def _widest(texts: Iterable[Sequence[str]]) -> int:
-    return max(len(line) for lines in texts for line in lines)
 
 
 def _pages(rows: Sequence[Sequence[Sequence[str]]], part: Mapping[int, int]) -> Iterator[list[Sequence[Sequence[str]]]]:
@@ -157,33 +147,30 @@ def _pages(rows: Sequence[Sequence[Sequence[str]]], part: Mapping[int, int]) -> 
 
 def _tabular(columns: Sequence[Column], rows: Iterable[Sequence[Sequence[str]]], part: Mapping[int, int]) -> str:
     sides = ["r" if columns[i].right else "l" for i in part]
-    heads = [_latex_lines(_header(columns[i]), side, "b") for i, side in zip(part, sides, strict=True)]
-    body = [[_latex_lines(row[i], side, "t") for i, side in zip(part, sides, strict=True)] for row in rows]
+    heads = [_latex_cell(_header(columns[i]), side, "b") for i, side in zip(part, sides, strict=True)]
+    body = [[_latex_cell(row[i], side, "t") for i, side in zip(part, sides, strict=True)] for row in rows]
+    head, *lines = [" & ".join(row) + r" \\" for row in (heads, *body)]
     return "\n".join(
         [
             r"{\fontsize{8}{9.5}\selectfont\setlength{\tabcolsep}{3pt}%",
             rf"\begin{{tabular}}{{@{{}}{''.join(sides)}@{{}}}}",
             r"\toprule",
-            _latex_row(heads),
+            head,
             r"\midrule",
-            *map(_latex_row, body),
+            *lines,
             r"\bottomrule",
             r"\end{tabular}}",
         ]
     )
 
 
-def _latex_lines(lines: Sequence[str], side: str, place: str) -> str:
-    """A value; where it has several lines, a tabular of its own, in line with the others at the top or the bottom."""
+def _latex_cell(lines: Sequence[str], side: str, place: str) -> str:
+    """A value. One of several lines is a tabular of its own, aligned at the top or the bottom."""
     texts = [_latex_text(line) for line in lines]
     if len(texts) == 1:
         return texts[0]
     stacked = r" \\ ".join(texts)
     return rf"\begin{{tabular}}[{place}]{{@{{}}{side}@{{}}}}{stacked}\end{{tabular}}"
-
-
-def _latex_row(row: Sequence[str]) -> str:
-    return " & ".join(row) + r" \\"
 
 
 def _latex_text(text: str) -> str:
@@ -193,11 +180,14 @@ def _latex_text(text: str) -> str:
     return _MINUS.sub("$-$", escaped)
 
 
-def to_screen(table: Table, console: Console, *, explain: bool = True) -> None:
-    """Print the table as wide as the console: what all rows share goes into the title, long texts go below.
+# -------------------------------------------------------------------------------------------------------------- screen
 
-    Where that is still too wide, columns are left out, and a line says which; where none can be, the table comes in
-    parts, one below the other. Its notes follow unless `explain` is off.
+
+def to_screen(table: Table, console: Console, *, explain: bool = True) -> None:
+    """Print the table as wide as the console. What all rows share goes into the title, long texts go below.
+
+    A table that is too wide loses columns, and a line names them. One without such columns comes in parts, one below
+    the other. Notes follow unless `explain` is off.
     """
     columns = table.columns
     rows = [[_folded(value, column.digits) for value, column in zip(row, columns, strict=True)] for row in table.rows]
@@ -217,40 +207,19 @@ def to_screen(table: Table, console: Console, *, explain: bool = True) -> None:
         console.print()
 
 
-class _Fit(NamedTuple):
-    """A table as it fits a width."""
-
-    title: str
-    """With what all rows share."""
-    parts: list[dict[int, int]]
-    """Columns that stand side by side, each with its width in characters."""
-    left_out: str
-    remarks: list[str]
-    """The long texts."""
-
-
-def _fit(table: Table, rows: Sequence[Sequence[str]], widths: Mapping[int, int], width: int) -> _Fit:
-    """Which columns of these widths fit into `width` characters; `rows` are the values as they are shown."""
-    columns = table.columns
-    shared = [i for i, column in enumerate(columns) if column.shared and len({row[i] for row in rows}) == 1]
-    below = [i for i, column in enumerate(columns) if column.below]
-    inside = {i: widths[i] for i in range(len(columns)) if i not in (*shared, *below)}
-    shown = _fitting(columns, inside, width)
-    common = ", ".join(f"{columns[i].heading} {rows[0][i]}" for i in shared)
-    return _Fit(
-        title=f"{table.title}: {common}" if common else table.title,
-        parts=[{i: widths[i] for i in part} for part in _parts(columns, {i: widths[i] for i in shown}, width)],
-        left_out=", ".join(columns[i].heading for i in inside if i not in shown),
-        remarks=_lines_below(columns, rows, below),
-    )
-
-
 def _folded(value: Value, digits: int | None) -> str:
     """A value on screen: the interval of what was learned stands on a line of its own."""
     if isinstance(value, Learned) and value.low is not None:
         robustness, ends, seeds = learned_parts(value, digits)
         return f"{robustness} {seeds}\n{ends}"
     return show(value, digits)
+
+
+def _least(column: Column, texts: Sequence[str]) -> int:
+    """The width at which a column still reads well: numbers unbroken, texts and headers broken between words."""
+    header = max(len(word) for word in column.header.split())
+    longest = max((len(line) for text in texts for line in text.splitlines()), default=0)
+    return max(header, longest if column.right else min(longest, _TEXT))
 
 
 def _laid_out(columns: Sequence[Column], rows: Sequence[Sequence[str]], widths: Mapping[int, int]) -> RichTable:
@@ -265,38 +234,50 @@ def _laid_out(columns: Sequence[Column], rows: Sequence[Sequence[str]], widths: 
     return laid_out
 
 
-def _fitting(columns: Sequence[Column], widths: Mapping[int, int], width: int) -> list[int]:
-    """Those of the columns that fit into `width` characters: droppable ones go first."""
-    shown = list(widths)
+# --------------------------------------------------------------------------------------------------------------- width
+
+
+class _Fit(NamedTuple):
+    """A table as it fits a width."""
+
+    title: str
+    """With what all rows share."""
+    parts: list[dict[int, int]]
+    """Columns that are printed in one line, each with its width in characters."""
+    left_out: str
+    remarks: list[str]
+    """The long texts."""
+
+
+def _fit(table: Table, rows: Sequence[Sequence[str]], widths: Mapping[int, int], width: int) -> _Fit:
+    """Choose the columns of these widths that fit into `width` characters; `rows` are the values as they are shown."""
+    columns, alike = table.columns, table.alike
+    inside = [i for i, column in enumerate(columns) if i not in alike and not column.below]
+    shown = list(inside)
     while sum(widths[i] + 2 for i in shown) > width and any(columns[i].drop for i in shown):
         shown.remove(max(reversed(shown), key=lambda i: columns[i].drop))
-    return shown
+    names = [i for i, column in enumerate(columns) if column.shared or column.title == "method"]
+    return _Fit(
+        title=table.title_with(alike),
+        parts=[{i: widths[i] for i in part} for part in _parts(shown, names, widths, width)],
+        left_out=", ".join(columns[i].heading for i in inside if i not in shown),
+        remarks=[
+            f"{column.title}: {'/'.join(row[j] for j in names)}: {row[i]}"
+            for i, column in enumerate(columns)
+            if column.below
+            for row in rows
+            if row[i] != NOTHING
+        ],
+    )
 
 
-def _parts(columns: Sequence[Column], widths: Mapping[int, int], width: int) -> list[list[int]]:
-    """The columns in as few parts as fit into `width`, in their order; those that say what a row is of are in each."""
-    names = [i for i in widths if columns[i].shared or columns[i].title == "method"]
-    room = width - sum(widths[i] + 2 for i in names)
+def _parts(shown: Sequence[int], names: Sequence[int], widths: Mapping[int, int], width: int) -> list[list[int]]:
+    """The columns in as few parts as fit into `width`, in their order. Each part has those that name the row."""
+    repeated = [i for i in shown if i in names]
+    room = width - sum(widths[i] + 2 for i in repeated)
     parts = list[list[int]]([[]])
-    for i in (i for i in widths if i not in names):
+    for i in (i for i in shown if i not in names):
         if parts[-1] and sum(widths[j] + 2 for j in (*parts[-1], i)) > room:
             parts.append([])
         parts[-1].append(i)
-    return [sorted([*names, *part]) for part in parts]
-
-
-def _least(column: Column, texts: Sequence[str]) -> int:
-    """The width at which a column still reads well: numbers unbroken, texts and headers broken between words."""
-    header = max(len(word) for word in column.header.split())
-    longest = max((len(line) for text in texts for line in text.splitlines()), default=0)
-    return max(header, longest if column.right else min(longest, _TEXT))
-
-
-def _lines_below(columns: Sequence[Column], rows: Sequence[Sequence[str]], below: Sequence[int]) -> list[str]:
-    identity = [i for i, column in enumerate(columns) if column.shared or column.title == "method"]
-    return [
-        f"{columns[i].title}: {'/'.join(row[j] for j in identity)}: {row[i]}"
-        for i in below
-        for row in rows
-        if row[i] != NOTHING
-    ]
+    return [sorted([*repeated, *part]) for part in parts]

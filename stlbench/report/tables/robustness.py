@@ -1,219 +1,159 @@
-"""How well trained policies satisfy the formula: all methods at a glance, and one row per group with intervals."""
+"""How well trained policies satisfy the formula: all methods at a glance, and one row for each group."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
-import numpy as np
-
-from stlbench.records.identity import Setting
 from stlbench.records.result import LEARNED
 from stlbench.registry.choices import Choice
-from stlbench.report.statistics.intervals import FEWEST, Interval, median, median_interval, share_interval
+from stlbench.report.statistics.intervals import FEWEST, Interval, mean, median, median_interval, share_interval
 from stlbench.report.tables.cells import ENDED_EARLY
 from stlbench.report.tables.comparisons import Contest, contests, mark, mark_notes
-from stlbench.report.tables.rows import SETTING, Group, setting_values
+from stlbench.report.tables.controllers import Known
+from stlbench.report.tables.rows import SETTING, Group, shared_columns
 from stlbench.report.tables.table import Column, FirstFailed, Learned, Table, Value
 
-if TYPE_CHECKING:
-    from stlbench.rollout.standards import Standard
 
-
-def overview(
-    groups: Sequence[Group],
-    standards: Mapping[str, Standard],
-    best: Mapping[Choice, float] | None = None,
-    advice: Iterable[str] = (),
-) -> Table:
+def overview(groups: Sequence[Group], known: Known, advice: Iterable[str] = ()) -> Table:
     """The median robustness of every method on every task with its interval, and on how many seeds it was learned.
 
-    Args:
-        groups: of one or more tasks, agents, budgets and tracks, which are the rows.
-        standards: what is known of the tasks, such as what their controllers get.
-        best: the best known robustness of the tasks, where it is known.
-        advice: lines to say below.
+    One row for each task, agent, budget and track of the groups. `advice` are lines for the notes.
     """
-    by_hand = any(standard.by_hand for standard in standards.values())
-    methods = sorted({group.setting.method for group in groups})
-    columns = (
-        Column("task", right=False, shared=True),
-        Column("agent", right=False, shared=True),
-        Column("budget", right=False, shared=True),
-        Column("track", right=False, shared=True),
-        *([Column("by hand", digits=3)] if by_hand else []),
-        *([Column("possible", digits=3)] if best else []),
-        *(Column(str(method), digits=3, kind=Learned) for method in methods),
-        Column("cell CPU", unit="s", digits=0, drop=1),
+    rows = contests(groups).values()
+    columns: dict[Column, Callable[[Contest], Value]] = shared_columns(lambda contest: contest[0])
+    if any(standard.by_hand for standard in known.standards.values()):
+        columns[Column("by hand", digits=3)] = lambda contest: known.by_hand(contest[0].setting.task)
+    if known.best:
+        columns[Column("possible", digits=3)] = lambda contest: known.best.get(contest[0].setting.task)
+    for method in sorted({group.setting.method for group in groups}):
+        columns[Column(str(method), digits=3, kind=Learned)] = partial(_learned_by, method, known)
+    columns[Column("cell CPU", unit="s", digits=0, drop=1)] = lambda contest: mean(
+        [numbers.cpu_seconds for group in contest for numbers in group.done]
     )
-    by_key = contests(groups)
-    body = tuple(
-        (
-            *map(str, key),
-            *([_by_hand(key[0], standards)] if by_hand else []),
-            *([best.get(key[0])] if best else []),
-            *_entries(contest, methods, standards),
-            _cpu_seconds(contest),
-        )
-        for key, contest in by_key.items()
+    note = (
+        "Robustness of the selected policies: the median seed, with its 95 % interval, of five seeds or more. In "
+        "parentheses the seeds that learned the task, with the selected policy and with the final one: the policy "
+        f"satisfies the formula from at least {100 * LEARNED:.0f} % of the starts."
     )
-    marks = mark_notes(mark(group, contest, standards) for contest in by_key.values() for group in contest)
-    return Table("Overview", columns, body, (_OVERVIEW, *marks, *advice))
+    marks = mark_notes(mark(group, contest, known) for contest in rows for group in contest)
+    return Table.of("Overview", rows, columns, (note, *marks, *advice))
 
 
-_OVERVIEW = (
-    "Robustness of the selected policies: the median seed, with its 95 % interval, of five seeds or more. In "
-    "parentheses the seeds that learned the task, with the selected policy and with the final one: the policy "
-    f"satisfies the formula from at least {100 * LEARNED:.0f} % of the starts."
-)
-
-
-def _by_hand(task: Choice, standards: Mapping[str, Standard]) -> float | None:
-    """What the controller of the task, or of the task that it is an ablation of, gets."""
-    standard = standards.get(task.name)
-    return standard.by_hand.mean if standard and standard.by_hand else None
-
-
-def _entries(contest: Contest, methods: Iterable[Choice], standards: Mapping[str, Standard]) -> list[Value]:
-    by_method = {group.setting.method: _median_learned(group, mark(group, contest, standards)) for group in contest}
-    return [by_method.get(method) for method in methods]
-
-
-def _median_learned(group: Group, marks: str) -> Value:
-    """Where no seed finished, how they ended."""
+def _learned_by(method: Choice, known: Known, contest: Contest) -> Value:
+    """What a method learned; how its seeds ended if none finished, and None without any."""
+    group = next((group for group in contest if group.setting.method == method), None)
+    if group is None:
+        return None
     if not group.done:
         return ", ".join(sorted({row.status for row in group.rows}))
-    values = group.values(lambda numbers: numbers.robustness_mean)
+    values = group.values("robustness_mean")
     low, high = median_interval(values) or (None, None)
-    learned, final = sum(each.learned for each in group.done), sum(each.final_learned for each in group.done)
-    return Learned(median(values), low, high, learned, final, group.tried, marks)
-
-
-def _cpu_seconds(groups: Iterable[Group]) -> float | None:
-    """Per cell, mean over all of them."""
-    seconds = [numbers.cpu_seconds for group in groups for numbers in group.done]
-    return float(np.mean(seconds)) if seconds else None
-
-
-def robustness_table(
-    groups: Sequence[Group],
-    best: Mapping[Choice, float] | None = None,
-    standards: Mapping[str, Standard] | None = None,
-    outside: Sequence[Group] = (),
-) -> Table:
-    """One row per group, one column per further protocol.
-
-    Args:
-        groups: of agents that learn.
-        best: the best known of their tasks (`best_known`); where any is known, robustness is also a share of it.
-        standards: of their tasks; they know which methods pay the same.
-        outside: policies that were not trained here, which stand behind those of their tasks.
-    """
-    own, groups = groups, sorted([*groups, *outside], key=lambda group: (group.setting.task, group.outside))
-    further = sorted({name for group in groups for numbers in group.done for name in numbers.further})
-    by_group = _marks(own, standards or {})
-    marks = [by_group.get(group.setting, MARK) for group in groups]
-    early = any(numbers.ended_early for group in groups for numbers in group.done)
-    columns = (
-        *SETTING,
-        *([Column("mark", right=False)] if any(marks) else []),
-        Column("starts", drop=8),
-        Column("mean robustness", "mean", digits=3, drop=3),
-        Column("median robustness", "median", digits=3),
-        Column("median 95 % interval", digits=3, kind=Interval, drop=1),
-        Column("worst start", digits=3, drop=5),
-        Column("satisfied", unit="%", digits=1),
-        *([Column("ended early", unit="%", digits=1)] if early else []),
-        Column("learned", drop=2),
-        Column("learned 95 % interval", unit="%", digits=0, kind=Interval, drop=4),
-        *([Column(_SHARE, "of best", digits=2, drop=2)] if best else []),
-        *(Column(name, digits=3, drop=4) for name in further),
-        Column("final median robustness", "final median", digits=3, drop=6),
-        Column("final median 95 % interval", digits=3, kind=Interval, drop=7),
-        Column("final satisfied", "final sat.", unit="%", digits=1, drop=6),
-        Column("final learned", drop=6),
-        Column("final learned 95 % interval", unit="%", digits=0, kind=Interval, drop=7),
-        Column("failed first", kind=FirstFailed, right=False, below=True),
-        Column("remarks", right=False, below=True),
-    )
-    rows = tuple(
-        (*setting_values(group), *([each or None] if any(marks) else []), *_values(group, further, best or {}, early))
-        for group, each in zip(groups, marks, strict=True)
-    )
-    shown = tuple(map(partial(_only_selected, columns), rows, (group.outside for group in groups)))
-    return Table("Robustness", columns, shown, (*_notes(further, early), *mark_notes(marks), *outside_notes(outside)))
-
-
-def _only_selected(columns: Sequence[Column], row: tuple[Value, ...], outside: bool) -> tuple[Value, ...]:
-    """Of a policy from outside there is one, and none at the end of its training."""
-    if not outside:
-        return row
-    return tuple(
-        None if column.title.startswith("final ") else value for column, value in zip(columns, row, strict=True)
-    )
+    learned, final = sum(group.values("learned")), sum(group.values("final_learned"))
+    return Learned(median(values), low, high, learned, final, group.tried, mark(group, contest, known))
 
 
 MARK = "o"
 """Of policies that were not trained by stlbench."""
-_SHARE = "share of best known (median, both above 0)"
 
 
-def _marks(groups: Sequence[Group], standards: Mapping[str, Standard]) -> dict[Setting, str]:
-    found = contests(groups).values()
-    return {group.setting: mark(group, contest, standards) for contest in found for group in contest}
+def robustness_table(groups: Sequence[Group], known: Known, outside: Sequence[Group] = ()) -> Table:
+    """One row for each group of agents that learn, one column for each further protocol.
+
+    `outside` are policies that were not trained here. Their rows follow those of their tasks.
+    """
+    marks = {group.setting: MARK for group in outside}
+    marks |= {group.setting: mark(group, contest, known) for contest in contests(groups).values() for group in contest}
+    rows = sorted([*groups, *outside], key=lambda group: (group.setting.task, group.outside))
+    done = [numbers for group in rows for numbers in group.done]
+    further = sorted({name for numbers in done for name in numbers.further})
+    early = any(numbers.ended_early for numbers in done)
+    columns: dict[Column, Callable[[Group], Value]] = {
+        **SETTING,
+        Column("mark", right=False): lambda group: marks[group.setting] or None,
+        Column("starts", drop=8): _starts,
+        Column("mean robustness", "mean", digits=3, drop=3): lambda group: group.mean("robustness_mean"),
+        Column("median robustness", "median", digits=3): lambda group: _median(group, "robustness_mean"),
+        Column("median 95 % interval", digits=3, kind=Interval, drop=1): (
+            lambda group: median_interval(group.values("robustness_mean"))
+        ),
+        Column("worst start", digits=3, drop=5): lambda group: min(group.values("robustness_min"), default=None),
+        Column("satisfied", unit="%", digits=1): lambda group: _percent(group.values("satisfaction")),
+        Column("ended early", unit="%", digits=1): lambda group: _percent(group.values("ended_early")),
+        Column("learned", drop=2): lambda group: _count(group, "learned"),
+        Column("learned 95 % interval", unit="%", digits=0, kind=Interval, drop=4): (
+            lambda group: _percent_interval(group, "learned")
+        ),
+        Column("share of best known (median, both above 0)", "of best", digits=2, drop=2): (
+            lambda group: _share(_median(group, "robustness_mean"), known.best.get(group.setting.task))
+        ),
+        **{Column(name, digits=3, drop=4): partial(_further, name) for name in further},
+        **{column: partial(_unless_outside, value) for column, value in _FINAL.items()},
+        Column("failed first", kind=FirstFailed, right=False, below=True): lambda group: group.first_failed,
+        Column("remarks", right=False, below=True): lambda group: group.remarks or None,
+    }
+    absent = {"mark": not any(marks.values()), "ended early": not early, "of best": not known.best}
+    shown = {column: value for column, value in columns.items() if not absent.get(column.short or column.title)}
+    notes = (*_notes(further, early), *mark_notes(marks.values()), *_outside_notes(outside))
+    return Table.of("Robustness", rows, shown, notes)
 
 
-def _values(group: Group, further: Sequence[str], best: Mapping[Choice, float], early: bool) -> tuple[Value, ...]:
-    values = group.values(lambda numbers: numbers.robustness_mean)
-    final = group.values(lambda numbers: numbers.final_robustness_mean)
-    centre = median(values) if values else None
-    return (
-        _starts(group),
-        float(np.mean(values)) if values else None,
-        centre,
-        median_interval(values),
-        min(group.values(lambda numbers: numbers.robustness_min), default=None),
-        _percent(group.values(lambda numbers: numbers.satisfaction)),
-        *([_percent([each.ended_early for each in group.done if each.ended_early is not None])] if early else []),
-        *_learned(group, [numbers.learned for numbers in group.done]),
-        *([_share(centre, best.get(group.setting.task))] if best else []),
-        *(_mean([numbers.further[name] for numbers in group.done if name in numbers.further]) for name in further),
-        median(final) if final else None,
-        median_interval(final),
-        _percent(group.values(lambda numbers: numbers.final_satisfaction)),
-        *_learned(group, [numbers.final_learned for numbers in group.done]),
-        group.first_failed,
-        group.remarks or None,
-    )
+_FINAL: dict[Column, Callable[[Group], Value]] = {
+    Column("final median robustness", "final median", digits=3, drop=6): (
+        lambda group: _median(group, "final_robustness_mean")
+    ),
+    Column("final median 95 % interval", digits=3, kind=Interval, drop=7): (
+        lambda group: median_interval(group.values("final_robustness_mean"))
+    ),
+    Column("final satisfied", "final sat.", unit="%", digits=1, drop=6): (
+        lambda group: _percent(group.values("final_satisfaction"))
+    ),
+    Column("final learned", drop=6): lambda group: _count(group, "final_learned"),
+    Column("final learned 95 % interval", unit="%", digits=0, kind=Interval, drop=7): (
+        lambda group: _percent_interval(group, "final_learned")
+    ),
+}
+"""Of the policy at the end of training."""
+
+
+def _unless_outside(value: Callable[[Group], Value], group: Group) -> Value:
+    """A policy from outside has no training, and no policy at its end."""
+    return None if group.outside else value(group)
 
 
 def _starts(group: Group) -> Value:
-    """From how many starts each number is; where seeds differ, all that there are."""
+    """The number of starts behind each number; if seeds differ, all these numbers."""
     counts = sorted({numbers.starts for numbers in group.done if numbers.starts is not None})
     return counts[0] if len(counts) == 1 else ", ".join(map(str, counts)) or None
 
 
-def _learned(group: Group, learned: Iterable[bool]) -> tuple[Value, Value]:
-    """How many seeds, of all that ran, and the exact interval of their share in percent; None where none finished."""
-    if not group.done:
-        return None, None
-    count = sum(learned)
-    ends = share_interval(count, group.tried)
-    return count, ends and Interval(100 * ends.low, 100 * ends.high)
+def _median(group: Group, name: str) -> float | None:
+    values = group.values(name)
+    return median(values) if values else None
+
+
+def _percent(shares: Sequence[float | None]) -> float | None:
+    known = mean([share for share in shares if share is not None])
+    return None if known is None else 100 * known
+
+
+def _count(group: Group, name: str) -> int | None:
+    return sum(group.values(name)) if group.done else None
+
+
+def _percent_interval(group: Group, name: str) -> Interval | None:
+    """The exact interval of the share of seeds, of all that ran, in percent."""
+    ends = share_interval(sum(group.values(name)), group.tried) if group.done else None
+    return ends and Interval(100 * ends.low, 100 * ends.high)
 
 
 def _share(value: float | None, best: float | None) -> float | None:
-    """Robustness as a share of the best known; None where it says nothing, as of what violates."""
+    """Robustness as a share of the best known; None if one of them is not above 0."""
     return value / best if value is not None and best is not None and value > 0 < best else None
 
 
-def _mean(values: Sequence[float]) -> float | None:
-    return float(np.mean(values)) if values else None
-
-
-def _percent(shares: Sequence[float]) -> float | None:
-    return 100 * float(np.mean(shares)) if shares else None
+def _further(name: str, group: Group) -> float | None:
+    return mean([numbers.further[name] for numbers in group.done if name in numbers.further])
 
 
 def _notes(further: Sequence[str], early: bool) -> tuple[str, ...]:
@@ -235,12 +175,12 @@ def _notes(further: Sequence[str], early: bool) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def outside_notes(groups: Sequence[Group]) -> tuple[str, ...]:
-    """What the mark means, and a line for each policy: where it comes from."""
+def _outside_notes(groups: Sequence[Group]) -> tuple[str, ...]:
+    """What the mark means, and the source of each policy."""
     if not groups:
         return ()
     rule = "not trained by stlbench: its budget is unknown. It is in no comparison and in no statistic."
-    return (f"Marked {MARK}: {rule}", *(_origin(group) for group in groups))
+    return (f"Marked {MARK}: {rule}", *map(_origin, groups))
 
 
 def _origin(group: Group) -> str:

@@ -1,20 +1,25 @@
-"""Results boiled down: a few numbers per cell, and the cells that differ in nothing but the seed as a group."""
+"""A few numbers of each cell, and groups of cells that differ in nothing but the seed."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
+from stlbench.errors import UsageError
 from stlbench.records.identity import OUTSIDE, CellId, Setting
 from stlbench.records.result import LEARNED, MAIN, RANDOM, Measurement, Planned, Result, numbers, reported
 from stlbench.records.status import NOT_RUN, Status
+from stlbench.registry import plugins
+from stlbench.report.statistics.intervals import mean
 from stlbench.report.tables.table import Column, FirstFailed, Seeds, Value
 
+_T = TypeVar("_T")
+
 CurveRow = tuple[int, float, float]
-"""One checkpoint: environment steps, satisfaction in [0, 1], mean robustness, on the starts kept for selection."""
+"""One checkpoint: environment steps, satisfaction in [0, 1], mean robustness, on the starts for selection."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +40,9 @@ class Numbers:
     reward_nanoseconds: float
     inputs_added: int
     starts: int | None = None
-    """From how many starts robustness and satisfaction are; None where that was not kept."""
+    """The number of starts behind robustness and satisfaction; None if it was not recorded."""
     ended_early: float | None = None
-    """Share of these starts, in [0, 1], whose episode ended before the formula's horizon; None where nobody counted."""
+    """Share of these starts, in [0, 1], whose episode ended before the formula's horizon; None if not recorded."""
     extension: str = ""
     """Why the task is outside the form that the method's source was published for; empty inside it."""
     planned: Planned | None = None
@@ -60,7 +65,7 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Row:
-    """One cell. Holds no value of a single start, so that thousands of them fit into memory."""
+    """One cell, without the values of single starts, so that thousands of cells fit into memory."""
 
     id: CellId
     status: Status | Literal["not run"]
@@ -68,11 +73,6 @@ class Row:
     provenance: Mapping[str, str]
     """How the result came about (`provenance.collect`)."""
     numbers: Numbers | None
-
-    @property
-    def jobs(self) -> str:
-        """How many cells ran at a time; empty where the provenance does not say."""
-        return self.provenance.get("jobs", "")
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Group:
 
     @property
     def outside(self) -> bool:
-        """Whether stlbench did not train these."""
+        """Whether stlbench did not train these policies."""
         return self.setting.track == OUTSIDE
 
     @cached_property
@@ -92,13 +92,17 @@ class Group:
         """The numbers of the finished cells; every aggregate is over these."""
         return tuple(row.numbers for row in self.rows if row.numbers is not None)
 
-    def values(self, number: Callable[[Numbers], float]) -> tuple[float, ...]:
-        """One number of each finished cell."""
-        return tuple(number(numbers) for numbers in self.done)
+    def values(self, name: str) -> tuple[Any, ...]:
+        """One of `Numbers`, of each finished cell."""
+        return tuple(getattr(numbers, name) for numbers in self.done)
+
+    def mean(self, name: str) -> float | None:
+        """The mean of one of `Numbers`; None if no cell is finished."""
+        return mean(self.values(name))
 
     @property
     def tried(self) -> int:
-        """How many seeds ran, with a result or without: of so many, some learned the task."""
+        """How many seeds ran, with a result or without."""
         return sum(row.status != NOT_RUN for row in self.rows)
 
     @property
@@ -108,25 +112,29 @@ class Group:
 
     @property
     def seeds(self) -> Seeds:
-        """Over how many seeds the aggregates are: of how many, and how the others ended."""
-        counts = Counter(row.status for row in self.rows if row.status != "done")
-        unfinished = ", ".join(f"{count} {status}" for status, count in counts.items())
-        return Seeds(len(self.done), len(self.rows), unfinished or None)
+        """How many seeds are finished, how many there are, and how the others ended."""
+        return Seeds(len(self.done), len(self.rows), unfinished(self.rows) or None)
 
     @property
     def remarks(self) -> str:
-        """Status and reason of the cells that ended without a measurement, each said once."""
-        unfinished = Counter((row.status, row.reason) for row in self.rows if row.status not in ("done", NOT_RUN))
-        return "; ".join(f"{status}: {reason}" if reason else status for status, reason in unfinished)
+        """Status and reason of the cells that ended without a measurement, each once."""
+        ended = Counter((row.status, row.reason) for row in self.rows if row.status not in ("done", NOT_RUN))
+        return "; ".join(f"{status}: {reason}" if reason else status for status, reason in ended)
 
     @cached_property
     def first_failed(self) -> FirstFailed | None:
-        """The conjunct that failed first most often, counted over the starts of all seeds; None where none failed."""
+        """The conjunct that failed first most often, over the starts of all seeds; None if none failed."""
         counts = sum((Counter(numbers.first_failed) for numbers in self.done), Counter[str]())
         if not counts:
             return None
         formula = min(counts, key=lambda text: (-counts[text], text))
         return FirstFailed(formula, counts[formula], counts.total())
+
+
+def unfinished(rows: Iterable[Row]) -> str:
+    """How the cells without a result ended: "40 intractable, 1 timeout"; empty if all have one."""
+    ended = Counter(row.status for row in rows if row.status != "done")
+    return ", ".join(f"{count} {status}" for status, count in ended.items())
 
 
 def missing_row(cell: CellId) -> Row:
@@ -151,16 +159,6 @@ def _shared(items: tuple[tuple[str, str], ...]) -> Mapping[str, str]:
     return dict(items)
 
 
-def group(rows: Iterable[Row]) -> tuple[Group, ...]:
-    """Rows, gathered by their setting; sorted, whatever order they come in."""
-    gathered: dict[Setting, list[Row]] = {}
-    for row in rows:
-        gathered.setdefault(row.id.setting, []).append(row)
-    return tuple(
-        Group(setting, tuple(sorted(gathered[setting], key=lambda row: row.id.seed))) for setting in sorted(gathered)
-    )
-
-
 def _numbers(measurement: Measurement) -> Numbers:
     columns, selected = numbers(measurement), measurement.selected
     known = {each.name: columns[each.name] for each in fields(Numbers) if each.name in columns}
@@ -173,28 +171,72 @@ def _numbers(measurement: Measurement) -> Numbers:
     )
 
 
+def group(rows: Iterable[Row]) -> tuple[Group, ...]:
+    """Gather rows by their setting, sorted."""
+    gathered: dict[Setting, list[Row]] = {}
+    for row in rows:
+        gathered.setdefault(row.id.setting, []).append(row)
+    return tuple(
+        Group(setting, tuple(sorted(gathered[setting], key=lambda row: row.id.seed))) for setting in sorted(gathered)
+    )
+
+
 def outside(groups: Iterable[Group]) -> tuple[Group, ...]:
-    """The groups of policies that were trained elsewhere, or by nobody."""
+    """The groups of policies that stlbench did not train."""
     return tuple(group for group in groups if group.outside)
 
 
 def trained(groups: Iterable[Group]) -> tuple[Group, ...]:
-    """All others."""
+    """The groups of policies that stlbench trained or planned."""
     return tuple(group for group in groups if not group.outside)
 
 
-SETTING = (
-    Column("task", right=False, shared=True),
-    Column("method", right=False),
-    Column("agent", right=False, shared=True),
-    Column("budget", right=False, shared=True),
-    Column("track", right=False, shared=True),
-    Column("seeds", right=False, kind=Seeds),
-)
+Maximised = Literal["reward", "formula"]
 
 
-def setting_values(group: Group) -> tuple[Value, ...]:
-    """The values of a group in these columns."""
-    setting = group.setting
-    budget = "unknown" if group.outside else setting.budget
-    return (str(setting.task), str(setting.method), str(setting.agent), budget, setting.track, group.seeds)
+def maximised(groups: Iterable[Group]) -> dict[str, Maximised]:
+    """Agent that plans -> what it maximises, as its cells say. Without a finished cell the installed agent says it."""
+    known, groups = dict[str, Maximised | None](), trained(groups)
+    for group in groups:
+        plans = next((numbers.planned.maximised for numbers in group.done if numbers.planned), None)
+        if group.done:
+            known[group.setting.agent.name] = plans
+    for name in {group.setting.agent.name for group in groups} - known.keys():
+        known[name] = _installed(name)
+    return {name: plans for name, plans in known.items() if plans is not None}
+
+
+def _installed(agent: str) -> Maximised | None:
+    """What the agent of that name maximises; None if it learns, or is not installed."""
+    try:
+        plans: Maximised | None = getattr(plugins.find("agents", agent).load(), "plans", None)
+    except UsageError:
+        return None
+    return plans
+
+
+def split(groups: Sequence[Group]) -> tuple[tuple[Group, ...], tuple[Group, ...]]:
+    """The groups of agents that learn, and of agents that plan; policies from outside are in neither."""
+    planners, own = maximised(groups), trained(groups)
+    learned = tuple(group for group in own if group.setting.agent.name not in planners)
+    return learned, tuple(group for group in own if group.setting.agent.name in planners)
+
+
+SETTING: Mapping[Column, Callable[[Group], Value]] = {
+    Column("task", right=False, shared=True): lambda group: str(group.setting.task),
+    Column("method", right=False): lambda group: str(group.setting.method),
+    Column("agent", right=False, shared=True): lambda group: str(group.setting.agent),
+    Column("budget", right=False, shared=True): lambda group: "unknown" if group.outside else group.setting.budget,
+    Column("track", right=False, shared=True): lambda group: group.setting.track,
+    Column("seeds", right=False, kind=Seeds): lambda group: group.seeds,
+}
+"""The columns that say which group a row is of."""
+
+
+def shared_columns(group_of: Callable[[_T], Group]) -> dict[Column, Callable[[_T], Value]]:
+    """Task, agent, budget and track, for items of which each belongs to a group."""
+
+    def of_item(value: Callable[[Group], Value]) -> Callable[[_T], Value]:
+        return lambda item: value(group_of(item))
+
+    return {column: of_item(value) for column, value in SETTING.items() if column.shared}

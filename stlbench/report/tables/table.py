@@ -1,10 +1,11 @@
-"""A table of values. How they are rounded and laid out is said by the columns, and done by `formats`."""
+"""A table of values. Its columns say how they are rounded and laid out, and `formats` does it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 from stlbench.report.statistics.intervals import Interval
 
@@ -16,7 +17,7 @@ NOTHING = "-"
 
 
 def decimal(value: float | None, digits: int | None = 3) -> str:
-    """A number with so many decimals, never "-0.000"; with six significant digits where None is asked for."""
+    """A number with so many decimals, never "-0.000"; None means six significant digits."""
     if value is None:
         return NOTHING
     text = f"{value:.6g}" if digits is None else f"{value:.{digits}f}"
@@ -62,6 +63,7 @@ Compound = Interval | Seeds | FirstFailed | Learned
 """Shown as one, and in CSV and JSON one column for each part."""
 
 Value = Plain | Compound
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -114,6 +116,35 @@ class Table:
     columns: tuple[Column, ...]
     rows: tuple[tuple[Value, ...], ...]
     notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        title: str,
+        items: Iterable[_T],
+        columns: Mapping[Column, Callable[[_T], Value]],
+        notes: tuple[str, ...] = (),
+    ) -> Table:
+        """A row for each item. Each column comes with the function that gives its value for an item."""
+        rows = tuple(tuple(value(item) for value in columns.values()) for item in items)
+        return cls(title, tuple(columns), rows, notes)
+
+    @property
+    def alike(self) -> list[int]:
+        """The shared columns in which all rows have the same value."""
+        return [i for i, column in enumerate(self.columns) if column.shared and len({row[i] for row in self.rows}) == 1]
+
+    def title_with(self, places: Iterable[int]) -> str:
+        """The title, with what the first row says in these columns."""
+        columns = ((self.columns[i], self.rows[0][i]) for i in places)
+        common = ", ".join(f"{column.heading} {show(value, column.digits)}" for column, value in columns)
+        return f"{self.title}: {common}" if common else self.title
+
+    def select(self, places: Iterable[int], title: str) -> Table:
+        """These columns alone, under another title."""
+        chosen = list(places)
+        rows = tuple(tuple(row[i] for i in chosen) for row in self.rows)
+        return Table(title, tuple(self.columns[i] for i in chosen), rows, self.notes)
 
 
 def show(value: Value, digits: int | None = None) -> str:

@@ -1,0 +1,207 @@
+"""The methods of one task: robustness of each seed, learning curves, and both with trajectories in a plane."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
+
+from stlbench.contract import Array
+from stlbench.report.figures import layout, plane
+from stlbench.report.figures.regions import Scale, parts, robustness_unit, time_label
+from stlbench.report.figures.style import SINGLE, Colours, GroupStyle, small, styled, styles, tiny, width
+from stlbench.report.figures.trajectories import part_keys
+from stlbench.report.statistics.intervals import MeanCurve, mean_curve, median, median_interval
+from stlbench.report.tables.rows import Group
+from stlbench.task.task import Task
+
+METHODS_PER_OVERVIEW = 6
+_ROW = 0.048
+"""Inches of a row, whose label has two lines, for each point of its text."""
+_LINE = 30
+"""Characters of a line of an axis' label: as many as the axis is high."""
+_PANEL = 2.2
+"""Inches of a panel of an overview, at least."""
+_LETTERS = 62
+"""Of an entry of the overview's legend, which has two columns."""
+
+
+@styled
+def robustness_by_method(groups: Sequence[Group], scale: Scale, colours: Colours) -> Figure:
+    """A point for each seed, the median with its interval under it; groups of one task."""
+    figure = layout.figure_of(1.1 + _ROW * small() * len(groups))
+    keys = _robustness(figure.subplots(), groups, scale.unit, colours)
+    return layout.finish(figure, f"{groups[0].setting.task}: robustness by method", keys, 4)
+
+
+def _robustness(axes: Axes, groups: Sequence[Group], unit: str, colours: Colours) -> list[Artist]:
+    """Draw one row for each group; the entries of the legend.
+
+    If values lie orders of magnitude below the others, the axis ends before them, and their rows have the numbers.
+    """
+    looks = styles(groups, colours)
+    values = [group.values("robustness_mean") for group in groups]
+    shown = layout.window(values)
+    for place, (seeds, style) in enumerate(zip(values, looks, strict=True)):
+        _points(axes, place, seeds, shown, style.colour)
+    axes.axvline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)
+    axes.set_yticks(range(len(groups)), [style.label.replace(": ", "\n") for style in looks])
+    axes.set_ylim(len(groups) - 0.5, -0.5)
+    axes.grid(axis="x", alpha=0.3)
+    axes.set_xlabel(f"mean robustness over the report starts [{unit}]")
+    every = [0.0, *(value for seeds in values for value in seeds)]
+    if shown is not None:
+        axes.set_xlim(shown.limits)
+    elif np.isfinite(every).all():
+        axes.set_xlim(layout.Window(min(every), max(every)).limits)
+    keys: list[Artist] = [
+        layout.key_of("one seed", color="0.3", marker="o", linestyle="", alpha=0.6, markersize=4.5),
+        layout.key_of("median seed, 95 % interval", color="0.3", marker="D", linewidth=2, markersize=5),
+        layout.level_key("0: satisfied above"),
+    ]
+    return keys if shown is None else [*keys, layout.beyond_key("<", "beyond the axis")]
+
+
+def _points(axes: Axes, place: int, values: Sequence[float], shown: layout.Window | None, colour: str) -> None:
+    if not values:
+        where = axes.get_yaxis_transform()
+        axes.text(0.5, place, "no result", transform=where, ha="center", va="center", color="0.4", backgroundcolor="w")
+        return
+    far = [value for value in values if shown is not None and value < shown.low]
+    near = [value for value in values if value not in far]
+    if near:
+        axes.plot(near, np.full(len(near), place - 0.14), "o", color=colour, alpha=0.6, markersize=4.5, mew=0)
+    centre, ends = median(values), median_interval(values)
+    below = shown is not None and centre < shown.low
+    if ends is not None and not below:
+        axes.plot(ends, (place + 0.16, place + 0.16), "-", color=colour, linewidth=2, solid_capstyle="butt")
+    if not below:
+        axes.plot([centre], [place + 0.16], "D", color=colour, markersize=5, markeredgecolor="white", mew=0.6)
+    if far:
+        spread = f"{layout.number(max(far))} to {layout.number(min(far))}"
+        text = f"1 seed, {layout.number(far[0])}" if len(far) == 1 else f"{len(far)} seeds, {spread}"
+        layout.arrow_at_left(axes, place - (0.34 if near else 0.14), [(text, colour)])  # above the seeds that are shown
+    if below:
+        interval = "" if ends is None else f" [{layout.number(ends.low)}, {layout.number(ends.high)}]"
+        layout.arrow_at_left(axes, place + 0.2, [(f"median {layout.number(centre)}{interval}", colour)])
+
+
+# ----------------------------------------------------------------------------------------------------- learning curves
+
+
+@styled
+def learning_curves(groups: Sequence[Group], scale: Scale, colours: Colours) -> Figure:
+    """Satisfaction and mean robustness of the checkpoints: a line for each group of one task, the mean over its seeds.
+
+    The shade is the 95 % interval of that mean, of two seeds or more, cut at what is possible: 0 and 100 % of the
+    starts, and the scale's largest robustness. The legend says how many seeds finished, also of groups without a line.
+    If lines end orders of magnitude below the others, the axis ends before them, and arrows have their last means.
+    """
+    panels = int(width() / SINGLE)
+    figure = layout.figure_of(0.5 + 2.2 * (3 - panels) + 0.15 * math.ceil((len(groups) + 3) / panels))
+    left, right = figure.subplots(3 - panels, panels)
+    looks = styles(groups, colours)
+    curves = [[numbers.curve for numbers in group.done if numbers.curve] for group in groups]
+    trained = [(own, style) for own, style in zip(curves, looks, strict=True) if own]
+    means = [(mean_curve(own, lambda point: point[2], (-math.inf, scale.most)), style) for own, style in trained]
+    for own, style in trained:
+        _draw(left, mean_curve(own, lambda point: 100 * point[1], (0, 100)), style)
+    low, far = _limit(right, means)
+    for line, style in means:
+        _draw(right, line, style, low)
+    layout.arrows_below(right, far)
+    left.set(ylabel="starts that satisfy [%]", ylim=(-4, 104))
+    right.set_ylabel(textwrap.fill(f"mean robustness [{scale.unit}]", _LINE))
+    right.axhline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)
+    for axes in (left, right):
+        axes.set_xlabel("environment steps")
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+        axes.grid(alpha=0.3)
+    setting = groups[0].setting
+    name = str(setting.task) if setting.track == "shared" else f"{setting.task}, {setting.track}"
+    keys: list[Artist] = [
+        layout.key_of(style.label, color=style.colour, linestyle=style.line, linewidth=1.3)
+        if group.done
+        else layout.key_of(style.label, color=style.colour, linestyle="", marker="x", markersize=5)
+        for group, style in zip(groups, looks, strict=True)
+    ]
+    keys.append(layout.patch("0.3", "95 % interval of the mean, cut at what is possible", alpha=0.18))
+    keys.append(layout.level_key("robustness 0: satisfied above"))
+    keys += [layout.beyond_key("v", "ends below the axis, with its last mean")] if far else []
+    return layout.finish(figure, f"{name}: learning curves on the selection starts (mean over seeds)", keys, 2)
+
+
+def _draw(axes: Axes, line: MeanCurve, style: GroupStyle, low: float = -math.inf) -> None:
+    """A line, and its interval as far as the line is above `low`, the end of the axis."""
+    known = np.isfinite(line.low) & (line.mean >= low)
+    if known.any():
+        axes.fill_between(
+            line.steps[known], line.low[known], line.high[known], color=style.colour, alpha=0.18, linewidth=0
+        )
+    marker = "o" if len(line.steps) == 1 else ""
+    axes.plot(line.steps, line.mean, style.line, color=style.colour, linewidth=1.3, marker=marker, markersize=4)
+
+
+def _limit(axes: Axes, lines: Sequence[tuple[MeanCurve, GroupStyle]]) -> tuple[float, list[tuple[str, str]]]:
+    """Limit the axis of robustness: its lower end, and the last means of lines that end below it, with their colours.
+
+    The axis has room for all seeds, and cuts wider intervals. The second half of each line chooses where it ends: all
+    methods are bad at first.
+    """
+    ends = [end for line, _ in lines for end in (line.least, line.most) if math.isfinite(end)]
+    if not ends:
+        return -math.inf, []
+    low, high = min(*ends, 0.0), max(*ends, 0.0)
+    shown = layout.window(line.mean[len(line.mean) // 2 :].tolist() for line, _ in lines)
+    if shown is not None:
+        low = shown.low
+    margin = 0.05 * (high - low)
+    if margin:
+        axes.set_ylim(low - margin, high + margin)
+    low -= margin
+    return low, [(layout.number(line.mean[-1]), style.colour) for line, style in lines if line.mean[-1] < low]
+
+
+# ------------------------------------------------------------------------------------------------------------ overview
+
+
+@styled
+def overview(task: Task, groups: Sequence[Group], traces: Sequence[Array | None], colours: Colours) -> Figure:
+    """Draw the robustness of groups of one task that names a plane, and their traces in this plane.
+
+    Args:
+        task: names a plane.
+        groups: at most `METHODS_PER_OVERVIEW`.
+        traces: (N, T + 1, k) for each group, and for one group at least; a group with None has no panel.
+        colours: of their methods.
+    """
+    panels = [
+        (style.label.partition(":")[0], group, shown)
+        for style, group, shown in zip(styles(groups, colours), groups, traces, strict=True)
+        if shown is not None
+    ]
+    columns = min(3, int(width() / _PANEL))
+    rows = math.ceil(len(panels) / columns)
+    heights = [0.45 + _ROW * small() * len(groups), *[2.2] * rows]
+    figure = layout.figure_of(sum(heights) + 0.7 + 0.11 * len(parts(task)))
+    grid = figure.add_gridspec(1 + rows, columns, height_ratios=heights)
+    keys = _robustness(figure.add_subplot(grid[0, :]), groups, robustness_unit(task, task.formula), colours)
+    below = [figure.add_subplot(grid[1 + i // columns, i % columns]) for i in range(len(panels))]
+    every = np.concatenate([shown for *_, shown in panels])
+    for axes, (name, group, shown) in zip(below, panels, strict=True):
+        view = plane.lay_out(axes, task, every)
+        lines = plane.draw_traces(axes, task, view, shown)
+        away = plane.leaving(view, shown).sum()
+        text = f"{name}\nsatisfies from {100 * np.mean(group.values('satisfaction')):.0f} % of the starts"
+        text += f"\nleaving the picture: {away} of {len(shown)} traces" if away else ""
+        axes.set_title(text, fontsize=tiny() + 1)
+    keys += [*part_keys(task, view.drawn, _LETTERS), *plane.mark_keys(plane.leaving(view, every))]
+    side = "right" if columns > 1 else "bottom"
+    figure.colorbar(lines, ax=below, label=time_label(task), aspect=30, location=side)
+    return layout.finish(figure, f"{task.name}: {task.file.title}", keys, 2, tiny())
