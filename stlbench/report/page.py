@@ -21,7 +21,7 @@ from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
 from stlbench.report.figures.files import svg_of
 from stlbench.report.figures.regions import Load, terms
-from stlbench.report.figures.report_figures import drawings_of_all, drawings_of_tasks
+from stlbench.report.figures.report_figures import drawings_across, drawings_of_alignment, drawings_of_tasks
 from stlbench.report.figures.style import Colours, colours_of, fitting
 from stlbench.report.report import Report
 from stlbench.report.tables.cells import ENDED_EARLY, if_done, scores_and_cost
@@ -122,9 +122,7 @@ class _Page:
             parts.append({"key": f"task-{len(parts)}", "pictures": pictures, **self.task_part(choice, groups)})
             done += len(groups)
             tell(done, len(report.groups))
-        drawn = [
-            _picture(drawing.label, drawing.draw()) for drawing in drawings_of_all(report, self.colours, self.load)
-        ]
+        over_all = (*drawings_across(report.fields, self.colours), *drawings_of_alignment(report.aligned, self.load))
         overview = _overview(report.tables["robustness"])
         across = [*report.first, *(report.tables[name] for name in ("aggregates", "improvement"))]
         across = [_trimmed(table) for table in across if table.rows]
@@ -136,7 +134,7 @@ class _Page:
             overview=overview,
             task_links=[f"#{keys[str(row[0])]}" for row in overview.rows],
             across=across,
-            pictures=drawn,
+            pictures=[_picture(drawing.label, drawing.draw()) for drawing in over_all],
             parts=parts,
             cells=cells,
             details=[_cell_part(row, self.results.get(row.id), self.folder) for row in rows],

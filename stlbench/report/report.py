@@ -56,8 +56,7 @@ class Report:
     @cached_property
     def aligned(self) -> tuple[Aligned, ...]:
         """What was planned, and what was learned in the same setting."""
-        known = Known(self.standards, best_known(self._recorded, self.standards))
-        return align(self._recorded, known, self.groups)
+        return align(self._recorded, self.standards, self.groups)
 
     @cached_property
     def overview(self) -> Table:

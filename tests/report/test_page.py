@@ -13,7 +13,8 @@ from helpers.synthetic_results import by_hand, result
 
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
-from stlbench.report import condense, page, page_cells, show
+from stlbench.report import condense, page, show
+from stlbench.report.tables.controllers import Known
 from stlbench.report.tables.robustness import robustness_table
 
 SVG = "data:image/svg+xml;base64,"
@@ -65,7 +66,7 @@ def test_every_cell_can_be_opened(parsed: Page) -> None:
 
 
 def test_numbers_are_those_of_the_tables(tmp_path: Path, parsed: Page) -> None:
-    table = robustness_table(condense(all_results(tmp_path)))
+    table = robustness_table(condense(all_results(tmp_path)), Known())
     place = [column.title for column in table.columns].index("median robustness")
     for row in table.rows:
         assert show(row[place], 3) in parsed.text
@@ -99,7 +100,7 @@ def test_the_same_results_give_the_same_bytes(tmp_path: Path) -> None:
 def test_of_very_many_cells_it_has_the_first_of_each_setting_and_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(page_cells, "MOST", 4)
+    monkeypatch.setattr(page, "MOST", 4)
     made = [
         result(method, seed, robustness=[0.1 + 0.1 * seed, 0.4]) for method in ("funnel", "raw") for seed in range(5)
     ]

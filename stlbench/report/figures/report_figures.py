@@ -14,6 +14,8 @@ from stlbench.registry.choices import Choice
 from stlbench.report.figures.files import Drawing, file_name
 from stlbench.report.figures.regions import Load, Scale, scale_of_task
 from stlbench.report.figures.style import Colours, colours_of, fitting, pages
+from stlbench.report.tables.across import Field
+from stlbench.report.tables.alignment import Aligned
 from stlbench.report.tables.rows import Group
 from stlbench.report.tables.table import Width
 
@@ -29,7 +31,11 @@ def write_figures(report: Report, folder: Path, load: Load, width: Width) -> lis
     colours = colours_of(report.groups)
     with fitting(width):
         of_tasks = drawings_of_tasks(report.learned, colours, load).values()
-        drawings = [*(each for several in of_tasks for each in several), *drawings_of_all(report, colours, load)]
+        drawings = [
+            *(drawing for several in of_tasks for drawing in several),
+            *drawings_across(report.fields, colours),
+            *drawings_of_alignment(report.aligned, load),
+        ]
         return [path for drawing in drawings for path in drawing.write(folder)]
 
 
@@ -70,25 +76,33 @@ def drawings_of_learning(groups: Sequence[Group], colours: Colours, scale: Scale
     ]
 
 
-def drawings_of_all(report: Report, colours: Colours, load: Load) -> list[Drawing]:
-    """A figure over all tasks of each budget and track, and one of all that was planned."""
-    drawings = list[Drawing]()
-    for kind, members in groupby(report.fields, key=lambda field: (field.budget, field.track)):
-        several = list(members)
-        label = (
-            "Interquartile means of the methods over all tasks, and the share of runs above each score; the table "
-            "across tasks has the numbers"
+def drawings_across(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
+    """One figure over all tasks of each budget and track."""
+    label = (
+        "Interquartile means of the methods over all tasks, and the share of runs above each score; the table "
+        "across tasks has the numbers"
+    )
+    by_kind = dict[tuple[str, str], list[Field]]()
+    for field in fields:
+        by_kind.setdefault((field.budget, field.track), []).append(field)
+    return [
+        Drawing(
+            file_name("across", *kind),
+            label,
+            ("across", "across_tasks"),
+            (several, {entry.method: colours[entry.method] for entry in several[0].entries}),
         )
-        own = {entry.method: colours[entry.method] for entry in several[0].entries}
-        drawings.append(Drawing(file_name("across", *kind), label, ("across", "across_tasks"), (several, own)))
-    finished = [row for row in report.aligned if row.reward_optimal is not None]
-    if finished:
-        label = "The best known robustness, the best policy by each reward, and what was learned with it"
-        units = {row.task: scale_of_task(row.task, load).unit for row in finished}
-        drawings.append(Drawing("alignment", label, ("across", "alignment"), (finished, units)))
-    return drawings
+        for kind, several in by_kind.items()
+    ]
+
+
+def drawings_of_alignment(rows: Sequence[Aligned], load: Load) -> list[Drawing]:
+    """One figure of all that was planned; none without a finished plan."""
+    finished = [row for row in rows if row.reward_optimal is not None]
+    units = {row.task: scale_of_task(row.task, load).unit for row in finished}
+    label = "The best known robustness, the best policy by each reward, and what was learned with it"
+    return [Drawing("alignment", label, ("across", "alignment"), (finished, units))] if finished else []
 
 
 def _own(colours: Colours, groups: Sequence[Group]) -> dict[str, str]:
-    methods = (str(group.setting.method) for group in groups)
-    return {method: colours[method] for method in methods}
+    return {method: colours[method] for method in (str(group.setting.method) for group in groups)}

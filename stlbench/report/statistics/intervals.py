@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 LEVEL = 0.95
 """Confidence of every interval in tables and figures; the median of five seeds has 93.75 %."""
@@ -146,11 +146,21 @@ _SMALLEST = 1e-15
 """A share that is closer to 0 or to 1 is not told from it."""
 
 
+def log_evidence(successes: ArrayLike, trials: ArrayLike, share: ArrayLike) -> Any:
+    """Logarithm of the evidence against a share in (0, 1), from so many trials: arrays or numbers, like the arguments.
+
+    If the share is true, the probability is at most a that the evidence is ever above 1 / a.
+    """
+    from scipy import special
+
+    won, lost = np.asarray(successes, dtype=float), np.subtract(trials, successes, dtype=float)
+    shares = np.asarray(share, dtype=float)
+    mixed = special.betaln(won + 0.5, lost + 0.5) - special.betaln(0.5, 0.5)
+    return mixed - special.xlogy(won, shares) - special.xlog1py(lost, -shares)
+
+
 def share_sequence(successes: int, trials: int, level: float) -> Interval:
     """Interval of a share, in [0, 1], that covers it with probability `level` at all numbers of trials at once.
-
-    It has the shares against which the evidence of the trials is at most 1 / (1 - level). The evidence mixes all other
-    shares by Jeffreys' prior.
 
     Args:
         successes: how many of the trials.
@@ -159,17 +169,13 @@ def share_sequence(successes: int, trials: int, level: float) -> Interval:
     """
     if not trials:
         return Interval(0.0, 1.0)
-    from scipy import optimize, special
-
-    failures = trials - successes
-    prior = special.betaln(successes + 0.5, failures + 0.5) - special.betaln(0.5, 0.5)
+    from scipy import optimize
 
     def beyond(share: float) -> float:
-        """By how much the logarithm of the evidence against a share is above its limit."""
-        evidence = prior - special.xlogy(successes, share) - special.xlog1py(failures, -share)
-        return float(evidence) - math.log(1 / (1 - level))
+        return float(log_evidence(successes, trials, share)) - math.log(1 / (1 - level))
 
     def end(outer: float, inner: float) -> float:
+        """Between a share that is refuted and one that is not."""
         return outer if beyond(outer) <= 0 else float(optimize.brentq(beyond, outer, inner, xtol=1e-12))
 
     share = successes / trials

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from stlbench.records.status import NOT_RUN
 from stlbench.registry.choices import Choice
 from stlbench.report.statistics.intervals import mean
-from stlbench.report.tables.controllers import Known
+from stlbench.report.tables.controllers import Known, best_known
 from stlbench.report.tables.rows import Group, maximised, split
 from stlbench.report.tables.table import Column, Table
+
+if TYPE_CHECKING:
+    from stlbench.rollout.standards import Standard
 
 FORMULA = "(formula)"
 """In the place of a method, if the plan maximised the formula's own robustness."""
@@ -62,7 +66,9 @@ def _difference(larger: float | None, smaller: float | None) -> float | None:
     return None if larger is None or smaller is None else larger - smaller
 
 
-def align(groups: Sequence[Group], known: Known, shown: Iterable[Group] | None = None) -> tuple[Aligned, ...]:
+def align(
+    groups: Sequence[Group], standards: Mapping[str, Standard], shown: Iterable[Group] | None = None
+) -> tuple[Aligned, ...]:
     """A row for each task, method and setting that was planned for; rows of the formula come first.
 
     Plans that differ in the resolution alone share a row. It has the numbers of the plan without that parameter, else
@@ -70,12 +76,12 @@ def align(groups: Sequence[Group], known: Known, shown: Iterable[Group] | None =
 
     Args:
         groups: all that is recorded, planned and learned.
-        known: of their tasks.
+        standards: of their tasks.
         shown: rows have plans of these alone, compared with all groups; None is all groups.
     """
     wanted = {group.setting for group in (groups if shown is None else shown)}
     learned, planned = split(groups)
-    planners = maximised(planned)
+    planners, known = maximised(planned), Known(standards, best_known(groups, standards))
     together = dict[tuple[str, str, bool, str, str], list[Group]]()
     for group in planned:
         task, agent = group.setting.task, group.setting.agent

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 from stlbench.records.identity import Setting
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 class Known:
     """What is known of tasks beside the results."""
 
-    standards: Mapping[str, Standard]
+    standards: Mapping[str, Standard] = field(default_factory=dict)
     """By the task's name: what its controller and the baselines get."""
-    best: Mapping[Choice, float]
+    best: Mapping[Choice, float] = field(default_factory=dict)
     """Of each task, or ablation of one, the best known robustness of its formula (`best_known`)."""
 
     def by_hand(self, task: Choice) -> float | None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from stlbench.report.figures.across import across_tasks, place, ticks
-from stlbench.report.figures.palette import COLOURS
 from stlbench.report.figures.report_figures import drawings_across
+from stlbench.report.figures.style import COLOURS
 from stlbench.report.tables.across import Entry, Field
 
 COLOURED = dict(zip(["bad", "good", *(f"method-{i}" for i in range(9))], COLOURS, strict=False))

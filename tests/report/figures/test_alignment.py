@@ -6,7 +6,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from stlbench.report.figures.across import alignment
 from stlbench.report.figures.report_figures import drawings_of_alignment
@@ -76,16 +75,6 @@ def test_thirty_rows_have_room(tmp_path: Path):
     boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
     assert len(boxes) == 30
     assert all(above.y0 >= below.y1 for above, below in pairwise(boxes))
-
-
-def test_it_is_drawn_again_only_where_something_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    paths = _write(ROWS, tmp_path)
-    assert {path.name for path in paths} == {"alignment.png", "alignment.svg", "alignment.pdf"}
-    before = paths[0].stat().st_mtime_ns
-    assert _write(ROWS, tmp_path) == paths
-    assert paths[0].stat().st_mtime_ns == before
-    assert _write(ROWS[:3], tmp_path)
-    assert paths[0].stat().st_mtime_ns != before
 
 
 def test_without_a_planned_policy_there_is_no_figure(tmp_path: Path):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from stlbench.report.figures.axes import Window, arrow_at_left, arrows_below, number, window
+from stlbench.report.figures.layout import Window, arrow_at_left, arrows_below, number, window
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from helpers.synthetic_results import result
@@ -10,10 +12,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from stlbench.report import condense
-from stlbench.report.figures.learning import learning_curves
 from stlbench.report.figures.margins import robustness_in_time
-from stlbench.report.figures.palette import colours_of
-from stlbench.report.figures.robustness import overview, robustness_by_method
+from stlbench.report.figures.methods import learning_curves, overview, robustness_by_method
+from stlbench.report.figures.regions import Scale
+from stlbench.report.figures.style import colours_of
 from stlbench.report.figures.trajectories import trajectories
 from stlbench.rollout.traces import Recording
 from stlbench.task import build_method, load_task
@@ -54,10 +56,10 @@ def at_a_glance(name):
 
 
 FIGURES = {
-    "robustness": lambda: robustness_by_method(GROUPS, "m or rad or rad/s", colours_of(GROUPS)),
+    "robustness": lambda: robustness_by_method(GROUPS, Scale("m or rad or rad/s", math.inf), colours_of(GROUPS)),
     "rewarded-formation": lambda: in_time("formation", rewarded=True),
     "overview-robot-nav": lambda: at_a_glance("robot-nav"),
-    "learning": lambda: learning_curves(GROUPS, "m or rad or rad/s", colours_of(GROUPS)),
+    "learning": lambda: learning_curves(GROUPS, Scale("m or rad or rad/s", math.inf), colours_of(GROUPS)),
     **{f"time-{name}": lambda name=name: in_time(name) for name in ("formation", "pendulum")},
     **{f"trajectories-{name}": lambda name=name: in_plane(name) for name in ("formation", "overlap")},
 }

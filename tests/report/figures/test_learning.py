@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from helpers.synthetic_results import result
 
 from stlbench.records.result import CurvePoint
 from stlbench.report import condense
 from stlbench.report.figures.layout import LEVEL
-from stlbench.report.figures.learning import learning_curves
-from stlbench.report.figures.palette import colours_of
+from stlbench.report.figures.methods import learning_curves
+from stlbench.report.figures.regions import Scale
+from stlbench.report.figures.style import colours_of
 from stlbench.report.statistics.intervals import mean_interval
 
 
@@ -34,7 +37,7 @@ def lines(axes):
 
 
 def test_a_line_is_the_mean_over_seeds():
-    left, right = learning_curves(GROUPS, "m", colours_of(GROUPS)).axes
+    left, right = learning_curves(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
     flag, funnel = lines(left).values()
     assert list(funnel.get_xdata()) == [100, 200]
     assert list(funnel.get_ydata()) == pytest.approx([10, 80])
@@ -44,7 +47,7 @@ def test_a_line_is_the_mean_over_seeds():
 
 
 def test_the_interval_is_that_of_the_mean_cut_at_what_is_possible_and_one_seed_has_none():
-    left, _ = learning_curves(GROUPS, "m", colours_of(GROUPS)).axes
+    left, _ = learning_curves(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
     (band,) = left.collections
     corners = band.get_paths()[0].vertices
     for steps, values in ((100, [0.0, 20.0]), (200, [60.0, 100.0])):
@@ -55,13 +58,13 @@ def test_the_interval_is_that_of_the_mean_cut_at_what_is_possible_and_one_seed_h
 
 
 def test_the_axes_have_room_for_what_seeds_had_and_cut_wider_intervals():
-    left, right = learning_curves(GROUPS, "m", colours_of(GROUPS)).axes
+    left, right = learning_curves(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
     assert left.get_ylim() == (-4, 104)
     assert right.get_ylim() == pytest.approx((-1 - 0.075, 0.5 + 0.075))
 
 
 def test_the_legend_names_every_group_and_how_its_seeds_ended():
-    (legend,) = learning_curves(GROUPS, "m", colours_of(GROUPS)).legends
+    (legend,) = learning_curves(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).legends
     assert [text.get_text() for text in legend.get_texts()] == [
         "flag: 1 of 2 seeds, 1 timeout",
         "funnel: 2 of 2 seeds",
@@ -73,7 +76,7 @@ def test_the_legend_names_every_group_and_how_its_seeds_ended():
 
 def test_agent_and_budget_are_named_where_they_differ():
     groups = condense([result(agent="dqn"), result(agent="sb3-dqn"), result(agent="dqn", budget="paper")])
-    (legend,) = learning_curves(groups, "m", colours_of(groups)).legends
+    (legend,) = learning_curves(groups, Scale("m", math.inf), colours_of(groups)).legends
     assert [text.get_text() for text in legend.get_texts()] == [
         "funnel, dqn, paper: 1 of 1 seeds",
         "funnel, dqn, quick: 1 of 1 seeds",
@@ -85,15 +88,15 @@ def test_agent_and_budget_are_named_where_they_differ():
 
 def test_a_single_checkpoint_is_a_point():
     groups = condense([result(curve=curve((100, 1.0, 0.1)))])
-    left, _ = learning_curves(groups, "m", colours_of(groups)).axes
+    left, _ = learning_curves(groups, Scale("m", math.inf), colours_of(groups)).axes
     (line,) = lines(left).values()
     assert line.get_marker() == "o"
 
 
 def test_axes_say_what_they_show_in_which_unit():
-    left, right = learning_curves(GROUPS, "m", colours_of(GROUPS)).axes
+    left, right = learning_curves(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
     assert left.get_xlabel() == right.get_xlabel() == "environment steps"
     assert left.get_ylabel() == "starts that satisfy [%]"
     assert right.get_ylabel() == "mean robustness [m]"
-    _, right = learning_curves(GROUPS, "- or half widths or half heights", colours_of(GROUPS)).axes
+    _, right = learning_curves(GROUPS, Scale("- or half widths or half heights", math.inf), colours_of(GROUPS)).axes
     assert max(map(len, right.get_ylabel().splitlines())) <= 30

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from stlbench.contract.presentation import Band
 from stlbench.report.figures.layout import LEVEL
 from stlbench.report.figures.margins import BAND_ELSEWHERE, SINGLE, robustness_in_time
-from stlbench.report.figures.palette import BOUNDS, TRACE
+from stlbench.report.figures.style import BOUNDS, TRACE
 from stlbench.rollout.traces import Recording
 
 TWO = "F[1,3] x >= 2 & G[5,7] x <= 1"

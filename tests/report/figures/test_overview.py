@@ -7,9 +7,8 @@ from helpers.line_task import line
 from helpers.synthetic_results import result
 
 from stlbench.report import condense
-from stlbench.report.figures.palette import colours_of
-from stlbench.report.figures.robustness import METHODS_PER_OVERVIEW, overview
-from stlbench.report.figures.style import DOUBLE
+from stlbench.report.figures.methods import METHODS_PER_OVERVIEW, overview
+from stlbench.report.figures.style import DOUBLE, colours_of
 from stlbench.task import load_task
 
 PLANE = {name: {"low": -10, "high": 10, "unit": "m"} for name in "xy"}

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 
 from stlbench.records.result import Planned
 from stlbench.report import condense
-from stlbench.report.figures.palette import (
+from stlbench.report.figures.style import (
     BOUNDS,
     COLOURS,
     GROUPS_PER_FIGURE,

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from helpers.synthetic_results import result
 
 from stlbench.records.result import CurvePoint
 from stlbench.report import condense
-from stlbench.report.figures.learning import learning_curves
-from stlbench.report.figures.palette import colours_of
-from stlbench.report.figures.robustness import robustness_by_method
+from stlbench.report.figures.methods import learning_curves, robustness_by_method
+from stlbench.report.figures.regions import Scale
+from stlbench.report.figures.style import colours_of
 
 
 def curve(*points):
@@ -27,7 +29,7 @@ GROUPS = condense(
 
 
 def test_every_seed_is_a_point_and_the_median_stands_under_it():
-    (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
+    (axes,) = robustness_by_method(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
     drawn = [sorted(map(float, line.get_xdata())) for line in axes.lines]
     assert [-0.2] in drawn
     assert [0.1, 0.3] in drawn
@@ -35,14 +37,14 @@ def test_every_seed_is_a_point_and_the_median_stands_under_it():
 
 
 def test_a_method_without_a_result_keeps_its_place():
-    (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
+    (axes,) = robustness_by_method(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert labels == ["flag\n1 of 1 seeds", "funnel\n2 of 2 seeds", "tau-mdp\nintractable"]
     assert [(text.get_text(), text.get_position()[1]) for text in axes.texts] == [("no result", 2)]
 
 
 def test_seeds_and_what_is_said_of_all_of_them_have_the_colour_of_the_method():
-    (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
+    (axes,) = robustness_by_method(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
     for marker in "oD":
         rows = {round(line.get_ydata()[0]): line.get_color() for line in axes.lines if line.get_marker() == marker}
         assert rows
@@ -68,7 +70,7 @@ def pendulum(**curves):
 
 
 def test_methods_near_zero_are_told_apart_beside_one_at_minus_100():
-    (axes,) = robustness_by_method(pendulum(), "rad or rad/s", colours_of(pendulum())).axes
+    (axes,) = robustness_by_method(pendulum(), Scale("rad or rad/s", math.inf), colours_of(pendulum())).axes
     assert axes.get_xlabel() == "mean robustness over the report starts [rad or rad/s]"
     assert axes.get_xscale() == "linear"
     low, high = axes.get_xlim()
@@ -80,7 +82,7 @@ def test_methods_near_zero_are_told_apart_beside_one_at_minus_100():
 
 
 def test_what_lies_beyond_the_axis_is_an_arrow_with_its_numbers():
-    figure = robustness_by_method(pendulum(), "rad or rad/s", colours_of(pendulum()))
+    figure = robustness_by_method(pendulum(), Scale("rad or rad/s", math.inf), colours_of(pendulum()))
     (axes,) = figure.axes
     told = {text.get_text(): text.xy[1] for text in axes.texts}
     assert told == {"5 seeds, -29.5 to -102": -0.14, "median -35.7 [-102, -29.5]": 0.2}
@@ -90,7 +92,7 @@ def test_what_lies_beyond_the_axis_is_an_arrow_with_its_numbers():
 
 
 def test_values_of_one_size_have_a_linear_axis_in_the_unit_that_is_given():
-    (axes,) = robustness_by_method(GROUPS, "m", colours_of(GROUPS)).axes
+    (axes,) = robustness_by_method(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
     assert axes.get_xscale() == "linear"
     assert axes.get_xlabel() == "mean robustness over the report starts [m]"
 
@@ -98,7 +100,7 @@ def test_values_of_one_size_have_a_linear_axis_in_the_unit_that_is_given():
 def test_the_axis_has_all_seeds_and_no_interval_goes_beyond_them():
     values = (0.3, 0.4, 0.5, -0.3, 0.45)
     five = condense(result("raw", seed, robustness=(value,)) for seed, value in enumerate(values))
-    (axes,) = robustness_by_method(five, "m", colours_of(five)).axes
+    (axes,) = robustness_by_method(five, Scale("m", math.inf), colours_of(five)).axes
     assert axes.get_xlim() == pytest.approx((-0.34, 0.54))
     assert [-0.3, 0.5] in [[*map(float, line.get_xdata())] for line in axes.lines if line.get_linewidth() == 2]
 
@@ -112,7 +114,7 @@ def test_learning_curves_of_methods_near_zero_are_told_apart():
     groups = pendulum(
         **{name: curve(*((100 * i, 0.0, value) for i, value in enumerate(values))) for name, values in rising.items()}
     )
-    _, right = learning_curves(groups, "rad", colours_of(groups)).axes
+    _, right = learning_curves(groups, Scale("rad", math.inf), colours_of(groups)).axes
     assert right.get_ylabel() == "mean robustness [rad]"
     low, high = right.get_ylim()
     assert -0.1 < low < 0

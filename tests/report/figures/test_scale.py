@@ -8,47 +8,32 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from stlbench.report.figures.axes import linear_threshold, set_symlog, symlog_ticks
+from stlbench.report.figures.layout import linear_threshold, set_symlog, symlog_ticks
 
 
 @pytest.mark.parametrize(
-    ("groups", "threshold"),
+    ("value", "largest", "threshold"),
     [
-        ([[-34.5, -101.9], [-0.0742, 0.03], [0.0043, 0.0208]], 0.1),  # the pendulum: .0742 is less than 5 x .0208
-        ([[-33.2], [1.66], [1.85]], 2),
-        ([[-50.0], [1.0], [6.0]], 1),  # 6 is too far from 1 to be in the linear part with it
-        ([[-50.0], [1.005]], 1),  # 1 % above
-        ([[-50.0], [1.02]], 2),
-        ([[-50.0], [0.0], [2.5]], 5),  # a group at 0 asks for nothing
-        ([[-100.0], [1e-9]], 0.01),  # at most four decades
-        ([[-10.0], [1.0]], None),  # a linear axis shows 1 beside -9
-        ([[0.0], [0.0]], None),
-        ([], None),
-        ([[]], None),
-        ([[np.nan], [-50.0, np.inf], [1.0]], 1),
+        (0.0208, 101.9, 0.05),
+        (1.66, 33.2, 2),
+        (1.005, 50, 1),  # 1 % above
+        (1.02, 50, 2),
+        (1e-9, 100, 0.01),  # at most four decades
+        (1.0, 10, None),  # a linear axis shows 1 beside -9
+        (1.0, np.inf, None),
+        (1.0, np.nan, None),
     ],
 )
-def test_the_data_choose_the_linear_part(groups, threshold):
-    largest = max((abs(value) for group in groups for value in group if np.isfinite(value)), default=0.0)
-    assert linear_threshold(groups, largest) == threshold
+def test_the_data_choose_the_linear_part(value, largest, threshold):
+    assert linear_threshold(value, largest) == threshold
 
 
-@pytest.mark.parametrize("largest", [np.inf, np.nan])
-def test_without_a_largest_value_the_axis_stays_linear(largest):
-    assert linear_threshold([[1.0]], largest) is None
-
-
-FINITE = st.floats(-1e6, 1e6, allow_subnormal=False)
-
-
-@given(groups=st.lists(st.lists(FINITE, min_size=1), min_size=1))
-def test_the_group_nearest_to_zero_lies_in_the_linear_part(groups):
-    extents = [max(map(abs, group)) for group in groups]
-    threshold = linear_threshold(groups, max(extents))
+@given(value=st.floats(1e-6, 1e6), times=st.floats(1, 1e6))
+def test_the_value_lies_in_the_linear_part(value, times):
+    threshold = linear_threshold(value, value * times)
     if threshold is not None:
-        least = min(extent for extent in extents if extent > 0)
-        assert least <= 1.01 * threshold
-        assert threshold >= max(extents) / 1.02e4
+        assert value <= 1.01 * threshold
+        assert threshold >= value * times / 1.02e4
         assert f"{threshold:e}"[0] in "125"
 
 
@@ -69,15 +54,15 @@ def test_numbers_do_not_touch_where_the_threshold_is_near_a_power_of_ten():
 
 def test_an_axis_shows_all_values_and_says_what_it_does():
     axes = Figure().subplots()
-    axes.plot([-102.0, 0.03], [0, 1])
-    assert set_symlog(axes, "x", 0.1, -102.0, 0.03) == "logarithmic beyond ±0.1"
-    assert axes.get_xscale() == "symlog"
-    assert axes.xaxis.get_transform().linthresh == 0.1
-    low, high = axes.get_xlim()
+    axes.plot([0, 1], [-102.0, 0.03])
+    assert set_symlog(axes, 0.1, -102.0, 0.03) == "logarithmic beyond ±0.1"
+    assert axes.get_yscale() == "symlog"
+    assert axes.yaxis.get_transform().linthresh == 0.1
+    low, high = axes.get_ylim()
     assert low < -102
     assert high > 0.1  # the end of the linear part has a number
-    assert [label.get_text() for label in axes.get_xticklabels()] == ["-100", "-10", "-1", "-0.1", "0", "0.1"]
-    assert axes.get_yscale() == "linear"
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["-100", "-10", "-1", "-0.1", "0", "0.1"]
+    assert axes.get_xscale() == "linear"
 
 
 def test_an_end_within_the_linear_part_has_a_number():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -12,9 +13,9 @@ from matplotlib.figure import Figure
 
 from stlbench.report import condense
 from stlbench.report.figures import style
-from stlbench.report.figures.learning import learning_curves
-from stlbench.report.figures.palette import colours_of
-from stlbench.report.figures.style import DOUBLE, SINGLE, fitting, rc, styled
+from stlbench.report.figures.methods import learning_curves
+from stlbench.report.figures.regions import Scale
+from stlbench.report.figures.style import DOUBLE, SINGLE, colours_of, fitting, rc, styled
 
 FOLDER = Path(style.__file__).parent
 
@@ -39,12 +40,12 @@ def test_columns_are_those_of_ieee():
 def test_a_figure_for_a_column_is_as_wide_as_one_and_has_text_of_a_paper():
     groups = condense(result(method, seed) for method in ("flag", "raw") for seed in (0, 1))
     with fitting("column"):
-        figure = learning_curves(groups, "m", colours_of(groups))
+        figure = learning_curves(groups, Scale("m", math.inf), colours_of(groups))
     assert figure.get_figwidth() == SINGLE
     sizes = [text.get_fontsize() for text in figure.legends[0].get_texts()]
     sizes += [text.get_fontsize() for axes in figure.axes for text in (axes.xaxis.label, *axes.get_xticklabels())]
     assert set(sizes) == {8}
-    assert learning_curves(groups, "m", colours_of(groups)).get_figwidth() == DOUBLE
+    assert learning_curves(groups, Scale("m", math.inf), colours_of(groups)).get_figwidth() == DOUBLE
 
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)

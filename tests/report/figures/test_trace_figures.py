@@ -13,7 +13,7 @@ from stlbench.records.cell_files import cell_files
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.figures import trace_figures
-from stlbench.report.figures.palette import GROUPS_PER_FIGURE, colours_of
+from stlbench.report.figures.style import GROUPS_PER_FIGURE, colours_of
 from stlbench.study.plugin_guard import ask, load_guarded
 from stlbench.task import load_task
 

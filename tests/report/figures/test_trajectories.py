@@ -9,8 +9,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.patches import Rectangle
 
 from stlbench.errors import UsageError
-from stlbench.report.figures.palette import TRACE, term_style
-from stlbench.report.figures.regions import heading, region
+from stlbench.report.figures.regions import region
+from stlbench.report.figures.style import TRACE, term_style
 from stlbench.report.figures.trajectories import trajectories
 from stlbench.rollout.traces import Recording
 from stlbench.task import load_task
@@ -69,11 +69,6 @@ class TestRegion:
         assert found is not None
         assert found[0].tolist() == [0, 1]
         assert region(terms, six.psi, grid, ("a",)) is None
-
-
-def test_a_terms_heading():
-    terms = line(formula="F[1,2] x >= 0 & G[3,4] x >= 0 & F[1,2] G[3,4] x >= 0").specification.terms
-    assert [heading(term) for term in terms] == ["F[1,2]", "G[3,4]", "F[1,2] G[3,4]"]
 
 
 @pytest.mark.parametrize(

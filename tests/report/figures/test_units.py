@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from helpers.line_task import line
 
-from stlbench.report.figures.units import UNKNOWN, robustness_unit, scale_of_task, signal_label, time_label
+from stlbench.report.figures.regions import UNKNOWN, robustness_unit, scale_of_task, signal_label, time_label
 from stlbench.task import load_task
 
 SIGNALS = {name: {"low": -1, "high": 1, "unit": unit} for name, unit in {"x": "m", "y": "m", "w": "rad/s"}.items()}

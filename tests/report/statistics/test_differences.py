@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from stlbench.report.statistics.differences import MOST_SEEDS, Pair, differences
-from stlbench.report.statistics.exact import exact_test
+from stlbench.report.statistics.differences import MOST_SEEDS, Pair, differences, exact_test
 
 NORMAL = (stats.norm.ppf((np.arange(10) + 0.5) / 10) * 1.04).tolist()
 """Ten seeds that look as normal as ten can."""

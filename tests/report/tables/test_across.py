@@ -11,6 +11,7 @@ from helpers.synthetic_results import alike, result, score
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.tables.across import aggregates_table, fields, improvement_table
+from stlbench.report.tables.controllers import Known
 from stlbench.rollout.standards import Standard
 
 TASKS = ("one", "two", "three", "four")
@@ -30,7 +31,7 @@ RESULTS = [
 
 
 def test_robustness_is_normalised_from_random_to_best_and_what_does_not_fit_has_no_score():
-    every, common = fields(condense(RESULTS), STANDARDS, {Choice("one"): 3.0})
+    every, common = fields(condense(RESULTS), Known(STANDARDS, {Choice("one"): 3.0}))
     assert (every.name, common.name) == ("all 4", "3 of 4, all methods fit")
     bad, good = every.entries
     assert every.tasks == ("four", "one", "three", "two")
@@ -45,15 +46,15 @@ def test_robustness_is_normalised_from_random_to_best_and_what_does_not_fit_has_
 def test_every_way_to_end_without_a_result_stays_visible():
     ends = [result("bad", seed, status, task="four") for seed, status in enumerate(("timeout", "raised", "killed"))]
     missing = [result("bad", 9, task="four").id]
-    every, *_ = fields(condense([*RESULTS[:-2], *ends], missing), STANDARDS, {})
+    every, *_ = fields(condense([*RESULTS[:-2], *ends], missing), Known(STANDARDS))
     assert every.entries[0].unfinished == "1 timeout, 1 raised, 1 killed, 1 not run"
     assert every.entries[0].scores[0] == ()
-    some = fields(condense([*RESULTS[:-2], *ends, *seeds("bad", 0.0, task="four")[:1]], missing), STANDARDS, {})
+    some = fields(condense([*RESULTS[:-2], *ends, *seeds("bad", 0.0, task="four")[:1]], missing), Known(STANDARDS))
     assert sorted(some[0].entries[0].scores[0]) == [0, 0, 0, 0, 0.5]  # one seed fits, so the others count
 
 
 def test_a_robustness_without_bound_counts_as_random():
-    (field,) = fields(condense([*RESULTS[:12], *seeds("bad", float("-inf"), 0.0, task="four")]), STANDARDS, {})
+    (field,) = fields(condense([*RESULTS[:12], *seeds("bad", float("-inf"), 0.0, task="four")]), Known(STANDARDS))
     bad = next(entry for entry in field.entries if entry.method == "bad")
     assert bad.scores[0] == (0, 0.5)
 
@@ -67,15 +68,15 @@ def test_tasks_count_if_they_are_no_ablation_by_their_own_agent_and_on_a_known_s
         *seeds("good", 1.0, 1.0, task="elsewhere"),
         *seeds("bad", 1.0, 1.0, task="elsewhere"),
     ]
-    assert fields(condense([*RESULTS, *others]), STANDARDS, {}) == fields(condense(RESULTS), STANDARDS, {})
+    assert fields(condense([*RESULTS, *others]), Known(STANDARDS)) == fields(condense(RESULTS), Known(STANDARDS))
     flat = STANDARDS | {task: replace(STANDARDS[task], at_random=score((2.0,))) for task in ("one", "two")}
-    assert fields(condense(RESULTS), flat, {}) == ()
+    assert fields(condense(RESULTS), Known(flat)) == ()
 
 
 def test_methods_that_were_not_tried_everywhere_are_left_out_and_budgets_and_tracks_stay_apart():
     some = seeds("special", 1.0, task="one")
     plain = [replace(each, id=replace(each.id, track="plain")) for each in RESULTS]
-    found = fields(condense([*RESULTS, *some, *plain]), STANDARDS, {})
+    found = fields(condense([*RESULTS, *some, *plain]), Known(STANDARDS))
     assert [(field.track, len(field.tasks)) for field in found] == [
         ("plain", 4),
         ("plain", 3),
@@ -86,12 +87,12 @@ def test_methods_that_were_not_tried_everywhere_are_left_out_and_budgets_and_tra
 
 
 def test_two_tasks_or_one_method_have_no_aggregate():
-    assert fields(condense([each for each in RESULTS if each.id.task.name in TASKS[:2]]), STANDARDS, {}) == ()
-    assert fields(condense(RESULTS[:8]), STANDARDS, {}) == ()
+    assert fields(condense([each for each in RESULTS if each.id.task.name in TASKS[:2]]), Known(STANDARDS)) == ()
+    assert fields(condense(RESULTS[:8]), Known(STANDARDS)) == ()
 
 
 def test_aggregates_have_intervals_and_ranks():
-    every, _ = fields(condense(RESULTS), STANDARDS, {})
+    every, _ = fields(condense(RESULTS), Known(STANDARDS))
     bad, good = every.aggregates
     assert good.mean.value == pytest.approx(0.925)
     assert good.mean.interval.low < 0.925 < good.mean.interval.high
@@ -103,7 +104,7 @@ def test_a_method_that_does_not_fit_has_no_rank_there_and_its_rival_is_ranked_am
     third = [
         each for task in TASKS for each in seeds("third", *((0.95,) * 2 if task == "four" else (0.5,) * 2), task=task)
     ]
-    every, common = fields(condense([*RESULTS, *third]), STANDARDS, {})
+    every, common = fields(condense([*RESULTS, *third]), Known(STANDARDS))
     ranks = {each.entry.method: (each.rank.value, each.entry.coverage) for each in every.aggregates}
     assert ranks == {"bad": (3.0, "3 of 4"), "good": (1.25, "4 of 4"), "third": (1.75, "4 of 4")}
     assert [each.rank.value for each in common.aggregates] == [3.0, 1.0, 2.0]
@@ -121,7 +122,7 @@ def test_methods_that_pay_the_same_share_a_rank_whatever_stands_between_them():
     third = [each for task in TASKS for each in seeds("third", 0.8, 0.8, task=task)]
     same = STANDARDS | {"one": replace(STANDARDS["one"], alike=alike("one", good_twin="="))}
     found = condense([*RESULTS[:8], *twin, *third])
-    (field,), (tied,) = fields(found, STANDARDS, {}), fields(found, same, {})
+    (field,), (tied,) = fields(found, Known(STANDARDS)), fields(found, Known(same))
     assert [each.rank.value for each in field.aggregates] == [1.0, 2.0, 3.0]  # good, third, twin
     good, third_rank, twin_rank = tied.aggregates
     assert [each.rank.value for each in (good, third_rank, twin_rank)] == [1.375, 1.75, 2.875]
@@ -132,12 +133,12 @@ def test_methods_that_pay_the_same_share_a_rank_whatever_stands_between_them():
 
 def test_aggregates_come_without_trivial_tasks_first_and_with_them_second():
     trivial = STANDARDS | {"three": replace(STANDARDS["three"], trivial=True)}
-    without, every = fields(condense(RESULTS[:8] + seeds_of("bad", TASKS)), trivial, {})
+    without, every = fields(condense(RESULTS[:8] + seeds_of("bad", TASKS)), Known(trivial))
     assert (without.name, without.tasks) == ("3 of 4, not trivial", ("four", "one", "two"))
     assert (every.name, every.tasks) == ("all 4", ("four", "one", "three", "two"))
     five = trivial | {"five": STANDARDS["one"]}
     more = [*RESULTS, *seeds("good", 0.9, 0.8, task="five"), *seeds("bad", 0.1, 0.2, task="five")]
-    assert [field.name for field in fields(condense(more), five, {})] == [
+    assert [field.name for field in fields(condense(more), Known(five))] == [
         "4 of 5, not trivial",
         "all 5",
         "3 of 5, not trivial, all methods fit",
@@ -149,7 +150,7 @@ def seeds_of(method, tasks):
 
 
 def test_both_tables_say_of_which_tasks_they_are():
-    found = fields(condense(RESULTS), STANDARDS, {})
+    found = fields(condense(RESULTS), Known(STANDARDS))
     table = aggregates_table(found)
     columns = [column.title for column in table.columns]
     assert [(*row[2:5], row[columns.index("without a result")]) for row in table.rows] == [

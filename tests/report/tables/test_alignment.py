@@ -12,7 +12,8 @@ from stlbench.records.result import Result, Score
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.tables.alignment import Aligned, align, alignment_table
-from stlbench.report.tables.planned import best_known, split
+from stlbench.report.tables.controllers import best_known
+from stlbench.report.tables.rows import split
 from stlbench.rollout.standards import Standard
 from stlbench.task.file import BestKnown
 

@@ -8,7 +8,7 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.report import condense
-from stlbench.report.tables.costs import circumstances
+from stlbench.report.tables.cells import circumstances
 
 
 def test_versions_machine_days_and_hours():

@@ -17,6 +17,7 @@ from rich.console import Console
 from stlbench.registry.choices import Choice
 from stlbench.report import Column, Table, condense, show, to_csv, to_latex, to_markdown, to_records, to_screen
 from stlbench.report.statistics.intervals import Interval
+from stlbench.report.tables.controllers import Known
 from stlbench.report.tables.robustness import overview, robustness_table
 from stlbench.report.tables.table import FirstFailed, Learned, Seeds
 
@@ -100,7 +101,7 @@ def test_records_have_numbers_in_full():
 
 def test_the_parts_of_compound_values_are_columns():
     (record,) = to_records(
-        robustness_table(condense([result(robustness=(-0.3, 0.1), first_failed={"G[0,9] x > 0": 1})]))
+        robustness_table(condense([result(robustness=(-0.3, 0.1), first_failed={"G[0,9] x > 0": 1})]), Known())
     )
     parts = {"seeds done": 1, "seeds planned": 1, "seeds unfinished": None, "median 95 % interval low": None}
     parts |= {"failed first formula": "G[0,9] x > 0", "failed first starts": 1, "failed first violating starts": 1}
@@ -169,7 +170,7 @@ def test_a_wide_screen_shows_every_number():
 def test_a_table_that_cannot_be_narrower_comes_in_parts_each_with_the_rows_names():
     methods = [f"method-{letter}" for letter in "abcdef"]
     results = [result(method, task=task) for task in ("hold-disc", "other") for method in methods]
-    lines = screen(overview(condense(results), {}), 80).splitlines()
+    lines = screen(overview(condense(results), Known()), 80).splitlines()
     headers = [line.split() for line in lines if "method-" in line]
     assert len(headers) > 1
     assert [name for header in headers for name in header if name.startswith("method-")] == methods
@@ -194,7 +195,7 @@ def test_on_screen_the_interval_of_what_was_learned_has_a_line_of_its_own():
 def test_what_all_rows_share_goes_into_the_title():
     first = screen(summary(condense(RESULTS), {})[0], 120).splitlines()[0]
     assert first == "Robustness: task hold-disc, agent dqn, budget quick, track shared"
-    other = screen(robustness_table(condense([*RESULTS, result(task="other")])), 120).splitlines()[0]
+    other = screen(robustness_table(condense([*RESULTS, result(task="other")]), Known()), 120).splitlines()[0]
     assert other == "Robustness: agent dqn, budget quick, track shared"
 
 

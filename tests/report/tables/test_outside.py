@@ -9,8 +9,9 @@ from helpers.synthetic_results import plan, result
 
 from stlbench.records.result import Result
 from stlbench.report import condense, to_records
-from stlbench.report.tables.planned import best_known, maximised, split
+from stlbench.report.tables.controllers import Known, best_known
 from stlbench.report.tables.robustness import robustness_table
+from stlbench.report.tables.rows import maximised, split
 
 FACTS = {"source": "net.onnx", "sha256": 64 * "a", "begun_at": "starts of its own"}
 
@@ -35,7 +36,7 @@ def test_one_that_is_called_as_an_agent_that_plans_is_no_plan() -> None:
 def test_its_row_comes_behind_those_of_its_task_with_its_origin() -> None:
     other = result("flag", task="overlap")
     groups = condense([*TRAINED, other])
-    table = robustness_table(groups, outside=condense([outside("net", robustness=(-0.5, 0.1))]))
+    table = robustness_table(groups, Known(), condense([outside("net", robustness=(-0.5, 0.1))]))
     rows = to_records(table)
     assert [(row["task"], row["agent"], row["mark"]) for row in rows] == [
         ("hold-disc", "dqn", None),

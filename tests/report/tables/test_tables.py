@@ -13,10 +13,9 @@ from scipy import stats
 from stlbench.records.result import MAIN, RANDOM, Score, Summary
 from stlbench.registry.choices import Choice
 from stlbench.report import condense, only, to_csv
-from stlbench.report.page_cells import cells_shown
-from stlbench.report.tables.cells import cells_table, scores_table, unfinished_table
-from stlbench.report.tables.controllers import controllers_table
-from stlbench.report.tables.costs import time_table
+from stlbench.report.page import _cells
+from stlbench.report.tables.cells import cells_table, scores_table, time_table, unfinished_table
+from stlbench.report.tables.controllers import Known, controllers_table
 from stlbench.report.tables.robustness import robustness_table
 from stlbench.report.tables.table import FirstFailed, Seeds
 from stlbench.rollout.standards import Standard
@@ -37,7 +36,7 @@ def test_robustness_is_averaged_over_starts_and_then_over_seeds():
         result(seed=1, robustness=(0.5, 0.9)),
         result(seed=2, robustness=(-0.4,)),
     ]
-    table = robustness_table(condense(results))
+    table = robustness_table(condense(results), Known())
     assert cell(table, "mean robustness") == pytest.approx((0.2 + 0.7 - 0.4) / 3)
     assert cell(table, "median robustness") == pytest.approx(0.2)
     assert cell(table, "median 95 % interval") is None
@@ -49,7 +48,7 @@ def test_robustness_is_averaged_over_starts_and_then_over_seeds():
 def test_the_median_has_an_interval_of_five_seeds_on_that_no_seed_is_beyond():
     values = (-9.0, 1.0, 2.0, 3.0, 50.0)
     results = [result(seed=seed, robustness=(value,)) for seed, value in enumerate(values)]
-    table = robustness_table(condense(results))
+    table = robustness_table(condense(results), Known())
     assert (cell(table, "median robustness"), cell(table, "median 95 % interval")) == (2.0, (-9.0, 50.0))
     assert any("Fewer than 5 seeds have none" in note for note in table.notes)
 
@@ -59,13 +58,13 @@ def test_early_ends_have_a_column_where_there_are_any():
     ended = [result(seed=seed, robustness=(0.3, 0.4)) for seed in range(3)]
     shares = dict(enumerate((0.5, 0.0)))
     early = [with_ends(each, shares.get(seed)) for seed, each in enumerate(ended)]
-    table = robustness_table(condense(early))
+    table = robustness_table(condense(early), Known())
     assert cell(table, "ended early [%]") == 25
     assert any("under `hold` the last sample stays" in note for note in table.notes)
-    assert "ended early [%]" not in [column.heading for column in robustness_table(condense(ended)).columns]
+    assert "ended early [%]" not in [column.heading for column in robustness_table(condense(ended), Known()).columns]
     rows = condense(early)[0].rows
     assert [cell(cells_table(rows), "ended_early", row) for row in range(3)] == [0.5, 0.0, None]
-    page = cells_shown(rows)
+    _, page = _cells(condense(early))
     place = [column.header for column in page.columns].index("ended early [%]")
     assert [row[place] for row in page.rows] == [50, 0, None]
     measured = early[0].measurement
@@ -78,13 +77,13 @@ def with_ends(of, share):
 
 
 def test_one_seed_has_no_interval():
-    table = robustness_table(condense([result()]))
+    table = robustness_table(condense([result()]), Known())
     assert cell(table, "mean robustness") == pytest.approx(0.35)
     assert cell(table, "median 95 % interval") is None
 
 
 def test_the_final_policy_has_columns_of_its_own():
-    table = robustness_table(condense([result(robustness=(0.3, 0.4), final=(-0.1, 0.2))]))
+    table = robustness_table(condense([result(robustness=(0.3, 0.4), final=(-0.1, 0.2))]), Known())
     assert cell(table, "final median robustness") == pytest.approx(0.05)
     assert cell(table, "final satisfied [%]") == 50
 
@@ -93,7 +92,7 @@ def test_selected_and_final_policies_have_intervals_and_learned_seeds_side_by_si
     starts = {True: (0.5,), False: (-0.5,)}
     learned = [(True, True)] * 7 + [(True, False)] * 2 + [(False, False)]
     results = [result(seed=i, robustness=starts[a], final=starts[b]) for i, (a, b) in enumerate(learned)]
-    table = robustness_table(condense([*results, result("raw", seed=0)]))
+    table = robustness_table(condense([*results, result("raw", seed=0)]), Known())
     assert (cell(table, "learned"), cell(table, "final learned")) == (9, 7)
     exact = stats.binomtest(9, 10).proportion_ci()
     assert cell(table, "learned 95 % interval [%]") == pytest.approx((100 * exact.low, 100 * exact.high))
@@ -109,7 +108,7 @@ def test_numbers_come_from_the_random_starts_where_there_are_some():
     measured = replace(
         one.measurement, selected=dict(one.measurement.selected) | {RANDOM: many}, final=one.measurement.final
     )
-    table = robustness_table(condense([replace(one, measurement=measured), result("raw")]))
+    table = robustness_table(condense([replace(one, measurement=measured), result("raw")]), Known())
     names = ("starts", "mean robustness", "worst start", "satisfied [%]", "learned", "final satisfied [%]")
     assert [cell(table, name) for name in names] == [1000, 0.25, -0.75, 94, 0, 100]
     assert cell(table, "failed first") == FirstFailed("G[0,1] a > 0", 60, 60)
@@ -123,10 +122,10 @@ def test_numbers_come_from_the_random_starts_where_there_are_some():
 
 def test_marks_are_a_column_where_there_are_any():
     groups = condense([result("flag", extension="late windows"), result("funnel"), result("raw")])
-    table = robustness_table(groups, standards={"hold-disc": Standard(alike=alike("hold-disc", funnel_raw="="))})
+    table = robustness_table(groups, Known({"hold-disc": Standard(alike=alike("hold-disc", funnel_raw="="))}, {}))
     assert [cell(table, "mark", row) for row in range(3)] == ["*", "=", "="]
     assert [note[:8] for note in table.notes[-2:]] == ["Marked *", "Marked ="]
-    assert "mark" not in [column.title for column in robustness_table(groups[1:]).columns]
+    assert "mark" not in [column.title for column in robustness_table(groups[1:], Known()).columns]
 
 
 def test_each_further_protocol_is_a_column():
@@ -135,7 +134,7 @@ def test_each_further_protocol_is_a_column():
         result(seed=1, further={"paper": (0.6,), "tail": (0.4,)}),
         result("flag", task="other"),
     ]
-    table = robustness_table(condense(results))
+    table = robustness_table(condense(results), Known())
     assert (cell(table, "paper"), cell(table, "tail")) == pytest.approx((0.7, 0.3))
     assert (cell(table, "paper", 1), cell(table, "tail", 1)) == (None, None)
 
@@ -146,14 +145,14 @@ def test_the_conjunct_that_failed_first_most_often_is_counted_over_seeds():
         result(seed=1, first_failed={"F[0,2] b > 0": 3}),
         result("flag"),
     ]
-    table = robustness_table(condense(results))
+    table = robustness_table(condense(results), Known())
     assert cell(table, "failed first", 0) is None
     assert cell(table, "failed first", 1) == FirstFailed("F[0,2] b > 0", 5, 8)
 
 
 def test_groups_are_told_apart_by_task_method_agent_and_budget():
     results = [result(), result(task="other"), result("flag"), result(agent="sb3-dqn"), result(budget="paper")]
-    table = robustness_table(condense(results))
+    table = robustness_table(condense(results), Known())
     assert len(table.rows) == 5
     assert all(cell(table, "seeds", row) == Seeds(1, 1) for row in range(5))
 
@@ -167,7 +166,7 @@ def test_aggregates_say_over_how_many_seeds_they_are():
     results = [result(seed=seed) for seed in range(9)] + [
         result(seed=9, status="timeout", reason="no result after 60 s")
     ]
-    table = robustness_table(condense(results))
+    table = robustness_table(condense(results), Known())
     assert cell(table, "seeds") == Seeds(9, 10, "1 timeout")
     assert cell(table, "mean robustness") == pytest.approx(0.35)
     assert cell(table, "remarks") == "timeout: no result after 60 s"
@@ -175,7 +174,7 @@ def test_aggregates_say_over_how_many_seeds_they_are():
 
 def test_planned_cells_without_a_result_are_rows_and_count_as_seeds():
     ids = [result(seed=seed).id for seed in (3, 4)] + [result("raw").id]
-    table = robustness_table(condense([result(seed=seed) for seed in range(3)], ids))
+    table = robustness_table(condense([result(seed=seed) for seed in range(3)], ids), Known())
     assert [cell(table, "seeds", row) for row in (0, 1)] == [Seeds(3, 5, "2 not run"), Seeds(0, 1, "1 not run")]
     assert cell(table, "mean robustness") == pytest.approx(0.35)
     assert (cell(table, "mean robustness", 1), cell(table, "remarks", 1)) == (None, None)
@@ -191,11 +190,11 @@ def test_a_group_without_any_result_stays_with_its_reason():
     reason = "needs 6003 inputs, limit 512"
     results = [result("tau-mdp", seed, "intractable", reason=reason) for seed in range(3)] + [result()]
     groups = condense(results)
-    for table in (robustness_table(groups), time_table(groups)):
+    for table in (robustness_table(groups, Known()), time_table(groups)):
         assert cell(table, "method", 1) == "tau-mdp"
         assert cell(table, "seeds", 1) == Seeds(0, 3, "3 intractable")
         assert cell(table, "remarks", 1) == "intractable: needs 6003 inputs, limit 512"
-    assert cell(robustness_table(groups), "mean robustness", 1) is None
+    assert cell(robustness_table(groups, Known()), "mean robustness", 1) is None
     assert len(summary(groups, {})) == 2  # a finding about the method is no accident
 
 
@@ -240,8 +239,8 @@ def test_controllers_have_one_row_per_task_and_stand_after_the_robustness():
     assert table.rows == (("hold-disc", (0.1 + 0.7) / 2, 0.1, 100), ("other", pytest.approx(0.05), -0.2, 50))
     groups = condense([result()])
     own = controllers_table(by_hand(hold_disc=(0.1, 0.7)))
-    assert summary(groups, scores) == (robustness_table(groups), own, time_table(groups))
-    assert summary(groups, {}) == (robustness_table(groups), time_table(groups))
+    assert summary(groups, scores) == (robustness_table(groups, Known()), own, time_table(groups))
+    assert summary(groups, {}) == (robustness_table(groups, Known()), time_table(groups))
 
 
 def test_baselines_stand_beside_the_controller_and_a_trivial_task_is_marked():
@@ -286,10 +285,10 @@ SHARE = "share of best known (median, both above 0)"
 def test_robustness_is_a_share_of_the_best_known_where_both_are_above_zero():
     tasks = {"one": (0.1, 0.3), "two": (-0.1,), "three": (0.2,), "four": (0.2,)}
     groups = condense(result(task=task, robustness=robustness) for task, robustness in tasks.items())
-    table = robustness_table(groups, {Choice("one"): 0.4, Choice("two"): 0.4, Choice("three"): -0.1})
+    table = robustness_table(groups, Known({}, {Choice("one"): 0.4, Choice("two"): 0.4, Choice("three"): -0.1}))
     shares = {row: cell(table, SHARE, i) for i, row in enumerate(["four", "one", "three", "two"])}
     assert shares == {"four": None, "one": pytest.approx(0.5), "three": None, "two": None}
-    assert SHARE not in [column.heading for column in robustness_table(groups).columns]
+    assert SHARE not in [column.heading for column in robustness_table(groups, Known()).columns]
 
 
 def test_what_was_planned_is_in_the_table_of_alignment_alone():
@@ -324,7 +323,7 @@ def test_cells_say_what_was_planned_only_where_something_was():
 
 def test_infinite_robustness_has_a_row():
     results = [result(seed=seed, robustness=(float("inf"),)) for seed in range(2)]
-    table = robustness_table(condense(results))
+    table = robustness_table(condense(results), Known())
     assert cell(table, "mean robustness") == float("inf")
     assert cell(table, "median 95 % interval") is None
 
