@@ -22,7 +22,7 @@ from stlbench.stl import Term
 from stlbench.task import build_method, load_task
 from stlbench.task.task import Task
 
-_ONE_TRACE, _READ = "0.45", "0.88"
+ONE_TRACE, READ = "0.45", "0.88"
 _SINGLE_TRACES = 7
 """Traces that are drawn one by one, from the worst to the best of the term's interval."""
 BAND_ELSEWHERE = "the method's bounds are of the rewarded form: `stlbench plot --rewarded`"
@@ -69,7 +69,7 @@ def robustness_in_time(
 
 def _row(axes: Axes, task: Task, term: Term, traces: Array, band: Band | None, unit: str, colour: str) -> None:
     margins = task.specification.margin(term.psi)(traces)
-    axes.axvspan(term.start, term.end, color=_READ, linewidth=0, zorder=0)
+    axes.axvspan(term.start, term.end, color=READ, linewidth=0, zorder=0)
     axes.axhline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)
     if band is not None:
         _band(axes, band)
@@ -95,7 +95,7 @@ def _traces(axes: Axes, margins: Array, term: Term, colour: str) -> None:
     read = margins[:, term.start : term.end + 1]
     order = np.argsort(read.min(axis=1) if term.kind == "G" else read.max(axis=1))
     for i in np.unique(np.linspace(0, len(order) - 1, _SINGLE_TRACES).round().astype(np.int64)):
-        axes.plot(t, margins[order[i]], color=_ONE_TRACE, linewidth=0.4, alpha=0.7, zorder=4)
+        axes.plot(t, margins[order[i]], color=ONE_TRACE, linewidth=0.4, alpha=0.7, zorder=4)
     axes.plot(t, middle, color=colour, linewidth=1.3, zorder=5)
 
 
@@ -110,8 +110,8 @@ def _keys(bands: Sequence[Band], shown: bool, colour: str) -> list[Artist]:
     keys: list[Artist] = [
         layout.key_of("median", color=colour, linewidth=1.3),
         layout.patch(colour, "5 to 95 %", alpha=0.25),
-        layout.key_of("single traces", color=_ONE_TRACE, linewidth=0.5),
-        layout.patch(_READ, "steps that the term reads"),
+        layout.key_of("single traces", color=ONE_TRACE, linewidth=0.5),
+        layout.patch(READ, "steps that the term reads"),
         layout.level_key("0: psi holds above"),
     ]
     if shown:

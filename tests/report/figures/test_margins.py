@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from stlbench.contract.presentation import Band
 from stlbench.report.figures.layout import LEVEL
-from stlbench.report.figures.margins import BAND_ELSEWHERE, SINGLE, robustness_in_time
+from stlbench.report.figures.margins import BAND_ELSEWHERE, ONE_TRACE, robustness_in_time
 from stlbench.report.figures.style import BOUNDS, TRACE
 from stlbench.rollout.traces import Recording
 
@@ -52,7 +52,7 @@ def test_single_traces_go_from_the_worst_to_the_best_in_the_terms_interval():
     late = [0, 0, 0, 0, 0, 0, 0, 0, 100]  # bad in the last sample alone, which G[0,4] does not read
     rows = [late, *([value] * 9 for value in range(19))]
     (axes,) = figure("G[0,4] x <= 9.5", rows).axes
-    firsts = [margins[0] for margins in drawn(axes, SINGLE)]
+    firsts = [margins[0] for margins in drawn(axes, ONE_TRACE)]
     assert firsts == sorted(firsts)
     assert len(firsts) == 7
     assert (firsts[0], firsts[-1]) == (-8.5, 9.5)
@@ -62,7 +62,7 @@ def test_of_always_the_least_margin_is_what_counts_and_of_eventually_the_largest
     still, swinging = [3] * 9, [0, 9] * 4 + [0]
     for formula, worst in (("G[0,4] x >= 1", swinging), ("F[0,4] x >= 1", still)):
         (axes,) = figure(formula, [still, swinging]).axes
-        assert [value + 1 for value in drawn(axes, SINGLE)[0]] == worst
+        assert [value + 1 for value in drawn(axes, ONE_TRACE)[0]] == worst
 
 
 def test_the_steps_that_a_term_reads_are_shaded_and_level_zero_is_drawn():
@@ -162,4 +162,4 @@ def test_a_formula_that_is_not_made_of_terms_has_no_figure():
 
 def test_one_start():
     (axes,) = figure("G[0,4] x <= 1", [ZEROS]).axes
-    assert drawn(axes, TRACE) == drawn(axes, SINGLE) == [[1.0] * 9]
+    assert drawn(axes, TRACE) == drawn(axes, ONE_TRACE) == [[1.0] * 9]
