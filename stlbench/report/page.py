@@ -148,7 +148,7 @@ class _Page:
 
     def task_part(self, choice: Choice, groups: Sequence[Group]) -> Part:
         """What the task is, what its policies did, and what the folder lacks."""
-        from stlbench.report.figures.counterexample import tell_story, worst_table
+        from stlbench.report.figures.counterexample import Story, tell_story, worst_table
 
         shown = [group for group in groups if group.outside or group in self.report.learned]
         task, lacks, stories = None, list[str](), dict[Setting, Story]()
