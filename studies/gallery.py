@@ -22,7 +22,7 @@ from stlbench.records.result import reported
 from stlbench.records.saved_traces import Film
 from stlbench.registry import plugins
 from stlbench.report import film
-from stlbench.report.video import FRAMES_A_SECOND
+from stlbench.report.film import FRAMES_A_SECOND
 from stlbench.rollout.controller import Unpaid, nearest
 from stlbench.rollout.environment import Simulator
 from stlbench.rollout.referee import score, simulate

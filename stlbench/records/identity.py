@@ -11,8 +11,6 @@ from pydantic import BeforeValidator, PlainSerializer
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry.choices import Choice, choice_of, parse_choice
 
-__all__ = ["IDENTITY", "OUTSIDE", "CellId", "Setting", "Track", "find_cell"]
-
 Track = Literal["auto", "shared", "plain", "tuned", "outside"]
 """By which rules a cell was trained.
 

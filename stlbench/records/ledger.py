@@ -10,13 +10,11 @@ from typing import Any
 
 from stlbench.errors import unwritable
 from stlbench.records.identity import IDENTITY, CellId
-from stlbench.records.reader import LedgerWarning, Records
+from stlbench.records.reader import Records
 from stlbench.records.result import Result
 from stlbench.records.rows import Row, texts, values
 from stlbench.records.schema import open_to_write
 from stlbench.records.status import ACCIDENTS, Status
-
-__all__ = ["FILE", "Ledger", "LedgerWarning"]
 
 FILE = "ledger.sqlite"
 """Its name in a folder of results."""

@@ -13,8 +13,6 @@ from pydantic import TypeAdapter, ValidationError
 from stlbench import __version__
 from stlbench.errors import UsageError, one_line
 
-__all__ = ["KEY", "MOST", "Observation"]
-
 KEY = "stlbench_observation"
 """Under which a file of a policy, or a space of Gymnasium, has the record."""
 

@@ -13,8 +13,6 @@ from typing import BinaryIO
 
 from stlbench.errors import UsageError, unwritable
 
-__all__ = ["inside", "opened", "write"]
-
 
 def inside(path: Path, folder: Path) -> Path:
     """The same path, after a look at each of its parts below the folder; the folder itself may be a link.

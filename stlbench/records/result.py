@@ -16,26 +16,6 @@ from stlbench.records.identity import IDENTITY, CellId
 from stlbench.records.observation import Observation
 from stlbench.records.status import Status
 
-__all__ = [
-    "LEARNED",
-    "MAIN",
-    "RANDOM",
-    "TASK_FOLDER",
-    "CurvePoint",
-    "Measurement",
-    "Planned",
-    "Result",
-    "Score",
-    "StoredPolicies",
-    "Summary",
-    "from_json",
-    "numbers",
-    "plain",
-    "plain_scores",
-    "reported",
-    "to_json",
-]
-
 TASK_FOLDER = "task_folder"
 """Among the facts of a result's provenance, where its task is a folder: where that was."""
 LEARNED = 0.95

@@ -7,8 +7,6 @@ from typing import Literal
 
 from stlbench.errors import UsageError, did_you_mean
 
-__all__ = ["ACCIDENTS", "FAILED", "NOT_RUN", "Status", "accidents_of"]
-
 Status = Literal["done", "raised", "timeout", "killed", "intractable", "unsuitable"]
 """How a cell ended. `intractable` and `unsuitable` are findings about a method; the three before them are accidents."""
 

@@ -1,34 +1,43 @@
-"""Films of a cell: the best and the worst start of its report side by side, as GIF or MP4.
+"""Films of a cell: the best and the worst start of its report side by side, as GIF, WebP or MP4.
 
-What a film shows is the pictures of a system that draws itself (`presentation.Drawn`) or of an environment, else the
-plane that the task file names, else the signals against time.
+A film shows the pictures of a system that draws itself (`presentation.Drawn`) or of an environment, else the plane that
+the task file names, else the signals against time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import shutil
+import subprocess
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from tempfile import TemporaryDirectory
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 from stlbench.contract import Array, Integers
 from stlbench.contract.presentation import Drawn, Pixels
+from stlbench.errors import UsageError
+from stlbench.records.outputs import opened
+from stlbench.records.outputs import write as write_file
 from stlbench.records.saved_traces import Film
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.regions import parts, signal_label
 from stlbench.report.figures.style import TRACE
 from stlbench.report.figures.trajectories import READ, part_keys, signals_in_time
-from stlbench.report.video import FRAMES_A_SECOND
-from stlbench.report.video import write as write_video
 from stlbench.rollout.traces import Recording
 from stlbench.task.file import Signal
 from stlbench.task.task import Task
 
+Format = Literal["gif", "webp", "mp4"]
+
+FRAMES_A_SECOND = 12.5
+"""GIF counts in hundredths of a second: 8 of them a frame."""
 SHORTEST, LONGEST = 4.0, 12.0
 """Seconds that a film lasts, whatever the episode does: 150 frames at most."""
 _DPI = 80
@@ -42,7 +51,7 @@ _PAUSE = 8
 Update = Callable[[int], None]
 """Shows the sample of that index."""
 Pictures = Callable[[int], Sequence[Pixels]]
-"""At a sample, a picture of each start that is shown. Asked for in the order of time."""
+"""A picture of each start at a sample. Called in the order of time."""
 
 
 class Pace(NamedTuple):
@@ -53,17 +62,17 @@ class Pace(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """A figure, how to move it to a sample, and what a viewer should know of it."""
+    """A figure, how to move it to a sample, and a remark for the viewer."""
 
     figure: Figure
     update: Update
     moving: Sequence[Artist]
-    """What `update` changes; all else is drawn once."""
+    """What `update` changes; the rest is drawn once."""
     remark: str = ""
 
 
 def pace(steps: int, dt: float) -> Pace:
-    """An episode of `steps` steps of `dt` seconds in real time, slower or faster where that lasts too short or long."""
+    """An episode of `steps` steps of `dt` seconds in real time; slower or faster if that is too short or too long."""
     seconds = min(max(steps * dt, SHORTEST), LONGEST)
     count = min(round(seconds * FRAMES_A_SECOND), steps + 1)
     return Pace(np.linspace(0, steps, count).round().astype(np.int64), steps * dt * FRAMES_A_SECOND / count)
@@ -77,7 +86,7 @@ def write(
     path: Path,
     pictures: Pictures | None = None,
 ) -> str:
-    """Write the film of a cell; the ending of `path`, gif or mp4, says as what.
+    """Write the film of a cell. The ending of `path` is its format: gif, webp or mp4.
 
     Args:
         task: what the cell trained on.
@@ -85,10 +94,10 @@ def write(
         robustness: of each start, as the referee scored it.
         title: the cell's name.
         path: the file; folders above it are made.
-        pictures: of the best and the worst start, where they are not of a system that draws itself.
+        pictures: of the best and the worst start, if no system draws them itself.
 
     Returns:
-        A remark on what is shown, or nothing.
+        A remark on what is shown, or an empty text.
     """
     shown = scene(task, recording, robustness, pictures)
     write_video(_frames(task, shown, title), path)
@@ -140,7 +149,7 @@ def scene(task: Task, recording: Recording, robustness: tuple[float, ...], pictu
 
 
 def _of_system(system: Drawn, steps: int, film: Film | None) -> tuple[Pictures | None, str]:
-    """Those of the states that were recorded, or none and why."""
+    """The pictures of the recorded states, or none and why."""
     if film is None:
         return None, "no pictures of the system, as the cell's file of traces has no states; it is of an older version"
     last = film.states.shape[1] - 1
@@ -149,7 +158,7 @@ def _of_system(system: Drawn, steps: int, film: Film | None) -> tuple[Pictures |
 
 
 def _pictures(pictures: Pictures, names: list[str]) -> Scene:
-    """Raises `RuntimeError` where there are none of the first sample."""
+    """Raises `RuntimeError` if there are none of the first sample."""
     first = pictures(0)
     height, width = first[0].shape[:2]
     wide = _WIDTHS[len(names)]
@@ -216,7 +225,60 @@ def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
 
 
 def _show(axes: Axes, signal: Signal, values: Array) -> None:
-    """The range of a signal in the task file, and further values where a trace has any."""
+    """The range of a signal in the task file, extended to the values of the traces."""
     low, high = min(signal.low, values.min()), max(signal.high, values.max())
     margin = 0.04 * (high - low)
     axes.set_ylim(low - margin, high + margin)
+
+
+# -------------------------------------------------------------------------------------------------------------- files
+
+
+def check_format(form: Format) -> None:
+    """Raise `UsageError` if this machine cannot write such a file."""
+    if form == "mp4":
+        _ffmpeg()
+
+
+def write_video(pictures: Iterable[Pixels], path: Path) -> None:
+    """Write pictures (height, width, 3) of one size as a film; the path's ending says as what.
+
+    Raises:
+        UsageError: there is no ffmpeg, or it fails, or the file cannot be written.
+    """
+    if path.suffix == ".mp4":
+        _mp4(pictures, path)
+        return
+    images = [Image.fromarray(picture) for picture in pictures]  # drawn before the file is there
+    settings: dict[str, Any] = {"quality": 60, "method": 3}  # edges are a little soft
+    if path.suffix == ".gif":
+        # each frame has 256 colours of its own: the first may lack what moves into the picture later
+        images, settings = [image.quantize(256) for image in images], {}
+    duration = round(1000 / FRAMES_A_SECOND)
+    with opened(path) as file:
+        images[0].save(
+            file, path.suffix[1:], save_all=True, append_images=images[1:], duration=duration, loop=0, **settings
+        )
+
+
+def _mp4(pictures: Iterable[Pixels], path: Path) -> None:
+    # its usual encoding wants even sizes
+    even = [picture[: len(picture) // 2 * 2, : picture.shape[1] // 2 * 2] for picture in pictures]
+    height, width = even[0].shape[:2]
+    raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(FRAMES_A_SECOND), "-i", "-")
+    content = np.stack(even).tobytes()
+    with TemporaryDirectory(prefix="stlbench-film-") as place:
+        film = Path(place, "film.mp4")
+        command = [_ffmpeg(), "-y", "-loglevel", "error", *raw, "-pix_fmt", "yuv420p", str(film)]
+        done = subprocess.run(command, input=content, capture_output=True, check=False)  # noqa: S603
+        if done.returncode:
+            problem = " ".join(done.stderr.decode(errors="replace").split()) or f"exit code {done.returncode}"
+            raise UsageError(f"ffmpeg could not write {path}: {problem}")
+        write_file(path, film.read_bytes())
+
+
+def _ffmpeg() -> str:
+    program = shutil.which("ffmpeg")
+    if program is None:
+        raise UsageError("mp4 needs the program ffmpeg, which is not on the PATH; --format gif does without")
+    return program

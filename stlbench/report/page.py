@@ -19,9 +19,8 @@ from stlbench.records.identity import OUTSIDE, CellId, Setting
 from stlbench.records.outputs import write
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
-from stlbench.report.figures.files import svg_of
+from stlbench.report.figures.files import drawings_across, drawings_of_alignment, drawings_of_tasks, svg_of
 from stlbench.report.figures.regions import Load, terms
-from stlbench.report.figures.report_figures import drawings_across, drawings_of_alignment, drawings_of_tasks
 from stlbench.report.figures.style import Colours, colours_of, fitting
 from stlbench.report.report import Report
 from stlbench.report.tables.cells import ENDED_EARLY, if_done, scores_and_cost

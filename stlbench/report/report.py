@@ -126,7 +126,7 @@ def write(report: Report, folder: Path, load: Load, width: Width = "page") -> li
     task. Figures and LaTeX fit the `width`. `load` loads a task, for the units of its axes.
     Raises `UsageError` if the folder cannot be written, or a file or folder in it is a link.
     """
-    from stlbench.report.figures.report_figures import write_figures
+    from stlbench.report.figures.files import write_figures
 
     figures = outputs.inside(folder / "figures", folder)
     text = "\n".join(map(to_markdown, (*report.summary, report.circumstances)))

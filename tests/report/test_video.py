@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from stlbench.errors import UsageError
-from stlbench.report import video
+from stlbench.report import film
 
 COLOURS = np.array([[200, 0, 0], [0, 150, 0], [0, 0, 250]], dtype=np.uint8)
 
@@ -21,7 +21,7 @@ def picture(colour, height=5, width=7):
 
 def test_a_gif_has_the_pictures_in_their_order(tmp_path):
     path = tmp_path / "films" / "a.gif"
-    video.write((picture(colour) for colour in (0, 1, 2)), path)
+    film.write_video((picture(colour) for colour in (0, 1, 2)), path)
     with Image.open(path) as image:
         assert (image.format, image.size, image.n_frames, image.info["loop"]) == ("GIF", (7, 5), 3, 0)
         for i in range(3):
@@ -34,7 +34,7 @@ def test_a_webp_has_the_same_and_is_smaller(tmp_path):
     generator = np.random.default_rng(0)
     noise = generator.integers(0, 255, (64, 64, 3)).astype(np.uint8)
     for name in ("a.gif", "a.webp"):
-        video.write(
+        film.write_video(
             (np.roll(noise, shift, axis=1) // 2 + 10 * shift.astype(np.uint8) for shift in np.arange(4)),
             tmp_path / name,
         )
@@ -66,8 +66,8 @@ def ffmpeg(tmp_path, monkeypatch):
 def test_ffmpeg_is_given_every_byte_and_even_sizes(ffmpeg, tmp_path):
     ffmpeg(f'echo "$@" > "{tmp_path}/words"; for last; do :; done; cat > "$last"')
     path = tmp_path / "a.mp4"
-    video.check_format("mp4")
-    video.write([picture(0), picture(1)], path)
+    film.check_format("mp4")
+    film.write_video([picture(0), picture(1)], path)
     expected = np.stack([picture(0)[:4, :6], picture(1)[:4, :6]]).tobytes()
     assert path.read_bytes() == expected
     words = (tmp_path / "words").read_text().split()
@@ -78,11 +78,11 @@ def test_ffmpeg_is_given_every_byte_and_even_sizes(ffmpeg, tmp_path):
 def test_what_ffmpeg_says_is_one_line(ffmpeg, tmp_path):
     ffmpeg("cat > /dev/null; echo no such >&2; echo encoder >&2; exit 3")
     with pytest.raises(UsageError, match=r"^ffmpeg could not write .*a\.mp4: no such encoder$"):
-        video.write([picture(0)], tmp_path / "a.mp4")
+        film.write_video([picture(0)], tmp_path / "a.mp4")
 
 
 def test_without_ffmpeg_mp4_is_refused(monkeypatch):
     monkeypatch.setenv("PATH", "")
-    video.check_format("gif")
+    film.check_format("gif")
     with pytest.raises(UsageError, match="mp4 needs the program ffmpeg"):
-        video.check_format("mp4")
+        film.check_format("mp4")

@@ -16,11 +16,10 @@ from stlbench.records.cell_files import TRACES
 from stlbench.records.identity import Setting
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
-from stlbench.report.figures.files import file_name, save
+from stlbench.report.figures.files import drawings_of_learning, file_name, save
 from stlbench.report.figures.margins import bands_of, robustness_in_time
 from stlbench.report.figures.methods import METHODS_PER_OVERVIEW, overview
 from stlbench.report.figures.regions import Load, scale_of_task
-from stlbench.report.figures.report_figures import drawings_of_learning
 from stlbench.report.figures.style import Colours, pages
 from stlbench.report.figures.trajectories import PLANS_PER_FIGURE, TRACES_PER_PANEL, Plan, planned, trajectories
 from stlbench.report.tables.alignment import RECIPE, RESOLUTION, setting_text

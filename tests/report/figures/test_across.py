@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from stlbench.report.figures.across import across_tasks, place, ticks
-from stlbench.report.figures.report_figures import drawings_across
+from stlbench.report.figures.files import drawings_across
 from stlbench.report.figures.style import COLOURS
 from stlbench.report.tables.across import Entry, Field
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from stlbench.report.figures.across import alignment
-from stlbench.report.figures.report_figures import drawings_of_alignment
+from stlbench.report.figures.files import drawings_of_alignment
 from stlbench.report.tables.alignment import Aligned
 from stlbench.task import load_task
 

@@ -14,9 +14,9 @@ from stlbench.errors import UsageError
 from stlbench.records.result import CurvePoint, Result
 from stlbench.registry.choices import Choice
 from stlbench.report import Group, Report, condense
-from stlbench.report.figures import report_figures
+from stlbench.report.figures import files
+from stlbench.report.figures.files import ROWS_PER_FIGURE, Drawing, write_figures
 from stlbench.report.figures.regions import Scale
-from stlbench.report.figures.report_figures import ROWS_PER_FIGURE, Drawing, write_figures
 from stlbench.task import load_task
 
 
@@ -96,7 +96,7 @@ def draw(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Sequence[
         assert set(paths) == set(tmp_path.iterdir())
         return set(new)
 
-    monkeypatch.setattr(report_figures, "Drawing", Blank)
+    monkeypatch.setattr(files, "Drawing", Blank)
     return draw
 
 
@@ -138,5 +138,5 @@ def test_another_unit_is_drawn_again(
     draw: Callable[[Sequence[Result]], set[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     draw(CELLS)
-    monkeypatch.setattr(report_figures, "scale_of_task", lambda task, load: Scale("km", 1.0))
+    monkeypatch.setattr(files, "scale_of_task", lambda task, load: Scale("km", 1.0))
     assert draw(CELLS) == OF_HOLD_DISC | OF_OTHER
