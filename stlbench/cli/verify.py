@@ -58,7 +58,7 @@ def verify(
     if rescore:
         raise UsageError("--rescore is for bundles; `stlbench score TASK CELL` scores a stored cell again")
     from stlbench.records import verify as verifying
-    from stlbench.records.ledger import LedgerWarning
+    from stlbench.records.reader import LedgerWarning
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LedgerWarning)  # the text below has the same

@@ -25,14 +25,13 @@ _IDENTITY = ", ".join(IDENTITY)
 class Ledger(Records):
     """A file of results, as a context manager.
 
-    Columns beside the JSON of `result` are there for SQL: `sqlite3 ledger.sqlite "select * from cells"`.
+    The column `result` has JSON. The other columns are for SQL: `sqlite3 ledger.sqlite "select * from cells"`.
 
     Args:
-        path: the file. Where there is none, it is made, with the folders above it, when something is first written.
-        create: whether that is so. A reader says False and gets a `UsageError` instead.
+        path: the file.
+        create: True makes a missing file, and the folders above it, at the first write. False raises `UsageError`.
 
-    What is only read needs no right to write. There is one file: what is recorded is in no other beside it. A part that
-    is damaged is named, as a `LedgerWarning`, and passed over.
+    Reading needs no right to write. There is only one file. A damaged part is named in a `LedgerWarning`, and skipped.
 
     Raises:
         UsageError: the file is something else, or was written by a newer version.
@@ -45,7 +44,7 @@ class Ledger(Records):
     # ----------------------------------------------------------------------------------------------------- writing
 
     def plan(self, cells: Mapping[str, CellId]) -> None:
-        """Write which cells a study has, by key, in place of earlier plans for the same settings."""
+        """Write the cells of a study, by key, in place of earlier plans for the same settings."""
         settings = {
             (str(cell.task), str(cell.method), str(cell.agent), cell.budget, cell.track) for cell in cells.values()
         }
@@ -56,7 +55,7 @@ class Ledger(Records):
             _add_plan(database, cells)
 
     def plan_also(self, cells: Mapping[str, CellId]) -> None:
-        """Write which further cells a study has, by key."""
+        """Write further cells of a study, by key."""
         with self._writing() as database:
             _add_plan(database, cells)
 
@@ -68,9 +67,9 @@ class Ledger(Records):
             _insert(database, values(result, self.path.parent, failures))
 
     def mark(self, key: str, own: str) -> None:
-        """Have the cell with this key measured again. Its result counts until there is another.
+        """Have the next run measure the cell with this key. Its result counts until then.
 
-        `own` is the key that its result says; a row with another one gets it, unless there is one that has it.
+        `own` is the key in its result. A row with another key gets it, unless a row has it already.
         """
         with self._writing() as database:
             database.execute("UPDATE OR IGNORE cells SET again = 1, key = ? WHERE key = ?", (own, key))
@@ -78,14 +77,14 @@ class Ledger(Records):
                 database.execute("DELETE FROM cells WHERE key = ?", (key,))
 
     def copy(self, source: Ledger) -> None:
-        """Take over the plan and the rows of another ledger, as they are, as far as they can be read."""
+        """Copy the plan and the readable rows of another ledger, unchanged."""
         self.plan_also(source.planned())
         with self._writing() as database:
             for row in source.listed(from_index=False):
                 _insert(database, source.columns(row))
 
     def remove(self, cell: CellId) -> list[str]:
-        """Take a cell out, with all its results, older ones too, and its place in the plan; the keys it had."""
+        """Remove a cell, with all its results and its place in the plan; the keys it had."""
         keys = list[str]()
         with self._writing() as database:
             for table in ("cells", "planned"):
@@ -98,11 +97,11 @@ class Ledger(Records):
 
     @property
     def is_meddled(self) -> bool:
-        """Whether anything else has written in the file, or put another in its place, since this began to write."""
+        """Whether another program has written in the file, or replaced it, since this began to write."""
         return self._is_writing and self._own != self._seen()
 
     def _seen(self) -> tuple[int, int]:
-        """SQLite's number of what other connections have written, and the number of the file."""
+        """SQLite's counter of writes by other connections, and the number of the file."""
         assert self._database is not None
         ((version,),) = self._database.execute("PRAGMA data_version")
         return version, self.path.stat().st_ino if self.path.exists() else 0
@@ -110,11 +109,11 @@ class Ledger(Records):
     # ----------------------------------------------------------------------------------------------------- reading
 
     def finished(self, keys: Iterable[str], retry: Collection[Status] = (), attempts: int | None = None) -> set[str]:
-        """Those of the keys that have a row, and are not to be measured again.
+        """The keys of which the next run measures no cell.
 
         Args:
             keys: of cells.
-            retry: how cells ended that are to be tried again; then those too whose row is damaged.
+            retry: a run measures cells that ended so, and then also cells whose row is damaged.
             attempts: a cell that failed so often in a row is given up, and finished; None is never.
         """
         rows = {row.key: row for row in self.listed()}
@@ -125,7 +124,7 @@ class Ledger(Records):
         return {row.key for row in rows_of_keys}
 
     def given_up(self, keys: Collection[str], attempts: int) -> list[CellId]:
-        """The cells, of those with these keys, that failed so often in a row."""
+        """The cells with these keys that failed so often in a row."""
         wanted = frozenset(keys)
         return sorted(row.cell for row in self.listed() if row.key in wanted and _is_given_up(row, attempts))
 
@@ -136,8 +135,8 @@ class Ledger(Records):
     def results(self, keys: Collection[str] | None = None) -> Iterator[Result]:
         """The results with these keys, or one of every cell, ordered by task, method, agent and seed.
 
-        A plugin that was edited has other keys. Of a cell that has several results, the one counts that was planned
-        last, else the newest. A row that is damaged is passed over, with a `LedgerWarning`.
+        An edited plugin has other keys. Of several results of a cell, the one that was planned last counts, else the
+        newest. A damaged row is skipped, with a `LedgerWarning`.
         """
         rows = self.listed()
         chosen = {row.key for row in self._present(rows)} if keys is None else frozenset(keys)
@@ -146,21 +145,21 @@ class Ledger(Records):
                 yield result
 
     def results_of(self, cells: Iterable[CellId]) -> Iterator[Result]:
-        """Of each of these cells the result that counts, in the order of `results`."""
+        """The result of each of these cells that counts, as `results` orders them."""
         counted = self.counted()
         return self.results({counted[cell] for cell in cells if cell in counted})
 
     def present(self) -> dict[CellId, Row]:
-        """Of each cell that has a result the row of the one that counts, for `read`."""
+        """For each cell with a result, the row of the one that counts, for `read`."""
         return {row.cell: row for row in self._present(self.listed())}
 
     def counted(self, *, accidents: bool = True) -> dict[CellId, str]:
-        """Of each cell that has a result the key of the one that counts; of those that ended by an accident too."""
+        """For each cell with a result, the key of the one that counts; `accidents` may leave out accidents."""
         present = self._present(self.listed())
         return {row.cell: row.key for row in present if accidents or row.status not in ACCIDENTS}
 
     def _present(self, rows: Iterable[Row]) -> Collection[Row]:
-        """Of each cell the row that was planned last, else the newest."""
+        """For each cell the row that was planned last, else the newest."""
         planned = self.planned()
         return {row.cell: row for row in sorted(rows, key=lambda row: (row.key in planned, row.number))}.values()
 
@@ -168,7 +167,7 @@ class Ledger(Records):
 
     @contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
-        """A transaction, in a file that is made where there is none."""
+        """A transaction; a missing file is made."""
         if not self._is_writing:
             self.close()
             self._database = open_to_write(self.path)

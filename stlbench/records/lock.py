@@ -1,4 +1,4 @@
-"""One run at a time in a folder of results: whoever writes holds its lock, which ends with the process."""
+"""One run at a time in a folder of results: a process that writes holds its lock until it ends."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FILE = ".lock"
 """Its name in a folder of results. It stays there; what counts is whether a process holds it."""
 
 _PATIENCE = 0.5
-"""Seconds in which a lock is asked for again."""
+"""Seconds for which a lock is tried."""
 
 
 @contextmanager
@@ -42,7 +42,7 @@ def writing(folder: Path) -> Iterator[None]:
 
 
 def writer(folder: Path) -> str | None:
-    """Who writes in the folder just now: "process 12 on host, since ..."; None where nobody does, or nobody knows."""
+    """Who writes in the folder: "process 12 on host, since ..."; None if nobody does, or without locks."""
     path = folder / FILE
     if not path.is_file():  # a pipe would be waited for
         return None

@@ -24,7 +24,7 @@ def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """
     for name, array in arrays.items():
         if array.dtype.hasobject:
-            raise TypeError(f"array '{name}' has objects; numbers and texts can be kept")
+            raise TypeError(f"array '{name}' has objects; only numbers and texts can be stored")
     with opened(path) as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
 

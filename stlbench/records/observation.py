@@ -17,9 +17,9 @@ KEY = "stlbench_observation"
 """Under which a file of a policy, or a space of Gymnasium, has the record."""
 
 MOST = 1000
-"""Numbers of an environment that a record describes one by one. Of pictures, which have more, only the size is kept."""
+"""Numbers of an environment that a record describes one by one. Of pictures, which have more, it has the size."""
 
-_SAID = 12
+_NAMED = 12
 """Numbers that a message names."""
 
 
@@ -30,8 +30,8 @@ class Observation:
     size: int
     """Numbers of the task."""
     names: tuple[str, ...] = ()
-    """Of an environment one for each number, empty where it has none; of a system the quantities that the task
-    computes its numbers from. Empty where nothing has a name."""
+    """Of an environment one for each number, perhaps empty; of a system the quantities from which the task computes its
+    numbers. Empty if nothing has a name."""
     middle: tuple[float, ...] = ()
     """Of an environment, for each number: a policy sees (number - middle) / reach. Empty of a system, whose class
     scales by itself."""
@@ -49,12 +49,12 @@ class Observation:
 
     @classmethod
     def beside(cls, steps: int, inputs: int, method: str, task: str) -> Observation:
-        """What is shown beside the numbers of a task, by this version of stlbench."""
+        """The time and the inputs that this version of stlbench adds to the numbers of a task."""
         return cls(0, steps=steps, inputs=inputs, method=method if inputs else "", task=task, version=__version__)
 
     @classmethod
     def joined(cls, parts: Sequence[Observation]) -> Observation:
-        """Of the parts of an observation, one after the other. The time and the inputs are those of the first."""
+        """The record of several parts, one after the other. The first has the time and the inputs."""
         described = all(part.middle for part in parts)
         return replace(
             parts[0],
@@ -87,7 +87,7 @@ class Observation:
 
     @property
     def unscaled(self) -> Observation:
-        """What the environment itself shows: its numbers as they are, and nothing beside them."""
+        """The observation of the environment itself: its numbers unscaled, without time and inputs."""
         middle, reach = (0.0,) * self.size, (1.0,) * self.size
         return replace(self, middle=middle, reach=reach, steps=None, inputs=0, method="")
 
@@ -155,8 +155,8 @@ class Observation:
         if not self.middle:
             of = f" of {', '.join(self.names)}" if self.names else ""
             return f"{self.size} feature{'s' * (self.size != 1)}{of}"
-        more = f" and {self.size - _SAID} more numbers" if self.size > _SAID else ""
-        return ", ".join(self._number(place) for place in range(min(self.size, _SAID))) + more
+        more = f" and {self.size - _NAMED} more numbers" if self.size > _NAMED else ""
+        return ", ".join(self._number(place) for place in range(min(self.size, _NAMED))) + more
 
     def __str__(self) -> str:
         parts = [self.numbers]

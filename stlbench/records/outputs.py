@@ -33,7 +33,7 @@ def inside(path: Path, folder: Path) -> Path:
 
 
 def write(path: Path, content: str | bytes, folder: Path | None = None) -> Path:
-    """Write a file, text as UTF-8; its path. Arguments and errors are those of `opened`."""
+    """Write a file, text as UTF-8; its path. Arguments and errors as for `opened`."""
     with opened(path, folder) as file:
         file.write(content.encode() if isinstance(content, str) else content)
     return path
@@ -41,10 +41,10 @@ def write(path: Path, content: str | bytes, folder: Path | None = None) -> Path:
 
 @contextmanager
 def opened(path: Path, folder: Path | None = None) -> Iterator[BinaryIO]:
-    """Open a file to write, which takes the place of the one of before when all is written.
+    """Open a file to write. It replaces an earlier one when all is written.
 
-    Whoever reads finds the old file or the new one. Where writing fails, the old one stays. A hard link to the old
-    file keeps the old content.
+    A reader sees the old file or the new one. If writing fails, the old one stays. A hard link to the old file keeps
+    the old content.
 
     Args:
         path: of the file. Folders above it are made.

@@ -1,4 +1,4 @@
-"""What is in the file of a ledger, row by row; a part that is damaged is named and passed over."""
+"""Reads a ledger row by row. A damaged part is named in a warning, and skipped."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _IDENTITY = ", ".join(IDENTITY)
 _BYTES = 200
 """A row takes at least so many, in all tables of a ledger."""
 _AGAIN = 10**6
-"""Rows that were written again, at most; each gets a greater number. A number that a file only claims may be 2^62."""
+"""Rows that were replaced, at most; each gets a greater number. A damaged file may claim a number of 2^62."""
 
 
 class LedgerWarning(UserWarning):
@@ -29,19 +29,19 @@ class LedgerWarning(UserWarning):
 
 
 class Recorded(NamedTuple):
-    """One row, and what is wrong with it."""
+    """One row, with its result or its damage."""
 
     key: str
     cell: CellId | None
-    """None where that cannot be read."""
+    """None if it cannot be read."""
     files: Mapping[str, str]
     """Checksums of the cell's files."""
     result: Result | str
-    """What is wrong with it in place of a result."""
+    """A text says what is wrong with the row."""
     again: bool = False
-    """Whether it is to be measured again."""
+    """Whether the next run measures the cell."""
     own_key: str = ""
-    """That of its result, where its columns are damaged."""
+    """The key of its result, if its columns are damaged."""
 
 
 class Records:
@@ -91,17 +91,17 @@ class Records:
         return planned
 
     def problems(self) -> list[str]:
-        """What SQLite says of the file's structure; nothing where that is whole."""
+        """What SQLite reports about the file's structure; empty if it is whole."""
         if self._database is None:
             return []
         try:
-            said = [str(row[0]) for row in self._database.execute("PRAGMA integrity_check(20)")]
+            reports = [str(row[0]) for row in self._database.execute("PRAGMA integrity_check(20)")]
         except sqlite3.DatabaseError as error:
             return [str(error)]
-        return [line for text in said for line in text.splitlines() if line != "ok"]
+        return [line for text in reports for line in text.splitlines() if line != "ok"]
 
     def recorded(self) -> Iterator[Recorded]:
-        """Every row that can be found, whatever is in it, one at a time."""
+        """Every row that can be read, whatever it holds, one at a time."""
         if self._database is not None:
             for columns in salvage(self._database, "cells", LISTED).rows:
                 yield self._recorded(*columns)
@@ -118,17 +118,17 @@ class Records:
         return Recorded(key, result.id, files, result, again)
 
     def lost(self) -> dict[str, CellId | None]:
-        """The keys of rows of which no more is known, with their cells where the plan has them."""
+        """The keys of rows of which nothing else is known, with their cells if the plan has them."""
         if self._database is None:
             return {}
         planned = self.planned()
         return {key: planned.get(key) for key in salvage(self._database, "cells", LISTED).lost.values()}
 
     def listed(self, *, from_index: bool = True) -> list[Row]:
-        """All rows in the order in which they were recorded; where a page is damaged, those that can be read.
+        """All readable rows in the order in which they were recorded.
 
-        `from_index` reads the index, which is far shorter than the table; what is damaged of the table alone is seen
-        when a result is read.
+        `from_index` reads the index, which is far shorter than the table. Damage of the table alone is then seen when a
+        result is read.
         """
         if self._database is None:
             return []
@@ -147,7 +147,7 @@ class Records:
         return rows
 
     def read(self, row: Row) -> Result | None:
-        """The result of a row; None, with a warning, where it is damaged."""
+        """The result of a row; None, with a warning, if it is damaged."""
         try:
             return self._content(row.number, row.key)[0]
         except (sqlite3.DatabaseError, ValueError) as error:
@@ -155,7 +155,7 @@ class Records:
             return None
 
     def _content(self, number: int, key: str) -> tuple[Result, Mapping[str, str]]:
-        """Its result and the checksums of its files. Raises `DatabaseError` or `ValueError` where it is damaged."""
+        """A row's result and the checksums of its files. Raises `DatabaseError` or `ValueError` if it is damaged."""
         assert self._database is not None
         query = "SELECT result, checksum, files FROM cells WHERE rowid = ? AND key = ?"
         ((text, checksum, files),) = self._database.execute(query, (number, key)).fetchall()
@@ -165,7 +165,7 @@ class Records:
         return result_of(text, checksum), checksums
 
     def columns(self, row: Row) -> dict[str, Any]:
-        """All columns of a row; none where they cannot be read."""
+        """All columns of a row; empty if they cannot be read."""
         assert self._database is not None
         try:
             salvaged = self._database.execute("SELECT * FROM cells WHERE rowid = ?", (row.number,))
@@ -194,21 +194,21 @@ def _has_content(path: Path) -> bool:
 
 
 class Salvaged(NamedTuple):
-    """What could be read of a table."""
+    """The readable part of a table."""
 
     rows: list[tuple[Any, ...]]
-    """Its number, and the columns that were asked for."""
+    """The row's number, and the columns of the query."""
     lost: dict[int, str]
-    """Of rows that are known and cannot be read: number -> key, empty where that is not known either."""
+    """Number -> key of rows that exist and cannot be read. The key is empty if it is not known."""
     problem: str
-    """What SQLite says of it; empty where nothing is damaged."""
+    """SQLite's error; empty if nothing is damaged."""
 
 
 def salvage(database: sqlite3.Connection, table: str, columns: str, *, from_index: bool = False) -> Salvaged:
-    """Read a table in the order of its numbers, all at once where it is not damaged.
+    """Read a table in the order of its numbers; a damaged one row by row.
 
-    `from_index` reads an index that has all these columns where there is one, which is shorter than the table; what is
-    damaged of the table alone is not seen then.
+    `from_index` reads an index that has all these columns, which is shorter than the table. It does not see damage of
+    the table alone.
     """
     query = f"SELECT rowid, {columns} FROM {table} NOT INDEXED"  # noqa: S608
     try:
@@ -238,8 +238,7 @@ def _read(database: sqlite3.Connection, query: str) -> Iterator[tuple[Any, ...]]
 
 
 def _within(rows: Iterable[tuple[Any, ...]], room: int) -> Iterator[tuple[Any, ...]]:
-    """Raises `DatabaseError` where rows say more than so many bytes: pages that point to pages can repeat a row for
-    ever."""
+    """Raises `DatabaseError` after so many bytes: damaged pages can repeat a row for ever."""
     for row in rows:
         room -= sum(len(value) if isinstance(value, str | bytes) else 1 for value in row)
         if room < 0:
@@ -248,7 +247,7 @@ def _within(rows: Iterable[tuple[Any, ...]], room: int) -> Iterator[tuple[Any, .
 
 
 def _keys(database: sqlite3.Connection, table: str) -> dict[int, str]:
-    """Number -> key of all rows, of the index, which is in other pages; nothing where that is damaged itself."""
+    """Number -> key of all rows, from the index, which has other pages; empty if that is damaged too."""
     query = f"SELECT rowid, key FROM {table} INDEXED BY sqlite_autoindex_{table}_1"  # noqa: S608
     try:
         return dict(_read(database, query))
@@ -257,7 +256,7 @@ def _keys(database: sqlite3.Connection, table: str) -> dict[int, str]:
 
 
 def _bound(database: sqlite3.Connection, table: str) -> int:
-    """No row has a greater number, unless very much was written again."""
+    """A bound of the rows' numbers."""
     most = _size(database) // _BYTES
     try:
         return min(_first(database.execute(f"SELECT max(rowid) FROM {table}")), most + _AGAIN)  # noqa: S608

@@ -1,4 +1,4 @@
-"""What a cell leaves behind: frozen values that go to the ledger as JSON and come back equal."""
+"""The result of a cell: frozen values that go to the ledger as JSON and come back equal."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ RANDOM = "random"
 
 @dataclass(frozen=True)
 class Summary:
-    """What is left of a score whose single starts were not kept."""
+    """A score without the values of single starts."""
 
     mean: float
     minimum: float
-    """NaN where it was not kept either."""
+    """NaN if it was not recorded."""
     satisfaction: float
     starts: int | None = None
-    """How many they were; None where that was not kept."""
+    """The number of starts; None if it was not recorded."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """What the referee found under one protocol, one value per start."""
+    """The referee's result under one protocol, one value for each start."""
 
     __pydantic_config__ = ConfigDict(ser_json_inf_nan="constants")
 
@@ -52,10 +52,10 @@ class Score:
     first_failed: Mapping[str, int]
     """How many starts failed, by the conjunct that failed first."""
     summary: Summary | None = None
-    """Instead of the values per start, which are empty then: of many starts no more is kept."""
+    """Instead of the values per start, which are then empty; for many starts only this is stored."""
     ended_early: float | None = field(default=None, compare=False)
     """Share of the starts, in [0, 1], from which the environment ended the episode before the formula's horizon; None
-    in records of before it was counted. It is no part of the verdict, so that older scores compare equal."""
+    in older records. It is no part of the verdict, so that older scores compare equal."""
 
     @property
     def mean(self) -> float:
@@ -74,7 +74,7 @@ class Score:
 
     @property
     def starts(self) -> int | None:
-        """How many starts; None where that was not kept."""
+        """The number of starts; None if it was not recorded."""
         return self.summary.starts if self.summary else len(self.robustness)
 
     def summarised(self) -> Score:
@@ -90,7 +90,7 @@ def reported(scores: Mapping[str, Score]) -> Score:
 
 @dataclass(frozen=True)
 class CurvePoint:
-    """One checkpoint, scored on the starts kept for selection."""
+    """One checkpoint, scored on the starts for selection."""
 
     steps: int
     """Environment steps of one sampling time so far, all copies together."""
@@ -105,7 +105,7 @@ class CurvePoint:
 
 @dataclass(frozen=True)
 class Planned:
-    """What a policy that was planned, not learned, makes the most of (`Agent.plans`)."""
+    """What a policy that was planned, not learned, maximises (`Agent.plans`)."""
 
     __pydantic_config__ = ConfigDict(ser_json_inf_nan="constants")
 
@@ -118,7 +118,7 @@ class Planned:
 
 @dataclass(frozen=True)
 class StoredPolicies:
-    """That a cell's policies are stored, by which hashes they are known, and what it takes to use them."""
+    """The hashes of a cell's stored policies, and what is needed to use them."""
 
     selected: str
     """SHA-256 of the arrays (`saved_policies.digest`), 64 hex digits."""
@@ -126,16 +126,16 @@ class StoredPolicies:
     observation_size: int
     """D: numbers in the observations that they act on."""
     agent: Mapping[str, str | int | float | bool] = field(default_factory=dict)
-    """On the track `tuned`, what the recipe says of the agent; empty on others, as the task says it."""
+    """On the track `tuned`, the recipe's parameters of the agent; empty on other tracks, where the task has them."""
     hold: int | None = None
-    """On the track `tuned`, the steps for which the recipe holds an action; None where that is the task's own."""
+    """On the track `tuned`, the steps for which the recipe holds an action; None if the task's own number holds."""
     observation: Observation | None = None
-    """What the numbers of their observations mean; None in records of before this was recorded."""
+    """What the numbers of their observations mean; None in older records."""
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """All that one finished cell measured."""
+    """The measurements of one finished cell."""
 
     selected: Mapping[str, Score]
     """Protocol -> score of the best checkpoint, chosen on other starts than these. `MAIN` is always there."""
@@ -157,11 +157,11 @@ class Measurement:
     inputs_added: int
     """Inputs that the method added to the policy's observation."""
     planned: Planned | None = None
-    """None for policies that were learned, and so in all records of before there were others."""
+    """None for policies that were learned."""
     extension: str = ""
     """Why the task is outside the form that the method's source was published for; empty inside it."""
     policies: StoredPolicies | None = None
-    """None where no policy is stored: a planner's, an agent's that keeps none, and those of older records."""
+    """None if no policy is stored, as for planners, and for agents that store none."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "extension", one_line(self.extension))
@@ -210,7 +210,7 @@ class Result:
     measurement: Measurement | None = None
     """Present exactly where status is `done`."""
     provenance: Mapping[str, str] = field(default_factory=dict)
-    """Versions, machine, jobs beside it, time: what might explain a result without being part of its key."""
+    """Versions, machine, jobs, time: facts that may explain a result and are no part of its key."""
 
     def __post_init__(self) -> None:
         provenance = {printable(name): printable(text) for name, text in self.provenance.items()}
@@ -225,7 +225,7 @@ def _adapter() -> TypeAdapter[Result]:
 
 
 def to_json(result: Result) -> str:
-    """The result as one line of JSON, the parts of its identity beside the rest."""
+    """The result as one line of JSON. The parts of its identity are keys at the top level."""
     content = _adapter().dump_python(result, mode="json")
     return json.dumps({**content.pop("id"), **content})
 

@@ -24,7 +24,7 @@ _NUMBERS = ("robustness_mean", "satisfaction", "training_cpu_seconds", "training
 
 
 class Row(NamedTuple):
-    """What a row says without its result."""
+    """A row without its result."""
 
     number: int
     """Rows that were recorded later have greater numbers."""
@@ -33,12 +33,12 @@ class Row(NamedTuple):
     failures: int
     """How often in a row the cell has failed."""
     again: bool
-    """Whether it is to be measured again."""
+    """Whether the next run measures the cell."""
     cell: CellId
 
     @classmethod
     def of(cls, number: int, key: str, status: Status, failures: int, again: int, *identity: str | int) -> Self:
-        """That of a rowid and the columns `LISTED`. Raises `ValueError` where they are damaged."""
+        """From a rowid and the columns `LISTED`. Raises `ValueError` if they are damaged."""
         if status not in get_args(Status):
             raise ValueError(f"no status {status!r:.80}")
         return cls(number, key, status, failures, bool(again), cell_of(*identity))
@@ -48,7 +48,7 @@ _choice = lru_cache(maxsize=4096)(parse_choice)
 
 
 def cell_of(*identity: str | int) -> CellId:
-    """The cell of the columns `IDENTITY`. Raises `ValueError` where they are damaged."""
+    """The cell of the columns `IDENTITY`. Raises `ValueError` if they are damaged."""
     task, method, agent, seed, budget, track = identity
     if not isinstance(seed, int):
         raise ValueError(f"a seed should be a number, got {seed!r:.80}")
@@ -84,19 +84,19 @@ def values(result: Result, folder: Path, failures: int) -> dict[str, str | int |
 
 
 def result_of(text: Any, checksum: Any) -> Result:
-    """The result in a row. Raises `ValueError` where it is damaged."""
+    """The result in a row. Raises `ValueError` if it is damaged."""
     if checksum != checksum_of(text):
         raise ValueError("it does not have the checksum that was recorded with it")
     return from_json(text)
 
 
 def checksum_of(text: Any) -> str:
-    """Of what a row says: 32 hex digits."""
+    """The checksum of a text: 32 hex digits."""
     return hashlib.sha256(text if isinstance(text, bytes) else str(text).encode()).hexdigest()[:32]
 
 
 def checksums_beside(folder: Path, result: Result) -> Mapping[str, str]:
-    """Of the traces and the policies that are there: name -> SHA-256, 64 hex digits."""
+    """Name -> SHA-256 (64 hex digits) of the traces and the policies that exist."""
     paths = cell_files(folder, result.id, result.key)
     named = {"traces": paths.traces, "policies": paths.policies}
     return {name: _sha256(path) for name, path in named.items() if path.is_file()}

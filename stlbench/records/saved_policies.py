@@ -24,7 +24,7 @@ Which = Literal["selected", "final"]
 
 
 def save(path: Path, selected: Policy | StatePolicy, final: Policy | StatePolicy) -> tuple[str, str] | None:
-    """Write both policies of a cell; their digests. None, and no file, where one of them cannot be kept."""
+    """Write both policies of a cell; their digests. None, and no file, if one of them cannot be stored."""
     arrays_of = {"selected": _arrays(selected), "final": _arrays(final)}
     stored = {which: arrays for which, arrays in arrays_of.items() if arrays is not None}
     if len(stored) < len(arrays_of):
@@ -42,7 +42,7 @@ def _arrays(policy: Policy | StatePolicy) -> Arrays | None:
 
 
 def digest(arrays: Arrays) -> str:
-    """A hash (64 hex digits) of the arrays: of their names, types, shapes and bytes, and of no order of theirs."""
+    """A hash (64 hex digits) of the arrays' names, types, shapes and bytes, independent of their order."""
     hashed = hashlib.sha256()
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
@@ -54,8 +54,8 @@ def _why_none(result: Result) -> str:
     if result.id.track == OUTSIDE:
         task, source = result.provenance.get(TASK_FOLDER, result.id.task), result.provenance.get("source", "FILE")
         how = f"falsify and certify take it as --task {task} {source}"
-        return f"it is from outside, and only its score is kept; {how}"
-    return "its agent keeps none, or an older stlbench trained it"
+        return f"it is from outside, and only its score is stored; {how}"
+    return "its agent stores none, or an older stlbench trained it"
 
 
 def read(results: Path, result: Result, which: Which) -> Arrays:

@@ -19,7 +19,7 @@ from stlbench.records.result import MAIN, Result, Score
 
 
 class Assessment(NamedTuple):
-    """What the referee says of one policy."""
+    """The referee's scores of one policy, with the traces."""
 
     scores: dict[str, Score]
     """Protocol -> score."""
@@ -30,7 +30,7 @@ class Assessment(NamedTuple):
 
 
 class Film(NamedTuple):
-    """The states that the best and the worst start of a cell went through, or those of the only one."""
+    """The states on the way from the best and the worst start of a cell, or from its only start."""
 
     starts: Integers
     """(2,) or (1,): which starts they are."""
@@ -44,7 +44,7 @@ class SavedTraces(NamedTuple):
     names: tuple[str, ...]
     samples: Array
     film: Film | None = None
-    """None where the file has no states."""
+    """None if the file has no states."""
 
 
 def save(path: Path, assessment: Assessment, signals: tuple[str, ...]) -> None:
@@ -61,7 +61,7 @@ def save_samples(path: Path, samples: Array, signals: tuple[str, ...]) -> None:
 
 
 def read_cell(results: Path, result: Result) -> SavedTraces:
-    """The traces of a cell in a folder of results. Raises `UsageError` where there is no file, and as `read_saved`."""
+    """The traces of a cell in a folder of results. Raises `UsageError` if there is no file, and as `read_saved`."""
     path = cell_files(results, result.id, result.key).traces
     if not path.is_file():
         raise UsageError(f"{result.id.name} has no traces at {path}; `stlbench run` records them when it trains a cell")

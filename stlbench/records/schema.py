@@ -41,8 +41,8 @@ _TABLES = (
     f"CREATE INDEX IF NOT EXISTS listed ON cells ({LISTED})",
 )
 """`checksum` is of the text `result`, `files` has those of the cell's files as JSON, `failures` counts how often in a
-row the cell has failed, and `again` says whether it is to be measured again, though it has a result. With the index,
-what is missing of a study is found without the pages of the results: for 100,000 cells 10 MB in place of a GB."""
+row the cell has failed, and `again` says whether the next run measures it, though it has a result. With the index,
+missing cells are found without the pages of the results: for 100,000 cells 10 MB in place of a GB."""
 
 
 def open_to_read(path: Path) -> sqlite3.Connection:
@@ -64,7 +64,7 @@ def open_to_write(path: Path) -> sqlite3.Connection:
 
 
 def is_sqlite(path: Path) -> bool:
-    """Whether a file begins as SQLite's do; one of a byte or two looks empty to SQLite, which would write over it."""
+    """Whether a file begins as SQLite's do. SQLite takes a file of a byte or two for empty, and would overwrite it."""
     with path.open("rb") as file:
         return file.read(16) == b"SQLite format 3\0"
 
@@ -107,9 +107,9 @@ def _to_read(path: Path) -> sqlite3.Connection:
 
 
 def _rolled_back(path: Path) -> sqlite3.Connection:
-    """The file of a run that was killed within a transaction, without what it had written of that one.
+    """The file of a run that was killed within a transaction, without that transaction.
 
-    The journal has what was there before. Where the folder cannot be written, the transaction is undone in a copy.
+    The journal undoes it. In a folder that cannot be written, this happens in a copy.
     """
     database = _guarded(f"{path.absolute().as_uri()}?mode=rw")
     try:
@@ -175,7 +175,7 @@ def _check(path: Path, database: sqlite3.Connection) -> bool:
 
 
 def _strange(database: sqlite3.Connection) -> str | None:
-    """What of a file's schema no ledger has, such as a view or a trigger, which are code; None where there is none."""
+    """A part of the schema that no ledger has, such as a view or a trigger, which are code; None if there is none."""
     tables, indices = _expected()
     for kind, name, sql in database.execute("SELECT type, name, sql FROM sqlite_schema"):
         if kind == "index" and (name, sql) in indices:

@@ -14,14 +14,14 @@ NOT_RUN: Literal["not run"] = "not run"
 """In tables, in the place of a status: the cell was planned and has no result."""
 
 ACCIDENTS: tuple[Status, ...] = ("raised", "timeout", "killed")
-"""What a retry may run again."""
+"""What a retry may run."""
 
 FAILED = "failed"
-"""The word for all of them."""
+"""The word for all accidents."""
 
 
 def accidents_of(value: object) -> tuple[Status, ...]:
-    """Which accidents are to be tried again: a comma list or the words themselves, `failed` for all; True is all too.
+    """The accidents that a retry runs: a comma list or the words themselves; `failed` and True are all of them.
 
     Raises:
         UsageError: one of them is no accident.

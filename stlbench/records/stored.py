@@ -1,4 +1,4 @@
-"""Where a folder has its results: in its ledger, else in `cells.jsonl`, which holds the same as text for git."""
+"""The results of a folder: from its ledger, else from `cells.jsonl`, which has the same as text for git."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ def read(path: Path) -> Iterator[Result]:
 
 
 class OneByOne(Mapping[CellId, Result]):
-    """The results of `read`, each read when it is asked for: of a ledger no more than one is in memory.
+    """The results of `read`, each read on access: of a ledger no more than one is in memory.
 
-    A context manager. Raises `UsageError` as `read`; a row that is damaged is not there, with a `LedgerWarning`.
+    A context manager. Raises `UsageError` as `read`. A damaged row is missing, with a `LedgerWarning`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -92,7 +92,7 @@ def missing(path: Path) -> list[CellId]:
 
 
 def missing_by_key(path: Path) -> dict[str, CellId]:
-    """The same, by the keys that they were planned with."""
+    """The same, by their keys in the plan."""
     file = _existing(path)
     if file.suffix == SUFFIX:
         entries = (_checked(_Planned.of, text, where) for text, where in _texts(file))
@@ -103,10 +103,7 @@ def missing_by_key(path: Path) -> dict[str, CellId]:
 
 
 def write_lines(results: Iterable[Result], path: Path, planned: Mapping[str, CellId] | None = None) -> int:
-    """Write results as text, over the file of before, and by key what was `planned` and has none; how many lines.
-
-    Raises `UsageError` where it cannot.
-    """
+    """Write `lines` into a file; how many there are. Raises `UsageError` if that is not possible."""
     text = lines(results, planned)
     write(path, text)
     return text.count("\n")
@@ -133,7 +130,7 @@ class _Planned:
 
     @classmethod
     def of(cls, text: str) -> Self | None:
-        """What a line says; None where it is of a result. Raises `ValueError` where a part is missing or wrong."""
+        """What a line says; None if it is of a result. Raises `ValueError` if a part is missing or wrong."""
         if NOT_RUN not in text:
             return None
         content = plain(text)
@@ -148,7 +145,7 @@ def _identity() -> TypeAdapter[CellId]:
 
 
 def _without_path(result: Result) -> Result:
-    """A path of this machine is nobody else's, and lines that others wrote should not say where code is."""
+    """A path of this machine means nothing elsewhere, and lines from elsewhere should not say where code is."""
     facts = {name: value for name, value in result.provenance.items() if name != TASK_FOLDER}
     return replace(result, provenance=facts)
 
@@ -173,7 +170,7 @@ def _read_lines(path: Path) -> Iterator[Result]:
 
 
 def _texts(path: Path) -> Iterator[tuple[str, str]]:
-    """The lines of a file, and where each is."""
+    """The lines of a file, each with its place."""
     try:
         with path.open(encoding="utf-8") as file:
             for number, text in enumerate(iter(partial(file.readline, LONGEST + 1), ""), 1):

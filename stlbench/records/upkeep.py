@@ -27,7 +27,7 @@ def choose(
     statuses: Collection[str] | None = None,
     budget: str | None = None,
 ) -> list[Result]:
-    """The results in a folder's ledger that fit all that is said; what is None or empty is not said.
+    """The results in a folder's ledger that meet all conditions; None and empty are no condition.
 
     Args:
         folder: of results.
@@ -36,7 +36,7 @@ def choose(
         budget: of the cells.
 
     Raises:
-        UsageError: nothing is said, a name or status fits no cell, or there is no ledger.
+        UsageError: there is no condition, a name or status fits no cell, or there is no ledger.
     """
     if not (names or statuses or budget):
         raise UsageError("which cells? Name them, or say --status or --budget")
@@ -82,27 +82,27 @@ def take_out(folder: Path, ledger: Ledger, cell: CellId) -> None:
 
 
 class Merged(NamedTuple):
-    """What became of the cells of a folder that were copied into another."""
+    """The outcome of a merge, in numbers of cells."""
 
     added: int
-    """That were not there."""
+    """Cells that the folder did not have."""
     replaced: int
-    """In place of a result that is older, or that was a failure."""
+    """Cells whose result was older, or a failure."""
     kept: int
-    """Left out, as there is one there that is not older, or no failure."""
+    """Not copied, since the folder has one that is not older, or no failure."""
     planned: int
-    """Without a result in either, which are missing now in both."""
+    """Cells without a result in either folder."""
     conflicts: tuple[str, ...]
-    """Names of cells that have other scores in the two, though their keys are the same: one of them stays."""
+    """Names of cells with equal keys and different scores: one of the two results stays."""
     damaged: tuple[str, ...]
-    """Files that are not as they were recorded, which were not copied."""
+    """Files that differ from their checksums; they were not copied."""
 
 
 def merge(into: Path, source: Path) -> Merged:
     """Copy the results of `source` into the ledger of `into`, their traces, policies and logs, and its plan.
 
-    Of two results of a cell one that is no failure stays, then the one whose run began later, and where both began
-    together that of `into`. A merge that was interrupted can be said again.
+    Of two results of a cell the one that is no failure stays, else the one whose run began later, else that of `into`.
+    An interrupted merge can be repeated.
 
     Raises:
         UsageError: `source` has no results, or it is `into` itself.
@@ -132,7 +132,7 @@ def merge(into: Path, source: Path) -> Merged:
 
 
 def _is_better(result: Result, before: Result) -> bool:
-    """Ordered by whether it is a failure, then by when the run began, in UTC, so that texts compare as times do."""
+    """No failure is better than a failure, then the later run. Times are in UTC, so that texts compare as times do."""
 
     def rank(one: Result) -> tuple[bool, str]:
         return one.status not in ACCIDENTS, one.provenance.get("time", "")
@@ -141,7 +141,7 @@ def _is_better(result: Result, before: Result) -> bool:
 
 
 def _agree(result: Result, before: Result) -> bool:
-    """Whether two results can both be of the code in their key: times differ, scores do not."""
+    """Whether two results of one key have the same scores; times may differ."""
     one, other = result.measurement, before.measurement
     if result.key != before.key or one is None or other is None:
         return True
@@ -149,13 +149,12 @@ def _agree(result: Result, before: Result) -> bool:
 
 
 def _damaged(source: Path) -> set[tuple[str, str]]:
-    """Key and kind of the files that are not as they were recorded."""
-    found = verify(source)
-    return {(damage.key, damage.what) for damage in found.damages}
+    """Key and kind of the files that differ from their checksums."""
+    return {(damage.key, damage.what) for damage in verify(source).damages}
 
 
 def _plan(source: Path, ledger: Ledger) -> int:
-    """Take over what the source has planned and lacks; how many cells there are of which the ledger did not know."""
+    """Take over the missing cells of the source's plan; the number of cells that are new to the ledger."""
     known = {*ledger.counted(), *ledger.planned().values()}
     new = {key: cell for key, cell in stored.missing_by_key(source).items() if cell not in known}
     ledger.plan_also(new)
@@ -163,7 +162,7 @@ def _plan(source: Path, ledger: Ledger) -> int:
 
 
 def _copy_files(source: Path, into: Path, result: Result, damaged: Collection[tuple[str, str]]) -> Iterator[str]:
-    """Those that are there; gives the ones that are damaged."""
+    """Copy the files that exist; yields the damaged ones, which are not copied."""
     here, there = cell_files(source, result.id, result.key), cell_files(into, result.id, result.key)
     for kind, recorded in here._asdict().items():
         if (result.key, kind) in damaged:

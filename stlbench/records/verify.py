@@ -1,4 +1,4 @@
-"""Is a folder of results whole? Its ledger, each row, and the files of traces and policies, by their checksums."""
+"""Checks a folder of results: the ledger, each row, and the files of traces and policies, by their checksums."""
 
 from __future__ import annotations
 
@@ -14,29 +14,25 @@ from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
 from stlbench.records.outputs import inside
-from stlbench.records.reader import Recorded
 from stlbench.records.result import Result
 from stlbench.records.rows import checksums_beside
 
 DAMAGED = FILE + ".damaged"
-"""Where `repair` leaves a ledger of which a part cannot be read."""
-
-
-_LOST = "it cannot be read"
+"""The name that `repair` gives to a ledger with an unreadable part."""
 
 
 class Damage(NamedTuple):
-    """One thing that is not as it was recorded."""
+    """A row or a file that differs from what was recorded."""
 
     key: str
     """Of the cell."""
     cell: CellId | None
-    """None where that cannot be read either."""
+    """None if it cannot be read."""
     what: str
     """row, traces or policies."""
     problem: str
     own_key: str = ""
-    """That of its result, where the columns of its row are damaged, perhaps `key` too."""
+    """The key of its result, if the columns of its row are damaged, perhaps also `key`."""
 
     @property
     def name(self) -> str:
@@ -45,19 +41,19 @@ class Damage(NamedTuple):
 
 
 class Verified(NamedTuple):
-    """What was found."""
+    """The outcome of a check."""
 
     rows: int
-    """That were looked at."""
+    """How many were checked."""
     files: int
-    """That have the checksum that was recorded."""
+    """How many have the recorded checksum."""
     structure: tuple[str, ...]
-    """What SQLite says of the ledger's own structure."""
+    """What SQLite reports about the ledger's structure."""
     damages: tuple[Damage, ...]
     marked: int
-    """Cells that are to be measured again by the next run."""
+    """How many cells the next run measures."""
     strays: tuple[str, ...] = ()
-    """Files of traces and policies, within the folder, of which neither a row nor the plan knows: rows may be lost."""
+    """Files of traces and policies in the folder without a row and a plan: rows may be lost."""
 
     @property
     def is_whole(self) -> bool:
@@ -66,7 +62,7 @@ class Verified(NamedTuple):
 
 
 def verify(folder: Path) -> Verified:
-    """Look at all that is recorded in a folder; nothing is written.
+    """Check all that is recorded in a folder; nothing is written.
 
     Raises:
         UsageError: there are no results, or the ledger cannot be opened at all.
@@ -74,16 +70,23 @@ def verify(folder: Path) -> Verified:
     if (file := stored.locate(folder)) is not None and file.name == stored.LINES:
         return Verified(sum(1 for _ in stored.read(folder)), 0, (), (), 0)
     with Ledger(folder / FILE, create=False) as ledger:
-        damages = [Damage(key, cell, "row", _LOST) for key, cell in ledger.lost().items()]
-        checked = [_looked_at(folder, each) for each in ledger.recorded()]
-        damages += [damage for one in checked for damage in one.damages]
+        damages = [Damage(key, cell, "row", "it cannot be read") for key, cell in ledger.lost().items()]
+        rows, files, marked = 0, 0, 0
+        for row in ledger.recorded():
+            rows, marked = rows + 1, marked + row.again
+            if isinstance(row.result, str):
+                damages.append(Damage(row.key, row.cell, "row", row.result, row.own_key))
+            else:
+                changed = list(_changed(folder, row.files, row.result))
+                damages += changed
+                files += len(row.files) - len(changed)
         sound = not any(damage.what == "row" for damage in damages)  # else a row may have another key
         return Verified(
-            rows=len(checked),
-            files=sum(one.files for one in checked),
+            rows=rows,
+            files=files,
             structure=tuple(ledger.problems()),
             damages=tuple(damages),
-            marked=sum(one.again for one in checked),
+            marked=marked,
             strays=tuple(_strays(folder, {*(row.key for row in ledger.listed()), *ledger.planned()})) if sound else (),
         )
 
@@ -98,21 +101,6 @@ def _strays(folder: Path, keys: Iterable[str]) -> Iterator[str]:
                 yield f"{kind}/{one_line(path.name)}"
 
 
-class _Found(NamedTuple):
-    """Of one row."""
-
-    damages: tuple[Damage, ...]
-    files: int
-    again: bool
-
-
-def _looked_at(folder: Path, row: Recorded) -> _Found:
-    if isinstance(row.result, str):
-        return _Found((Damage(row.key, row.cell, "row", row.result, row.own_key),), 0, row.again)
-    damages = tuple(_changed(folder, row.files, row.result))
-    return _Found(damages, len(row.files) - len(damages), row.again)
-
-
 def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iterator[Damage]:
     paths, there = cell_files(folder, result.id, result.key), checksums_beside(folder, result)
     for what, path in (("traces", paths.traces), ("policies", paths.policies)):
@@ -125,10 +113,10 @@ def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iter
 
 
 def repair(folder: Path) -> Verified:
-    """Mark the cells of which something is damaged or missing, so that the next run measures them again.
+    """Mark the cells with a damaged or missing part, so that the next run measures them; what was damaged.
 
-    Their results stay until then. A ledger with a damaged structure is written anew, with all that can be read; the old
-    one stays beside it. Returns what was found.
+    Their results stay until then. A ledger with a damaged structure is replaced by a new one with all readable rows;
+    the old one gets the name `DAMAGED`.
 
     Raises:
         UsageError: as `verify`; or another process writes in the folder, or it cannot be written.

@@ -10,7 +10,8 @@ import pytest
 from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
-from stlbench.records.ledger import Ledger, LedgerWarning
+from stlbench.records.ledger import Ledger
+from stlbench.records.reader import LedgerWarning
 from stlbench.records.status import ACCIDENTS
 
 COUNT = 14
