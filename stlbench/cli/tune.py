@@ -1,4 +1,4 @@
-"""`stlbench tune`: a recipe for each method, found with the same number of trials."""
+"""`stlbench tune`: a recipe for each method, from the same number of trials."""
 
 from __future__ import annotations
 
@@ -55,17 +55,17 @@ def tune(
     from stlbench.study.tuning import entrants, search
 
     study = Study.of(_DEFAULTS | options)
-    found = entrants(study)
+    searched = entrants(study)
     planned: dict[CellId, Cell] = {}
-    total = len(found) * trials * len(study.seeds or ())
+    total = len(searched) * trials * len(study.seeds or ())
     with interruptible(lambda: tuple(planned.values()), study.results), _Rounds(total) as progress:
-        search(found, study, trials, lambda cells: _run(cells, study, planned, progress))
-    _write(found, study, trials)
-    to_screen(_table(found), console())
+        search(searched, study, trials, lambda cells: _run(cells, study, planned, progress))
+    _write(searched, study, trials)
+    to_screen(_table(searched), console())
 
 
 class _Rounds(Progress):
-    """Counts the cells of all rounds, of which each is told when the one before is done."""
+    """Counts the cells of all rounds; a round is known when the one before it is done."""
 
     def __init__(self, most: int) -> None:
         super().__init__()
@@ -87,7 +87,7 @@ class _Rounds(Progress):
 def _run(
     cells: Sequence[Cell], study: Study, planned: dict[CellId, Cell], progress: Progress
 ) -> Mapping[CellId, Result]:
-    """Run those of a round that are missing, and read the results of all of them."""
+    """Run the missing cells of a round, and read the results of all its cells."""
     from stlbench.records.ledger import FILE, Ledger
     from stlbench.study.run import build_executor, run_cells
 
@@ -98,27 +98,27 @@ def _run(
         return {result.id: result for result in ledger.results_of(cell.id for cell in cells)}
 
 
-def _write(found: Sequence[Entrant], study: Study, trials: int) -> None:
+def _write(searched: Sequence[Entrant], study: Study, trials: int) -> None:
     """Recipes and trials, into the folder of results."""
     from stlbench.records.outputs import write
     from stlbench.report import to_csv
     from stlbench.study.tracks import Recipe, write_recipes
 
     recipes: dict[str, dict[str, dict[str, Recipe]]] = {}
-    for entrant in found:
+    for entrant in searched:
         by_agent = recipes.setdefault(str(entrant.task), {})
         by_agent.setdefault(str(entrant.agent), {})[str(entrant.method)] = entrant.recipe()
     facts: dict[str, Any] = {"trials": trials, "seeds": list(study.seeds or ()), "budget": study.budget}
     write_recipes(study.results / "recipes.yaml", recipes, facts)
-    write(study.results / "trials.csv", to_csv(_table(found)))
+    write(study.results / "trials.csv", to_csv(_table(searched)))
     typer.echo(f"{study.results / 'recipes.yaml'}\n{study.results / 'trials.csv'}")
 
 
-def _table(found: Sequence[Entrant]) -> Table:
+def _table(searched: Sequence[Entrant]) -> Table:
     """One row per trial."""
     from stlbench.report import Column, Table
 
-    tuned = list(dict.fromkeys(name for entrant in found for name in entrant.space))
+    tuned = list(dict.fromkeys(name for entrant in searched for name in entrant.space))
     columns = (
         Column("task", right=False, shared=True),
         Column("agent", right=False, shared=True),
@@ -136,7 +136,7 @@ def _table(found: Sequence[Entrant]) -> Table:
             *(trial.values.get(name) for name in tuned),
             *(trial.status, trial.satisfaction, trial.robustness, "yes" if trial is entrant.best else None),
         )
-        for entrant in found
+        for entrant in searched
         for number, trial in enumerate(entrant.trials)
     )
     notes = (

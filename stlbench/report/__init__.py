@@ -1,4 +1,4 @@
-"""Results, shown: one `Report` holds all tables; terminal, Markdown, CSV, LaTeX, JSON and page show them."""
+"""Results for readers: one `Report` has all tables; terminal, Markdown, CSV, LaTeX, JSON and page show them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ __all__ = [
 
 
 def condense(results: Iterable[Result], missing: Iterable[CellId] = ()) -> tuple[Group, ...]:
-    """Read results one at a time, keep a few numbers of each, and gather those that differ in nothing but the seed.
+    """Read results one at a time, and gather a few numbers of each in groups that differ in nothing but the seed.
 
     The `missing` are cells that were planned and have no result (`Ledger.missing`).
     """

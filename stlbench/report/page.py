@@ -125,7 +125,7 @@ class _Page:
         overview = _overview(report.tables["robustness"])
         across = [*report.first, *(report.tables[name] for name in ("aggregates", "improvement"))]
         across = [_trimmed(table) for table in across if table.rows]
-        rows, cells = _cells(report.groups)
+        rows, cells = cells_shown(report.groups)
         keys = {part["name"]: part["key"] for part in parts}
         tables = [overview, *across, cells, *(table for part in parts for table in (*part["tables"], part["worst"]))]
         return _rendered(
@@ -263,7 +263,7 @@ def _of_task(report: Report, choice: Choice) -> list[Table]:
 # --------------------------------------------------------------------------------------------------------------- cells
 
 
-def _cells(groups: Sequence[Group]) -> tuple[list[Row], Table]:
+def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
     """The cells that the page has one by one, and their table."""
     rows, notes = [row for group in groups for row in group.rows], list[str]()
     if len(rows) > MOST:

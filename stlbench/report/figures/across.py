@@ -50,10 +50,10 @@ def place(score: float) -> float:
 
 @styled
 def across_tasks(fields: Sequence[Field], colours: Colours) -> Figure:
-    """Draw the fields of one budget and track, the first of which is without trivial tasks.
+    """Draw the fields of one budget and track; the first has no trivial tasks.
 
     Left the interquartile mean of each method with its interval, for each field; right the performance profile of the
-    first field, with its band, in as many panels as colours tell methods apart.
+    first field, with its band, in as many panels as there are colours for.
     """
     first = fields[0]
     parts = [part for _, part in pages(range(len(first.entries)))]
@@ -79,15 +79,15 @@ def across_tasks(fields: Sequence[Field], colours: Colours) -> Figure:
 
 def _aggregates(axes: Axes, fields: Sequence[Field], colours: Colours) -> None:
     ends = list[float]()
-    for order, field in enumerate(fields):
+    for i, field in enumerate(fields):
         for row, aggregate in enumerate(field.aggregates):
             value, interval = aggregate.middle
             colour = colours[aggregate.entry.method]
-            height = row + 0.26 * order - 0.13 * (len(fields) - 1)
+            height = row + 0.26 * i - 0.13 * (len(fields) - 1)
             if interval is not None:
                 ends_of = [*map(place, interval)]
                 axes.plot(ends_of, [height] * 2, "-", color=colour, linewidth=2, solid_capstyle="butt")
-            (mark,) = axes.plot([place(value)], [height], _MARKERS[order], color=colour, markersize=5)
+            (mark,) = axes.plot([place(value)], [height], _MARKERS[i], color=colour, markersize=5)
             mark.set(markeredgecolor="white", markeredgewidth=0.6)
             ends += [value, *(interval or ())]
     methods = [_label(entry) for entry in fields[0].entries]
@@ -122,7 +122,7 @@ def _profiles(axes: Axes, field: Field, rows: Sequence[int], colours: Colours) -
 
 
 def ticks(lowest: float, highest: float = _BEST) -> list[tuple[float, str]]:
-    """Places on the axis of scores that have a number; the first and the last lie around these scores."""
+    """Places on the axis of scores that have a number; the first and the last enclose these scores."""
     digits = (3, 1) if lowest > -30 else (1,)
     negative = [float(-digit * 10**power) for power in range(6, -1, -1) for digit in digits]
     narrow = lowest >= 0 and place(highest) - place(lowest) < _NARROW
@@ -142,21 +142,18 @@ def _scores(axes: Axes, label: str, lowest: float, highest: float) -> None:
 
 
 def _label(entry: Entry) -> str:
-    """The method, with how many of the tasks it fits where that is not all."""
+    """The method, and how many of the tasks it fits unless it fits all."""
     return entry.method if all(entry.scores) else f"{entry.method}\n(fits {entry.coverage})"
 
 
 _ROW, _AROUND = 0.115, 0.6
-"""Inches: of a row, and of what stands above and below the rows."""
+"""Inches: of a row, and of the room above and below the rows."""
 _POLICIES: tuple[dict[str, Any], ...] = (
     {"marker": "x", "color": "0.6", "markersize": 3.5},
     {"marker": "o", "color": TRACE, "markersize": 3.5},
     {"marker": "D", "color": BOUNDS, "markersize": 4.5, "markerfacecolor": "none", "markeredgewidth": 1.1},
 )
-"""Of final and selected policies that were learned, and around them of the one that is best by the reward.
-
-No method has these colours.
-"""
+"""Marks of final and selected learned policies, and of the best policy by the reward, in no method's colour."""
 
 
 @styled
@@ -164,7 +161,7 @@ def alignment(rows: Sequence[Aligned], units: Mapping[str, str]) -> Figure:
     """One panel per task, in it one row for each method and setting.
 
     Args:
-        rows: of which every one has a `reward_optimal`, those of a task beside each other.
+        rows: each has a `reward_optimal`; the rows of a task follow each other.
         units: of the robustness, by task.
     """
     panels = [(task, list(members)) for task, members in groupby(rows, key=lambda row: row.task)]

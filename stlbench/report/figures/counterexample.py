@@ -28,17 +28,17 @@ from stlbench.rollout.traces import Recording, gather, load
 from stlbench.task.task import Task
 
 _PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1}
-"""Behind a text that would else be crossed by lines."""
+"""Behind a text, over the lines."""
 _LETTERS = 90
 """Of a line in the legend."""
 _PLANE = 2.6
-"""Inches of the plane where it stands below the rows, as in one column."""
+"""Inches of the plane if it is below the rows, as in one column."""
 _CLOSE = 8
-"""The row of the margin shows at most so many times the margin that decides; what is beyond leaves the picture."""
+"""The row of the margin shows at most so many times the margin that decides."""
 
 
 class Place(NamedTuple):
-    """Where the robustness comes from."""
+    """The origin of a robustness."""
 
     step: int
     text: str
@@ -49,7 +49,7 @@ class Place(NamedTuple):
 
     @property
     def predicate(self) -> stl.Predicate | None:
-        """Whose margin it is; none where it is that of `True`, or of an early end."""
+        """The predicate whose margin it is; None for `True`, and for an early end."""
         predicate = None if self.witness is None else self.witness.predicate
         return predicate if isinstance(predicate, stl.Predicate) else None
 
@@ -58,13 +58,13 @@ class Place(NamedTuple):
 def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title: str) -> Figure:
     """Draw a trace with the predicate and the step that its robustness comes from.
 
-    One row per signal, with the regions of the terms; below, the margin of the predicate at every step. Where the task
-    names a plane, it is drawn beside them, or below in one column.
+    One row for each signal, with the regions of the terms; below, the margin of the predicate at every step. If the
+    task names a plane, it is on the right, or below in one column.
 
     Args:
         task: what was tried.
         trace: (t + 1, k), as far as it was recorded: T + 1 samples, or fewer after an early end.
-        witness: of the robustness; None where the early end decides it.
+        witness: of the robustness; None if the early end decides it.
         title: of the figure.
     """
     here, wide = place_of(task, trace, witness), task.file.plane is not None
@@ -89,9 +89,9 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
 
 
 def place_of(task: Task, trace: Array, witness: stl.Witness | None) -> Place:
-    """Where the robustness of a trace (t + 1, k) comes from, with its witness; None where an early end decides it.
+    """The origin of the robustness of a trace (t + 1, k), from its witness; None if an early end decides it.
 
-    Then it is where the trace lost a conjunct, if it had lost any, or its end.
+    An early end has the step at which the trace lost a conjunct, or else its last step.
     """
     loss = first_loss(task, trace) if witness is None else None
     step = witness.step if witness else loss.step if loss else len(trace) - 1
@@ -104,7 +104,7 @@ def place_of(task: Task, trace: Array, witness: stl.Witness | None) -> Place:
 
 
 def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: Place) -> list[int]:
-    """The rows of the signals; which parts of the formula have a region there."""
+    """Draw the rows of the signals; the parts of the formula that have a region there."""
     drawn, predicate = signals_in_time(rows, task), here.predicate
     read = task.signals if predicate is None else stl.signals(predicate)
     for axes, name, values in zip(rows, task.signals, trace.T, strict=True):
@@ -119,7 +119,7 @@ def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: Place) -> lis
 
 
 def _margin(axes: Axes, task: Task, trace: Array, here: Place) -> None:
-    """The row of the predicate's margin, with the one that decides."""
+    """Draw the row of the predicate's margin, and mark the step that decides."""
     assert here.witness is not None
     predicate, step, margin = here.witness.predicate, here.step, here.witness.margin
     margins = margins_of(task, predicate, trace)
@@ -145,7 +145,7 @@ def margins_of(task: Task, predicate: stl.Predicate | stl.TrueFormula, trace: Ar
 
 
 def _plane(axes: Axes, task: Task, trace: Array, here: Place) -> tuple[int, ...]:
-    """The plane; which parts of the formula have a region there."""
+    """Draw the plane; the parts of the formula that have a region there."""
     view = plane.lay_out(axes, task, trace[None])
     plane.draw_traces(axes, task, view, trace[None])
     axes.plot(*trace[here.step, list(view.columns)], "o", color=MARK, markersize=6, zorder=8, clip_on=False)
@@ -157,22 +157,22 @@ def _plane(axes: Axes, task: Task, trace: Array, here: Place) -> tuple[int, ...]
 
 @dataclass(frozen=True)
 class Story:
-    """Of the selected policies of all seeds of a group."""
+    """What the selected policies of all seeds of a group did."""
 
     recording: Recording
     """All traces."""
     picks: tuple[int, ...]
-    """Which of them are the best, the median and the worst start, in this order; of a single start, that one."""
+    """The places of the best, the median and the worst start in the traces; a single start has one place."""
     cell: str
-    """Of the worst start."""
+    """The cell of the worst start."""
     start: int
-    """Which of the report's starts is the worst."""
+    """The number of the worst start among the report's starts."""
     robustness: float
-    """From there."""
+    """Of the worst start."""
     place: Place
-    """Where this robustness comes from."""
+    """The origin of this robustness."""
     loss: Loss | None
-    """What the worst start lost first; None where it satisfies."""
+    """What the worst start lost first; None if it satisfies."""
 
     @property
     def worst(self) -> Array:
@@ -182,9 +182,9 @@ class Story:
 
 
 def tell_story(task: Task, results: Sequence[Result], folder: Path) -> Story | None:
-    """Read the traces of finished cells; None where no result has values of single starts.
+    """Read the traces of finished cells; None if no result has values of single starts.
 
-    Raises `UsageError` where there is no file of the traces, or one of another version of the task.
+    Raises `UsageError` if the file of the traces is missing, or of another version of the task.
     """
     starts = [
         (value, result.id.name, start)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from stlbench.report.report import Report
 
 _HEAD = 4096
-"""Bytes of a file within which it says what it was drawn from."""
+"""The first bytes of a file, which have the digest."""
 _ENDS = ("png", "svg", "pdf")
 _DPI = 200
 
@@ -51,7 +51,7 @@ def file_name(*parts: str) -> str:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure of a report that can be drawn."""
+    """A figure of a report, not drawn yet."""
 
     name: str
     """Of its files."""

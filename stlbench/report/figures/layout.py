@@ -74,30 +74,30 @@ def term_patch(i: int, label: str) -> Patch:
 
 
 _NEAR, _FAR = 5.0, 10.0
-"""What lies so many times as far as the nearest group is shown with it; beyond the second number more is cut."""
+"""Times the distance of the nearest group: the first is shown, and no axis is cut up to the second."""
 _LEAST, _LEAST_AT_ZERO = 1e-3, 2e-2
-"""Of the furthest value's distance, that of the nearest group is at least: one by chance at 0 cuts off no others.
+"""The distance of the nearest group is at least this share of the largest: one value at 0 cuts nothing off.
 
-The second number counts where no value is positive, as where 0 is the best known.
+The second number counts if no value is positive, as when 0 is the best known.
 """
 _ROOM = 0.25
-"""Below 0, of what is above it."""
+"""Room below 0, as a share of the room above."""
 _FROM = 0.5
-"""Of a lower end's length: arrows stand further right, where the curves that rise have risen."""
+"""Share of a lower end to the left of all arrows: on the right, curves that rise have risen."""
 _MARGIN = 0.05
 _PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}
-"""Behind a number, over what else is there."""
+"""Behind a number, over other marks."""
 
 
 class Window(NamedTuple):
-    """The part of an axis that is shown."""
+    """The visible part of an axis."""
 
     low: float
     high: float
 
     @property
     def limits(self) -> tuple[float, float]:
-        """With a margin."""
+        """Both ends, with a margin."""
         margin = _MARGIN * (self.high - self.low) or 1.0
         return self.low - margin, self.high + margin
 
@@ -126,7 +126,7 @@ def number(value: float) -> str:
 
 
 def arrow_at_left(axes: Axes, place: float, texts: Sequence[tuple[str, str]]) -> None:
-    """At the left end of a row: an arrow, and the numbers that lie there, each with its colour."""
+    """Draw an arrow at the left end of a row, and the numbers that lie there, each in its colour."""
     where, shift = axes.get_yaxis_transform(), 7.0
     axes.plot([0.0], [place], "<", color=texts[0][1], markersize=4.5, transform=where, clip_on=False, zorder=6)
     for text, colour in texts:
@@ -136,7 +136,7 @@ def arrow_at_left(axes: Axes, place: float, texts: Sequence[tuple[str, str]]) ->
 
 
 def arrows_below(axes: Axes, texts: Sequence[tuple[str, str]]) -> None:
-    """At the lower end of an axis: an arrow for each line that ends below it, and over it the number in its colour."""
+    """Draw an arrow at the lower end of an axis for each line that ends below it, with the number in its colour."""
     where = axes.transAxes
     for i, (text, colour) in enumerate(texts):
         place = _FROM + (1 - _FROM) * (i + 1) / (len(texts) + 1)

@@ -38,15 +38,15 @@ def robustness_in_time(
     rewarded: bool = False,
     colour: str = TRACE,
 ) -> Figure | None:
-    """One row per term: the margin of its psi at each step; None where the formula is not made of terms.
+    """One row for each term: the margin of its psi at each step; None if the formula is not made of terms.
 
-    Drawn are the median over starts and seeds, the range of the middle 90 %, some single traces, the steps at which the
-    term is read, and the method's band where it has one.
+    A row has the median over starts and seeds, the range of the middle 90 %, some single traces, the steps at which the
+    term is read, and the method's band if it has one.
 
     Args:
         task: what the cells trained on.
         recording: their traces.
-        bands: of the method, on terms that methods see. Where these are not the terms drawn, the legend says so.
+        bands: of the method, on terms that methods see. If these are not the terms drawn, the legend says so.
         title: of the figure.
         colour: of the method.
         rewarded: draw the terms of the task file's `rewarded` form, that methods see, in place of the task's own.
@@ -122,9 +122,9 @@ def _keys(bands: Sequence[Band], shown: bool, colour: str) -> list[Artist]:
 
 
 def bands_of(task: Choice, methods: Iterable[Choice], ask: Ask) -> Mapping[Choice, Sequence[Band]]:
-    """The bounds of each method on a task; none of a method that is not installed here any more.
+    """The bounds of each method on a task; empty for a method that is not installed.
 
-    Of one that cannot be asked, a `PluginWarning` says why.
+    A `PluginWarning` says why a method did not answer.
     """
     questions = {method: _question(task, method) for method in methods}
     bounds = answers(list(questions.values()), ask)
@@ -137,7 +137,7 @@ def _question(task: Choice, method: Choice) -> Question[tuple[Band, ...]]:
 
 
 def _bands(task: Choice, method: Choice) -> tuple[Band, ...]:
-    """None of a method without any, or of one that does not fit."""
+    """Empty for a method that has none, or that does not fit."""
     try:
         built = build_method(load_task(task), method)
     except (Unsuitable, Intractable):

@@ -19,7 +19,7 @@ from stlbench.report.figures.style import TIME, term_style
 from stlbench.task.task import Task
 
 _POINTS = 150
-"""Points that a trace is drawn with: each has a colour of its own."""
+"""Points of a trace, each with a colour of its own."""
 _GRID = 201
 _PAD = 0.06
 
@@ -35,7 +35,7 @@ _START, _END, _LEAVES = tuple[dict[str, Any], ...](
 
 
 class View(NamedTuple):
-    """Which part of the signals' space a plane shows."""
+    """The part of the signals' space that a plane shows."""
 
     columns: tuple[int, int]
     """Of the signals across and up."""
@@ -88,7 +88,7 @@ def _fill(axes: Axes, grid: Sequence[Array], margin: Array, inside: Truth, i: in
 
 
 def _around(places: Array, whole: View) -> View:
-    """The part of the plane that has all places (p, 2), and a little more."""
+    """The part of the plane that has all places (p, 2), with a margin."""
     if not len(places):
         return whole
     low, high = places.min(axis=0), places.max(axis=0)
@@ -116,7 +116,7 @@ def draw_traces(axes: Axes, task: Task, view: View, traces: Array) -> LineCollec
 
 
 def leaving(view: View, traces: Array) -> Truth:
-    """(N,): which of the traces (N, T + 1, k) leave the picture, so that a part of them is not seen."""
+    """(N,): which of the traces (N, T + 1, k) leave the picture."""
     return np.asarray(_outside(view, traces[..., list(view.columns)]).any(axis=1))
 
 

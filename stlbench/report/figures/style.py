@@ -1,4 +1,4 @@
-"""The style of all figures: sizes as a paper prints them, and what tells groups and terms apart."""
+"""The style of all figures: sizes as a paper prints them, and the looks of groups and terms."""
 
 # matplotlib is imported late: a report whose figures are up to date does not need it
 
@@ -30,7 +30,7 @@ class Format(NamedTuple):
     small: float
     """Of ticks and legends."""
     tiny: float
-    """Of what would not fit in these."""
+    """Of long texts."""
 
 
 _FORMATS: dict[Width, Format] = {"page": Format(DOUBLE, 8, 7, 6), "column": Format(SINGLE, 8, 8, 7)}
@@ -63,7 +63,7 @@ def small() -> float:
 
 
 def tiny() -> float:
-    """Points of what would not fit in `small`."""
+    """Points of long texts."""
     return _now.get().tiny
 
 
@@ -119,28 +119,28 @@ def styled(draw: Callable[Words, Drawn]) -> Callable[Words, Drawn]:
 Colours = Mapping[str, str]
 """Method -> its colour, on every chart of a folder of results."""
 SAFE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Okabe and Ito's palette without its yellow, which is hard to see on white; told apart by colour-blind readers."""
+"""Okabe and Ito's palette for colour-blind readers, without its yellow, which is hard to see on white."""
 _FURTHER = ("#8C6D31", "#C2185B", "#5E9C1F", "#6B6ECF", "#A55194", "#17A2A2", "#8F8F8F")
-"""Of as many more methods; also of terms, which seldom meet so many."""
+"""For as many more methods, and for terms."""
 COLOURS = (*SAFE, *_FURTHER)
 """Of methods, and of nothing else."""
 INK, TRACE, MARK, BOUNDS = "0.15", "0.3", "#A00000", "#6A3D9A"
-"""What belongs to no method: what is best possible, recorded traces, what decides, a method's own bounds."""
+"""Colours of no method: for the best possible, recorded traces, the step that decides, and a method's bounds."""
 TIME = "cividis"
 """Colours of the time along a trace: from blue to yellow, so that no term's colour is among them."""
 Line = Literal["-", "--", ":"]
 LINES: tuple[Line, ...] = ("-", "--", ":")
 GROUPS_PER_FIGURE = len(SAFE)
-"""In figures that tell them apart by colour."""
+"""In figures that distinguish them by colour."""
 TERM_COLOURS = _FURTHER[:5]
 HATCHES = ("", "///", "...", "xxx")
 
 
 class GroupStyle(NamedTuple):
-    """How one group looks in every figure of its task."""
+    """The look of one group in every figure of its task."""
 
     label: str
-    """The method, with agent and budget where they differ, and how many seeds finished: "flag: 4 of 5 seeds"."""
+    """The method, with agent and budget if they differ, and how many seeds finished: "flag: 4 of 5 seeds"."""
     colour: str
     line: Line
 
@@ -150,13 +150,13 @@ class TermStyle(NamedTuple):
 
     colour: str
     hatch: str
-    """Empty for the first terms; further terms have a hatch beside their colour."""
+    """Empty for the first terms; further terms have a colour and a hatch."""
 
 
 def colours_of(groups: Sequence[Group]) -> Colours:
-    """The colour of each method, given all groups of a folder; after `COLOURS` methods they come again.
+    """The colour of each method, given all groups of a folder. More methods than `COLOURS` share colours.
 
-    Methods that learned come first, by name; then those that were only planned for.
+    Methods that learned come first, by name, then methods that were only planned for.
     """
     learned = {str(group.setting.method) for group in split(groups)[0]}
     planned = {str(group.setting.method) for group in groups} - learned

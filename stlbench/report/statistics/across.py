@@ -1,7 +1,7 @@
 """Aggregates over the tasks of a comparison, with stratified bootstrap intervals (Agarwal et al. 2021, `rliable`).
 
-A method's *runs* are one array per task, of one normalised score per seed. A bootstrap draws seeds anew within each
-task, and never tasks: intervals are of these tasks, and say nothing of others.
+A method's *runs* are one array for each task, with one normalised score for each seed. A bootstrap draws seeds anew
+within each task, and never tasks: intervals are for these tasks alone.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ Runs = Sequence[Array]
 
 RESAMPLES, FEWEST_RESAMPLES = 9999, 999
 _DRAWN = 50_000_000
-"""Runs that all resamples of a bootstrap draw together, about: of more than 5,000 runs there are fewer resamples."""
+"""Runs that all resamples of a bootstrap draw together, about. More than 5,000 runs have fewer resamples."""
 _BATCH, _HELD = 500, 2_500_000
 """Resamples held in memory at a time, and the runs in them, at most."""
 
 
 class Estimate(NamedTuple):
-    """A number with its 95 % interval, None where a task has fewer than two runs."""
+    """A number with its 95 % interval, None if a task has fewer than two runs."""
 
     value: float
     interval: Interval | None
@@ -67,7 +67,7 @@ def _wins(one: Sequence[Array], other: Sequence[Array]) -> Array:
 
 
 def _share(one: Array, other: Array) -> Array:
-    """Of all pairs, those that the one wins: in as much memory as the runs take, not as the pairs."""
+    """The share of all pairs that the one wins, without storing the pairs."""
     size = int(max(one.max(), other.max())) + 1
     first, second = _counts(one, size), _counts(other, size)
     below = second.cumsum(axis=-1) - second
@@ -86,11 +86,11 @@ def ranks(tasks: Sequence[Sequence[tuple[int, Array] | None]]) -> list[Estimate]
     """The mean rank of each method over the tasks that it fits, among the methods that fit them; 1 is the best.
 
     Args:
-        tasks: of each task, of each method its class and its runs; None where it does not fit. Each method fits a task.
-            Methods of one class are paid the same on that task, so all their runs are of one kind.
+        tasks: for each task and method its class and its runs; None if it does not fit. Each method fits a task.
+            Methods of one class are paid the same on that task.
 
-    On a task, methods are ordered by the median of their runs, those of one class by the median of all its runs. So
-    these share the mean of their places, as do methods that are exactly as good.
+    On a task, classes are sorted by the median of all their runs. Methods of one class share the mean of their places,
+    and so do methods that are exactly as good.
     """
     from scipy import stats
 
@@ -126,10 +126,7 @@ def profile(runs: Runs, thresholds: Array) -> list[Estimate]:
 
 
 def _above(passed: Array, count: int) -> Array:
-    """How many of `count` thresholds each run is above, (..., n) -> the share of runs above each, (count, ...).
-
-    One look at each run, and not one for each threshold.
-    """
+    """The number of thresholds, of `count`, below each run (..., n) -> the share of runs above each, (count, ...)."""
     counts = _counts(passed, count + 1)
     above = counts[..., :0:-1].cumsum(axis=-1)[..., ::-1]
     return np.moveaxis(above / passed.shape[-1], -1, 0)
@@ -149,9 +146,9 @@ def _estimates(values: Array, low: Array | None, high: Array | None) -> list[Est
 
 
 def _bootstrapped(statistic: Callable[..., Any], strata: Runs) -> tuple[Array, Array | None, Array | None]:
-    """The statistic of the strata, and both ends of its interval, as long as it. The order of seeds does not matter.
+    """The statistic of the strata, and both ends of its interval, whatever the order of the seeds.
 
-    Time and memory are bounded, but for a part of the time that grows with the runs: those in `FEWEST_RESAMPLES`.
+    Time and memory are bounded, except for the time of `FEWEST_RESAMPLES` resamples of many runs.
     """
     data = [np.sort(np.asarray(seeds, dtype=np.float64)) for seeds in strata]
     value = np.asarray(statistic(*data, axis=-1))

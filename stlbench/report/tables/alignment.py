@@ -96,7 +96,7 @@ def align(
 
 
 def setting_text(task: Choice, agent: Choice) -> str:
-    """The setting of a plan beside task and method: "recipe", "gamma=1", "without=cuts+ends, gamma=1"."""
+    """The setting of a plan, without task and method: "recipe", "gamma=1", "without=cuts+ends, gamma=1"."""
     return ", ".join(f"{key}={value}" for key, value in (*task.parameters, *_own(agent))) or RECIPE
 
 

@@ -170,7 +170,7 @@ def _jobs(group: Group) -> str | None:
 
 _NO_VERSIONS = {"machine", "jobs", "time", "code", "task_folder", "load"}
 _NO_VERSIONS |= {"training_calibration_seconds", "reward_calibration_seconds"}
-"""What provenance has beside versions of packages."""
+"""Keys of provenance that are no versions of packages."""
 
 
 def circumstances(groups: Sequence[Group]) -> Table:

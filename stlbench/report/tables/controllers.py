@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of tasks beside the results."""
+    """What is known of tasks without the results."""
 
     standards: Mapping[str, Standard] = field(default_factory=dict)
     """By the task's name: what its controller and the baselines get."""
@@ -33,7 +33,7 @@ class Known:
         return standard.by_hand.mean if standard and standard.by_hand else None
 
     def level(self, task: Choice) -> float | None:
-        """The best known robustness of a task, or that of its controller."""
+        """The best known robustness of a task, or else its controller's."""
         return self.best.get(task, self.by_hand(task))
 
     def likeness(self, one: Setting, other: Setting) -> str | None:

@@ -13,7 +13,7 @@ from scipy import stats
 from stlbench.records.result import MAIN, RANDOM, Score, Summary
 from stlbench.registry.choices import Choice
 from stlbench.report import condense, only, to_csv
-from stlbench.report.page import _cells
+from stlbench.report.page import cells_shown
 from stlbench.report.tables.cells import cells_table, scores_table, time_table, unfinished_table
 from stlbench.report.tables.controllers import Known, controllers_table
 from stlbench.report.tables.robustness import robustness_table
@@ -64,7 +64,7 @@ def test_early_ends_have_a_column_where_there_are_any():
     assert "ended early [%]" not in [column.heading for column in robustness_table(condense(ended), Known()).columns]
     rows = condense(early)[0].rows
     assert [cell(cells_table(rows), "ended_early", row) for row in range(3)] == [0.5, 0.0, None]
-    _, page = _cells(condense(early))
+    _, page = cells_shown(condense(early))
     place = [column.header for column in page.columns].index("ended early [%]")
     assert [row[place] for row in page.rows] == [50, 0, None]
     measured = early[0].measurement
