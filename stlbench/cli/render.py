@@ -49,7 +49,7 @@ def render(
       stlbench render results "robot-nav/funnel[variant=code]/dqn/0" --format mp4 --out films
     """
     from stlbench.records.outputs import inside
-    from stlbench.report import film
+    from stlbench.report.film import check_format
     from stlbench.rollout.questions import Question, plugins_of
     from stlbench.study.filming import Filming
     from stlbench.study.plugin_guard import ask_one
@@ -59,7 +59,7 @@ def render(
     if start is not None and start_index is not None:
         raise UsageError("--start and --start-index: one start, said once")
     if form != "png":
-        film.check_format(form)
+        check_format(form)
     chosen = Start(start_index, None if start is None else parse_start(start))
     result = Results.load(run).cell(cell, budget)
     if result.measurement is None:
