@@ -66,7 +66,8 @@ class DQN(DQNRecipe, Agent):
             observation = transition.observation
             if done in reports:
                 final = learner.policy()
-                training.report(final, done * self.copies * environment.hold)
+                if training.report(final, done * self.copies * environment.hold):
+                    break
         return final
 
     @classmethod

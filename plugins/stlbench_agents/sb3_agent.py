@@ -125,10 +125,10 @@ class SB3Agent(Agent):
         model = self.model(environment, training.seed % 2**32)
         final: Policy
 
-        def report() -> None:
+        def report() -> bool:
             nonlocal final
             final = self.exported(model, environment)
-            training.report(final, model.num_timesteps * environment.hold)
+            return bool(training.report(final, model.num_timesteps * environment.hold))
 
         before_the_end = sorted(report_rounds(rounds, training.checkpoints))[:-1]
         never = training.steps + 1

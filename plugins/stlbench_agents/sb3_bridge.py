@@ -81,20 +81,23 @@ class CopiesVecEnv(VecEnv):
 
 
 class Checkpoints(BaseCallback):
-    """Calls `report` at given times of training, between an update and the next lock-step, and at its end."""
+    """Calls `report` at given times of training, between an update and the next lock-step, and at its end.
 
-    def __init__(self, timesteps: Iterable[int], report: Callable[[], None]) -> None:
+    Where it answers True, training stops at the next step.
+    """
+
+    def __init__(self, timesteps: Iterable[int], report: Callable[[], bool]) -> None:
         """Args: `timesteps` as SB3 counts them, ascending, without the end of training."""
         super().__init__()
-        self._left, self._report = list(timesteps), report
+        self._left, self._report, self._enough = list(timesteps), report, False
 
     def _on_rollout_start(self) -> None:
         if self._left and self.num_timesteps >= self._left[0]:
             self._left = [timestep for timestep in self._left if timestep > self.num_timesteps]
-            self._report()
+            self._enough = self._report()
 
     def _on_step(self) -> bool:
-        return True
+        return not self._enough
 
     def _on_training_end(self) -> None:
         self._report()

@@ -71,7 +71,8 @@ class TD3(TD3Recipe, Agent):
                 learner.update(replay.memory, first, self.copies, normal)
             if done in reports:
                 final = learner.policy(averaged=True)
-                training.report(final, done * self.copies * environment.hold)
+                if training.report(final, done * self.copies * environment.hold):
+                    break
         return final
 
     @classmethod

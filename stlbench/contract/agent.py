@@ -103,9 +103,10 @@ class Training:
     """Budget: environment steps of one sampling time, summed over the copies."""
     seed: int
     """For the agent's own randomness; the same for every method of a task."""
-    report: Callable[[Policy | StatePolicy, int], None]
+    report: Callable[[Policy | StatePolicy, int], bool | None]
     """Call it as report(policy, steps so far) at about `checkpoints` evenly spaced times and at the end. The referee
-    scores the policy on starts for selection. That time does not count as training."""
+    scores the policy on starts for selection. That time does not count as training. After True, the agent may stop: the
+    policy satisfies, and did not get better for some time."""
     checkpoints: int = 20
     model: Model | None = None
     """For an agent that plans; None for one that learns."""

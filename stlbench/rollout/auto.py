@@ -55,6 +55,8 @@ RECIPES: Mapping[str, Mapping[str, Any]] = {
 }
 """Parameters of agents, the same for every task; another agent trains with its defaults."""
 
+PATIENCE = 4
+"""Checkpoints without a better one after which a training that satisfies may end."""
 _EXPLORING: Mapping[str, Any] = {"share": 0.5, "kept": 0.5, "length": 40}
 _FEW = 8
 """Copies of an environment whose first samples are looked at; of a system eight times as many."""
@@ -85,6 +87,9 @@ def automatic(task: Task, agent: str) -> Task:
             "training": TrainingEpisodes(
                 cuts=cuts(file.formula, file.hold, file.steps), ends=_ends(bare), exploring=_exploring(bare)
             ),
+            "budgets": {
+                name: budget.model_copy(update={"patience": PATIENCE}) for name, budget in file.budgets.items()
+            },
             "agents": {agent: dict(RECIPES.get(agent, {}))},
         }
     )

@@ -25,6 +25,9 @@ _NO_SYSTEM: dict[str, Any] = {"environment": True, "terminated": True, "signals"
 """What it says of environments alone."""
 
 
+_OF_BUDGET = {"steps", "checkpoints", "patience", "random_starts"}
+"""What of a budget changes a result."""
+
 _NO_CODE = Code()
 
 
@@ -76,7 +79,7 @@ def task_part(task: Task, budget: str) -> Part:
     """
     left_out = _NO_PART | _NO_SYSTEM if isinstance(task.dynamics, System) else _NO_PART
     content = task.file.model_dump(mode="json", exclude=left_out)
-    numbers = task.budget(budget).model_dump(mode="json", include={"steps", "checkpoints", "random_starts"})
+    numbers = task.budget(budget).model_dump(mode="json", include=_OF_BUDGET, exclude_none=True)
     values: list[Any] = [task.choice.name, content, numbers]
     if not isinstance(task.dynamics, GymTask):
         return _part("tasks", task.choice.name, values)

@@ -60,6 +60,7 @@ def train(
     agent: Agent,
     cell: Cell,
     notify: Callable[[Policy | StatePolicy, int], None],
+    score: Callable[[Policy | StatePolicy], tuple[float, float]] | None = None,
 ) -> Trained:
     """Rehearse, unless the agent plans, and train by the clock.
 
@@ -70,13 +71,16 @@ def train(
     reported: list[Checkpoint] = []
     budget, clock = task.budget(cell.id.budget), Clock()
     meter = StepCounter(str(cell.id.agent))
+    patience = None if budget.patience is None or score is None else Patience(budget.patience)
 
-    def report(policy: Policy | StatePolicy, steps: int) -> None:
+    def report(policy: Policy | StatePolicy, steps: int) -> bool:
         clock.pause()
         meter.check(steps)
         reported.append(Checkpoint(policy, steps, clock.cpu))
         notify(policy, steps)
+        enough = patience is not None and score is not None and patience.ends(*score(policy))
         clock.resume()
+        return enough
 
     training = _task_of_agent(task, method, cell, budget, report, meter, used.append)
     if agent.plans is not None:
@@ -99,7 +103,7 @@ def _task_of_agent(
     method: RewardMethod,
     cell: Cell,
     budget: Budget,
-    report: Callable[[Policy | StatePolicy, int], None],
+    report: Callable[[Policy | StatePolicy, int], bool],
     meter: StepCounter,
     made: Callable[[CountedEnvironment], None],
 ) -> Training:
@@ -111,6 +115,26 @@ def _task_of_agent(
         return environment
 
     return Training(make, budget.steps, derive_seed(plugin, agent, "training", seed), report, budget.checkpoints)
+
+
+@dataclass
+class Patience:
+    """Says when a training gains nothing more (`Budget.patience`)."""
+
+    checkpoints: int
+    """Without a better one."""
+    best: float | None = None
+    """The largest mean robustness of those that satisfied from all starts, if any did."""
+    since: int = 0
+    """Checkpoints after it."""
+
+    def ends(self, satisfaction: float, robustness: float) -> bool:
+        """Take note of a checkpoint's scores; whether the last of them were no better than one before."""
+        if satisfaction == 1 and (self.best is None or robustness > self.best + 0.01 * abs(self.best)):
+            self.best, self.since = robustness, 0
+        else:
+            self.since += 1
+        return self.best is not None and self.since >= self.checkpoints
 
 
 class StepCounter:

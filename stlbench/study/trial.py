@@ -88,7 +88,7 @@ def measure(task: Task, method: RewardMethod, agent: Agent, cell: Cell, notice: 
     """Train, and score the selected and the final policy. `notice` is told of every checkpoint."""
     whole = Clock()
     referee = Referee(task, method, task.budget(cell.id.budget).random_starts)
-    trained = train(task, method, agent, cell, _checkpoint_notice(notice, referee))
+    trained = train(task, method, agent, cell, _checkpoint_notice(notice, referee), referee.glance)
     selected, curve = _choose(referee, trained.checkpoints)
     assessment = referee.assess(selected.policy)
     last = assessment if selected.policy is trained.final else referee.assess(trained.final)

@@ -123,6 +123,9 @@ class Budget(Entry):
     deadline: Positive = 3600.0
     """Wall seconds after which a cell is stopped."""
     checkpoints: Count = 20
+    patience: Count | None = None
+    """Training may end after so many checkpoints without a better one, once the policy satisfies from all starts that
+    are looked at; it lasts for all steps where left out."""
     random_starts: Annotated[int, Field(ge=0)] = 1000
     """Random initial states from which the report scores policies, beside the grid that figures show; 0 for none."""
 

@@ -27,6 +27,7 @@ from stlbench.registry.choices import parse_choices
 from stlbench.study import live_cells, trial
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
+from stlbench.study.training import Patience
 from stlbench.task import build_agent, build_method, load_task, starts
 
 
@@ -441,3 +442,17 @@ def test_an_agent_has_the_tasks_recipe_which_the_choice_overrides() -> None:
     assert plain["head"] == recipe["head"]
     assert {name for name in plain if plain[name] != changed[name]} == {"gamma"}
     assert changed["gamma"] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("scores", "ends"),
+    [
+        ([(0.5, -1.0)] * 5, []),
+        ([(1.0, 0.2)] * 5, [2, 3, 4]),
+        ([(1.0, 0.2), (0.9, 0.3), (1.0, 0.201), (1.0, 0.3), (1.0, 0.29), (1.0, 0.2)], [2, 5]),
+        ([(1.0, -0.2), (1.0, -0.1), (0.5, 0.5)], []),
+    ],
+)
+def test_training_ends_after_some_checkpoints_without_a_better_one(scores, ends):
+    patience = Patience(2)
+    assert [place for place, score in enumerate(scores) if patience.ends(*score)] == ends
