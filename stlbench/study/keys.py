@@ -81,6 +81,8 @@ def task_part(task: Task, budget: str) -> Part:
     content = task.file.model_dump(mode="json", exclude=left_out)
     numbers = task.budget(budget).model_dump(mode="json", include=_OF_BUDGET, exclude_none=True)
     values: list[Any] = [task.choice.name, content, numbers]
+    if task.view is not None:
+        values.append(revision("view"))
     if not isinstance(task.dynamics, GymTask):
         return _part("tasks", task.choice.name, values)
     return _part("tasks", task.choice.name, [*values, task.source.software], own_code(_modules(task)))

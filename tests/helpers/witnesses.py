@@ -37,6 +37,7 @@ from stlbench.contract import ActionGrid, Executor, Outcome, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.gym import StlVectorEnv
 from stlbench.task import load_task
+from stlbench.task.view import FormulaView
 
 PINS = Path(__file__).parents[1] / "study" / "witnesses.json"
 TASKS = Path(__file__).parent / "witness_tasks"
@@ -58,9 +59,9 @@ def revisions() -> dict[str, int]:
     """The revision of each part: `harness`, `agents.dqn`, ..."""
     text = resources.files("stlbench").joinpath("registry/revisions.yaml").read_text(encoding="utf-8")
     read = yaml.safe_load(text)
-    kinds = {kind: parts for kind, parts in read.items() if kind != "harness"}
-    named = {f"{kind}.{name}": number for kind, parts in kinds.items() for name, number in parts.items()}
-    return {"harness": read["harness"], **named}
+    alone = {kind: number for kind, number in read.items() if isinstance(number, int)}
+    kinds = {kind: parts for kind, parts in read.items() if kind not in alone}
+    return alone | {f"{kind}.{name}": number for kind, parts in kinds.items() for name, number in parts.items()}
 
 
 def here() -> dict[str, str]:
@@ -311,6 +312,20 @@ _HARNESS = (
 )
 
 
+_VIEWED = (*FORMULAS, "G[0,20] (x >= 1 -> F[0,9] norm(x, y - 1) <= 0.5) & F[3,9] y >= 0 & F[9,12] y >= 1")
+
+
+def _view() -> Numbers:
+    """What policies see of some formulas, and a training on the track `auto`."""
+    generator = np.random.default_rng(17)
+    state, signals = generator.uniform(-1, 1, (40, 3)), generator.uniform(-4, 4, (40, 2))
+    t, ranges = generator.integers(0, STEPS + 1, 40), {"x": (-4.0, 4.0), "y": (-4.0, 4.0)}
+    views = [FormulaView(stl.parse(formula), ranges, STEPS) for formula in _VIEWED]
+    return {formula: view(state, signals, t) for formula, view in zip(_VIEWED, views, strict=True)} | Training(
+        ("points",), ("raw",), track="auto"
+    )()
+
+
 def _harness() -> Numbers:
     computed = [training() for training in _HARNESS]
     return {f"{place} {name}": values for place, numbers in enumerate(computed) for name, values in numbers.items()}
@@ -362,10 +377,14 @@ def _task(name: str) -> Witness:
 
 def witnesses() -> Iterator[Witness]:
     """One for each part."""
+    alone = {
+        "harness": Witness("harness", _harness, ("methods.raw", "methods.flag", "agents.dqn")),
+        "view": Witness("view", _view, ("harness", "methods.raw", "agents.dqn")),
+    }
     makers = {"agents": _agent, "methods": _method, "tasks": _task}
     for part in revisions():
         kind, _, name = part.partition(".")
-        yield makers[kind](name) if name else Witness(part, _harness, ("methods.raw", "methods.flag", "agents.dqn"))
+        yield makers[kind](name) if name else alone[part]
 
 
 # -------------------------------------------------------------------------------------------------------------- pinning

@@ -29,7 +29,7 @@ def test_each_part_of_the_distribution_has_a_revision() -> None:
         for name, at in plugins.available(kind).items()
         if at.distribution == plugins.OWN
     }
-    assert set(WITNESSES) == {"harness"} | own
+    assert set(WITNESSES) == {"harness", "view"} | own
 
 
 class TestAChangedBit:
