@@ -35,9 +35,12 @@ def features(task: Task, world: World, t: Integers) -> Array:
 def observation_of(task: Task, method: RewardMethod, name: str = "") -> Observation:
     """What policies see of a task, with the inputs of a method; `name` is what users call the method."""
     shown = Observation.beside(task.file.steps, method.input_size, name, task.name)
-    if isinstance(task.dynamics, GymTask) and task.view is None:
-        return task.source.observed.described(shown)
     names: tuple[str, ...] = ()
+    if isinstance(task.dynamics, GymTask):
+        described = task.source.observed.described(shown)
+        if task.view is None:
+            return described
+        names = tuple(filter(None, described.names))
     if isinstance(task.dynamics, System):
         more = task.dynamics.beyond_state if task.file.features == "engineered" else ()
         names = (*task.dynamics.state, *more)

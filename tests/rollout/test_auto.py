@@ -9,6 +9,7 @@ from stlbench.contract import ActionBox, ActionGrid
 from stlbench.registry.choices import Choice
 from stlbench.rollout.auto import cuts, own_agent
 from stlbench.rollout.environment import BatchEnvironment
+from stlbench.rollout.observing import observation_of
 from stlbench.stl import parse
 from stlbench.study.tracks import on_track, own_agent_on
 from stlbench.task import build_method, load_task
@@ -57,3 +58,14 @@ def test_the_method_changes_nothing_that_the_agent_is_given_but_the_reward() -> 
         np.testing.assert_array_equal(raw.observation, funnel.observation)
         np.testing.assert_array_equal(raw.event, funnel.event)
         assert (raw.reward != funnel.reward).any()
+
+
+@pytest.mark.parametrize("name", ["overlap", "lunar-lander"])
+def test_a_policy_is_known_by_the_state_and_the_view_that_it_observes(name: str) -> None:
+    task = load_task(name)
+    task = on_track(task, Choice(own_agent_on(task, "auto")), "auto")
+    method = build_method(task, "raw")
+    shown = observation_of(task, method)
+    assert task.view is not None
+    assert shown.names[-len(task.view.quantities) :] == task.view.quantities
+    assert shown.total == BatchEnvironment(task, method, 2, seed=0).observation_size
