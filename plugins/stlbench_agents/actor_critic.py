@@ -10,14 +10,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stlbench_agents.kernels import compiled, flattened, inner_products, part
-from stlbench_agents.layers import Space, back_hidden, back_outputs, hidden, layout, outputs, size_of, zeros
+from stlbench_agents.layers import PassBuffers, back_hidden, back_outputs, hidden, layout, outputs, size_of, zeros
+from stlbench_agents.plain_kernels import Floats, Indices
 from stlbench_agents.replay import Batch
-
-Floats = NDArray[Any]
-Indices = NDArray[np.int64]
 
 
 class Networks(NamedTuple):
@@ -45,11 +42,11 @@ class Noise(NamedTuple):
     limit: float
 
 
-class Work(NamedTuple):
+class TD3Buffers(NamedTuple):
     """What an update of B rows writes to, made once."""
 
-    actor: Space
-    critic: Space
+    actor: PassBuffers
+    critic: PassBuffers
     joined: Floats
     """(B * (D + axes),): observations and actions side by side, the critics' inputs."""
     output: Floats
@@ -62,12 +59,12 @@ class Work(NamedTuple):
     """(B * axes,): gradient by the actor's output."""
 
     @staticmethod
-    def of(networks: Networks, rows: int, dtype: Any = np.float32) -> Work:
+    def of(networks: Networks, rows: int, dtype: Any = np.float32) -> TD3Buffers:
         """For batches of B = `rows`."""
         axes, inputs = int(networks.actor[-1, 1]), int(networks.critics[0, 0, 1])
         sizes = (rows * inputs, rows * axes, rows, rows, rows * axes)
-        spaces = Space.of(networks.actor, rows, dtype), Space.of(networks.critics[0], rows, dtype)
-        return Work(*spaces, *(zeros(size, dtype) for size in sizes))
+        spaces = PassBuffers.of(networks.actor, rows, dtype), PassBuffers.of(networks.critics[0], rows, dtype)
+        return TD3Buffers(*spaces, *(zeros(size, dtype) for size in sizes))
 
 
 @part
@@ -84,7 +81,7 @@ def _join(observation: Floats, action: Floats, into: Floats) -> None:
 
 @part
 def _output(
-    flat: Floats, layers: Indices, observation: Floats, activations: Floats, turned: Floats, into: Floats
+    flat: Floats, layers: Indices, observation: Floats, activations: Floats, scratch: Floats, into: Floats
 ) -> None:
     """The actor's output before the tanh."""
     rows = len(observation)
@@ -92,7 +89,7 @@ def _output(
     if layers[-1, 1] == 1:
         _single_output(flat, layers, activations[-1], rows, into)
     else:
-        outputs(flat, layers, activations[-1], rows, turned, into)
+        outputs(flat, layers, activations[-1], rows, scratch, into)
 
 
 @part
@@ -107,73 +104,79 @@ def _single_output(flat: Floats, layers: Indices, last: Floats, rows: int, into:
 @compiled
 def targets(
     actor: Floats, critics: Floats, networks: Networks, batch: Batch, noise: Noise, bounds: tuple[float, float],
-    work: Work,
+    buffers: TD3Buffers,
 ) -> None:  # fmt: skip
-    """The return and, discounted, the lesser of the target critics at the noisy target action, in `work.goal`.
+    """The return and, discounted, the lesser of the target critics at the noisy target action, in `buffers.goal`.
 
     Kept within `bounds`, the rewards that were seen: without that, values of states never visited run away.
     """
     rows, axes, kind = len(batch.returns), batch.action.shape[1], critics.dtype.type
-    if len(work.goal) != rows:
+    if len(buffers.goal) != rows:
         raise ValueError("the workspace was made for a batch of another size")
-    _output(actor, networks.actor, batch.arrived, work.actor.there, work.actor.turned, work.output)
-    later = work.by_output.reshape((rows, axes))  # not needed yet
+    _output(actor, networks.actor, batch.arrived, buffers.actor.forward_only, buffers.actor.transposed, buffers.output)
+    later = buffers.by_output.reshape((rows, axes))  # not needed yet
     for i in range(rows):
         for j in range(axes):
             shift = min(noise.limit, max(-noise.limit, noise.spread * noise.normal[i, j]))
-            later[i, j] = min(1.0, max(-1.0, math.tanh(work.output[i * axes + j]) + shift))
-    _join(batch.arrived, later, work.joined)
+            later[i, j] = min(1.0, max(-1.0, math.tanh(buffers.output[i * axes + j]) + shift))
+    _join(batch.arrived, later, buffers.joined)
     for which in range(2):
         layers = networks.critics[which]
-        hidden(critics, layers, work.joined, rows, work.critic.there)
-        _single_output(critics, layers, work.critic.there[-1], rows, work.value)
+        hidden(critics, layers, buffers.joined, rows, buffers.critic.forward_only)
+        _single_output(critics, layers, buffers.critic.forward_only[-1], rows, buffers.value)
         for i in range(rows):
-            work.goal[i] = work.value[i] if which == 0 else min(work.goal[i], work.value[i])
+            buffers.goal[i] = buffers.value[i] if which == 0 else min(buffers.goal[i], buffers.value[i])
     for i in range(rows):
-        goal = batch.returns[i] + batch.discount[i] * work.goal[i]
-        work.goal[i] = min(kind(bounds[1]), max(kind(bounds[0]), goal))
+        goal = batch.returns[i] + batch.discount[i] * buffers.goal[i]
+        buffers.goal[i] = min(kind(bounds[1]), max(kind(bounds[0]), goal))
 
 
 @compiled
-def critic_gradient(critics: Floats, networks: Networks, batch: Batch, work: Work, into: Floats) -> None:
-    """The gradient of Huber's loss of both critics, the sum of their means over the batch, by `work.goal`."""
+def critic_gradient(critics: Floats, networks: Networks, batch: Batch, buffers: TD3Buffers, into: Floats) -> None:
+    """The gradient of Huber's loss of both critics, the sum of their means over the batch, by `buffers.goal`."""
     rows, kind = len(batch.returns), critics.dtype.type
-    _join(batch.observation, batch.action, work.joined)
+    _join(batch.observation, batch.action, buffers.joined)
     for which in range(2):
         layers = networks.critics[which]
-        hidden(critics, layers, work.joined, rows, work.critic.here)
-        last = work.critic.here[-1]
-        _single_output(critics, layers, last, rows, work.value)
+        hidden(critics, layers, buffers.joined, rows, buffers.critic.forward)
+        last = buffers.critic.forward[-1]
+        _single_output(critics, layers, last, rows, buffers.value)
         for i in range(rows):
-            error = work.value[i] - work.goal[i]
-            work.value[i] = min(kind(1), max(kind(-1), error)) / kind(rows)
-        back_outputs(critics, layers, last, work.value, rows, work.critic, True, into)
-        back_hidden(critics, layers, work.joined, rows, work.critic, True, into)
+            error = buffers.value[i] - buffers.goal[i]
+            buffers.value[i] = min(kind(1), max(kind(-1), error)) / kind(rows)
+        back_outputs(critics, layers, last, buffers.value, rows, buffers.critic, True, into)
+        back_hidden(critics, layers, buffers.joined, rows, buffers.critic, True, into)
 
 
 @compiled
 def actor_gradient(
-    actor: Floats, critics: Floats, networks: Networks, batch: Batch, penalty: float, work: Work, into: Floats
+    actor: Floats,
+    critics: Floats,
+    networks: Networks,
+    batch: Batch,
+    penalty: float,
+    buffers: TD3Buffers,
+    into: Floats,
 ) -> None:
     """The gradient of the mean of penalty * output^2 less that of the first critic's value of the actor's action."""
     rows, axes, inputs = len(batch.returns), batch.action.shape[1], batch.observation.shape[1]
     layers, kind = networks.critics[0], actor.dtype.type
-    _output(actor, networks.actor, batch.observation, work.actor.here, work.actor.turned, work.output)
+    _output(actor, networks.actor, batch.observation, buffers.actor.forward, buffers.actor.transposed, buffers.output)
     for i in range(rows * axes):
-        work.by_output[i] = math.tanh(work.output[i])
-    _join(batch.observation, work.by_output.reshape((rows, axes)), work.joined)
-    hidden(critics, layers, work.joined, rows, work.critic.here)
+        buffers.by_output[i] = math.tanh(buffers.output[i])
+    _join(batch.observation, buffers.by_output.reshape((rows, axes)), buffers.joined)
+    hidden(critics, layers, buffers.joined, rows, buffers.critic.forward)
     for i in range(rows):
-        work.value[i] = kind(-1) / kind(rows)
-    back_outputs(critics, layers, work.critic.here[-1], work.value, rows, work.critic, False, into)
-    back = back_hidden(critics, layers, work.joined, rows, work.critic, False, into)
+        buffers.value[i] = kind(-1) / kind(rows)
+    back_outputs(critics, layers, buffers.critic.forward[-1], buffers.value, rows, buffers.critic, False, into)
+    back = back_hidden(critics, layers, buffers.joined, rows, buffers.critic, False, into)
     width, share = layers[0, 2], kind(2 * penalty / (rows * axes))
     for j in range(axes):
-        inner_products(back, 0, rows, width, critics, layers[0, 0] + (inputs + j) * width, width, work.value)
+        inner_products(back, 0, rows, width, critics, layers[0, 0] + (inputs + j) * width, width, buffers.value)
         for i in range(rows):
             at = i * axes + j
-            action = work.by_output[at]
-            work.by_output[at] = work.value[i] * (kind(1) - action * action) + share * work.output[at]
+            action = buffers.by_output[at]
+            buffers.by_output[at] = buffers.value[i] * (kind(1) - action * action) + share * buffers.output[at]
     x = flattened(batch.observation)
-    back_outputs(actor, networks.actor, work.actor.here[-1], work.by_output, rows, work.actor, True, into)
-    back_hidden(actor, networks.actor, x, rows, work.actor, True, into)
+    back_outputs(actor, networks.actor, buffers.actor.forward[-1], buffers.by_output, rows, buffers.actor, True, into)
+    back_hidden(actor, networks.actor, x, rows, buffers.actor, True, into)

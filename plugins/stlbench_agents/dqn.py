@@ -6,33 +6,33 @@ state. One lock-step of all copies is followed by `gradient_steps` updates, all 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from stlbench.contract import (
     ActionGrid,
     Actions,
-    Agent,
-    Array,
     Arrays,
     Cost,
     Environment,
-    Integers,
     Policy,
     Training,
-    Transition,
 )
-from stlbench_agents.compiled_code import is_ready, note_ready
+from stlbench_agents.compiled_code import CompiledAgent
 from stlbench_agents.recipes import DQNRecipe
-from stlbench_agents.training import Others, cost_of, grid_of, report_rounds
+from stlbench_agents.training import Counterfactuals, cost_of, grid_of, report_rounds
+
+if TYPE_CHECKING:
+    from stlbench_agents.independent import Team
+    from stlbench_agents.q_learner import QLearner
 
 
 @dataclass(frozen=True, kw_only=True)
-class DQN(DQNRecipe, Agent):
+class DQN(DQNRecipe, CompiledAgent):
     """Deep Q-learning with a time-aware input, epsilon-greedy, replay and a target network (Algorithm 2).
 
     Names are those of Stable-Baselines3 where it has the option. The defaults are one recipe for all tasks that come
@@ -54,15 +54,15 @@ class DQN(DQNRecipe, Agent):
         """Spend the budget; return the greedy policy at its end."""
         environment = training.make(self.copies)
         rounds = max(1, training.steps // (self.copies * environment.hold))
-        others = Others(environment, self.counterfactuals, training.seed)
-        learner = self.learner(environment, others.copies, training.seed, rounds * self.gradient_steps)
+        counterfactuals = Counterfactuals(environment, self.counterfactuals, training.seed)
+        learner = self.learner(environment, counterfactuals.copies, training.seed, rounds * self.gradient_steps)
         generator = np.random.default_rng([training.seed, 1])
         reports = report_rounds(rounds, training.checkpoints)
         observation = environment.reset()
         for done in range(1, rounds + 1):
             action = learner.act(observation, self._epsilon((done - 1) / rounds), generator)
             transition = environment.step(action)
-            learner.learn(*others.beside(observation, action, transition), generator)
+            learner.learn(*counterfactuals.added(observation, action, transition), generator)
             observation = transition.observation
             if done in reports:
                 final = learner.policy()
@@ -72,54 +72,33 @@ class DQN(DQNRecipe, Agent):
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
-        """The greedy policy of a network."""
         from stlbench_agents.q_learner import GreedyPolicy  # imports Numba, which parameters do not need
 
         return GreedyPolicy.of(arrays, grid_of(actions).shape)
 
-    def learner(self, environment: Environment, copies: int, seed: int, updates: int) -> Learner:
-        """What is trained on so many transitions a step, with fresh networks, for as many updates in all."""
-        from stlbench_agents.q_learner import QLearner  # imports Numba, which parameters do not need
+    def learner(self, environment: Environment, copies: int, seed: int, updates: int) -> QLearner | Team:
+        """A learner with fresh networks, for `copies` transitions a step and so many updates in all."""
+        from stlbench_agents.q_learner import QLearner
 
         return QLearner(self, environment.observation_size, copies, grid_of(environment.actions), seed, updates)
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost | None:
-        """That of its network and its replay; None for actions that it cannot train."""
+        """The cost of its network and its replay; None for actions that it cannot train."""
         return self._cost(size, actions, decisions) if isinstance(actions, ActionGrid) else None
 
     def _cost(self, size: int, grid: ActionGrid, decisions: int) -> Cost:
         outputs = grid.size if self.head == "joint" else 1 + sum(grid.shape)
         return cost_of(size, self.net_arch, outputs, min(decisions, self.buffer_size))
 
-    def uncompiled(self) -> Callable[[], None] | None:
-        """The updates of its head, where this machine has not compiled them."""
-        return None if is_ready(f"dqn-{self.head}") else self._compile
+    @property
+    def compiled_part(self) -> str:
+        return f"dqn-{self.head}"
 
-    def preload(self) -> None:
-        """The same, from the disk."""
-        self._compile()
-
-    def _compile(self) -> None:
+    def compile(self) -> None:
         from stlbench_agents.q_learner import QLearner
 
         QLearner(self, 1, 1, ActionGrid(("a",), ((0.0, 1.0),)), 0, 1).compile()
-        note_ready(f"dqn-{self.head}")
 
     def _epsilon(self, progress: float) -> float:
         first, last, share = self.exploration_initial_eps, self.exploration_final_eps, self.exploration_fraction
         return last if progress >= share else first + (last - first) * progress / share
-
-
-class Learner(Protocol):
-    """What the loop of training asks for: a learner of joint actions, or several that act together."""
-
-    def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
-        """Epsilon-greedy actions (N,) at observations (N, D)."""
-
-    def learn(
-        self, observation: Array, action: Integers, transition: Transition, generator: np.random.Generator
-    ) -> None:
-        """Store one lock-step of all copies, and update."""
-
-    def policy(self) -> Policy:
-        """The present greedy policy, frozen."""

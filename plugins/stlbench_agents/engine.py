@@ -2,8 +2,7 @@
 
 Why not a framework: at these sizes (batch 128, layers of 64 to 128) dispatch, bookkeeping and unfused elementwise work
 cost more than the matrix products; docs/performance.md compares. Everything works in place on weights that lie in one
-flat vector, as `stlbench_agents.layers` says. The tests check the gradient against torch's autograd in double
-precision.
+flat vector, as `stlbench_agents.layers` says. The tests check the gradient against torch's autograd.
 
 `axes` counts the actions along each axis of the grid. With `additive` the first output is V and
 Q = V + sum_i (A_i(a_i) - mean A_i); without, there is one axis of all the actions and Q = A_1(a).
@@ -14,14 +13,20 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stlbench_agents.kernels import START, compiled, flattened, inlined, inner_product, part
-from stlbench_agents.layers import Room, Space, back_hidden, back_outputs, hidden, outputs, outputs_at, zeros
+from stlbench_agents.layers import (
+    OutputBuffers,
+    PassBuffers,
+    back_hidden,
+    back_outputs,
+    hidden,
+    outputs,
+    outputs_at,
+    zeros,
+)
+from stlbench_agents.plain_kernels import Floats, Indices
 from stlbench_agents.replay import Batch
-
-Floats = NDArray[Any]
-Indices = NDArray[np.int64]
 
 
 class Network(NamedTuple):
@@ -35,10 +40,10 @@ class Network(NamedTuple):
     """Whether there is an output V, and the mean of each axis is taken off."""
 
 
-class Workspace(NamedTuple):
+class QBuffers(NamedTuple):
     """What an update of B rows writes to, made once."""
 
-    space: Space
+    passes: PassBuffers
     outputs: Floats
     """(B * outputs,)."""
     ones: Floats
@@ -49,11 +54,11 @@ class Workspace(NamedTuple):
     """(B,): the targets."""
 
     @staticmethod
-    def of(network: Network, batch: int, dtype: Any = np.float32) -> Workspace:
+    def of(network: Network, batch: int, dtype: Any = np.float32) -> QBuffers:
         """A workspace for batches of `batch` rows."""
         count = int(network.layers[-1, 1])
-        return Workspace(
-            Space.of(network.layers, batch, dtype),
+        return QBuffers(
+            PassBuffers.of(network.layers, batch, dtype),
             zeros(batch * count, dtype),
             np.ones(count, dtype),
             zeros(batch, np.int64),
@@ -96,16 +101,16 @@ def _single(flat: Floats, layers: Indices, last: Floats, row: int, action: int) 
 
 @compiled
 def actions(
-    flat: Floats, network: Network, observation: Floats, epsilon: float, chance: Floats, count: int, room: Room,
-    into: Indices,
+    flat: Floats, network: Network, observation: Floats, epsilon: float, chance: Floats, count: int,
+    buffers: OutputBuffers, into: Indices,
 ) -> None:  # fmt: skip
     """Epsilon-greedy actions at observations (B, D) of any floating-point type: `into` (B,). Of equals the first.
 
     `chance` (2, B) is uniform in [0, 1): whether to explore, and which of the `count` actions.
     """
-    outputs_at(flat, network.layers, observation, room)
+    outputs_at(flat, network.layers, observation, buffers)
     for i in range(len(observation)):
-        into[i] = _greedy(room.outputs, i * network.layers[-1, 1], network)
+        into[i] = _greedy(buffers.outputs, i * network.layers[-1, 1], network)
         if epsilon > 0 and chance[0, i] < epsilon:
             into[i] = int(chance[1, i] * count)
 
@@ -113,8 +118,8 @@ def actions(
 def greedy_actions(flat: Floats, network: Network, observation: Floats) -> Indices:
     """Greedy actions at observations (B, D) of any floating-point type: (B,). Of equals the first."""
     rows = len(observation)
-    chosen, room = np.empty(rows, np.int64), Room.of(network.layers, rows, flat.dtype)
-    actions(flat, network, np.ascontiguousarray(observation), 0.0, _NO_CHANCE, 1, room, chosen)
+    chosen, buffers = np.empty(rows, np.int64), OutputBuffers.of(network.layers, rows, flat.dtype)
+    actions(flat, network, np.ascontiguousarray(observation), 0.0, _NO_CHANCE, 1, buffers, chosen)
     return chosen
 
 
@@ -123,75 +128,77 @@ _NO_CHANCE = np.empty((2, 0))
 
 @inlined
 def joint_gradient(
-    online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace, into: Floats
+    online: Floats, target: Floats, network: Network, batch: Batch, double: bool, buffers: QBuffers, into: Floats
 ) -> None:
     """The gradient of sum_i (Q(x_i, a_i) - y_i)^2 / 2B with y = returns + discount * Q_target(arrived, best).
 
     It is written to `into`, which has the layout of the weights. The best action is the online network's with
     `double`, else the target network's.
     """
-    layers, rows, space = network.layers, len(batch.returns), work.space
-    _look_ahead(online, target, network, batch, double, work)
-    later = space.there[-1]
+    layers, rows, passes = network.layers, len(batch.returns), buffers.passes
+    _look_ahead(online, target, network, batch, double, buffers)
+    later = passes.forward_only[-1]
     if not double:
-        outputs(target, layers, later, rows, space.turned, work.outputs)
+        outputs(target, layers, later, rows, passes.transposed, buffers.outputs)
     for i in range(rows):
         if double:
-            value = _single(target, layers, later, i, work.chosen[i])
+            value = _single(target, layers, later, i, buffers.chosen[i])
         else:
-            value = work.outputs[i * layers[-1, 1] + _greedy(work.outputs, i * layers[-1, 1], network)]
-        work.goal[i] = batch.returns[i] + batch.discount[i] * value
+            value = buffers.outputs[i * layers[-1, 1] + _greedy(buffers.outputs, i * layers[-1, 1], network)]
+        buffers.goal[i] = batch.returns[i] + batch.discount[i] * value
     x = flattened(batch.observation)
-    hidden(online, layers, x, rows, space.here)
-    _back_joint(online, layers, space.here[-1], batch.action, rows, work, into)
-    back_hidden(online, layers, x, rows, space, True, into)
+    hidden(online, layers, x, rows, passes.forward)
+    _back_joint(online, layers, passes.forward[-1], batch.action, rows, buffers, into)
+    back_hidden(online, layers, x, rows, passes, True, into)
 
 
 @inlined
 def additive_gradient(
-    online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace, into: Floats
+    online: Floats, target: Floats, network: Network, batch: Batch, double: bool, buffers: QBuffers, into: Floats
 ) -> None:
     """The same for an additive head."""
-    layers, rows, space = network.layers, len(batch.returns), work.space
-    _look_ahead(online, target, network, batch, double, work)
-    outputs(target, layers, space.there[-1], rows, space.turned, work.outputs)
+    layers, rows, passes = network.layers, len(batch.returns), buffers.passes
+    _look_ahead(online, target, network, batch, double, buffers)
+    outputs(target, layers, passes.forward_only[-1], rows, passes.transposed, buffers.outputs)
     for i in range(rows):
         begin = i * layers[-1, 1]
-        chosen = work.chosen[i] if double else _greedy(work.outputs, begin, network)
-        value = _additive(work.outputs, begin, chosen, network.axes, work.ones)
-        work.goal[i] = batch.returns[i] + batch.discount[i] * value
+        chosen = buffers.chosen[i] if double else _greedy(buffers.outputs, begin, network)
+        value = _additive(buffers.outputs, begin, chosen, network.axes, buffers.ones)
+        buffers.goal[i] = batch.returns[i] + batch.discount[i] * value
     x = flattened(batch.observation)
-    hidden(online, layers, x, rows, space.here)
-    _back_additive(online, network, space.here[-1], batch.action, rows, work, into)
-    back_hidden(online, layers, x, rows, space, True, into)
+    hidden(online, layers, x, rows, passes.forward)
+    _back_additive(online, network, passes.forward[-1], batch.action, rows, buffers, into)
+    back_hidden(online, layers, x, rows, passes, True, into)
 
 
 @inlined
-def _look_ahead(online: Floats, target: Floats, network: Network, batch: Batch, double: bool, work: Workspace) -> None:
+def _look_ahead(
+    online: Floats, target: Floats, network: Network, batch: Batch, double: bool, buffers: QBuffers
+) -> None:
     """The target network's hidden layers where transitions arrived; with `double` also the best actions there."""
-    rows, space = len(batch.returns), work.space
-    if len(work.goal) != rows:
+    rows, passes = len(batch.returns), buffers.passes
+    if len(buffers.goal) != rows:
         raise ValueError("the workspace was made for a batch of another size")
     there = flattened(batch.arrived)
     if double:
-        hidden(online, network.layers, there, rows, space.there)
-        outputs(online, network.layers, space.there[-1], rows, space.turned, work.outputs)
+        hidden(online, network.layers, there, rows, passes.forward_only)
+        outputs(online, network.layers, passes.forward_only[-1], rows, passes.transposed, buffers.outputs)
         for i in range(rows):
-            work.chosen[i] = _greedy(work.outputs, i * network.layers[-1, 1], network)
-    hidden(target, network.layers, there, rows, space.there)
+            buffers.chosen[i] = _greedy(buffers.outputs, i * network.layers[-1, 1], network)
+    hidden(target, network.layers, there, rows, passes.forward_only)
 
 
 @inlined
 def _back_joint(
-    flat: Floats, layers: Indices, last: Floats, action: Indices, rows: int, work: Workspace, into: Floats
+    flat: Floats, layers: Indices, last: Floats, action: Indices, rows: int, buffers: QBuffers, into: Floats
 ) -> None:
     """The last layer of a joint head: only the rows of the B actions taken have a gradient."""
     at, count, width, bias = layers[-1]
-    back = work.space.back[0]
+    back = buffers.passes.backward[0]
     into[at : at + count * width] = 0
     into[bias : bias + count] = 0
     for i in range(rows):
-        error = (_single(flat, layers, last, i, action[i]) - work.goal[i]) / flat.dtype.type(rows)
+        error = (_single(flat, layers, last, i, action[i]) - buffers.goal[i]) / flat.dtype.type(rows)
         into[bias + action[i]] += error
         begin, row = i * width, at + action[i] * width
         for j in range(width):
@@ -202,16 +209,16 @@ def _back_joint(
 
 @inlined
 def _back_additive(
-    flat: Floats, network: Network, last: Floats, action: Indices, rows: int, work: Workspace, into: Floats
+    flat: Floats, network: Network, last: Floats, action: Indices, rows: int, buffers: QBuffers, into: Floats
 ) -> None:
-    """The last layer of an additive head; `work.outputs` ends as the gradient by the outputs."""
-    layers, axes, values = network.layers, network.axes, work.outputs
+    """The last layer of an additive head; `buffers.outputs` ends as the gradient by the outputs."""
+    layers, axes, values = network.layers, network.axes, buffers.outputs
     count = layers[-1, 1]
-    outputs(flat, layers, last, rows, work.space.turned, values)
+    outputs(flat, layers, last, rows, buffers.passes.transposed, values)
     for i in range(rows):
         begin = i * count
-        q = _additive(values, begin, action[i], axes, work.ones)
-        error = (q - work.goal[i]) / flat.dtype.type(rows)
+        q = _additive(values, begin, action[i], axes, buffers.ones)
+        error = (q - buffers.goal[i]) / flat.dtype.type(rows)
         values[begin] = error
         at, rest = begin + count, action[i]
         for axis in range(len(axes) - 1, -1, -1):
@@ -221,4 +228,4 @@ def _back_additive(
                 values[at + j] = share
             values[at + rest % axes[axis]] += error
             rest //= axes[axis]
-    back_outputs(flat, layers, last, values, rows, work.space, True, into)
+    back_outputs(flat, layers, last, values, rows, buffers.passes, True, into)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stlbench.contract import ActionGrid, Actions, Array, Arrays, Cost, Environment, Integers, Policy, Transition
-from stlbench_agents.dqn import DQN, Learner
+from stlbench_agents.dqn import DQN
 from stlbench_agents.training import grid_of
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class DQNPerRobot(DQN):
     """Deep Q-learning robot by robot, each of its own actions alone; `dqn` itself where a task has one robot."""
 
-    def learner(self, environment: Environment, copies: int, seed: int, updates: int) -> Learner:
+    def learner(self, environment: Environment, copies: int, seed: int, updates: int) -> QLearner | Team:
         """A learner for each robot, with its own weights, replay and exploration, and as many updates."""
         grid = grid_of(environment.actions)
         if not grid.robots:
@@ -40,7 +40,6 @@ class DQNPerRobot(DQN):
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
-        """The policies of the robots; that of one network on a task with one robot."""
         grid = grid_of(actions)
         return TeamPolicy.of(arrays, grid) if grid.robots else super().restore(arrays, actions)
 
@@ -70,7 +69,6 @@ class Team:
             learner.learn(observation, own, transition, generator)
 
     def policy(self) -> TeamPolicy:
-        """Every robot's present greedy policy, frozen."""
         return TeamPolicy([learner.policy() for learner in self.learners], self.sizes)
 
 
@@ -90,7 +88,6 @@ class TeamPolicy(Policy):
         return {f"{i}.{name}": part for i, robot in enumerate(self.robots) for name, part in robot.arrays().items()}
 
     def onnx(self) -> bytes:
-        """One model of all robots' networks."""
         from stlbench_agents.policies import Graph
 
         graph = Graph()

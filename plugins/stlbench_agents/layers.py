@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench_agents.kernels import copy_transposed, inlined, inner_product, matrix, part, product, transposed
-from stlbench_agents.plain_kernels import Matrix
+from stlbench_agents.plain_kernels import Floats, Indices, Matrix
 
 _LINE = 64
 """Bytes of a line."""
@@ -35,61 +35,54 @@ def zeros(shape: int | tuple[int, ...], dtype: Any = np.float32) -> NDArray[Any]
 
 
 def aligned(values: NDArray[Any]) -> NDArray[Any]:
-    """A copy."""
     copy = zeros(values.shape, values.dtype)
     copy[...] = values
     return copy
 
 
-Floats = NDArray[Any]
-Indices = NDArray[np.int64]
+class PassBuffers(NamedTuple):
+    """Memory of passes through a network with B = `rows`."""
 
-
-class Space(NamedTuple):
-    """What a pass through a network writes to, made once."""
-
-    here: Floats
-    """(L - 1, B * widest): hidden activations of a pass that is followed back; one row where there are none."""
-    there: Floats
+    forward: Floats
+    """(L - 1, B * widest): hidden activations of a pass that is followed back; one row without hidden layers."""
+    forward_only: Floats
     """The same of a pass that is not."""
-    back: Floats
+    backward: Floats
     """(2, B * widest): gradients by activations."""
-    turned: Floats
-    """(widest * widest,): a matrix of weights, transposed."""
+    transposed: Floats
+    """(widest * widest,): a matrix of weights."""
     one: Floats
     """(1,): the number 1."""
 
     @staticmethod
-    def of(layers: Indices, rows: int, dtype: Any = np.float32) -> Space:
-        """For B = `rows` and networks of this shape."""
+    def of(layers: Indices, rows: int, dtype: Any = np.float32) -> PassBuffers:
         most = _widest(layers)
         size, square = _size_of_hidden(layers, rows), most * most
         hidden = (zeros(size, dtype), zeros(size, dtype), zeros((2, size[1]), dtype))
-        return Space(*hidden, zeros(square, dtype), np.ones(1, dtype))
+        return PassBuffers(*hidden, zeros(square, dtype), np.ones(1, dtype))
 
 
-class Room(NamedTuple):
-    """What the outputs at B observations are computed in."""
+class OutputBuffers(NamedTuple):
+    """Memory of the outputs at B = `rows` observations."""
 
     inputs: Floats
     """(B * D,): the observations in the weights' type."""
     hidden: Floats
-    """(L - 1, B * widest), as `Space.here`."""
-    turned: Floats
+    """(L - 1, B * widest), as `PassBuffers.forward`."""
+    transposed: Floats
     """(outputs * widest,): the last layer's weights, transposed."""
     outputs: Floats
     """(B * outputs,)."""
 
     @staticmethod
-    def of(layers: Indices, rows: int, dtype: Any = np.float32) -> Room:
-        """For B = `rows` and networks of this shape."""
+    def of(layers: Indices, rows: int, dtype: Any = np.float32) -> OutputBuffers:
         inputs, count, most = int(layers[0, 1]), int(layers[-1, 1]), _widest(layers)
         sizes = rows * inputs, _size_of_hidden(layers, rows), count * most, rows * count
-        return Room(*(np.empty(size, dtype) for size in sizes))
+        return OutputBuffers(*(np.empty(size, dtype) for size in sizes))
 
-    def fit(self, layers: Indices, rows: int) -> Room:
-        """Itself, or another where it was not made for B = `rows`."""
-        return self if len(self.inputs) == rows * layers[0, 1] else Room.of(layers, rows, self.inputs.dtype)
+    def fit(self, layers: Indices, rows: int) -> OutputBuffers:
+        """Itself, or new buffers if it is not for this number of rows."""
+        return self if len(self.inputs) == rows * layers[0, 1] else OutputBuffers.of(layers, rows, self.inputs.dtype)
 
 
 def _widest(layers: Indices) -> int:
@@ -143,7 +136,7 @@ def hidden(flat: Floats, layers: Indices, x: Floats, rows: int, into: Floats) ->
 
 
 @part
-def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, turned: Floats, into: Floats) -> None:
+def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, scratch: Floats, into: Floats) -> None:
     """All outputs (B, outputs) of the last hidden layer (B, width), both flat; no activation after them."""
     at, count, width, bias = layers[-1]
     if count < _FEW:
@@ -152,22 +145,22 @@ def outputs(flat: Floats, layers: Indices, last: Floats, rows: int, turned: Floa
                 total = inner_product(last, i * width, flat, at + j * width, width)
                 into[i * count + j] = total + flat[bias + j]
         return
-    copy_transposed(flat, at, count, width, turned)
+    copy_transposed(flat, at, count, width, scratch)
     product(
-        matrix(last, 0, rows, width), matrix(turned, 0, width, count), matrix(flat, bias, 1, count), -np.inf,
+        matrix(last, 0, rows, width), matrix(scratch, 0, width, count), matrix(flat, bias, 1, count), -np.inf,
         matrix(into, 0, rows, count),
     )  # fmt: skip
 
 
 @inlined
-def outputs_at(flat: Floats, layers: Indices, observation: Floats, room: Room) -> None:
-    """All outputs at observations (B, D) of any floating-point type, in `room.outputs`."""
+def outputs_at(flat: Floats, layers: Indices, observation: Floats, buffers: OutputBuffers) -> None:
+    """All outputs at observations (B, D) of any floating-point type, in `buffers.outputs`."""
     rows, inputs = observation.shape
     for i in range(rows):
         for j in range(inputs):
-            room.inputs[i * inputs + j] = observation[i, j]
-    hidden(flat, layers, room.inputs, rows, room.hidden)
-    outputs(flat, layers, room.hidden[-1], rows, room.turned, room.outputs)
+            buffers.inputs[i * inputs + j] = observation[i, j]
+    hidden(flat, layers, buffers.inputs, rows, buffers.hidden)
+    outputs(flat, layers, buffers.hidden[-1], rows, buffers.transposed, buffers.outputs)
 
 
 _FEW = 8
@@ -176,36 +169,43 @@ _FEW = 8
 
 @inlined
 def back_outputs(
-    flat: Floats, layers: Indices, last: Floats, by_output: Floats, rows: int, space: Space, wanted: bool, into: Floats
+    flat: Floats,
+    layers: Indices,
+    last: Floats,
+    by_output: Floats,
+    rows: int,
+    passes: PassBuffers,
+    wanted: bool,
+    into: Floats,
 ) -> None:
-    """From the gradient by the outputs (B, outputs) to that by the last layer's weights, and by its inputs.
+    """From the gradient by the outputs (B, outputs), compute those by the last layer's weights and by its inputs.
 
-    The first is written to `into`, which has the layout of the weights, where it is `wanted`; the second (B, width) to
-    `space.back[0]`.
+    The gradient by the weights is written to `into`, which has their layout, if it is `wanted`. The gradient by the
+    inputs (B, width) is written to `passes.backward[0]`.
     """
     at, count, width, bias = layers[-1]
     given = matrix(by_output, 0, rows, count)
     nothing = matrix(flat, 0, 0, 0)
     if wanted:
         product(transposed(given), matrix(last, 0, rows, width), nothing, -np.inf, matrix(into, at, count, width))
-        _column_sums(by_output, rows, count, space.one, into, bias)
-    product(given, matrix(flat, at, count, width), nothing, -np.inf, matrix(space.back[0], 0, rows, width))
+        _column_sums(by_output, rows, count, passes.one, into, bias)
+    product(given, matrix(flat, at, count, width), nothing, -np.inf, matrix(passes.backward[0], 0, rows, width))
 
 
 @inlined
 def back_hidden(
-    flat: Floats, layers: Indices, x: Floats, rows: int, space: Space, wanted: bool, into: Floats
+    flat: Floats, layers: Indices, x: Floats, rows: int, passes: PassBuffers, wanted: bool, into: Floats
 ) -> Floats:
-    """From the gradient by the last hidden layer, in `space.back[0]`, to that by all weights below, in `into`.
+    """From the gradient by the last hidden layer, in `passes.backward[0]`, compute that by all weights below.
 
-    The pass forwards left its activations in `space.here`. Where the gradient by the weights is not `wanted`, nothing
-    is written to `into`. Returns the gradient by the first layer's sums (B, width).
+    It is written to `into` if it is `wanted`. The pass forwards left its activations in `passes.forward`. Returns the
+    gradient by the first layer's sums (B, width).
     """
     nothing, zero = matrix(flat, 0, 0, 0), flat.dtype.type(0)
-    back: Floats = space.back[0]
+    back: Floats = passes.backward[0]
     for layer in range(len(layers) - 2, -1, -1):
         at, inner, columns, bias = layers[layer]
-        active, below = space.here[layer], space.here[layer - 1] if layer else x
+        active, below = passes.forward[layer], passes.forward[layer - 1] if layer else x
         slopes, sums = back[: rows * columns], active[: rows * columns]  # whole arrays: else no vectors are used
         for i in range(len(slopes)):
             slope, on = slopes[i], sums[i] > zero  # both read first: a branch would be guessed wrong half of the time
@@ -214,12 +214,14 @@ def back_hidden(
         if wanted:
             left, down = transposed(matrix(below, 0, rows, inner)), matrix(into, at, inner, columns)
             product(left, given, nothing, -np.inf, down)
-            _column_sums(back, rows, columns, space.one, into, bias)
+            _column_sums(back, rows, columns, passes.one, into, bias)
         if layer:
-            following = space.back[(len(layers) - 1 - layer) % 2]
-            copy_transposed(flat, at, inner, columns, space.turned)
-            product(given, matrix(space.turned, 0, columns, inner), nothing, -np.inf, matrix(following, 0, rows, inner))
-            back = following
+            lower = passes.backward[(len(layers) - 1 - layer) % 2]
+            copy_transposed(flat, at, inner, columns, passes.transposed)
+            product(
+                given, matrix(passes.transposed, 0, columns, inner), nothing, -np.inf, matrix(lower, 0, rows, inner)
+            )
+            back = lower
     return back
 
 

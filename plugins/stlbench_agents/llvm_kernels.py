@@ -26,11 +26,9 @@ from numba.core.imputils import impl_ret_borrowed
 from numba.core.registry import CPUDispatcher
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
-from numpy.typing import NDArray
 
-from stlbench_agents.plain_kernels import PARTIAL_BYTES, VECTOR_BYTES, Matrix, inlined
+from stlbench_agents.plain_kernels import PARTIAL_BYTES, VECTOR_BYTES, Floats, Matrix, inlined
 
-Floats = NDArray[Any]
 Generate = Callable[[Any, ir.IRBuilder, Any, Any], Any]
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}

@@ -5,15 +5,13 @@ One pass over the weights in blocks, since these loops wait for memory more than
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stlbench_agents.kernels import START, inlined, inner_product, part
 from stlbench_agents.layers import aligned, zeros
-
-Floats = NDArray[Any]
+from stlbench_agents.plain_kernels import Floats
 
 _BLOCK = 1024
 """Weights that Adam and the averages take at a time: what they touch stays in the first cache."""

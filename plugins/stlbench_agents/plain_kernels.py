@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from stlbench_agents.compiled_code import folder
 
 Floats = NDArray[Any]
+Indices = NDArray[np.int64]
 
 _PROCESSOR = llvmlite.binding.get_host_cpu_features()
 VECTOR_BYTES = 64 if _PROCESSOR.get("avx512f") else 32 if _PROCESSOR.get("avx") else 16

@@ -20,7 +20,6 @@ _INPUT = "observation"
 
 
 def double() -> int:
-    """ONNX's number of the type float64."""
     return int(need_onnx().TensorProto.DOUBLE)
 
 
@@ -34,7 +33,6 @@ class Graph:
         self._constants: list[Any] = []
 
     def node(self, operator: str, *inputs: str | NDArray[Any], **attributes: Any) -> str:
-        """An operator of names and of constants."""
         output = f"{operator}_{len(self._nodes)}"
         names = [each if isinstance(each, str) else self._constant(each) for each in inputs]
         self._nodes.append(self._onnx.helper.make_node(operator, names, [output], **attributes))
@@ -116,7 +114,6 @@ class ActorPolicy(Policy):
         return vectors
 
     def arrays(self) -> Arrays:
-        """The layers, and what is between and after them."""
         layers = {
             f"{part}{i}": array
             for i, layer in enumerate(self.layers)

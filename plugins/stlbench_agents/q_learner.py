@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionGrid, Array, Arrays, Integers, Policy, Transition, Unsuitable
-from stlbench_agents.engine import Network, Workspace, actions, additive_gradient, greedy_actions, joint_gradient
+from stlbench_agents.engine import Network, QBuffers, actions, additive_gradient, greedy_actions, joint_gradient
 from stlbench_agents.kernels import compiled, fixed_types, inlined
-from stlbench_agents.layers import Room, layout, size_of, views
+from stlbench_agents.layers import OutputBuffers, layout, size_of, views
 from stlbench_agents.optimizer import Weights, decay, step
 from stlbench_agents.recipes import DQNRecipe, Head
 from stlbench_agents.replay import Batch, Memory, Replay, gather
@@ -80,7 +80,6 @@ class GreedyPolicy(Policy):
         return greedy_actions(self.flat, self.network.engine, observation)
 
     def arrays(self) -> Arrays:
-        """The weights, and what they are the weights of."""
         network = self.network
         return {
             "weights": self.flat,
@@ -90,7 +89,6 @@ class GreedyPolicy(Policy):
         }
 
     def onnx(self) -> bytes:
-        """One model of the network and of the choice among its outputs."""
         from stlbench_agents.policies import Graph
 
         graph = Graph()
@@ -175,18 +173,18 @@ class QLearner:
         )
         self._actions, self._copies, self._count = grid.size, copies, 0
         self._batch = Batch.of(recipe.batch_size, size)
-        self._room = Room.of(self.network.engine.layers, copies)
-        self._work = Workspace.of(self.network.engine, recipe.batch_size)
+        self._output_buffers = OutputBuffers.of(self.network.engine.layers, copies)
+        self._buffers = QBuffers.of(self.network.engine, recipe.batch_size)
         self._update = fixed_types(_update_joint if recipe.head == "joint" else _update_additive)
 
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
         """Actions (N,) at observations (N, D): each with probability `epsilon` any, else the current best."""
         rows = len(observation)
-        self._room = self._room.fit(self.network.engine.layers, rows)
+        self._output_buffers = self._output_buffers.fit(self.network.engine.layers, rows)
         chosen = np.empty(rows, np.int64)
         actions(
             self.weights.online, self.network.engine, observation, epsilon, generator.random((2, rows)),
-            self._actions, self._room, chosen,
+            self._actions, self._output_buffers, chosen,
         )  # fmt: skip
         return chosen
 
@@ -202,7 +200,7 @@ class QLearner:
         """One update for each row of `first` (updates, batch size), from the transitions that begin there."""
         self._update(
             self.weights, self.network.engine, self.replay.memory, first, self._copies, self.schedule, self._count,
-            self._batch, self._work,
+            self._batch, self._buffers,
         )  # fmt: skip
         self._count += len(first)
 
@@ -221,7 +219,7 @@ class QLearner:
 @compiled
 def _update_joint(
     weights: Weights, network: Network, memory: Memory, first: Integers, copies: int, schedule: Schedule, count: int,
-    batch: Batch, work: Workspace,
+    batch: Batch, buffers: QBuffers,
 ) -> None:  # fmt: skip
     """For each row of `first` a step of Adam on the mean squared difference to the targets, and of both averages.
 
@@ -230,19 +228,19 @@ def _update_joint(
     """
     for row in range(len(first)):
         gather(memory, first[row], copies, batch)
-        joint_gradient(weights.online, weights.target, network, batch, schedule.double, work, weights.gradient)
+        joint_gradient(weights.online, weights.target, network, batch, schedule.double, buffers, weights.gradient)
         _descend(weights, schedule, count + row)
 
 
 @compiled
 def _update_additive(
     weights: Weights, network: Network, memory: Memory, first: Integers, copies: int, schedule: Schedule, count: int,
-    batch: Batch, work: Workspace,
+    batch: Batch, buffers: QBuffers,
 ) -> None:  # fmt: skip
     """The same for an additive head."""
     for row in range(len(first)):
         gather(memory, first[row], copies, batch)
-        additive_gradient(weights.online, weights.target, network, batch, schedule.double, work, weights.gradient)
+        additive_gradient(weights.online, weights.target, network, batch, schedule.double, buffers, weights.gradient)
         _descend(weights, schedule, count + row)
 
 

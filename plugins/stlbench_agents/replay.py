@@ -33,7 +33,7 @@ class Batch(NamedTuple):
 
     @staticmethod
     def of(rows: int, size: int, axes: int = 0) -> Batch:
-        """Room for B = `rows` transitions with D = `size`."""
+        """OutputBuffers for B = `rows` transitions with D = `size`."""
         wide = (rows, size)
         return Batch(zeros(wide), _actions(rows, axes), *(zeros(part) for part in (rows, wide, rows)))
 

@@ -6,7 +6,8 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Self
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 from stlbench.contract import ActionGrid, Actions, Agent, Arrays, Cost, Environment, Policy, Training
 from stlbench_agents.policies import ActorPolicy
@@ -51,9 +52,11 @@ class SB3Agent(Agent):
     def __post_init__(self) -> None:
         need_sb3()
 
-    @abstractmethod
+    algorithm_name: ClassVar[str]
+
     def algorithm(self) -> type[BaseAlgorithm]:
         """SB3's class. Imports SB3, which takes seconds."""
+        return cast("type[BaseAlgorithm]", getattr(import_module("stable_baselines3"), self.algorithm_name))
 
     @abstractmethod
     def exported(self, model: Any, environment: Environment) -> Policy:
@@ -61,7 +64,6 @@ class SB3Agent(Agent):
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
-        """The policy of an actor, which needs no SB3."""
         return ActorPolicy.of(arrays, box_of(actions))
 
     def options(self, environment: Environment) -> dict[str, Any]:
@@ -104,7 +106,6 @@ class SB3Agent(Agent):
         return model
 
     def preload(self) -> None:
-        """Stable-Baselines3 and PyTorch."""
         self.algorithm()
         import stlbench_agents.sb3_bridge  # noqa: F401
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 class SB3TD3(SB3OffPolicy):
     """TD3 (Fujimoto, van Hoof, Meger 2018) as SB3 implements it: a cross-check of `td3` by code that others wrote."""
 
+    algorithm_name = "TD3"
+
     policy_delay: Count = 2
     """updates of the critics for one of the actor"""
     target_policy_noise: NotNegative = 0.1
@@ -30,12 +32,6 @@ class SB3TD3(SB3OffPolicy):
     """the most that this noise may be"""
     exploration_noise: NotNegative = 0.2
     """standard deviation of the noise on actions in training, which lie in [-1, 1]"""
-
-    def algorithm(self) -> type[TD3]:
-        """SB3's TD3."""
-        from stable_baselines3 import TD3
-
-        return TD3
 
     def options(self, environment: Environment) -> dict[str, Any]:
         """As for all with a replay, and the noise. Raises `Unsuitable` where the task's actions are a grid."""
@@ -46,7 +42,6 @@ class SB3TD3(SB3OffPolicy):
         return options | {"action_noise": noise}
 
     def exported(self, model: TD3, environment: Environment) -> Policy:
-        """The actor."""
         return ActorPolicy(linear_layers(model.actor.mu.children()), box_of(environment.actions), "relu", squashed=True)
 
 
@@ -54,14 +49,10 @@ class SB3TD3(SB3OffPolicy):
 class SB3SAC(SB3OffPolicy):
     """Soft actor-critic (Haarnoja et al. 2018) as SB3 implements it, with its entropy coefficient learned."""
 
+    algorithm_name = "SAC"
+
     ent_coef_initial: Positive = 0.1
     """the entropy coefficient at the start; SB3's own 1 is large beside rewards of at most 1"""
-
-    def algorithm(self) -> type[SAC]:
-        """SB3's SAC."""
-        from stable_baselines3 import SAC
-
-        return SAC
 
     def options(self, environment: Environment) -> dict[str, Any]:
         """As for all with a replay. Raises `Unsuitable` where the task's actions are a grid."""
@@ -70,7 +61,6 @@ class SB3SAC(SB3OffPolicy):
         return options | {"ent_coef": f"auto_{options.pop('ent_coef_initial')}"}
 
     def exported(self, model: SAC, environment: Environment) -> Policy:
-        """The actor's mean."""
         layers = linear_layers([*model.actor.latent_pi.children(), model.actor.mu])
         return ActorPolicy(layers, box_of(environment.actions), "relu", squashed=True)
 
@@ -82,6 +72,8 @@ class SB3PPO(SB3Agent):
     A budget is rounded down to whole rollouts; one of less than a rollout is one rollout, in whole batches as far as
     its steps allow.
     """
+
+    algorithm_name = "PPO"
 
     n_steps: Count = 256
     """steps of all copies in a rollout"""
@@ -97,12 +89,10 @@ class SB3PPO(SB3Agent):
 
     @property
     def kept(self) -> int:
-        """A rollout of all copies."""
         return self.n_steps * self.copies
 
     @property
     def rollout(self) -> int:
-        """`n_steps`."""
         return self.n_steps
 
     def fitted(self, lock_steps: int) -> Self:
@@ -113,18 +103,11 @@ class SB3PPO(SB3Agent):
             rollout = lock_steps // whole * whole or lock_steps
         return replace(self, n_steps=rollout, batch_size=min(self.batch_size, rollout * self.copies))
 
-    def algorithm(self) -> type[PPO]:
-        """SB3's PPO."""
-        from stable_baselines3 import PPO
-
-        return PPO
-
     def options(self, environment: Environment) -> dict[str, Any]:
         """As for all. Raises `Unsuitable` where the task's actions are a grid."""
         box_of(environment.actions)
         return super().options(environment)
 
     def exported(self, model: PPO, environment: Environment) -> Policy:
-        """The mean of the policy's distribution, clipped to the box."""
         layers = linear_layers([*model.policy.mlp_extractor.policy_net.children(), model.policy.action_net])
         return ActorPolicy(layers, box_of(environment.actions), "tanh", squashed=False)

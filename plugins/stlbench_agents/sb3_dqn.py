@@ -24,6 +24,8 @@ class SB3DQN(SB3OffPolicy):
     random or none does.
     """
 
+    algorithm_name = "DQN"
+
     copies: Count = 16
     buffer_size: Count = 65536
     learning_starts: Whole = 100
@@ -41,15 +43,8 @@ class SB3DQN(SB3OffPolicy):
     max_grad_norm: Positive = 10.0
     """the gradient's norm is clipped to this"""
 
-    def algorithm(self) -> type[DQN]:
-        """SB3's DQN."""
-        from stable_baselines3 import DQN
-
-        return DQN
-
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
-        """The greedy policy of a network, which needs no SB3."""
         from stlbench_agents.q_learner import GreedyPolicy  # imports Numba, which parameters do not need
 
         return GreedyPolicy.of(arrays, grid_of(actions).shape)
@@ -61,7 +56,6 @@ class SB3DQN(SB3OffPolicy):
         return super().options(environment) | {"target_update_interval": rounded_up}
 
     def exported(self, model: DQN, environment: Environment) -> Policy:
-        """The greedy policy of the Q-network."""
         from stlbench_agents.sb3_bridge import greedy_policy
 
         return greedy_policy(model.q_net.q_net, environment.observation_size, grid_of(environment.actions).shape)

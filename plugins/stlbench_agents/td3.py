@@ -6,22 +6,22 @@ where the environment says so. SB3's TD3 does the same work (`sb3-td3`); here up
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
 
-from stlbench.contract import ActionBox, Actions, Agent, Array, Arrays, Cost, Policy, Training
-from stlbench_agents.compiled_code import is_ready, note_ready
+from stlbench.contract import ActionBox, Actions, Array, Arrays, Cost, Policy, Training
+from stlbench_agents.compiled_code import CompiledAgent
 from stlbench_agents.policies import ActorPolicy
 from stlbench_agents.recipes import TD3Recipe
 from stlbench_agents.training import box_of, cost_of, report_rounds
 
 
 @dataclass(frozen=True, kw_only=True)
-class TD3(TD3Recipe, Agent):
+class TD3(TD3Recipe, CompiledAgent):
     """Twin delayed deep deterministic policy gradient with a time-aware input.
 
     Names are those of Stable-Baselines3 where it has the option.
@@ -77,27 +77,21 @@ class TD3(TD3Recipe, Agent):
 
     @classmethod
     def restore(cls, arrays: Arrays, actions: Actions) -> Policy:
-        """The policy of an actor."""
         return ActorPolicy.of(arrays, box_of(actions))
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost:
-        """That of a critic, beside which the actor's is as long, and of the replay."""
+        """The cost of a critic, and of the replay; the actor's is about that of a critic."""
         axes = len(actions.names)
         return cost_of(size + axes, self.net_arch, 1, min(decisions, self.buffer_size))
 
-    def uncompiled(self) -> Callable[[], None] | None:
-        """The updates, where this machine has not compiled them."""
-        return None if is_ready("td3") else self._compile
+    @property
+    def compiled_part(self) -> str:
+        return "td3"
 
-    def preload(self) -> None:
-        """The same, from the disk."""
-        self._compile()
-
-    def _compile(self) -> None:
+    def compile(self) -> None:
         from stlbench_agents.td3_learner import TD3Learner
 
         TD3Learner(self, 1, ActionBox(("a",), (-1.0,), (1.0,)), np.random.default_rng(0), 1).compile()
-        note_ready("td3")
 
     def _noise(self, rounds: int) -> Array:
         """The standard deviation in each round, (rounds,)."""

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stlbench.contract import ActionBox, Array, Integers
-from stlbench_agents.actor_critic import Networks, Noise, Work, actor_gradient, critic_gradient, targets
+from stlbench_agents.actor_critic import Networks, Noise, TD3Buffers, actor_gradient, critic_gradient, targets
 from stlbench_agents.kernels import compiled, fixed_types
-from stlbench_agents.layers import Room, outputs_at, size_of, views
+from stlbench_agents.layers import OutputBuffers, outputs_at, size_of, views
 from stlbench_agents.optimizer import Weights, decay, step
+from stlbench_agents.plain_kernels import Floats, Indices
 from stlbench_agents.policies import ActorPolicy
 from stlbench_agents.recipes import TD3Recipe
 from stlbench_agents.replay import Batch, Memory, Replay, gather
-
-Floats = NDArray[Any]
-Indices = NDArray[np.int64]
 
 
 class Schedule(NamedTuple):
@@ -61,8 +58,8 @@ class TD3Learner:
         bounded = recipe.gamma < 1  # otherwise values are sums of rewards, without bounds
         self.bounds = (math.inf, -math.inf) if bounded else (-math.inf, math.inf)
         self._batch = Batch.of(recipe.batch_size, inputs, len(box.names))
-        self._room = Room.of(self.networks.actor, 1)
-        self._work = Work.of(self.networks, recipe.batch_size)
+        self._output_buffers = OutputBuffers.of(self.networks.actor, 1)
+        self._buffers = TD3Buffers.of(self.networks, recipe.batch_size)
         self._update = fixed_types(_update)
 
     def compile(self) -> None:
@@ -81,9 +78,9 @@ class TD3Learner:
 
     def act(self, observation: Array, noise: Array) -> Array:
         """The actor's actions at observations (N, D) with noise (N, axes) added, within [-1, 1]: (N, axes)."""
-        self._room = self._room.fit(self.networks.actor, len(observation))
+        self._output_buffers = self._output_buffers.fit(self.networks.actor, len(observation))
         vectors = np.empty(noise.shape)
-        _act(self.actor.online, self.networks.actor, observation, noise, self._room, vectors)
+        _act(self.actor.online, self.networks.actor, observation, noise, self._output_buffers, vectors)
         return vectors
 
     def saw(self, reward: Array) -> None:
@@ -103,7 +100,7 @@ class TD3Learner:
         """
         self._update(
             self.actor, self.critics, self.networks, memory, first, copies, normal, self.schedule,
-            self.bounds, self._count, self._batch, self._work,
+            self.bounds, self._count, self._batch, self._buffers,
         )  # fmt: skip
         self._count += len(first)
 
@@ -120,18 +117,20 @@ def _initial(generator: np.random.Generator, layers: Indices, last: float) -> Fl
 
 
 @compiled
-def _act(flat: Floats, layers: Indices, observation: Floats, noise: Floats, room: Room, into: Floats) -> None:
-    outputs_at(flat, layers, observation, room)
+def _act(
+    flat: Floats, layers: Indices, observation: Floats, noise: Floats, buffers: OutputBuffers, into: Floats
+) -> None:
+    outputs_at(flat, layers, observation, buffers)
     rows, axes = noise.shape
     for i in range(rows):
         for j in range(axes):
-            into[i, j] = min(1.0, max(-1.0, math.tanh(room.outputs[i * axes + j]) + noise[i, j]))
+            into[i, j] = min(1.0, max(-1.0, math.tanh(buffers.outputs[i * axes + j]) + noise[i, j]))
 
 
 @compiled
 def _update(
     actor: Weights, critics: Weights, networks: Networks, memory: Memory, first: Integers, copies: int,
-    normal: Floats, schedule: Schedule, bounds: tuple[float, float], count: int, batch: Batch, work: Work,
+    normal: Floats, schedule: Schedule, bounds: tuple[float, float], count: int, batch: Batch, buffers: TD3Buffers,
 ) -> None:  # fmt: skip
     """For each row of `first` a step of Adam for the critics, and every `delay` one for the actor; followers move.
 
@@ -144,9 +143,9 @@ def _update(
         tau = schedule.tau if acts else 0.0
         gather(memory, first[row], copies, batch)
         noise = Noise(normal[row], schedule.spread, schedule.limit)
-        targets(actor.target, critics.target, networks, batch, noise, bounds, work)
-        critic_gradient(critics.online, networks, batch, work, critics.gradient)
+        targets(actor.target, critics.target, networks, batch, noise, bounds, buffers)
+        critic_gradient(critics.online, networks, batch, buffers, critics.gradient)
         step(critics, rate, count, np.inf, tau, 0.0)
         if acts:
-            actor_gradient(actor.online, critics.online, networks, batch, schedule.penalty, work, actor.gradient)
+            actor_gradient(actor.online, critics.online, networks, batch, schedule.penalty, buffers, actor.gradient)
             step(actor, rate, count // schedule.delay, np.inf, tau, 1 - schedule.averaging)

@@ -1,4 +1,4 @@
-"""What agents share: reports, costs, kinds of actions, libraries, counterfactual transitions."""
+"""Shared by agents: reports, costs, kinds of actions, libraries, counterfactual transitions."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def report_rounds(rounds: int, checkpoints: int) -> set[int]:
 
 
 _UNIT = 40
-"""Multiplications that take as long as what a unit of a layer takes beside its products, in an update: fitted to times
-of `dqn` and `td3` with 16 to 6000 inputs (docs/performance-tables.md), whose ratios are met within 30 %."""
+"""Multiplications that take as long as the rest of an update for each unit of a layer: fitted to times of `dqn` and
+`td3` with 16 to 6000 inputs (docs/performance-tables.md), whose ratios it meets within 30 %."""
 _STORED = 2 * 4
 """Bytes of an input in replay: in single precision, before and after the transition."""
 
@@ -74,10 +74,9 @@ def need_sb3() -> None:
 
 
 def need_onnx() -> Any:
-    """The package `onnx`. Raises `Unsuitable` where it is not installed.
+    """The package `onnx`. Raises `Unsuitable` if it is not installed.
 
-    It writes policies that are trained, so by being there or not it must not change what a cell's key is made of: that
-    sees what a source imports.
+    It is no import of this module, so that a cell's key does not depend on whether it is installed.
     """
     _need("onnx", "ONNX", "onnx")
     import_module("onnx.numpy_helper")
@@ -89,27 +88,22 @@ def _need(module: str, title: str, extra: str = "sb3") -> None:
         raise Unsuitable(f'it needs {title}: pip install "stlbench-rl[{extra}]"')
 
 
-class Others:
-    """The counterfactual transitions of an environment: none, where it or the recipe has none."""
+class Counterfactuals:
+    """Adds the counterfactual transitions of an environment, if it and the recipe have any."""
 
     def __init__(self, environment: Environment, times: int, seed: int) -> None:
-        """Args: `times` so many of each transition; `seed` of a generator that nothing else draws from."""
-        has = isinstance(environment, CounterfactualEnvironment) and environment.counterfactuals
-        self._environment, self._times = environment, times if has else 0
-        self._generator = np.random.default_rng([seed, 1, 1])
-        self.copies = environment.count * (1 + self._times)
+        """Args: `times` how many for each transition; `seed` of a generator that nothing else uses."""
+        self._environment: CounterfactualEnvironment | None = None
+        if times and isinstance(environment, CounterfactualEnvironment) and environment.counterfactuals:
+            self._environment = environment
+        self._times, self._generator = times, np.random.default_rng([seed, 1, 1])
+        self.copies = environment.count * (1 + times if self._environment else 1)
 
-    def beside(
-        self, observation: Array, action: Integers, transition: Transition
-    ) -> tuple[Array, Integers, Transition]:
-        """A lock-step of N copies (N, D), (N,), with the counterfactual ones after it, in `copies` rows each."""
-        if not (self._times and isinstance(self._environment, CounterfactualEnvironment)):
+    def added(self, observation: Array, action: Integers, transition: Transition) -> tuple[Array, Integers, Transition]:
+        """A lock-step of N copies (N, D), (N,), followed by the counterfactual ones: `copies` rows each."""
+        if self._environment is None:
             return observation, action, transition
-        others = [self._environment.counterfactual(self._generator) for _ in range(self._times)]
-        seen = np.concatenate([observation, *(before for before, _ in others)])
-        return seen, np.tile(action, 1 + self._times), _joined([transition, *(after for _, after in others)])
-
-
-def _joined(transitions: Iterable[Transition]) -> Transition:
-    columns: Iterable[Any] = zip(*transitions, strict=True)
-    return Transition(*map(np.concatenate, columns))
+        drawn = [self._environment.counterfactual(self._generator) for _ in range(self._times)]
+        columns: Iterable[Any] = zip(transition, *(after for _, after in drawn), strict=True)
+        observations = np.concatenate([observation, *(before for before, _ in drawn)])
+        return observations, np.tile(action, 1 + self._times), Transition(*map(np.concatenate, columns))

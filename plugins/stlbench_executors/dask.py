@@ -2,7 +2,7 @@
 
 Of what Dask does with tasks this needs little, and some not at all: it runs the task of a worker that died again, up to
 three times; it knows no deadline; it has tasks of several kinds wait at a worker. So each item is sent to one worker
-that has a free place (`dask_run`), and is looked after there by a keeper (`dask_worker`).
+that has a free place (`dask_run`), and is looked after there by a supervisor (`dask_worker`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic import Field
 
 from stlbench.contract import Executor, Outcome, Unsuitable, cause
 from stlbench_executors.memory import Memory
-from stlbench_executors.worker import Order
+from stlbench_executors.worker import WorkItems
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -63,12 +63,12 @@ class DaskExecutor(Executor):
         from stlbench_executors.dask_run import DaskRun, Run
         from stlbench_executors.worker import installed
 
-        order = Order(function, items, deadlines)
-        if len(order) == 0:
+        work = WorkItems(function, items, deadlines)
+        if len(work) == 0:
             return
         with _connected(self.address, self.jobs) as client:
-            run = Run(f"stlbench-{uuid.uuid4().hex[:12]}", self.memory, order.prepare, installed())
-            running = DaskRun(client, run, order, self.jobs or len(order), self.address or "")
+            run = Run(f"stlbench-{uuid.uuid4().hex[:12]}", self.memory, work.prepare, installed())
+            running = DaskRun(client, run, work, self.jobs or len(work), self.address or "")
             try:
                 yield from running.outcomes()
             finally:
@@ -83,8 +83,8 @@ def _connected(address: str | None, jobs: int) -> Iterator[Client]:
         try:
             client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
         except (OSError, ValueError) as error:
-            said = f"no Dask scheduler answers at {address}; start one there by `dask scheduler`"
-            raise Unsuitable(f"{said} ({cause(error)})") from error
+            text = f"no Dask scheduler answers at {address}; start one there by `dask scheduler`"
+            raise Unsuitable(f"{text} ({cause(error)})") from error
         with client:
             yield client
         return

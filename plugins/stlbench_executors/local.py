@@ -1,4 +1,4 @@
-"""Processes on this machine: `jobs` at a time, a fresh one for each item (`slot`)."""
+"""Processes on this machine: `jobs` at a time, a fresh one for each item (`pool`)."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from stlbench.contract import Executor, Outcome
-from stlbench_executors import slot as slots_of
+from stlbench_executors import pool as pools
 from stlbench_executors.memory import Memory, share
-from stlbench_executors.slot import UNTAKEN, Site, Slot
-from stlbench_executors.worker import Order, outcome_of
+from stlbench_executors.pool import UNTAKEN, Pool, Slot
+from stlbench_executors.worker import WorkItems, outcome_of
 
 
 class LocalExecutor(Executor):
@@ -40,32 +40,30 @@ class LocalExecutor(Executor):
     def run(
         self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
     ) -> Generator[Outcome]:
-        """See `Executor.run`."""
-        order = Order(function, items, deadlines)
-        site = Site(self.memory, order.prepare)
-        slots = [Slot(site) for _ in range(min(self.jobs, len(order)))]
-        if not slots:
+        work = WorkItems(function, items, deadlines)
+        if len(work) == 0:
             return
+        pool = Pool(self.memory, work.prepare, min(self.jobs, len(work)))
         try:
-            slots_of.start(slots)
-            yield from _outcomes(order, slots)
+            pool.start(pool.slots)
+            yield from _outcomes(work, pool.slots)
         finally:
-            slots_of.stop(slots)
+            pool.stop()
 
 
-def _outcomes(order: Order, slots: Sequence[Slot]) -> Generator[Outcome]:
-    waiting, held = deque(range(len(order))), dict[Slot, int]()
-    while waiting or held:
+def _outcomes(work: WorkItems, slots: Sequence[Slot]) -> Generator[Outcome]:
+    waiting, running = deque(range(len(work))), dict[Slot, int]()
+    while waiting or running:
         for slot in slots:
-            if waiting and slot.is_idle and slot.take(order.task(waiting[0])):
-                held[slot] = waiting.popleft()
+            if waiting and slot.is_idle and slot.take(work.task(waiting[0])):
+                running[slot] = waiting.popleft()
         links = {slot.link: slot for slot in slots if slot.link is not None}
         if not links:
             yield from (Outcome(index, "killed", reason=UNTAKEN) for index in waiting)
             return
-        ready = connection.wait(list(links), timeout=min(slots_of.LOOK_SECONDS, slots_of.START_SECONDS / 4))
+        ready = connection.wait(list(links), timeout=min(pools.CHECK_SECONDS, pools.START_SECONDS / 4))
         for link, slot in links.items():
-            if link in ready and (ended := slot.heard()) is not None:
-                yield replace(outcome_of(held.pop(slot), ended), facts=None)
+            if link in ready and (ended := slot.receive()) is not None:
+                yield replace(outcome_of(running.pop(slot), ended), facts=None)
         for slot in slots:
-            slot.look()
+            slot.check()

@@ -13,9 +13,8 @@ from pydantic import BeforeValidator, Field
 _GROUPS = Path("/sys/fs/cgroup")
 """Where Linux says what a container, or a job of a cluster, may take."""
 
-_OURS = 0.9
-"""Of the machine's memory, that cells may take together by default."""
-
+_SHARE = 0.9
+"""Of the machine's memory, for all cells together by default."""
 
 _AMOUNT = re.compile(r"([0-9]+(?:\.[0-9]+)?) *([KMGT])(?:i?B)?", re.IGNORECASE)
 
@@ -24,10 +23,10 @@ def _read(value: Any) -> Any:
     """4G means 4 GiB, as for most programs. A number is one of bytes."""
     if not isinstance(value, str):
         return value
-    found = _AMOUNT.fullmatch(value.strip())
-    if found is None:
+    match = _AMOUNT.fullmatch(value.strip())
+    if match is None:
         raise ValueError("should be an amount of memory, as in 4G, 512M or 1.5GiB")
-    return int(float(found[1]) * 1024 ** (1 + "KMGT".index(found[2].upper())))
+    return int(float(match[1]) * 1024 ** (1 + "KMGT".index(match[2].upper())))
 
 
 Memory = Annotated[int, BeforeValidator(_read), Field(ge=2**20)]
@@ -35,8 +34,8 @@ Memory = Annotated[int, BeforeValidator(_read), Field(ge=2**20)]
 
 
 def share(jobs: int) -> int:
-    """Bytes for each of so many cells at a time, where the user does not say."""
-    return int(_OURS * min([psutil.virtual_memory().total, *allowed(_GROUPS, _own_groups())]) / jobs)
+    """The default number of bytes for each of `jobs` cells at a time."""
+    return int(_SHARE * min([psutil.virtual_memory().total, *allowed(_GROUPS, _own_groups())]) / jobs)
 
 
 def allowed(root: Path, own: str) -> list[int]:
@@ -46,7 +45,7 @@ def allowed(root: Path, own: str) -> list[int]:
         root: the folder of control groups.
         own: lines as in /proc/self/cgroup, `0::/job/step`, of version 2, or `7:memory:/job`, of version 1.
     """
-    found = list[int]()
+    limits = list[int]()
     for line in own.splitlines():
         _, kinds, path = line.split(":", 2)
         if kinds in ("", "memory"):
@@ -54,8 +53,8 @@ def allowed(root: Path, own: str) -> list[int]:
             group = top / path.lstrip("/")
             for folder in (group, *(above for above in group.parents if above.is_relative_to(top))):
                 with suppress(OSError, ValueError):  # "max" is no limit
-                    found.append(int((folder / name).read_text()))
-    return found
+                    limits.append(int((folder / name).read_text()))
+    return limits
 
 
 def _own_groups() -> str:

@@ -1,7 +1,7 @@
 """Jobs of Slurm, submitted as arrays by submitit: some items each, one after the other.
 
-Of submitit this takes what it is good at: files of jobs, arrays, states. What ends an item is its keeper in the job, as
-with `local`; the walltime of a job is only there for the case that the keeper is gone.
+Submitit sees to files of jobs, arrays and states. The supervisor in the job ends an item, as with `local`; the walltime
+of a job matters only if the supervisor is gone.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic import Field
 
 from stlbench.contract import Executor, Outcome, Unsuitable, cause
 from stlbench_executors.memory import Memory
-from stlbench_executors.worker import Order
+from stlbench_executors.worker import WorkItems
 
 if TYPE_CHECKING:
     from submitit import Job
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
     from submitit import SlurmExecutor as SlurmJobs
 
 ARRAY = 1000
-"""Jobs of an array, at most; Slurm's own limit is 1001 where nobody has changed it."""
+"""Jobs of an array, at most; Slurm's own limit is 1001 by default."""
 
 JOB_NAME = "stlbench"
 """Of every job, as `squeue` shows it."""
 
 AT_A_TIME = 256
-"""Jobs that run at the same time, where the user does not say; as submitit has it."""
+"""Jobs that run at the same time by default, as submitit has it."""
 
-BESIDE = 2**30
-"""Bytes that a job asks for beside those of an item: for the process that has everything imported, and the keeper."""
+OVERHEAD = 2**30
+"""Bytes of a job for the process that has everything imported, and for the supervisor."""
 
 
 class SubmititExecutor(Executor):
@@ -84,18 +84,18 @@ class SubmititExecutor(Executor):
         self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
     ) -> Generator[Outcome]:
         """See `Executor.run`. Raises `Unsuitable` where jobs cannot be submitted, or cannot run items."""
-        from stlbench_executors.submitit_job import Chunk, Desk, run_chunk
+        from stlbench_executors.submitit_job import Chunk, JobFolder, run_chunk
         from stlbench_executors.submitit_run import SubmititRun, beating, ended_by_signals
         from stlbench_executors.worker import installed
 
-        order, folder = Order(function, items, deadlines), (self.folder / uuid.uuid4().hex[:12]).absolute()
-        if len(order) == 0:
+        work, folder = WorkItems(function, items, deadlines), (self.folder / uuid.uuid4().hex[:12]).absolute()
+        if len(work) == 0:
             return
-        desk, versions = Desk(folder / "ended"), installed()
+        job_folder, versions = JobFolder(folder / "ended"), installed()
 
         def chunk(indices: Sequence[int]) -> Chunk:
-            tasks = tuple((index, order.task(index)) for index in indices)
-            return Chunk(desk, tasks, self.memory, order.prepare, versions)
+            tasks = tuple((index, work.task(index)) for index in indices)
+            return Chunk(job_folder, tasks, self.memory, work.prepare, versions)
 
         def submit(chunks: Sequence[Chunk]) -> Sequence[Job[Any]]:
             deadlines = max(([task.deadline for _, task in chunk.tasks] for chunk in chunks), key=sum)
@@ -105,11 +105,11 @@ class SubmititExecutor(Executor):
                 raise Unsuitable(f"jobs cannot be submitted: {cause(error)}") from error
 
         queued = ARRAY if self.cluster == "slurm" else self.jobs
-        running = SubmititRun(order, desk, chunk, submit, self._states, self.size, self.jobs, queued)
+        running = SubmititRun(work, job_folder, chunk, submit, self._states, self.size, self.jobs, queued)
         with ended_by_signals():
             try:
-                desk.folder.mkdir(parents=True, mode=0o700)
-                with beating(desk):
+                job_folder.folder.mkdir(parents=True, mode=0o700)
+                with beating(job_folder):
                     yield from running.outcomes()
             finally:
                 self._cancel(folder, running.jobs)
@@ -126,7 +126,7 @@ class SubmititExecutor(Executor):
             jobs = submitit.LocalExecutor(folder)
             jobs.update_parameters(timeout_min=minutes_for(deadlines))
             return jobs
-        memory = {} if self.memory is None else {"mem": f"{(self.memory + BESIDE) // 2**20}M"}
+        memory = {} if self.memory is None else {"mem": f"{(self.memory + OVERHEAD) // 2**20}M"}
         slurm = submitit.SlurmExecutor(folder)
         slurm.update_parameters(
             job_name=JOB_NAME,
@@ -146,7 +146,6 @@ class SubmititExecutor(Executor):
         return states([job.job_id for job in jobs], JOB_NAME)
 
     def _cancel(self, folder: Path, jobs: Collection[Job[Any]]) -> None:
-        """Of an array all jobs by one call."""
         from submitit import SlurmJob
 
         if self.cluster == "local":

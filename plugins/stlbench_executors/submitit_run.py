@@ -19,33 +19,31 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from stlbench.contract import Outcome, Unsuitable
-from stlbench_executors.keeper import Ended
-from stlbench_executors.slot import GRACE_SECONDS, START_SECONDS
-from stlbench_executors.submitit_job import OFFERS, Chunk, Desk, lost
-from stlbench_executors.worker import Order, outcome_of
+from stlbench_executors.pool import GRACE_SECONDS, START_SECONDS
+from stlbench_executors.submitit_job import OFFERS, Chunk, JobFolder, lost
+from stlbench_executors.supervisor import Ended
+from stlbench_executors.worker import WorkItems, outcome_of
 
 if TYPE_CHECKING:
     from submitit import Job
 
 GONE = "GONE"
-"""Our word for a job that neither `squeue` nor `sacct` knows."""
+"""Our name for the state of a job that neither `squeue` nor `sacct` knows."""
 
 LOST = ("NODE_FAIL", "BOOT_FAIL", "PREEMPTED", "REVOKED", "INTERRUPTED", GONE)
-"""The job did nothing wrong. INTERRUPTED is a state of submitit's own jobs on this machine."""
+"""States of jobs that ended through no fault of theirs. INTERRUPTED comes from submitit's jobs on this machine."""
 
 LATE = ("TIMEOUT", "DEADLINE")
-"""The job took too long."""
+"""States of jobs that took too long."""
 
 OVER = (*LOST, *LATE, "CANCELLED", "COMPLETED", "FAILED", "OUT_OF_MEMORY", "FINISHED")
-"""The job has ended. In every other state it waits, runs, or will run again by itself."""
+"""States of jobs that have ended. In every other state a job waits, runs, or will run again by itself."""
 
 _ANSWER_SECONDS = 60.0
 
 
 def states(jobs: Collection[str], name: str) -> dict[str, str]:
-    """The state of each job, such as "RUNNING"; `GONE` for one that Slurm does not know.
-
-    Empty where Slurm does not answer: nothing is known then.
+    """The state of each job, such as "RUNNING"; `GONE` for an unknown job; empty if Slurm does not answer.
 
     Args:
         jobs: the numbers, such as "17" or "17_3" of an array.
@@ -55,14 +53,14 @@ def states(jobs: Collection[str], name: str) -> dict[str, str]:
                  "--format=%i|%T")  # fmt: skip
     if lines is None:
         return {}
-    found = _parsed(lines)
-    if missing := [job for job in jobs if job not in found]:
+    states = _parsed(lines)
+    if missing := [job for job in jobs if job not in states]:
         arrays = ",".join(sorted({job.partition("_")[0] for job in missing}))
-        found |= _parsed(
+        states |= _parsed(
             _ask("sacct", "--noheader", "--array", "--allocations", "--parsable2", "--format=JobID,State", "-j", arrays)
             or []
         )
-    return {job: found.get(job, GONE) for job in jobs}
+    return {job: states.get(job, GONE) for job in jobs}
 
 
 def _parsed(lines: list[str]) -> dict[str, str]:
@@ -72,7 +70,7 @@ def _parsed(lines: list[str]) -> dict[str, str]:
 
 
 def _ask(*command: str) -> list[str] | None:
-    """The lines of the answer; None where there is none."""
+    """The lines of the answer; None if there is none."""
     try:
         done = subprocess.run(  # noqa: S603 - our own words, and the numbers of our jobs
             command, capture_output=True, text=True, timeout=_ANSWER_SECONDS, check=True
@@ -82,20 +80,20 @@ def _ask(*command: str) -> list[str] | None:
     return done.stdout.splitlines()
 
 
-LOOK_SECONDS = 0.5
-"""How often it is looked at what has ended."""
+CHECK_SECONDS = 0.5
+"""Between two checks for items that have ended."""
 
 STATE_SECONDS = 10.0
-"""How often the states of jobs are asked for."""
+"""Between two queries of the states of jobs."""
 
 BEAT_SECONDS = 10.0
-"""How often the run tells its jobs that it is there."""
+"""Between two signs of life for the jobs."""
 
 LAG_SECONDS = 15.0
-"""So much later than the end of a job a shared disk may show what it wrote."""
+"""A shared disk may show the files of a job so long after its end."""
 
 STARTS = 5
-"""In so many jobs an item is that no job has begun."""
+"""Jobs that are submitted for an item which none of them has begun."""
 
 
 def minutes_for(deadlines: Sequence[float]) -> int:
@@ -105,10 +103,7 @@ def minutes_for(deadlines: Sequence[float]) -> int:
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """End in order, so that jobs are cancelled, where this process is told to end or its terminal is closed.
-
-    Only the main thread can say so; elsewhere nothing changes.
-    """
+    """Turn SIGTERM and SIGHUP into `SystemExit`, so that jobs are cancelled. Only the main thread can do so."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -128,16 +123,16 @@ def ended_by_signals() -> Iterator[None]:
 
 
 @contextmanager
-def beating(desk: Desk) -> Iterator[None]:
-    """Tell the jobs all the time that the run is there, however long the caller takes for an outcome."""
+def beating(job_folder: JobFolder) -> Iterator[None]:
+    """Show the jobs all the time that the run is there, however long the caller takes for an outcome."""
     over = threading.Event()
 
     def beat() -> None:
         while not over.wait(BEAT_SECONDS):
             with suppress(OSError):
-                desk.beat()
+                job_folder.beat()
 
-    desk.beat()
+    job_folder.beat()
     thread = threading.Thread(target=beat, daemon=True)
     thread.start()
     try:
@@ -148,14 +143,14 @@ def beating(desk: Desk) -> Iterator[None]:
 
 
 class SubmititRun:
-    """What is to be run, the jobs there are, and what has ended.
+    """Items that wait, that jobs have, and that have ended.
 
     Args:
-        order: the items.
-        desk: where jobs say how items ended.
-        chunk: makes what a job is given of the numbers of its items.
+        items: the items.
+        job_folder: where jobs say how items ended.
+        chunk: makes the content of a job from the indices of its items.
         submit: submits such chunks, as one array.
-        states: the state of each job by its number (`slurm_states`), of those of which anything is known.
+        states: the states of jobs by their numbers, as far as they are known.
         size: items of a job.
         most: jobs at a time.
         queued: jobs of an array, at most.
@@ -163,8 +158,8 @@ class SubmititRun:
 
     def __init__(
         self,
-        order: Order,
-        desk: Desk,
+        items: WorkItems,
+        job_folder: JobFolder,
         chunk: Callable[[Sequence[int]], Chunk],
         submit: Callable[[Sequence[Chunk]], Sequence[Job[Any]]],
         states: Callable[[Collection[Job[Any]]], Mapping[str, str]],
@@ -172,30 +167,27 @@ class SubmititRun:
         most: int,
         queued: int,
     ) -> None:
-        self._order, self._desk, self._chunk, self._submit = order, desk, chunk, submit
+        self._items, self._job_folder, self._chunk, self._submit = items, job_folder, chunk, submit
         self._states = states
         self._size, self._most, self._queued = size, most, queued
-        self._waiting, self._left = deque(range(len(order))), set(range(len(order)))
-        self._offers = [0] * len(order)
+        self._waiting, self._left = deque(range(len(items))), set(range(len(items)))
+        self._offers = [0] * len(items)
         self._jobs: dict[Job[Any], list[int]] = {}
         self._ended: dict[Job[Any], float] = {}
         self._next_states, self._over = 0.0, deque[Outcome]()
 
     def outcomes(self) -> Generator[Outcome]:
-        """One for each item, as they end. Raises `Unsuitable` where jobs cannot run them."""
+        """One for each item, as they end. Raises `Unsuitable` if jobs cannot run them."""
         while self._left:
             self._send()
             self._collect()
             if time.monotonic() >= self._next_states:
-                self._look()
+                self._check()
                 self._next_states = time.monotonic() + min(STATE_SECONDS, LAG_SECONDS)
-            yield from self._told()
+            while self._over:
+                yield self._over.popleft()
             if self._left:
-                time.sleep(LOOK_SECONDS)
-
-    def _told(self) -> Generator[Outcome]:
-        while self._over:
-            yield self._over.popleft()
+                time.sleep(CHECK_SECONDS)
 
     @property
     def jobs(self) -> Collection[Job[Any]]:
@@ -216,25 +208,24 @@ class SubmititRun:
         self._jobs |= dict(zip(jobs, chunks, strict=True))
 
     def _collect(self) -> None:
-        if problem := self._desk.refusal():
+        if problem := self._job_folder.refusal():
             raise Unsuitable(f"jobs cannot run items of this run: {problem}")
-        ended = self._desk.ended()
+        ended = self._job_folder.ended()
         for index in ended:
-            said = self._desk.take(index)
-            self._end(index, said)
+            self._end(index, self._job_folder.take(index))
         if ended:
             self._jobs = {job: indices for job, indices in self._jobs.items() if not self._left.isdisjoint(indices)}
 
-    def _end(self, index: int, said: Ended) -> None:
+    def _end(self, index: int, ended: Ended) -> None:
         if index in self._left:  # else of a job that was thought lost
             self._left.remove(index)
-            self._over.append(outcome_of(index, said))
+            self._over.append(outcome_of(index, ended))
 
-    def _look(self) -> None:
-        """Jobs that are over, with items of which nothing has come for a while."""
+    def _check(self) -> None:
+        """Find jobs that have ended without the ends of all their items."""
         now, known = time.monotonic(), self._states(self._jobs)
         over = {job: known[job.job_id] for job in self._jobs if known.get(job.job_id) in OVER}
-        # Slurm starts some jobs again by itself, so that one that was over may wait or run the next time
+        # a job that has ended may wait or run the next time, since Slurm restarts some
         self._ended = {job: self._ended.get(job, now) for job in over}
         for job, state in over.items():
             if now - self._ended[job] >= LAG_SECONDS:
@@ -243,8 +234,8 @@ class SubmititRun:
                     self._settle(index, job, state)
 
     def _settle(self, index: int, job: Job[Any], state: str) -> None:
-        """What becomes of an item whose job has ended before it did."""
-        begun = self._desk.has_begun(index)
+        """Submit an item again, or record its end, after its job has ended before it."""
+        begun = self._job_folder.has_begun(index)
         if state == GONE and not begun:
             state = "CANCELLED"  # `squeue` forgets at once a job of an array that is cancelled while it waits
         if state in LOST or (not begun and state in (*LATE, "OUT_OF_MEMORY")):
@@ -252,7 +243,7 @@ class SubmititRun:
                 self._waiting.appendleft(index)
             else:
                 self._end(index, lost())
-        elif begun or state == "CANCELLED" or len(self._left) < len(self._order):
+        elif begun or state == "CANCELLED" or len(self._left) < len(self._items):
             reason = f"its job {job.job_id} ended before it: {state}"
             self._end(index, Ended("timeout" if state in LATE else "killed", reason=reason))
         else:

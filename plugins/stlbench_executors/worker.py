@@ -1,4 +1,4 @@
-"""Items on a worker of another engine: what it is sent, its slots, and what is installed there."""
+"""Items for workers of any engine: the items, the pool that runs them on a worker, and the versions there."""
 
 from __future__ import annotations
 
@@ -9,83 +9,70 @@ import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from importlib.metadata import distributions
 from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
 from stlbench.contract import Outcome, Work, cause
-from stlbench_executors import slot as slots
-from stlbench_executors.cell import Answer
-from stlbench_executors.keeper import Ended, Task
-from stlbench_executors.slot import UNTAKEN, Site, Slot
+from stlbench_executors.item_process import Answer
+from stlbench_executors.pool import STOP_SECONDS, UNTAKEN, Pool, Slot
+from stlbench_executors.supervisor import Ended, Task
 
-LOOK_SECONDS = 0.5
-"""How often it is asked whether an item is still wanted."""
+CHECK_SECONDS = 0.5
+"""Between two checks whether an item is still wanted."""
 
 
-class Crew:
-    """Slots for so many threads, which run items in processes of their own as the executor `local` does.
-
-    Args:
-        memory: bytes that the processes of one item may take together.
-        prepare: pickled: what to call once, before the first item.
-        size: how many items run at the same time, at most.
-    """
+class WorkerPool(Pool):
+    """A pool for threads: each runs one item at a time, in a process of its own as the executor `local` does."""
 
     def __init__(self, memory: int, prepare: bytes, size: int) -> None:
-        site = Site(memory, prepare)
-        self._slots = [Slot(site) for _ in range(size)]
-        self._free = list(self._slots)
+        super().__init__(memory, prepare, size)
+        self._free = list(self.slots)
         self._change = threading.Condition()
-        self._is_over = self._has_started = False
+        self._is_closed = self._has_started = False
 
     def run(self, task: Task, is_wanted: Callable[[], bool] = lambda: True) -> Ended:
-        """How the item ended. One that nobody wants any more is ended; `is_wanted` is asked every half second."""
-        slot = self._taken()
+        """Wait for a free slot and run an item there; end it when `is_wanted`, called twice a second, says no."""
+        with self._change:
+            if not self._has_started:
+                self.start(self.slots)
+                self._has_started = True
+            self._change.wait_for(lambda: bool(self._free))
+            slot = self._free.pop()
         try:
-            return _ended(slot, task, lambda: not self._is_over and is_wanted())
+            return self._run_in(slot, task, is_wanted)
         finally:
             with self._change:
                 self._free.append(slot)
                 self._change.notify_all()
 
-    def _taken(self) -> Slot:
-        with self._change:
-            if not self._has_started:
-                slots.start(self._slots)
-                self._has_started = True
-            self._change.wait_for(lambda: bool(self._free))
-            return self._free.pop()
+    def _run_in(self, slot: Slot, task: Task, is_wanted: Callable[[], bool]) -> Ended:
+        if slot.link is None:
+            self.start([slot])
+        is_taken = False
+        while slot.link is not None:
+            if not is_taken and slot.is_idle:
+                is_taken = slot.take(task)
+                continue
+            if connection.wait([slot.link], timeout=CHECK_SECONDS) and (ended := slot.receive()) is not None:
+                return ended
+            slot.check()
+            if self._is_closed or not is_wanted():
+                slot.stop()
+                slot.wait(time.monotonic() + STOP_SECONDS)
+                return Ended("killed", reason="it was not wanted any more")
+        return Ended("killed", reason=UNTAKEN)
 
     def close(self) -> None:
         """End what runs, and all processes that were started."""
         with self._change:
-            self._is_over = True
-            self._change.wait_for(lambda: len(self._free) == len(self._slots), timeout=2 * slots.STOP_SECONDS)
-        slots.stop(self._slots)
+            self._is_closed = True
+            self._change.wait_for(lambda: len(self._free) == len(self.slots), timeout=2 * STOP_SECONDS)
+        self.stop()
 
 
-def _ended(slot: Slot, task: Task, is_wanted: Callable[[], bool]) -> Ended:
-    if slot.link is None:
-        slots.start([slot])
-    is_taken = False
-    while slot.link is not None:
-        if not is_taken and slot.is_idle:
-            is_taken = slot.take(task)
-            continue
-        if connection.wait([slot.link], timeout=LOOK_SECONDS) and (ended := slot.heard()) is not None:
-            return ended
-        slot.look()
-        if not is_wanted():
-            slot.stop()
-            slot.wait(time.monotonic() + slots.STOP_SECONDS)
-            return Ended("killed", reason="it was not wanted any more")
-    return Ended("killed", reason=UNTAKEN)
-
-
-class Order:
+class WorkItems:
     """The arguments of `Executor.run`, checked.
 
     Raises:
@@ -103,49 +90,41 @@ class Order:
 
     @property
     def prepare(self) -> bytes:
-        """Pickled: what many items need (`Work.prepare`)."""
+        """Pickled (`Work.prepare`)."""
         return pickle.dumps(self.work.prepare)
 
     def task(self, index: int) -> Task:
-        """What the keeper of an item is given."""
         item = self._items[index]
         log = None if self.work.log is None else Path(self.work.log(item)).absolute()
         facts = b"" if self.work.facts is None else pickle.dumps(self.work.facts)
         return Task(pickle.dumps((self.work.function, item)), self.deadlines[index], log, facts)
 
 
-def outcome_of(index: int, said: Ended) -> Outcome:
-    """How an item ended, for the harness."""
-    return replace(_outcome_of(index, said), facts=said.facts or {})
-
-
-def _outcome_of(index: int, said: Ended) -> Outcome:
-    if said.status != "answered":
-        return Outcome(index, said.status, reason=said.reason)
+def outcome_of(index: int, ended: Ended) -> Outcome:
+    facts = ended.facts or {}
+    if ended.status != "answered":
+        return Outcome(index, ended.status, reason=ended.reason, facts=facts)
     try:
-        answer = Answer(*pickle.loads(said.answer))  # noqa: S301 - from our own process
+        answer = Answer(*pickle.loads(ended.answer))  # noqa: S301 - from our own process
         if answer.reason:
-            return Outcome(index, "raised", reason=answer.reason, details=answer.details)
-        return Outcome(index, "done", pickle.loads(answer.value))  # noqa: S301 - as above
+            return Outcome(index, "raised", reason=answer.reason, details=answer.details, facts=facts)
+        return Outcome(index, "done", pickle.loads(answer.value), facts=facts)  # noqa: S301 - as above
     except Exception as error:
-        return Outcome(index, "raised", reason=cause(error), details=traceback.format_exc())
-
-
-PYTHON = "Python"
+        return Outcome(index, "raised", reason=cause(error), details=traceback.format_exc(), facts=facts)
 
 
 def installed() -> dict[str, str]:
-    """Versions: of Python without its last number, of stlbench, and of every distribution with a plugin for it."""
-    found = {PYTHON: ".".join(platform.python_version_tuple()[:2])}
+    """Versions of Python (without its last number), of stlbench, and of every distribution with a plugin for it."""
+    versions = {"Python": ".".join(platform.python_version_tuple()[:2])}
     for distribution in distributions():
         with suppress(Exception):  # one whose files are damaged has no plugin that could be used
             if "[stlbench." in (distribution.read_text("entry_points.txt") or ""):
-                found.setdefault(distribution.name, distribution.version)  # the first on the path counts
-    return found
+                versions.setdefault(distribution.name, distribution.version)  # the first on the path counts
+    return versions
 
 
 def difference(there: Mapping[str, str], here: Mapping[str, str]) -> str:
-    """What is not alike, for a person: "stlbench-rl is 1.2.0 there, and here 1.3.0"; empty where all is."""
+    """Each version that differs: "stlbench-rl is 1.2.0 there, and here 1.3.0"; empty if none does."""
     return "; ".join(
         f"{name} is {there.get(name, 'not installed')} there, and here {here.get(name, 'not installed')}"
         for name in sorted(there.keys() | here.keys())

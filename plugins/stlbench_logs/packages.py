@@ -1,4 +1,4 @@
-"""Whether the package that a log writes through is there."""
+"""The packages through which logs write."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from stlbench.contract import Unsuitable
 
 
 def require(package: str, extra: str) -> None:
-    """Raises `Unsuitable` where a package is not installed, with the extra of stlbench that brings it."""
-    found = find_spec(package)
-    if found is None or found.origin is None:  # a folder of that name is no package
+    """Raise `Unsuitable` if a package is not installed, with the extra of stlbench that installs it."""
+    spec = find_spec(package)
+    if spec is None or spec.origin is None:  # a folder of that name is no package
         raise Unsuitable(f'it needs the package {package}: pip install "stlbench-rl[{extra}]"')

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from stlbench_agents.actor_critic import Networks, Noise, Work, actor_gradient, critic_gradient, targets
+from stlbench_agents.actor_critic import Networks, Noise, TD3Buffers, actor_gradient, critic_gradient, targets
 from stlbench_agents.layers import size_of
 from stlbench_agents.replay import Batch
 
@@ -34,7 +34,7 @@ class Case(NamedTuple):
     critics: Floats
     batch: Batch
     normal: Floats
-    work: Work
+    work: TD3Buffers
 
 
 def case(net_arch: tuple[int, ...], axes: int, dtype: Any = np.float64, seed: int = 0) -> Case:
@@ -50,7 +50,7 @@ def case(net_arch: tuple[int, ...], axes: int, dtype: Any = np.float64, seed: in
         normal(ROWS, INPUTS),
         generator.choice(np.array([0.9, 0.5, 0.0], dtype), size=ROWS),
     )
-    work = Work.of(networks, ROWS, dtype)
+    work = TD3Buffers.of(networks, ROWS, dtype)
     for part in (*work.actor[:-1], *work.critic[:-1], *work[2:]):
         part[:] = np.nan
     flats = 0.4 * normal(size_of(networks.actor)), 0.4 * normal(size_of(networks.critics[1]))
@@ -125,6 +125,6 @@ def test_nothing_but_the_gradient_is_written() -> None:
 
 def test_a_workspace_of_another_batch_is_refused() -> None:
     of = case((12, 7), 2)
-    work = Work.of(of.networks, ROWS + 1, np.float64)
+    work = TD3Buffers.of(of.networks, ROWS + 1, np.float64)
     with pytest.raises(ValueError, match="made for a batch of another size"):
         targets(of.actor, of.critics, of.networks, of.batch, Noise(of.normal, 0.5, 0.6), WIDE, work)

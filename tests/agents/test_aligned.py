@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stlbench_agents.layers import Space, aligned, layout, zeros
+from stlbench_agents.layers import PassBuffers, aligned, layout, zeros
 from stlbench_agents.optimizer import Weights
 from stlbench_agents.replay import Batch
 
@@ -30,5 +30,5 @@ def test_a_copy_has_the_numbers_and_shares_no_memory() -> None:
 
 def test_what_an_update_writes_to_begins_there() -> None:
     layers = layout((5, 33, 17, 3))
-    written = *Weights.of(np.ones(11, np.float32)), *Batch.of(9, 5)[2:], *Space.of(layers, 9)[:4]
+    written = *Weights.of(np.ones(11, np.float32)), *Batch.of(9, 5)[2:], *PassBuffers.of(layers, 9)[:4]
     assert {array.ctypes.data % 64 for array in written} == {0}

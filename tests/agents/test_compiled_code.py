@@ -46,7 +46,7 @@ ONCE = """
 import sys
 from stlbench_agents.dqn import DQN
 from stlbench_agents import llvm_kernels, layers, engine, optimizer, replay, q_learner
-DQN(head="additive")._compile()
+DQN(head="additive").compile()
 for module in (llvm_kernels, layers, engine, optimizer, replay, q_learner):
     for name, function in vars(module).items():
         if hasattr(function, "py_func") and function.py_func.__module__ == module.__name__:

@@ -13,7 +13,7 @@ from helpers import plain_q
 from numba import njit
 from numpy.typing import NDArray
 
-from stlbench_agents.engine import Network, Workspace, additive_gradient, greedy_actions, joint_gradient
+from stlbench_agents.engine import Network, QBuffers, additive_gradient, greedy_actions, joint_gradient
 from stlbench_agents.optimizer import Weights, adam, blend, clipping, step
 from stlbench_agents.q_learner import GreedyPolicy, QNetwork
 from stlbench_agents.recipes import Head
@@ -85,16 +85,16 @@ def engine_of(shape: plain_q.Shape) -> Network:
     return QNetwork(*shape).engine
 
 
-def poisoned(network: Network, rows: int, dtype: Any) -> Workspace:
+def poisoned(network: Network, rows: int, dtype: Any) -> QBuffers:
     """A workspace of NaN, and of no action; only what is constant is as it should be."""
-    work = Workspace.of(network, rows, dtype)
-    for part in (*work.space[:-1], work.outputs, work.goal):
+    work = QBuffers.of(network, rows, dtype)
+    for part in (*work.passes[:-1], work.outputs, work.goal):
         part[:] = np.nan
     work.chosen[:] = -1
     return work
 
 
-def computed(of: Case, work: Workspace | None = None) -> Floats:
+def computed(of: Case, work: QBuffers | None = None) -> Floats:
     """The gradient, written over NaN."""
     dtype, into = of.online.dtype, np.full_like(of.online, np.nan)
     batch = Batch(of.observation, of.action, of.returns, of.arrived, of.discount)

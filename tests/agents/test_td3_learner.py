@@ -11,7 +11,7 @@ from helpers.plain_perceptron import perceptron
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionBox
-from stlbench_agents.actor_critic import Noise, Work, actor_gradient, critic_gradient, targets
+from stlbench_agents.actor_critic import Noise, TD3Buffers, actor_gradient, critic_gradient, targets
 from stlbench_agents.layers import views
 from stlbench_agents.replay import Batch, Replay
 from stlbench_agents.td3 import TD3
@@ -31,7 +31,7 @@ def learner(**parameters: Any) -> TD3Learner:
 
 def goals(made: TD3Learner, batch: Batch, normal: Floats) -> list[float]:
     """The targets of a batch of transitions."""
-    work = Work.of(made.networks, len(batch.returns))
+    work = TD3Buffers.of(made.networks, len(batch.returns))
     noise = Noise(normal.astype(np.float32), made.schedule.spread, made.schedule.limit)
     targets(made.actor.target, made.critics.target, made.networks, batch, noise, made.bounds, work)
     return [float(goal) for goal in work.goal]
@@ -128,7 +128,7 @@ def test_weights_move_as_with_torchs_adam() -> None:
     critics = torch.from_numpy(made.critics.online.copy()).requires_grad_()
     actor = torch.from_numpy(made.actor.online.copy()).requires_grad_()
     adams = torch.optim.Adam([critics], 0.01), torch.optim.Adam([actor], 0.01)
-    into, work = np.zeros_like(made.critics.online), Work.of(made.networks, 6)
+    into, work = np.zeros_like(made.critics.online), TD3Buffers.of(made.networks, 6)
     for row in range(2):
         batch = replay.batch(first[row])
         noise = Noise(normal[row], made.schedule.spread, made.schedule.limit)

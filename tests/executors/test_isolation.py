@@ -11,7 +11,7 @@ from executors.test_local import alive, outcomes, until
 from helpers import victims
 
 from stlbench.contract import Work
-from stlbench_executors import keeper
+from stlbench_executors import supervisor
 from stlbench_executors.local import LocalExecutor
 
 LEAKS = ("seterr", "chdir", "umask", "numpy", "time", "stlbench", "threads", "environment", "answer")
@@ -61,7 +61,7 @@ def test_an_item_that_turns_against_those_around_it_ends_alone(item, reason):
 
 
 def test_a_keeper_that_an_item_stops_is_replaced_after_a_while(monkeypatch):
-    monkeypatch.setattr("stlbench_executors.slot.GRACE_SECONDS", 0.5)
+    monkeypatch.setattr("stlbench_executors.pool.GRACE_SECONDS", 0.5)
     found = outcomes(victims.family, ["stop", "a"], deadline=1.0)
     assert (found[0].status, found[0].reason, found[1].value) == ("timeout", "no result after 1 s", "a")
 
@@ -95,8 +95,8 @@ def test_a_log_has_the_beginning_and_the_end_of_what_is_too_long(tmp_path):
     text = written(tmp_path, "much 100000")["much"]
     assert text.startswith("line         0\nline         1\n")
     assert text.endswith("line     99998\nline     99999\n")
-    assert f"... {100_000 * 15 - 2 * keeper.PART} bytes left out ..." in text
-    assert len(text) < 2 * keeper.PART + 100
+    assert f"... {100_000 * 15 - 2 * supervisor.PART} bytes left out ..." in text
+    assert len(text) < 2 * supervisor.PART + 100
 
 
 def test_what_many_items_need_is_prepared_once_in_another_process():

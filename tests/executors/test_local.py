@@ -82,13 +82,13 @@ def test_each_item_has_its_own_deadline():
     assert found == {0: "no result after 0.5 s", 1: "no result after 1.5 s"}
 
 
-def test_each_item_has_a_process_of_its_own_below_as_many_keepers_as_jobs():
+def test_each_item_has_a_process_of_its_own_below_as_many_supervisors_as_jobs():
     assert len({outcome.value for outcome in outcomes(victims.pid, range(5)).values()}) == 5
     assert len({outcome.value for outcome in outcomes(victims.slow_parent, range(6), jobs=2).values()}) == 2
     assert outcomes(victims.pid, [0])[0].value != os.getpid()
 
 
-def test_an_idle_keeper_that_is_killed_is_replaced():
+def test_an_idle_supervisor_that_is_killed_is_replaced():
     running = LocalExecutor(jobs=1).run(victims.slow_parent, range(2), [60.0, 60.0])
     first = next(running).value
     os.kill(first, signal.SIGKILL)
@@ -187,9 +187,9 @@ def test_no_worker_outlives_a_parent_that_is_interrupted_or_killed(tmp_path, sen
 
 
 UNABLE = """
-from stlbench_executors import local, slot
+from stlbench_executors import local, pool
 from helpers import victims
-slot.START_SECONDS = {seconds}
+pool.START_SECONDS = {seconds}
 for outcome in local.LocalExecutor(jobs=2).run(victims.pid, [0, 1, 2], [600.0] * 3):
     print(outcome.index, outcome.status, outcome.reason)
 """

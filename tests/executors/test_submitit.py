@@ -21,7 +21,7 @@ from stlbench.testing import Rules, check_executor
 pytest.importorskip("submitit", reason="the extra submitit is not installed")
 
 from stlbench_executors.submitit import SubmititExecutor
-from stlbench_executors.submitit_job import SILENCE_SECONDS, Desk
+from stlbench_executors.submitit_job import SILENCE_SECONDS, JobFolder
 from stlbench_executors.submitit_run import minutes_for
 
 pytestmark = pytest.mark.slow
@@ -155,27 +155,27 @@ def test_a_job_that_squeue_has_forgotten(
 
 
 def test_silence_is_measured_by_the_clock_of_the_disk(tmp_path: Path) -> None:
-    desk = Desk(tmp_path)
+    desk = JobFolder(tmp_path)
     desk.beat()
     assert 0 <= desk.silence() < SILENCE_SECONDS
     then = (tmp_path / "beat").stat().st_mtime - 1000
     os.utime(tmp_path / "beat", (then, then))
     assert desk.silence() >= 1000
-    assert Desk(tmp_path / "gone").silence() == float("inf")
+    assert JobFolder(tmp_path / "gone").silence() == float("inf")
 
 
 def test_a_job_ends_when_its_run_is_gone(tmp_path: Path) -> None:
-    """The process of an item is ended too: its keeper sees that the job's process has ended."""
+    """The process of an item is ended too: its supervisor sees that the job's process has ended."""
     program = (
         "import sys\nfrom pathlib import Path\nfrom helpers import victims\n"
-        "from stlbench_executors import submitit_job\nfrom stlbench_executors.worker import Order\n"
+        "from stlbench_executors import submitit_job\nfrom stlbench_executors.worker import WorkItems\n"
         "from stlbench_executors.worker import installed\n"
         "submitit_job.LISTEN_SECONDS = 0.1\n"
-        "order = Order(victims.leave_pid, [Path(sys.argv[1], 'a')], [600.0])\n"
-        "desk = submitit_job.Desk(Path(sys.argv[1], 'desk'))\n"
+        "order = WorkItems(victims.leave_pid, [Path(sys.argv[1], 'a')], [600.0])\n"
+        "desk = submitit_job.JobFolder(Path(sys.argv[1], 'desk'))\n"
         "submitit_job.run_chunk(submitit_job.Chunk(desk, ((0, order.task(0)),), 2**30, order.prepare, installed()))\n"
     )
-    desk, file = Desk(tmp_path / "desk"), tmp_path / "a"
+    desk, file = JobFolder(tmp_path / "desk"), tmp_path / "a"
     desk.folder.mkdir()
     desk.beat()
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}

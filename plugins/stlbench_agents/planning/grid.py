@@ -156,12 +156,10 @@ class Grid:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Points of each axis."""
         return tuple(map(len, self.axes))
 
     @cached_property
     def size(self) -> int:
-        """Points in all."""
         return int(np.prod(self.shape))
 
     @cached_property

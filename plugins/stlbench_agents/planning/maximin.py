@@ -61,7 +61,6 @@ class Stages:
 
     @property
     def count(self) -> int:
-        """Stages of all terms together."""
         return int(np.prod(self.sizes))
 
     @property

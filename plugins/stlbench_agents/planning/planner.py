@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from stlbench.contract import Agent, Model, StatePolicy, Training
-from stlbench_agents.compiled_code import is_ready, note_ready
+from stlbench.contract import Model, StatePolicy, Training
+from stlbench_agents.compiled_code import CompiledAgent
 from stlbench_agents.planning.grid import AxisRecipe
 from stlbench_agents.recipes import Count, Positive, Share, Whole
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _OnGrid(Agent):
+class _OnGrid(CompiledAgent):
     """Backward induction over time on a grid of the state."""
 
     grid: Mapping[str, AxisRecipe] = field(default_factory=dict)
@@ -39,19 +39,14 @@ class _OnGrid(Agent):
         training.report(policy, 0)
         return policy
 
-    def uncompiled(self) -> Callable[[], None] | None:
-        """The loops, where this machine has not compiled them."""
-        return None if is_ready("planning") else self._compile
+    @property
+    def compiled_part(self) -> str:
+        return "planning"
 
-    def preload(self) -> None:
-        """The same, from the disk."""
-        self._compile()
-
-    def _compile(self) -> None:
+    def compile(self) -> None:
         from stlbench_agents.planning.loops import compile_all
 
         compile_all()
-        note_ready("planning")
 
     @abstractmethod
     def _solve(self, model: Model, grid: Grid, actions: ActionSet) -> StatePolicy:

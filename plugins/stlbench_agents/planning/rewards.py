@@ -53,7 +53,6 @@ class Memories:
 
     @classmethod
     def none(cls) -> Memories:
-        """Of a method without memory."""
         return cls(np.empty((1, 0)))
 
     @classmethod

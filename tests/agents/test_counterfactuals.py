@@ -13,7 +13,7 @@ from stlbench.contract import RewardMethod, Training
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench_agents.dqn import DQN
 from stlbench_agents.q_learner import GreedyPolicy
-from stlbench_agents.training import Others
+from stlbench_agents.training import Counterfactuals
 
 TASK = line(hold=2)
 
@@ -33,10 +33,10 @@ def trained(method: RewardMethod, **recipe: int) -> tuple[bytes, int]:
 
 def test_they_follow_the_real_ones_with_the_same_actions() -> None:
     environment = BatchEnvironment(TASK, Latch(TASK.specification), 4, 3)
-    others, seen, action = Others(environment, 2, 7), environment.reset(), np.array([2, 1, 0, 2])
+    counterfactuals, seen, action = Counterfactuals(environment, 2, 7), environment.reset(), np.array([2, 1, 0, 2])
     transition = environment.step(action)
-    observation, actions, joined = others.beside(seen, action, transition)
-    assert others.copies == 12
+    observation, actions, joined = counterfactuals.added(seen, action, transition)
+    assert counterfactuals.copies == 12
     assert observation.shape == joined.arrived.shape == (12, 4)
     assert np.array_equal(observation[:4], seen)
     assert np.array_equal(joined.reward[:4], transition.reward)

@@ -1,7 +1,7 @@
-"""The process that watches over items: it forks one for each, and ends it with all that it started.
+"""The process that supervises items: it forks a process for each, and ends it with all that it started.
 
-It is forked from a process that has imported everything (`server`), so that the one of an item begins within
-milliseconds, with all modules loaded and nothing that another item has changed.
+It is forked from a process that has imported everything (`pool.Server`). So an item begins within milliseconds, and
+sees nothing that another item has changed.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import IO, Literal, NamedTuple
 
-from stlbench_executors import cell
-from stlbench_executors.cell import adopt, end_below, memory_below
+from stlbench_executors import item_process
+from stlbench_executors.item_process import adopt, end_below, memory_below
 from stlbench_executors.memory import text_of
 
-LOOK_SECONDS = 0.1
-"""How often, at most, it is looked at how much memory is taken."""
-LOOK_SHARE = 0.02
-"""Of a core, that looking may take."""
+CHECK_SECONDS = 0.1
+"""Between two measurements of memory, at least."""
+CHECK_SHARE = 0.02
+"""The share of a core that these measurements may take."""
 
 
 class Task(NamedTuple):
@@ -40,7 +40,7 @@ class Task(NamedTuple):
     log: Path | None
     """File for what it writes to standard output and error."""
     facts: bytes = b""
-    """Pickled: what says where it runs; nothing where nobody asks."""
+    """Pickled: a function that describes where the item runs; empty if the harness does not want it."""
 
 
 class Ended(NamedTuple):
@@ -48,17 +48,17 @@ class Ended(NamedTuple):
 
     status: Literal["answered", "timeout", "killed"]
     answer: bytes = b""
-    """Pickled: a `cell.Answer`, where it answered."""
+    """Pickled: a `item_process.Answer`, where it answered."""
     reason: str = ""
     facts: Mapping[str, str] | None = None
-    """What was said of where it ran; None where that is not known."""
+    """Where it ran; None if that is not known."""
 
 
 class _Closed(Exception):
     """The harness wants no more, or has ended."""
 
 
-def keep(link: Connection, limit: int) -> None:
+def supervise(link: Connection, limit: int) -> None:
     """Run items, one after the other, until the other end of the link says None or is closed.
 
     Args:
@@ -73,8 +73,8 @@ def keep(link: Connection, limit: int) -> None:
 
 
 @cache
-def _facts(said: bytes) -> dict[str, str]:
-    return dict(pickle.loads(said)()) if said else {}  # noqa: S301 - from our own parent
+def _facts(function: bytes) -> dict[str, str]:
+    return dict(pickle.loads(function)()) if function else {}  # noqa: S301 - from our own parent
 
 
 def _run(task: Task, link: Connection, limit: int) -> Ended:
@@ -84,7 +84,7 @@ def _run(task: Task, link: Connection, limit: int) -> Ended:
             link.close()
             _become_cell(task, answer, log)
         try:
-            return _Watch(process, task, link, log, limit).ended(answer)
+            return _Watcher(process, task, link, log, limit).ended(answer)
         finally:
             end_below(process)
 
@@ -92,20 +92,20 @@ def _run(task: Task, link: Connection, limit: int) -> Ended:
 def _become_cell(task: Task, answer: IO[bytes], log: Log | None) -> None:
     """Never returns."""
     try:
-        cell.run(task.work, os.getppid(), answer.fileno(), log.writing if log else None)
+        item_process.run(task.work, os.getppid(), answer.fileno(), log.writing if log else None)
     except BaseException:
         traceback.print_exc()
     finally:
         os._exit(1)
 
 
-class _Watch:
-    """What is looked at while an item runs: its process, its output, the link, the clock and the memory."""
+class _Watcher:
+    """Waits for the end of an item, and watches its output, the link, the clock and the memory."""
 
     def __init__(self, process: int, task: Task, link: Connection, log: Log | None, limit: int) -> None:
         self._process, self._task, self._link, self._log, self._limit = process, task, link, log, limit
         self._end = time.monotonic() + task.deadline
-        self._look = time.monotonic() + LOOK_SECONDS
+        self._next_check = time.monotonic() + CHECK_SECONDS
         self._exit: int | None = None
         self._selector = selectors.DefaultSelector()
         self._selector.register(link, selectors.EVENT_READ)
@@ -124,8 +124,10 @@ class _Watch:
                     )
                 self._wait()
         answer.seek(0)
-        said = answer.read()
-        return Ended("answered", said) if said and self._exit == 0 else Ended("killed", reason=_death(self._exit or 0))
+        content = answer.read()
+        if content and self._exit == 0:
+            return Ended("answered", content)
+        return Ended("killed", reason=_death(self._exit or 0))
 
     def _has_ended(self) -> bool:
         ended, status = os.waitpid(self._process, os.WNOHANG)
@@ -134,7 +136,7 @@ class _Watch:
         return bool(ended)
 
     def _wait(self) -> None:
-        until = min(self._end, self._look) - time.monotonic()
+        until = min(self._end, self._next_check) - time.monotonic()
         for key, _ in self._selector.select(max(0.0, until)):
             if key.fileobj is self._link:
                 raise _Closed
@@ -142,20 +144,22 @@ class _Watch:
                 self._selector.unregister(key.fileobj)
 
     def _excess(self) -> int:
-        """Bytes of memory that are taken, where they are more than the limit; else 0."""
+        """Bytes of memory in use if they exceed the limit, else 0."""
         now = time.monotonic()
-        if now < self._look:
+        if now < self._next_check:
             return 0
         begin = time.process_time()
         used = memory_below(self._limit)
-        self._look = now + max(LOOK_SECONDS, (time.process_time() - begin) / LOOK_SHARE)
+        self._next_check = now + max(CHECK_SECONDS, (time.process_time() - begin) / CHECK_SHARE)
         return used if used > self._limit else 0
 
 
 @contextmanager
 def _notice_of(process: int, selector: selectors.BaseSelector) -> Iterator[None]:
-    """The selector wakes when a process ends, and not only when the pipes of all that have inherited them do. Where the
-    system has no such thing, its end is seen at the next look."""
+    """Wake the selector when a process ends, even if another one has inherited its pipes.
+
+    Where the system cannot do so, the end of the process is noticed at the next check.
+    """
     try:
         descriptor = os.pidfd_open(process)
     except (AttributeError, OSError):
@@ -178,7 +182,7 @@ def _death(code: int) -> str:
 
 
 PART = 64 * 1024
-"""Bytes that are kept of the beginning, and as many of the end."""
+"""Bytes of the beginning that a log contains, and as many of the end."""
 
 
 class Log:
@@ -197,7 +201,7 @@ class Log:
                 path.unlink(missing_ok=True)
 
     def take(self) -> bool:
-        """Read what is there; False where nothing will come any more."""
+        """Read what is there; False once the pipe is closed."""
         for _ in range(64):  # not for ever, where a cell writes faster
             try:
                 data = os.read(self.reading, PART)
@@ -205,11 +209,11 @@ class Log:
                 return True
             if not data:
                 return False
-            self._keep(data)
+            self._append(data)
         return True
 
     def close(self) -> None:
-        """Write the end of what was written, and how much lies between it and the beginning."""
+        """Write the end, and before it how many bytes were left out."""
         os.close(self.writing)
         self.take()
         os.close(self.reading)
@@ -218,7 +222,7 @@ class Log:
             self._write(f"\n... {left_out} bytes left out ...\n".encode())
         self._write(bytes(self._tail))
 
-    def _keep(self, data: bytes) -> None:
+    def _append(self, data: bytes) -> None:
         room = max(0, PART - self._length)
         self._length += len(data)
         self._write(data[:room])

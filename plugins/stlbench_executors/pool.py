@@ -1,6 +1,6 @@
-"""Slots, in which the items of a run are executed one after the other, and the server that forks their keepers.
+"""A pool of slots, which run items one after the other, and the server that forks a supervisor for each slot.
 
-The server imports everything once. A keeper is forked from it for each slot, and forks a process for each item.
+The server imports everything once. A supervisor forks a process for each item.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import sys
 import threading
 import time
 import weakref
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import Pipe, resource_tracker
 from multiprocessing.connection import Connection
@@ -25,15 +25,15 @@ from typing import Any
 
 import psutil
 
-from stlbench_executors.cell import adopt, end_strays
-from stlbench_executors.keeper import Ended, Task, keep
+from stlbench_executors.item_process import adopt, end_strays
+from stlbench_executors.supervisor import Ended, Task, supervise
 
 
 class Server(SpawnProcess):
     """A fresh interpreter, which does not run the user's script again, as a spawned one does.
 
     Args:
-        links: the far end of the link to each keeper.
+        links: the far end of the link to each supervisor.
         limit: bytes of memory that the processes of an item may take together.
         prepare: pickled: what to call before the first item. What it raises is passed over: an item meets it again.
     """
@@ -57,19 +57,19 @@ def _serve(links: Sequence[Connection], limit: int, prepare: bytes) -> None:
     with suppress(BaseException):
         pickle.loads(prepare)()  # noqa: S301 - from our own parent
     if psutil.Process().num_threads() > 1:
-        os._exit(1)  # a fork would copy locks that nobody lets go of; the next server prepares nothing
+        os._exit(1)  # a fork would copy locks that no thread releases; the next server prepares nothing
     gc.collect()
-    gc.freeze()  # what is never looked at by a garbage collection stays shared with all that is forked
-    keepers = {_forked(link, links, limit) for link in links}
+    gc.freeze()  # memory that no garbage collection visits stays shared with all forks
+    supervisors = {_forked(link, links, limit) for link in links}
     for link in links:
         link.close()
-    while keepers:
-        keepers.discard(os.wait()[0])
-        end_strays(keepers)
+    while supervisors:
+        supervisors.discard(os.wait()[0])
+        end_strays(supervisors)
 
 
 def _forked(own: Connection, links: Sequence[Connection], limit: int) -> int:
-    """The number of a keeper, in whose process this never returns."""
+    """The process number of a supervisor. In its own process this never returns."""
     process = os.fork()
     if process:
         return process
@@ -77,7 +77,7 @@ def _forked(own: Connection, links: Sequence[Connection], limit: int) -> int:
         for link in links:
             if link is not own:
                 link.close()
-        keep(own, limit)
+        supervise(own, limit)
     finally:
         os._exit(0)
 
@@ -89,68 +89,48 @@ if not hasattr(signal, "pthread_sigmask"):
     raise ImportError("stopping workers needs POSIX signals: Linux, macOS, or WSL on Windows")
 
 START_SECONDS = 120.0
-"""A server whose keepers have not said that they are there by then is replaced."""
+"""A server whose supervisors have not reported by then is replaced."""
 
-LOOK_SECONDS = 2.0
-"""How often, at most, it is looked at whether a slot is stuck."""
+CHECK_SECONDS = 2.0
+"""Between two checks whether a slot is stuck, at most."""
 
 STARTS = 3
-"""How many servers are started in place of one that ends or hangs before its keepers are there."""
+"""How many servers are started in place of one that ends or hangs before its supervisors are there."""
 
 UNTAKEN = f"{STARTS} worker processes, one after the other, ended or hung before they took it"
-"""Of an item for which no slot has a keeper any more."""
+"""Of an item for which no slot has a supervisor any more."""
 
 GRACE_SECONDS = 30.0
-"""A keeper that says nothing so long after the deadline of its item is killed."""
+"""A supervisor that is silent so long after the deadline of its item is killed."""
 
 STOP_SECONDS = 10.0
-"""The longest that keepers are waited for that were told to end what runs."""
-
-
-class Site:
-    """What slots have in common.
-
-    Args:
-        memory: bytes that the processes of one item may take together.
-        prepare: pickled: what to call before the first item, in the process from which those of items are forked.
-    """
-
-    def __init__(self, memory: int, prepare: bytes) -> None:
-        self.memory, self.prepare = memory, prepare
-        self.servers = list[Server]()
+"""Supervisors may take so long to end what runs."""
 
 
 class Slot:
-    """One keeper after the other, and the item that the present one has."""
+    """One supervisor after the other, and the item that the present one has."""
 
-    def __init__(self, site: Site) -> None:
+    def __init__(self, pool: Pool) -> None:
         self.link: Connection | None = None
         self.server: Server | None = None
-        self.site = site
-        self._keeper, self._starts = 0, 0
+        self._pool = pool
+        self._supervisor, self._starts = 0, 0
         self._task: Task | None = None
-        _SLOTS.add(self)
-
-    @property
-    def is_busy(self) -> bool:
-        """It has an item."""
-        return self._task is not None
 
     @property
     def is_idle(self) -> bool:
-        """Its keeper waits for an item."""
-        return self.link is not None and self._keeper > 0 and not self.is_busy
+        """Its supervisor waits for an item."""
+        return self.link is not None and self._supervisor > 0 and self._task is None
 
     def begin(self) -> tuple[Connection, bytes]:
-        """Expect a keeper: the far end of the link to it, and what is to be prepared; nothing, where that ended a
-        server before."""
+        """Make a link for a new supervisor: its far end, and what to prepare (nothing if that ended a server)."""
         self.link, far = Pipe()
-        self._keeper, self._since = 0, time.monotonic()
+        self._supervisor, self._since = 0, time.monotonic()
         self._starts += 1
-        return far, self.site.prepare if self._starts == 1 else b""
+        return far, self._pool.prepare if self._starts == 1 else b""
 
     def take(self, task: Task) -> bool:
-        """Give the item to the keeper; False where that has ended meanwhile."""
+        """Give the item to the supervisor; False if it has ended meanwhile."""
         assert self.link is not None
         try:
             self.link.send(task)
@@ -160,22 +140,22 @@ class Slot:
         self._task, self._since = task, time.monotonic()
         return True
 
-    def heard(self) -> Ended | None:
-        """What the keeper says: that it is there, or how its item ended."""
+    def receive(self) -> Ended | None:
+        """Read the supervisor's message: None for its process number, else how its item ended."""
         assert self.link is not None
         try:
-            said = self.link.recv()
+            message = self.link.recv()
         except (EOFError, OSError):
             return self._lost()
-        if not self._keeper:
-            self._keeper, self._starts = said, 0
+        if not self._supervisor:
+            self._supervisor, self._starts = message, 0
             return None
         self._task = None
-        assert isinstance(said, Ended)
-        return said
+        assert isinstance(message, Ended)
+        return message
 
-    def look(self) -> None:
-        """Kill a keeper, or its server, that should have been heard long ago."""
+    def check(self) -> None:
+        """Kill a supervisor, or its server, whose message is long overdue."""
         if self.link is not None and time.monotonic() - self._since > self._patience:
             self.kill()
 
@@ -183,14 +163,14 @@ class Slot:
     def _patience(self) -> float:
         if self._task is not None:
             return self._task.deadline + GRACE_SECONDS
-        return math.inf if self._keeper else START_SECONDS
+        return math.inf if self._supervisor else START_SECONDS
 
     def _lost(self) -> Ended | None:
-        """The keeper has ended: how its item did, and another one, unless none has come for some time."""
+        """The supervisor has ended: how its item ended. Another one is started, up to `STARTS` times."""
         task, late = self._task, time.monotonic() - self._since > self._patience
         self.close()
         if self._starts < STARTS:
-            start([self])
+            self._pool.start([self])
         if task is None:
             return None
         if late:
@@ -198,70 +178,84 @@ class Slot:
         return Ended("killed", reason="the process that watched over it ended")
 
     def stop(self) -> None:
-        """Tell the keeper to end what runs."""
-        if self.link is not None and self._keeper:
+        """Tell the supervisor to end what runs."""
+        if self.link is not None and self._supervisor:
             with suppress(OSError):
                 self.link.send(None)
 
     def wait(self, end: float) -> None:
-        """Until it has, or the time comes at which it is killed; a server without keepers is killed at once."""
+        """Wait until it has, and kill it at the given time; a server without supervisors is killed at once."""
         if self.link is not None:
             with suppress(EOFError, OSError):
-                while self._keeper and self.link.poll(max(0.0, end - time.monotonic())):
+                while self._supervisor and self.link.poll(max(0.0, end - time.monotonic())):
                     self.link.recv()
                 self.kill()
         self.close()
 
     def kill(self) -> None:
-        """End the keeper, or the server where there is none yet, whatever it does."""
-        if self._keeper:
+        """Kill the supervisor, or the server where there is none yet."""
+        if self._supervisor:
             with suppress(ProcessLookupError):
-                os.kill(self._keeper, signal.SIGKILL)
+                os.kill(self._supervisor, signal.SIGKILL)
         elif self.server is not None:
             self.server.kill()
 
     def close(self) -> None:
-        """Let go of the link; a keeper that is there sees it and ends."""
+        """Close the link, upon which the supervisor ends."""
         if self.link is not None:
             self.link.close()
             self.link = self._task = None
 
 
-_SLOTS, _OWNER, _STARTING = weakref.WeakSet[Slot](), os.getpid(), threading.Lock()
+class Pool:
+    """Slots in which items run at the same time.
+
+    Args:
+        memory: bytes that the processes of one item may take together.
+        prepare: pickled: a function that the server calls before the first item.
+        size: the number of slots.
+    """
+
+    def __init__(self, memory: int, prepare: bytes, size: int) -> None:
+        self.memory, self.prepare = memory, prepare
+        self.slots = [Slot(self) for _ in range(size)]
+        self._servers = list[Server]()
+        _POOLS.add(self)
+
+    def start(self, slots: Sequence[Slot]) -> None:
+        """Start a server, and from it a supervisor for each of these slots."""
+        with _STARTING, _environment(ONE_THREAD):
+            begun = [slot.begin() for slot in slots]
+            server = Server([far for far, _ in begun], self.memory, begun[0][1])
+            with _blocked_interrupts():
+                server.start()
+            self._servers = [server, *(other for other in self._servers if other.is_alive())]
+            for slot, (far, _) in zip(slots, begun, strict=True):
+                slot.server = server
+                far.close()
+
+    def stop(self) -> None:
+        """End all that runs, and wait for it."""
+        end = time.monotonic() + STOP_SECONDS
+        for slot in self.slots:
+            slot.stop()
+        for slot in self.slots:
+            slot.wait(end)
+        for server in self._servers:
+            server.join(max(1.0, end - time.monotonic()))
+            server.kill()  # where it is still there
+            server.join()
 
 
-def start(slots: list[Slot]) -> None:
-    """A server, and from it a keeper for each of the slots, which are of one site."""
-    with _STARTING, _environment(ONE_THREAD):
-        begun = [slot.begin() for slot in slots]
-        site = slots[0].site
-        server = Server([far for far, _ in begun], site.memory, begun[0][1])
-        with _blocked_interrupts():
-            server.start()
-        site.servers = [server, *(other for other in site.servers if other.is_alive())]
-        for slot, (far, _) in zip(slots, begun, strict=True):
-            slot.server = server
-            far.close()
-
-
-def stop(slots: Iterable[Slot]) -> None:
-    """End all that runs, and wait for it."""
-    end, linked = time.monotonic() + STOP_SECONDS, list(slots)
-    for slot in linked:
-        slot.stop()
-    for slot in linked:
-        slot.wait(end)
-    for server in {server for slot in linked for server in slot.site.servers}:
-        server.join(max(1.0, end - time.monotonic()))
-        server.kill()  # where it is still there
-        server.join()
+_POOLS, _OWNER, _STARTING = weakref.WeakSet[Pool](), os.getpid(), threading.Lock()
 
 
 @atexit.register
 def _stop_all() -> None:
-    """Where the caller has not closed the iterator; otherwise multiprocessing would wait for servers for ever."""
+    """Where the caller has not closed the iterator, multiprocessing would wait for servers for ever."""
     if os.getpid() == _OWNER:  # a child that the caller has forked has nothing to stop
-        stop(_SLOTS)
+        for pool in _POOLS:
+            pool.stop()
 
 
 @contextmanager
@@ -281,7 +275,7 @@ def _environment(variables: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def _blocked_interrupts() -> Iterator[None]:
-    """What starts meanwhile never sees a ctrl-C, not even while Python starts up."""
+    """Processes that start meanwhile never receive a ctrl-C, not even while Python starts up."""
     resource_tracker.ensure_running()  # when a process start begins it, it unblocks the signals
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

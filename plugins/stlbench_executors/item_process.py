@@ -1,7 +1,7 @@
 """The process of one item, and the processes below it: their memory and their end.
 
-On Linux a process whose parent ends is given to the keeper (`adopt`), so none is lost. Elsewhere a process that has
-left both its parent and its group is not found.
+On Linux the supervisor inherits each process whose parent ends (`adopt`). Elsewhere a process that has left both its
+parent and its group escapes.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ _PARENT_DEATH_SIGNAL, _CHILD_SUBREAPER = 1, 36
 """From <linux/prctl.h>."""
 
 _PATIENCE = 10.0
-"""Seconds for which processes are killed again that were started meanwhile, or that the kernel holds."""
+"""Seconds for which processes are killed again and again, since new ones may start, and the kernel may hold some."""
 
 
 def adopt() -> None:
-    """From now on, processes below this one that lose their parent are its children."""
+    """Become the parent of processes below this one that lose theirs."""
     _control(_CHILD_SUBREAPER, 1)
 
 
 def die_with(parent: int) -> None:
-    """End when the parent does, whose number it is; at once where it has ended."""
+    """End when the parent process does; at once if it has ended already."""
     _control(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
@@ -47,8 +47,10 @@ def _control(option: int, value: int) -> None:
 
 
 def memory_below(limit: int) -> int:
-    """Bytes that all processes below this one take. Looks closely only where they seem to take more than the limit:
-    what they share with each other and with the process that they were forked from then counts in parts."""
+    """Bytes that all processes below this one take.
+
+    Only where they seem to exceed the limit, shared memory is divided among the processes, which takes longer.
+    """
     processes = psutil.Process().children(recursive=True)
     resident = sum(_resident(process) for process in processes)
     return resident if resident <= limit else sum(_proportional(process) for process in processes)
@@ -62,8 +64,8 @@ def _resident(process: psutil.Process) -> int:
 
 def _proportional(process: psutil.Process) -> int:
     with suppress(psutil.Error):
-        found = process.memory_full_info()._asdict()
-        return int(found.get("pss") or found["uss"]) + int(found.get("swap", 0))
+        sizes = process.memory_full_info()._asdict()
+        return int(sizes.get("pss") or sizes["uss"]) + int(sizes.get("swap", 0))
     return 0
 
 
@@ -81,7 +83,7 @@ def end_below(group: int) -> None:
 
 
 def end_strays(known: Collection[int]) -> None:
-    """Kill the children of this process that are not among the known: what a child that was killed has left."""
+    """Kill the children of this process that a killed child has left: all but the known ones."""
     for process in psutil.Process().children():
         if process.pid not in known:
             with suppress(psutil.Error):
@@ -89,7 +91,7 @@ def end_strays(known: Collection[int]) -> None:
 
 
 def _reap() -> bool:
-    """Take note of children that have ended; whether there are others."""
+    """Reap children that have ended; whether others are left."""
     while True:
         try:
             child, _ = os.waitpid(-1, os.WNOHANG)
@@ -100,7 +102,7 @@ def _reap() -> bool:
 
 
 class Answer(NamedTuple):
-    """What an item that came to an end says."""
+    """The result of an item whose process came to its end."""
 
     value: bytes
     """Pickled: what it returned."""
@@ -109,27 +111,27 @@ class Answer(NamedTuple):
     details: str = ""
 
 
-def run(work: bytes, keeper: int, answer: int, output: int | None) -> None:
+def run(work: bytes, supervisor: int, answer: int, output: int | None) -> None:
     """Call the item and end this process.
 
     Args:
         work: pickled: a function and what to call it with.
-        keeper: number of the process that this one is to end with.
+        supervisor: number of the process that this one is to end with.
         answer: descriptor of a file that takes an `Answer`, pickled.
         output: descriptor that takes standard output and error; None leaves them as they are.
     """
-    die_with(keeper)
+    die_with(supervisor)
     os.setpgid(0, 0)  # not a session of its own: Linux shares out processor time by sessions
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     _redirect(output)
     _first_victim()
-    _draw_anew()
+    _reseed()
     own = os.getpid()
-    said = _called(work)
+    result = _called(work)
     if os.getpid() != own:
         os._exit(1)  # a process that the item forked has come back from it; the item's own process answers
     _flush()
-    _write(answer, pickle.dumps(said))
+    _write(answer, pickle.dumps(result))
     os._exit(0)
 
 
@@ -144,19 +146,18 @@ def _redirect(output: int | None) -> None:
 
 
 def _written_to(descriptor: int) -> TextIO:
-    """Line by line, so that little is lost in a crash. The streams of before may be of a file, in which they would look
-    for their place."""
+    """A stream that writes line by line, so that little is lost in a crash. An old stream could seek in its file."""
     return open(descriptor, "w", buffering=1, encoding="utf-8", errors="backslashreplace", closefd=False)
 
 
 def _first_victim() -> None:
-    """Where the machine runs out of memory, Linux ends this process rather than the one that records results."""
+    """If the machine runs out of memory, Linux shall kill this process, not the one that records results."""
     with suppress(OSError), open("/proc/self/oom_score_adj", "w") as file:
         file.write("500")
 
 
-def _draw_anew() -> None:
-    """NumPy's global generator, which all forked processes would have alike; Python does so with its own."""
+def _reseed() -> None:
+    """Python reseeds its own generator after a fork; NumPy does not."""
     if "numpy" in sys.modules:
         import numpy as np
 
@@ -164,7 +165,7 @@ def _draw_anew() -> None:
 
 
 def _called(work: bytes) -> Answer:
-    """All that may fail is in here: reading the item, running it, writing what it returns."""
+    """Read the item, run it and pickle its result; all of this may fail."""
     try:
         function, item = pickle.loads(work)  # noqa: S301 - from our own parent
         return Answer(pickle.dumps(function(item)))
