@@ -34,7 +34,7 @@ class Networks(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """What is added to target actions."""
+    """Noise on target actions."""
 
     normal: Floats
     """(B, axes)."""
@@ -43,7 +43,7 @@ class Noise(NamedTuple):
 
 
 class TD3Buffers(NamedTuple):
-    """What an update of B rows writes to, made once."""
+    """Memory of updates with B rows."""
 
     actor: PassBuffers
     critic: PassBuffers

@@ -41,7 +41,7 @@ class Network(NamedTuple):
 
 
 class QBuffers(NamedTuple):
-    """What an update of B rows writes to, made once."""
+    """Memory of updates with B rows."""
 
     passes: PassBuffers
     outputs: Floats

@@ -1,8 +1,7 @@
 """Deep Q-learning robot by robot: independent Q-learning (Tan, ICML 1993) with the learner of `dqn`.
 
-Every robot sees what all see and is paid what all are paid, but chooses and learns about its own actions alone: what
-the others do is part of its world. Three robots with 25 actions each have 75 outputs to learn where their joint actions
-are 15,625.
+All robots share observations and rewards, but each chooses and learns about its own actions alone. Three robots with 25
+actions each have 75 outputs to learn, where their joint actions are 15,625.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class DQNPerRobot(DQN):
-    """Deep Q-learning robot by robot, each of its own actions alone; `dqn` itself where a task has one robot."""
+    """Deep Q-learning robot by robot, each of its own actions alone; on a task with one robot it is `dqn`."""
 
     def learner(self, environment: Environment, copies: int, seed: int, updates: int) -> QLearner | Team:
         """A learner for each robot, with its own weights, replay and exploration, and as many updates."""
@@ -84,7 +83,7 @@ class TeamPolicy(Policy):
         return np.ravel_multi_index([robot.act(observation) for robot in self.robots], self.sizes)
 
     def arrays(self) -> Arrays:
-        """Those of each robot, with its number before their names."""
+        """The arrays of each robot, with its number before their names."""
         return {f"{i}.{name}": part for i, robot in enumerate(self.robots) for name, part in robot.arrays().items()}
 
     def onnx(self) -> bytes:
@@ -96,7 +95,7 @@ class TeamPolicy(Policy):
 
     @classmethod
     def of(cls, arrays: Arrays, grid: ActionGrid) -> TeamPolicy:
-        """The policy that gave these `arrays`, for the robots of a grid. Raises `Unsuitable` for others."""
+        """The policy that gave these `arrays`. Raises `Unsuitable` if the robots of the grid have other actions."""
         from stlbench_agents.q_learner import GreedyPolicy
 
         own = [

@@ -5,8 +5,8 @@ the matrix's rows and columns, the offset of its bias. Matrices of hidden layers
 (outputs, inputs), so that the weights of one output lie in one piece. B observations are a flat vector too, row by row.
 Everything works in the floating-point type of the weights.
 
-Arrays begin where a line of the processor's cache does. NumPy's begin on a multiple of 16 bytes: then most vectors of
-64 bytes lie in two lines, and loops over whole arrays, such as Adam's, take longer.
+Arrays begin with a line of the processor's cache. NumPy's begin on a multiple of 16 bytes. Then most vectors of 64
+bytes lie in two lines, and loops over whole arrays, such as Adam's, take longer.
 """
 
 from __future__ import annotations

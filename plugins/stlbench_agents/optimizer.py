@@ -1,4 +1,4 @@
-"""What an update does with the gradient, compiled by numba: Adam, and the averages that follow the weights.
+"""The step along the gradient, compiled by Numba: Adam, and the averages of weights.
 
 One pass over the weights in blocks, since these loops wait for memory more than they compute.
 """
@@ -14,16 +14,16 @@ from stlbench_agents.layers import aligned, zeros
 from stlbench_agents.plain_kernels import Floats
 
 _BLOCK = 1024
-"""Weights that Adam and the averages take at a time: what they touch stays in the first cache."""
+"""Weights that Adam and the averages take at a time, so that their memory stays in the first cache."""
 
 
 class Weights(NamedTuple):
-    """What an update changes, each a flat vector."""
+    """The flat vectors that an update changes."""
 
     online: Floats
     target: Floats
     average: Floats
-    """What is reported."""
+    """Of the reported policy."""
     gradient: Floats
     mean: Floats
     """Adam's first moment."""

@@ -60,8 +60,8 @@ class Graph:
 
     def joined(self, places: list[str], sizes: Iterable[int]) -> str:
         """The index (N,) of a joint choice, of which the last part runs fastest: `np.ravel_multi_index`."""
-        index, *others = places
-        for place, size in zip(others, list(sizes)[1:], strict=True):
+        index = places[0]
+        for place, size in zip(places[1:], list(sizes)[1:], strict=True):
             index = self.node("Add", self.node("Mul", index, np.array(size)), place)
         return index
 
@@ -122,8 +122,7 @@ class ActorPolicy(Policy):
         return {**layers, "activation": np.array(self.activation), "squashed": np.array(self.squashed)}
 
     def onnx(self) -> bytes:
-        """One model of the layers and of what spans the box."""
-
+        """One model of the layers and of the map onto the box."""
         graph, span = Graph(), self._high - self._low
         output = graph.perceptron(self.layers, "Tanh" if self.activation == "tanh" else "Relu")
         exact = graph.node("Cast", output, to=double())
@@ -136,7 +135,7 @@ class ActorPolicy(Policy):
 
     @classmethod
     def of(cls, arrays: Arrays, box: ActionBox) -> ActorPolicy:
-        """The policy that gave these `arrays`, for these actions. Raises `Unsuitable` for others."""
+        """The policy that gave these `arrays`. Raises `Unsuitable` if the box has another number of axes."""
         count = sum(name.startswith("matrix") for name in arrays)
         layers = [(arrays[f"matrix{i}"], arrays[f"bias{i}"]) for i in range(count)]
         if not layers or len(layers[-1][1]) != len(box.names):

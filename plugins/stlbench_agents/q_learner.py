@@ -105,7 +105,7 @@ class GreedyPolicy(Policy):
 
     @classmethod
     def of(cls, arrays: Arrays, grid: tuple[int, ...]) -> GreedyPolicy:
-        """The policy that gave these `arrays`, for so many actions along each axis. Raises `Unsuitable` for others."""
+        """The policy that gave these `arrays`. Raises `Unsuitable` if they do not fit each other and the grid."""
         if (own := tuple(arrays["grid"].tolist())) != grid:
             raise Unsuitable(f"the policy chooses among {_times(own)} actions, the task has {_times(grid)}")
         widths = arrays["widths"]
@@ -115,8 +115,10 @@ class GreedyPolicy(Policy):
         network = QNetwork(inputs, hidden, grid, "additive" if arrays["head"] == "additive" else "joint")
         weights = arrays["weights"]
         if weights.shape != (network.size,) or weights.dtype != np.float32:
-            asked = f"a network of these widths has {network.size} weights of type float32"
-            raise Unsuitable(f"{asked}, got {weights.shape} of type {weights.dtype}")
+            raise Unsuitable(
+                f"a network of these widths has {network.size} weights of type float32, "
+                f"got {weights.shape} of type {weights.dtype}"
+            )
         return cls(network, [weights])
 
 
@@ -125,7 +127,7 @@ def _times(grid: tuple[int, ...]) -> str:
 
 
 class Schedule(NamedTuple):
-    """What the updates need of the recipe."""
+    """The numbers of the recipe that the updates need."""
 
     rate: float
     decay: float
@@ -205,13 +207,13 @@ class QLearner:
         self._count += len(first)
 
     def compile(self) -> None:
-        """Call all that is compiled, on nothing of interest."""
+        """Call all compiled functions once, on zeros."""
         size = self.replay.memory.observation.shape[1]
         self.act(np.zeros((1, size)), 0.0, np.random.default_rng(0))
         self.update(np.zeros((1, self.recipe.batch_size), np.int64))
 
     def policy(self) -> GreedyPolicy:
-        """What is reported: the greedy policy of the averaged weights, or of the current ones without averaging."""
+        """The greedy policy of the averaged weights, or of the current ones without averaging."""
         flat = self.weights.average if self.schedule.averaging else self.weights.online
         return GreedyPolicy(self.network, self.network.views(flat))
 
@@ -246,7 +248,7 @@ def _update_additive(
 
 @inlined
 def _descend(weights: Weights, schedule: Schedule, count: int) -> None:
-    """The step along the gradient that follows `count` others."""
+    """The step along the gradient after `count` steps."""
     tau = schedule.tau if (count + 1) % schedule.interval == 0 else 0.0
     share = max(1 - schedule.averaging, 1 / (count + 1)) if schedule.averaging > 0 else 0.0
     step(weights, schedule.rate * schedule.decay**count, count + 1, schedule.max_norm, tau, share)

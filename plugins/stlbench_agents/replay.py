@@ -1,4 +1,4 @@
-"""A ring of transitions of N copies in lock-step, read as n-step returns; and what a reward counts there."""
+"""A ring of transitions of N copies in lock-step, read as n-step returns, and the weights of rewards."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stlbench_agents.layers import zeros
 Single = NDArray[np.float32]
 
 _STOP, _END = 1, 2
-"""What becomes of a return after a transition, if it does not go on: it bootstraps, or there is nothing beyond."""
+"""How a return stops after a transition: it bootstraps, or nothing follows."""
 
 
 class Batch(NamedTuple):
@@ -39,7 +39,7 @@ class Batch(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What is stored of each transition, that of lock-step i and copy c at i * copies + c."""
+    """The stored transitions: that of lock-step i and copy c is row i * copies + c."""
 
     observation: Single
     arrived: Single
@@ -102,10 +102,7 @@ class Replay:
         self.count = 0
 
     def add(self, observation: Array, action: Integers | Array, transition: Transition) -> None:
-        """Store one lock-step: what was seen (N, D), what was done (N,), what came of it.
-
-        A return stops where it is `cut`, and bootstraps there unless nothing follows.
-        """
+        """Store one lock-step: observations (N, D), actions (N,) and transitions. A return stops where it is `cut`."""
         begin = self.count % self._rows * self._copies
         row, memory = slice(begin, begin + self._copies), self.memory
         memory.observation[row], memory.action[row] = observation, action

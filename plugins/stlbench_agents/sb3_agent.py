@@ -20,9 +20,11 @@ if TYPE_CHECKING:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Dead ReLUs push Adam's moments into denormal numbers, which are slow; flushing them is put back at the end, as
-    what runs in the process later must not see another arithmetic."""
-    import torch  # takes seconds: here, where something trains, and not where parameters of an agent are checked
+    """Run torch with one thread, and flush denormal numbers to 0 meanwhile.
+
+    Dead ReLUs push Adam's moments into denormal numbers, which are slow.
+    """
+    import torch  # takes seconds
 
     torch.set_num_threads(1)
     torch.set_flush_denormal(True)
@@ -80,13 +82,13 @@ class SB3Agent(Agent):
 
     @property
     @abstractmethod
-    def kept(self) -> int:
-        """Transitions that are kept at the same time, at most."""
+    def stored(self) -> int:
+        """Transitions in memory at the same time, at most."""
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost:
-        """Counted as for agents of stlbench; a joint head has more outputs, beside which inputs weigh less."""
+        """The same count as for `dqn` and `td3`."""
         outputs = actions.size if isinstance(actions, ActionGrid) else len(actions.names)
-        return cost_of(size, self.net_arch, outputs, min(decisions, self.kept))
+        return cost_of(size, self.net_arch, outputs, min(decisions, self.stored))
 
     @property
     def rollout(self) -> int:
@@ -154,7 +156,7 @@ class SB3OffPolicy(SB3Agent):
     """weight of the online networks in an update of the targets; 1 copies them"""
 
     @property
-    def kept(self) -> int:
+    def stored(self) -> int:
         """`buffer_size`."""
         return self.buffer_size
 

@@ -23,13 +23,13 @@ Info = dict[str, Any]
 class CopiesVecEnv(VecEnv):
     """An `Environment` of the contract as SB3's `VecEnv`. It restarts by itself, as SB3 expects.
 
-    SB3 bootstraps from the last observation of an episode that ends by the time limit. Where a violation ended it, SB3
-    does not, and is paid what the reward for ever is worth. It knows no return that is cut while the episode goes on:
-    such a step is given to it as an end by the time limit, which its replay treats alike.
+    SB3 bootstraps from the last observation of an episode that ends by the time limit. It does not if a violation ended
+    the episode; then the last reward is the discounted sum of that reward for ever. SB3 knows no return that is cut
+    while the episode goes on. Such a step is reported as an end by the time limit, which its replay treats alike.
     """
 
     def __init__(self, environment: Environment, gamma: float) -> None:
-        """Args: `gamma` the discount, which says what a reward is worth that is paid for ever."""
+        """Args: `gamma` the discount, for the sum of a reward that is paid for ever."""
         self._environment, self._gamma = environment, gamma
         size, actions = (environment.observation_size,), environment.actions
         space = (

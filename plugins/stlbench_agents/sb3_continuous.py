@@ -88,7 +88,7 @@ class SB3PPO(SB3Agent):
     """weight of the entropy in the loss"""
 
     @property
-    def kept(self) -> int:
+    def stored(self) -> int:
         return self.n_steps * self.copies
 
     @property

@@ -1,4 +1,4 @@
-"""TD3 for environments in lock-step (Fujimoto, van Hoof, Meger 2018), with what time-bounded tasks need.
+"""TD3 for environments in lock-step (Fujimoto, van Hoof, Meger 2018), adapted to time-bounded tasks.
 
 As in `stlbench_agents.dqn`, the observation contains the time, targets weight rewards by 1 - gamma, and returns stop
 where the environment says so. SB3's TD3 does the same work (`sb3-td3`); here updates are compiled.
@@ -64,7 +64,7 @@ class TD3(TD3Recipe, CompiledAgent):
             transition = environment.step(low + (action + 1) / 2 * span)
             replay.add(observation, action, transition)
             observation = transition.observation
-            learner.saw(transition.reward)
+            learner.note_rewards(transition.reward)
             if done > self.random_steps and replay.ready:
                 first = replay.draw(generator, self.gradient_steps, self.batch_size)
                 normal = generator.standard_normal((*first.shape, len(box.names)), dtype=np.float32)

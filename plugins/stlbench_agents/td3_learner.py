@@ -1,4 +1,4 @@
-"""TD3 in training: the weights of actor and critics, their updates, and what acts; compiled."""
+"""TD3 in training, compiled: the weights of actor and critics, their updates, and actions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from stlbench_agents.replay import Batch, Memory, Replay, gather
 
 
 class Schedule(NamedTuple):
-    """What the updates need of the recipe."""
+    """The numbers of the recipe that the updates need."""
 
     rate: float
     decay: float
@@ -63,7 +63,7 @@ class TD3Learner:
         self._update = fixed_types(_update)
 
     def compile(self) -> None:
-        """Call all that is compiled, on nothing of interest."""
+        """Call all compiled functions once, on zeros."""
         size, axes = int(self.networks.actor[0, 1]), len(self.box.names)
         self.act(np.zeros((1, size)), np.zeros((1, axes)))
         rows = (1, len(self._batch.returns))
@@ -83,10 +83,10 @@ class TD3Learner:
         _act(self.actor.online, self.networks.actor, observation, noise, self._output_buffers, vectors)
         return vectors
 
-    def saw(self, reward: Array) -> None:
-        """Take note of rewards (N,): a value, a mean of rewards weighted by powers of gamma, lies among them."""
-        seen = reward.tolist()  # of few copies: faster than NumPy's minimum and maximum
-        least, most = self._scale * min(seen), self._scale * max(seen)
+    def note_rewards(self, reward: Array) -> None:
+        """Widen the bounds by rewards (N,). A value is a weighted mean of rewards, and so lies within them."""
+        rewards = reward.tolist()  # of few copies: faster than NumPy's minimum and maximum
+        least, most = self._scale * min(rewards), self._scale * max(rewards)
         self.bounds = min(self.bounds[0], least), max(self.bounds[1], most)
 
     def update(self, memory: Memory, first: Integers, copies: int, normal: Floats) -> None:

@@ -25,7 +25,7 @@ INPUTS = 3
 def learner(**parameters: Any) -> TD3Learner:
     recipe = TD3(net_arch=(8, 8), batch_size=6, **parameters)
     made = TD3Learner(recipe, INPUTS, BOX, np.random.default_rng(0), 100)
-    made.saw(np.array([-100.0, 100.0]))
+    made.note_rewards(np.array([-100.0, 100.0]))
     return made
 
 
@@ -65,14 +65,14 @@ def test_targets_by_hand(constants: tuple[float, float]) -> None:
 
 def test_targets_lie_among_the_rewards_that_were_seen() -> None:
     made = TD3Learner(TD3(net_arch=(8, 8), reward_scale=2.0), INPUTS, BOX, np.random.default_rng(0), 100)
-    made.saw(np.array([0.1, 0.2]))
-    made.saw(np.array([-0.3, 0.0]))
+    made.note_rewards(np.array([0.1, 0.2]))
+    made.note_rewards(np.array([-0.3, 0.0]))
     assert goals(made, nothing([-50, 50], [0, 0]), np.zeros((2, 2))) == pytest.approx([-0.6, 0.4])
 
 
 def test_with_gamma_1_targets_are_sums_of_rewards_and_know_no_bounds() -> None:
     made = TD3Learner(TD3(net_arch=(8, 8), gamma=1), INPUTS, BOX, np.random.default_rng(0), 100)
-    made.saw(np.array([0.1, 0.2]))
+    made.note_rewards(np.array([0.1, 0.2]))
     assert goals(made, nothing([-50, 50], [0, 0]), np.zeros((2, 2))) == [-50, 50]
 
 

@@ -1,4 +1,4 @@
-"""A grid of states: its axes, its points, and where any state lies on it."""
+"""A grid of states: its axes, its points, and the places of other states between them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from stlbench.contract import Array, Model, Unsuitable
 Indices = NDArray[np.int32]
 
 _POINTS = {1: 2001, 2: 301, 3: 61, 4: 25}
-"""Points of an axis without a number of its own, by the dimensions of the state."""
+"""Default points of an axis, by the dimensions of the state."""
 _MOST = 10_000_000
 """The most points of an axis."""
 
@@ -43,17 +43,17 @@ class AxisRecipe(BaseModel):
         if not self.low < self.high:
             raise ValueError(f"low = {self.low:g} must be less than high = {self.high:g}")
         if self.periodic and self.near:
-            raise ValueError("a periodic axis has evenly spaced points, and so nothing that they are near")
+            raise ValueError("a periodic axis has evenly spaced points, and takes no near")
         return self
 
 
 class Place(NamedTuple):
-    """Where values lie on an axis."""
+    """The places of values on an axis."""
 
     below: Indices
     """The number of the point below each; -1 for a value outside."""
     weight: NDArray[np.float32]
-    """In [0, 1]: how far each is on its way to the next point."""
+    """In [0, 1]: the share of the way to the next point."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Axis:
         return Axis(np.interp(at, np.arange(len(self)), self.points), self.periodic)
 
     def place(self, values: Array, *, clip: bool = False) -> Place:
-        """Where values (...) lie; those outside a clipped axis at its ends."""
+        """The places of values (...); `clip` moves those outside to the ends."""
         low, high = self.points[0], self.points[-1]
         if self.periodic:
             values = low + (values - low) % (high - low)
@@ -96,12 +96,12 @@ def _gathered(recipe: AxisRecipe, points: int) -> Array:
     away = np.abs(fine[:, None] - recipe.near).min(axis=1) / recipe.width
     density = 1 + (recipe.density - 1) / (1 + away**4)
     share = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2)])
-    found = np.interp(np.linspace(0, share[-1], points), share, fine)
+    values = np.interp(np.linspace(0, share[-1], points), share, fine)
     for value in recipe.near:
-        inner = found[1:-1]
-        if found[1] <= value <= found[-2]:
+        inner = values[1:-1]
+        if values[1] <= value <= values[-2]:
             inner[np.abs(inner - value).argmin()] = value
-    return found
+    return values
 
 
 def axes_of(model: Model, grid: Mapping[str, AxisRecipe], resolution: float) -> tuple[Axis, ...]:
@@ -140,12 +140,12 @@ Floats = NDArray[Any]
 
 
 class Places(NamedTuple):
-    """Where points lie on a grid, for `stlbench_agents.planning.loops`."""
+    """The places of points on a grid, for `stlbench_agents.planning.loops`."""
 
     at: NDArray[np.int32]
     """(...): the number of the cell's lowest corner; -1 outside the grid."""
     weights: NDArray[np.float32]
-    """(..., axes): how far towards the next corner along each axis."""
+    """(..., axes): the share of the way to the next corner along each axis."""
 
 
 @dataclass(frozen=True)
@@ -174,23 +174,23 @@ class Grid:
         return np.stack([column.ravel() for column in mesh], axis=1)
 
     def places(self, points: Array, *, clip: bool = False) -> Places:
-        """Where points (..., axes) lie; those outside at the border, if they are to be clipped."""
-        found = [axis.place(points[..., i], clip=clip) for i, axis in enumerate(self.axes)]
+        """The places of points (..., axes); `clip` moves those outside to the border."""
+        places = [axis.place(points[..., i], clip=clip) for i, axis in enumerate(self.axes)]
         at, outside = np.zeros(points.shape[:-1], dtype=np.int32), np.zeros(points.shape[:-1], dtype=np.bool_)
-        for place, stride in zip(found, self.strides, strict=True):
+        for place, stride in zip(places, self.strides, strict=True):
             at += place.below * np.int32(stride)
             outside |= place.below < 0
         at[outside] = -1
-        return Places(at, np.stack([place.weight for place in found], axis=-1))
+        return Places(at, np.stack([place.weight for place in places], axis=-1))
 
     def read(self, values: Floats, points: Array, outside: float) -> Array:
         """Values (size,) of the grid between its points, at points (N, axes): (N,)."""
         from stlbench_agents.planning.loops import interpolate  # imports Numba, which `stlbench list` does not need
 
         places = self.places(points)
-        found = np.empty(len(points), np.float32)
-        interpolate(values, places.at, places.weights, self.strides, outside, found)
-        return found.astype(np.float64)
+        result = np.empty(len(points), np.float32)
+        interpolate(values, places.at, places.weights, self.strides, outside, result)
+        return result.astype(np.float64)
 
     def __str__(self) -> str:
         return " x ".join(map(str, self.shape))

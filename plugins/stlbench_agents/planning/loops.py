@@ -114,15 +114,15 @@ def extremes(margins: Floats, active: NDArray[np.bool_], least: bool, into: Floa
     sign = 1.0 if least else -1.0
     for a in range(margins.shape[0]):
         for s in range(margins.shape[1]):
-            found = np.inf
+            extreme = np.inf
             for h in range(margins.shape[2]):
                 if active[h]:
-                    found = min(found, sign * margins[a, s, h])
-            into[a, s] = sign * found
+                    extreme = min(extreme, sign * margins[a, s, h])
+            into[a, s] = sign * extreme
 
 
 def compile_all() -> None:
-    """Compile for the types that planning has, or load what was compiled before."""
+    """Compile for the types of planning, or load the compiled code."""
     values, weights = np.zeros((1, 2), np.float32), np.zeros((1, 1, 1), np.float32)
     at, strides, active = np.zeros((1, 1), np.int32), np.ones(1, np.int64), np.ones(1, np.bool_)
     many, table = np.zeros((1, 1, 1), np.float32), np.zeros((1, 1), np.float32)

@@ -20,13 +20,13 @@ from stlbench.contract import Array, Integers, Model, StatePolicy, Unsuitable
 from stlbench.stl import Term
 from stlbench_agents.planning.grid import Floats, Grid
 from stlbench_agents.planning.loops import extremes, reach_best
-from stlbench_agents.planning.moves import ActionSet, held, refuse_beyond, sweep
+from stlbench_agents.planning.moves import ActionSet, refuse_beyond, simulated, sweep
 
 Truth = NDArray[np.bool_]
 
 
 class Part(NamedTuple):
-    """What one term contributes at a decision: the least or the greatest margin of some of its samples."""
+    """The contribution of one term at a decision: the least or the greatest margin of some of its samples."""
 
     term: int
     active: bytes
@@ -35,7 +35,7 @@ class Part(NamedTuple):
 
 
 class Move(NamedTuple):
-    """One way to go on from a stage, with what must hold meanwhile."""
+    """A transition between stages, and the margins that count in it."""
 
     then: int
     parts: tuple[Part, ...]
@@ -65,7 +65,7 @@ class Stages:
 
     @property
     def over(self) -> int:
-        """The stage in which no term has anything still to come, but the G terms."""
+        """The stage in which all F and F G terms are over."""
         return self.count - 1
 
     def without_window(self) -> Term | None:
@@ -77,7 +77,7 @@ class Stages:
         return None
 
     def moves(self, stage: int, decision: int) -> Iterator[Move]:
-        """All ways to go on from a stage over a decision, those that come nearest to the end first."""
+        """All transitions from a stage over a decision, those nearest to the end first."""
         each = np.unravel_index(stage, self.sizes)
         options = [
             tuple(self._choices(i, term, int(now), decision))
@@ -118,8 +118,8 @@ class Stages:
 
 _TIES = 1e-6
 """Of two actions whose robustness differs by less, in units of the widest margin, the smaller one is taken."""
-_KEPT = 8
-"""Tables of extremes that are kept at a time."""
+_CACHED = 8
+"""Tables of extremes in memory at a time."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class MaximinPolicy(StatePolicy):
     later: Floats
     """(decisions + 1, stages, S): the best robustness from each decision on; at the end what is over has `most`."""
     most: float
-    """More than any margin; less of it is what a state is worth from which the formula cannot be satisfied."""
+    """More than any margin; a state from which the formula cannot be satisfied is worth -most."""
 
     def episode(self) -> Callable[[Array, Integers, Array], Integers | Array]:
         """See `StatePolicy`. All copies of a batch are at the same step."""
@@ -153,7 +153,7 @@ class MaximinPolicy(StatePolicy):
         return self._first(state)[1]
 
     def _first(self, state: Array) -> tuple[Integers, Array]:
-        """The stages to begin in, given the sample at t = 0 which no action changes, and what they are worth."""
+        """The best first stages and their values, given the sample at t = 0, which no action changes."""
         signals = self.model.system.signals(state)
         margins = [_margin(self.model, term)(signals) for term in self.stages.terms]
         best = np.full(len(state), -np.inf)
@@ -175,7 +175,7 @@ class MaximinPolicy(StatePolicy):
     def _choose(self, state: Array, decision: int, stage: Integers) -> tuple[Integers, Integers]:
         """The actions (N,), and the stages after them."""
         count, rows = len(self.actions), len(state)
-        path, samples = held(self.model, np.tile(state, (count, 1)), np.repeat(self.actions.vectors, rows, axis=0))
+        path, samples = simulated(self.model, np.tile(state, (count, 1)), np.repeat(self.actions.vectors, rows, axis=0))
         margins = [_margin(self.model, term)(samples[1:]).T for term in self.stages.terms]
         worth, then = np.full(count * rows, -np.inf), np.zeros(count * rows, dtype=np.int64)
         for now in np.unique(stage):
@@ -204,18 +204,18 @@ def plan(model: Model, grid: Grid, actions: ActionSet) -> MaximinPolicy:
 
     Raises:
         Unsuitable: the formula is outside the fragment of eq. 2 (see `stlbench.stl.fragment`), an F G term has no such
-            window, or what is kept does not fit the memory of a machine.
+            window, or the tables take too much memory.
     """
     stages = Stages(_terms(model), model.hold)
     if idle := stages.without_window():
         raise Unsuitable(
             f"{idle.formula}: none of its windows begins with a decision, every {model.hold} samples from 1"
         )
-    each = len(stages.terms) * model.hold + _KEPT + 2 + len(grid.axes)
+    each = len(stages.terms) * model.hold + _CACHED + 2 + len(grid.axes)
     numbers = stages.count * (model.steps // model.hold + 1) + len(actions) * each
     refuse_beyond(4e-9 * grid.size * numbers, f"a grid of {grid} points with {stages.count} stages of the formula")
     tables = _Margins(model, grid, actions, stages)
-    next_ = sweep(model, grid, actions, (tables.see,))
+    next_ = sweep(model, grid, actions, (tables.observe,))
     decisions, most = model.steps // model.hold, tables.bound()
     later = np.full((decisions + 1, stages.count, grid.size), -most, np.float32)
     later[decisions, stages.over] = most
@@ -263,15 +263,15 @@ class _Margins:
         self.shape = len(actions), grid.size
         self._margins = np.empty((len(terms), *self.shape, model.hold), np.float32)
         self._values = [_margin(model, term) for term in terms]
-        self._kept = dict[Part, Floats]()
+        self._cache = dict[Part, Floats]()
 
-    def see(self, action: int, samples: Array) -> None:
+    def observe(self, action: int, samples: Array) -> None:
         """Note the margins of samples (H + 1, S, k)."""
         for i, margin in enumerate(self._values):
             self._margins[i, action] = margin(samples[1:]).T
 
     def bound(self) -> float:
-        """More than any margin, once all are seen; what is infinite, as of `true`, is cut to it."""
+        """More than any margin, once all are noted; infinite ones, as of `true`, are clipped to it."""
         most = 1.5 * float(max(self._margins.max(), -self._margins.min()))
         if np.isinf(most):
             finite = self._margins[np.isfinite(self._margins)]
@@ -280,10 +280,10 @@ class _Margins:
         return most
 
     def at(self, part: Part) -> Floats:
-        """What a term contributes, (A, S)."""
-        if part not in self._kept:
-            if len(self._kept) >= _KEPT:
-                self._kept.pop(next(iter(self._kept)))
-            self._kept[part] = np.empty(self.shape, np.float32)
-            extremes(self._margins[part.term], np.frombuffer(part.active, np.bool_), part.least, self._kept[part])
-        return self._kept[part]
+        """The contribution of a term, (A, S)."""
+        if part not in self._cache:
+            if len(self._cache) >= _CACHED:
+                self._cache.pop(next(iter(self._cache)))
+            self._cache[part] = np.empty(self.shape, np.float32)
+            extremes(self._margins[part.term], np.frombuffer(part.active, np.bool_), part.least, self._cache[part])
+        return self._cache[part]

@@ -1,8 +1,8 @@
-"""The actions of a plan, where each leads from each state of a grid, and the memory that this takes."""
+"""The actions of a plan, their effects on all states of a grid, and the memory that this takes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,26 +10,27 @@ import numpy as np
 from stlbench.contract import ActionGrid, Actions, Array, Integers, Model, Unsuitable
 from stlbench_agents.planning.grid import AxisRecipe, Grid, Places, axes_of
 
-See = Callable[[int, Array], None]
+Observer = Callable[[int, Array], None]
+"""Is given the number of an action and the signals (H + 1, S, k) while it is held."""
 
 
 @dataclass(frozen=True)
 class ActionSet:
-    """The actions that are planned with, the smallest first, so that of equally good ones it is taken."""
+    """The actions of a plan, the smallest first: it is chosen among equally good ones."""
 
     vectors: Array
     """(A, axes)."""
     choices: Integers | Array
-    """What a policy returns for each: indices (A,) of the task's grid of actions, or the vectors."""
+    """What a policy returns for each action: an index (A,) into the task's grid of actions, or the vector."""
 
     def __len__(self) -> int:
         return len(self.vectors)
 
     @classmethod
     def of(cls, actions: Actions, most: int) -> ActionSet:
-        """About `most` of the actions: of each axis as many values, evenly chosen, its ends and the least among them.
+        """About `most` of the actions, or all if there are no more.
 
-        All of them where there are no more.
+        They have the same number of values on each axis: evenly chosen, with its ends and the value nearest to 0.
         """
         each = max(2, int(most ** (1 / len(actions.names)) + 1e-9))
         if isinstance(actions, ActionGrid):
@@ -46,7 +47,7 @@ class ActionSet:
 
 
 def _evenly(values: Array, count: int) -> Integers:
-    """The numbers of so many of an axis' values, and of the one that is nearest to 0."""
+    """The numbers of `count` values of an axis, and of the value that is nearest to 0."""
     chosen = np.linspace(0, len(values) - 1, min(count, len(values))).round().astype(np.int64)
     return np.unique([*chosen, np.abs(values).argmin()])
 
@@ -58,7 +59,7 @@ def _by_size(vectors: Array, actions: Actions) -> Integers:
     return order
 
 
-def held(model: Model, states: Array, vectors: Array) -> tuple[Array, Array]:
+def simulated(model: Model, states: Array, vectors: Array) -> tuple[Array, Array]:
     """States (N, n) under actions (N, axes), held: all states (H + 1, N, n) and their signals (H + 1, N, k)."""
     path = np.empty((model.hold + 1, *states.shape))
     path[0] = states
@@ -67,19 +68,15 @@ def held(model: Model, states: Array, vectors: Array) -> tuple[Array, Array]:
     return path, model.system.signals(path)
 
 
-def sweep(model: Model, grid: Grid, actions: ActionSet, see: Iterable[See] = ()) -> Places:
-    """Hold each action from all states of the grid, once; where each leads on the grid: (A, S).
-
-    Each of `see` is called with the action's number and the signals (H + 1, S, k).
-    """
-    lookers = tuple(see)
+def sweep(model: Model, grid: Grid, actions: ActionSet, observers: Sequence[Observer] = ()) -> Places:
+    """Hold each action once from all states of the grid. Returns the places on the grid to which it leads, (A, S)."""
     at = np.empty((len(actions), grid.size), np.int32)
     weights = np.empty((*at.shape, len(grid.axes)), np.float32)
     for a, vector in enumerate(actions.vectors):
-        path, samples = held(model, grid.points, np.tile(vector, (grid.size, 1)))
+        path, samples = simulated(model, grid.points, np.tile(vector, (grid.size, 1)))
         at[a], weights[a] = grid.places(path[-1])
-        for look in lookers:
-            look(a, samples)
+        for observe in observers:
+            observe(a, samples)
     return Places(at, weights)
 
 
@@ -87,7 +84,7 @@ _GIGABYTES = 4.0
 
 
 def prepare(model: Model, recipes: Mapping[str, AxisRecipe], resolution: float, most: int) -> tuple[Grid, ActionSet]:
-    """The grid of the states and the set of actions. Raises `Unsuitable`, as where 4 GB are not enough."""
+    """The grid of the states and the set of actions. Raises `Unsuitable`, for example if 4 GB are not enough."""
     grid, actions = Grid(axes_of(model, recipes, resolution)), ActionSet.of(model.actions, most)
     each = len(actions) * grid.size
     dimensions = 4 * (1 + len(grid.axes)), 4 * (1 + len(model.method.specification.signals))
@@ -98,7 +95,7 @@ def prepare(model: Model, recipes: Mapping[str, AxisRecipe], resolution: float, 
 
 
 def refuse_beyond(gigabytes: float, what: str) -> None:
-    """Raises `Unsuitable` where `what` needs more than a plan may have."""
+    """Raise `Unsuitable` if `what` needs more memory than a plan may have."""
     if gigabytes > _GIGABYTES:
         raise Unsuitable(
             f"{what} needs {gigabytes:.1f} GB, and may have {_GIGABYTES:g}; choose a lower resolution, or fewer actions"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _OnGrid(CompiledAgent):
+class _GridPlanner(CompiledAgent):
     """Backward induction over time on a grid of the state."""
 
     grid: Mapping[str, AxisRecipe] = field(default_factory=dict)
@@ -54,7 +54,7 @@ class _OnGrid(CompiledAgent):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Planner(_OnGrid):
+class Planner(_GridPlanner):
     """Exact planning: the policy that the method's reward asks for.
 
     The greatest discounted sum of rewards by backward induction on a grid, under the rules of the task's training
@@ -79,7 +79,7 @@ class Planner(_OnGrid):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BestPossible(_OnGrid):
+class BestPossible(_GridPlanner):
     """The best that is possible: the policy of the greatest robustness, whatever the method.
 
     Maximin by backward induction on a grid, with a stage for each F term and a countdown for each F G term.

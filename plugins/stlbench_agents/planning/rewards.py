@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from stlbench.contract import Array, Model, Unsuitable
 from stlbench_agents.planning.grid import Axis, Floats, Grid, Places
 from stlbench_agents.planning.loops import mean_rewards
-from stlbench_agents.planning.moves import ActionSet, held
+from stlbench_agents.planning.moves import ActionSet, simulated
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Memories:
         if not method.memory_size:
             return cls.none()
         chosen = actions.vectors[np.random.default_rng(0).integers(len(actions), size=len(probes))]
-        _, samples = held(model, probes, chosen)
+        _, samples = simulated(model, probes, chosen)
         first = np.concatenate([model.system.signals(model.starts), samples[0]])
         known = np.unique(method.initial_memory(first, np.zeros(len(first), dtype=np.int64)), axis=0)
         spaced = limits.rounds(known)
@@ -79,16 +79,16 @@ class Memories:
         return cls(known)
 
     def numbers(self, memory: Array) -> NDArray[np.int32]:
-        """The number of the value that each row (N, m) is; of one that was not found, of one near it."""
+        """The number of each row's value (N, m), or of a value near it."""
         if len(self) == 1:
             return np.zeros(len(memory), dtype=np.int32)
         direction = np.random.default_rng(0).random(self.values.shape[1]) + 0.5  # tells all values apart
-        keys, asked = self.values @ direction, memory @ direction
-        order = np.argsort(keys)
-        ascending = keys[order]
-        right = np.clip(np.searchsorted(ascending, asked), 1, len(self) - 1)
-        nearer = np.where(asked - ascending[right - 1] <= ascending[right] - asked, right - 1, right)
-        numbers: NDArray[np.int32] = order[nearer].astype(np.int32)
+        keys, wanted = self.values @ direction, memory @ direction
+        ranks = np.argsort(keys)
+        ascending = keys[ranks]
+        right = np.clip(np.searchsorted(ascending, wanted), 1, len(self) - 1)
+        nearer = np.where(wanted - ascending[right - 1] <= ascending[right] - wanted, right - 1, right)
+        numbers: NDArray[np.int32] = ranks[nearer].astype(np.int32)
         return numbers
 
 
@@ -112,7 +112,7 @@ class Arrivals:
         self._rewards = np.empty((len(actions), 1, grid.size), np.float32)
         self._memory = np.empty((0, 0, 0), np.int32)
 
-    def see(self, action: int, samples: Array) -> None:
+    def observe(self, action: int, samples: Array) -> None:
         """Note the places of samples (H + 1, S, k)."""
         places = self._signals.places(samples[1:].transpose(1, 0, 2), clip=True)
         self._samples.at[action], self._samples.weights[action] = places
@@ -161,9 +161,9 @@ def _even(values: Array, points: int) -> Axis:
 
 
 _PROBES = 4096
-"""States, each with a random action, by which decisions are told apart."""
-KEPT = 2
-"""Tables of rewards that are kept at a time."""
+"""States, each with a random action, whose rewards distinguish decisions."""
+CACHED = 2
+"""Tables of rewards in memory at a time."""
 
 
 class Transitions:
@@ -174,19 +174,19 @@ class Transitions:
         self._model, self._grid, self._actions = model, grid, actions
         states = grid.points[generator.integers(grid.size, size=_PROBES)]
         self._chosen = actions.vectors[generator.integers(len(actions), size=_PROBES)]
-        _, self._probes = held(model, states, self._chosen)
+        _, self._probes = simulated(model, states, self._chosen)
         self.memories = Memories.of(model, states, actions, limits)
         self._kinds = dict[bytes, tuple[Floats, NDArray[np.int32]]]()
 
-    def see(self, action: int, samples: Array) -> None:
-        """Nothing: rewards are asked for when they are known to differ."""
+    def observe(self, action: int, samples: Array) -> None:
+        """Nothing: rewards are computed for the decisions at which they differ."""
 
     def at(self, decision: int) -> tuple[Floats, NDArray[np.int32]]:
         """Rewards (A, M, S) over the method's scale, and the numbers of the next memories (A, M, S)."""
         paid, then = self._pay(self._probes, self._chosen, decision)
         kind = paid.tobytes() + then.tobytes()
         if kind not in self._kinds:
-            if len(self._kinds) == KEPT:
+            if len(self._kinds) == CACHED:
                 self._kinds.pop(next(iter(self._kinds)))
             self._kinds[kind] = self._all(decision)
         return self._kinds[kind]
@@ -196,7 +196,7 @@ class Transitions:
         paid, then = np.empty(shape, np.float32), np.empty(shape, np.int32)
         for a, vector in enumerate(self._actions.vectors):
             vectors = np.tile(vector, (self._grid.size, 1))
-            _, samples = held(self._model, self._grid.points, vectors)
+            _, samples = simulated(self._model, self._grid.points, vectors)
             paid[a], then[a] = self._pay(samples, vectors, decision)
         refuse_nan(paid)
         return paid, then

@@ -10,16 +10,16 @@ import numpy as np
 from stlbench.contract import Array, End, Integers, Model, StatePolicy
 from stlbench_agents.planning.grid import Floats, Grid, Places
 from stlbench_agents.planning.loops import pay_best
-from stlbench_agents.planning.moves import ActionSet, held, refuse_beyond, sweep
-from stlbench_agents.planning.rewards import KEPT, MOST_SIGNALS, USUAL, Arrivals, Limits, Memories, Transitions
+from stlbench_agents.planning.moves import ActionSet, refuse_beyond, simulated, sweep
+from stlbench_agents.planning.rewards import CACHED, MOST_SIGNALS, USUAL, Arrivals, Limits, Memories, Transitions
 
 LOST = -1e4
-"""What a state is worth that left the grid, in units of the method's scale."""
+"""The value of a state outside the grid, in units of the method's scale."""
 
 _TIES = 1e-6
 """Of two actions whose returns differ by less, relative to their size, the smaller one is taken."""
 _SETTLED, _ROUNDS = 1e-5, 2000
-"""When the value of going on for ever as before a cut is known: its change in a round, and the most rounds."""
+"""The value of such a decision is known at this change in a round, or after so many rounds."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class SumPolicy(StatePolicy):
         """The return of each action, (A, N)."""
         model, count, rows = self.model, len(self.actions), len(state)
         vectors = np.repeat(self.actions.vectors, rows, axis=0)
-        path, samples = held(model, np.tile(state, (count, 1)), vectors)
+        path, samples = simulated(model, np.tile(state, (count, 1)), vectors)
         t = np.full(count * rows, decision * model.hold)
         rewards, after = model.method.along(samples, vectors, t, np.tile(memory, (count, 1)))
         numbers, later = self.memories.numbers(after), np.empty(count * rows)
@@ -84,7 +84,7 @@ class SumPolicy(StatePolicy):
 def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float, limits: Limits = USUAL) -> SumPolicy:
     """Solve for the method's rewards by the rules of the task's training episodes.
 
-    At a cut the return goes on as if the decision before it came again and again; without a discount it stops there.
+    At a cut the return goes on as if the decision before it repeated for ever; without a discount it stops there.
     Nothing is paid after a memory that is over.
 
     Raises:
@@ -93,11 +93,11 @@ def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float, limits: Lim
     tabled = model.method.paid_on_arrival and len(model.method.specification.signals) <= MOST_SIGNALS
     rewards = Arrivals(model, grid, actions) if tabled else Transitions(model, grid, actions, limits)
     if (values := len(rewards.memories)) > 1:
-        numbers = values * (model.steps // model.hold + KEPT * 2 * len(actions))
+        numbers = values * (model.steps // model.hold + CACHED * 2 * len(actions))
         what = f"a grid of {grid} points with {values} values of the method's memory"
         refuse_beyond(4e-9 * grid.size * numbers, what)
     ends = Ends(model, grid, actions, gamma)
-    next_ = sweep(model, grid, actions, (rewards.see, ends.see))
+    next_ = sweep(model, grid, actions, (rewards.observe, ends.observe))
     decisions = model.steps // model.hold
     later = np.zeros((decisions, len(rewards.memories), grid.size), np.float32)
     shift, moved = np.zeros(decisions), 0.0
@@ -138,7 +138,7 @@ class _Step:
 
 
 def _settled(step: _Step, value: Floats) -> Floats:
-    """What the decision is worth that comes again and again."""
+    """The value of a decision that repeats for ever."""
     later = np.zeros_like(value)
     for _ in range(_ROUNDS):
         step.back(later, 0.0, value)
@@ -146,7 +146,7 @@ def _settled(step: _Step, value: Floats) -> Floats:
         later[:] = value
         if change < _SETTLED:
             break
-    if step.gamma**_ROUNDS > _SETTLED:  # so near 1, what all further rounds add is known from the next one
+    if step.gamma**_ROUNDS > _SETTLED:  # so near 1, the next round tells the sum of all further ones
         step.back(later, 0.0, value)
         later += (value - later) / np.float32(1 - step.gamma)
     return later
@@ -179,7 +179,7 @@ class Ends:
         self._over = np.empty(shape, np.bool_)
         self._pattern, self._values = b"", np.empty((0, 0), np.float32)
 
-    def see(self, action: int, samples: Array) -> None:
+    def observe(self, action: int, samples: Array) -> None:
         """Note at which of the samples (H + 1, S, k) an episode may end."""
         for i, end in enumerate(self._model.ends):
             self._over[i, action] = end.over(samples[1:]).T

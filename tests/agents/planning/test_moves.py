@@ -9,7 +9,7 @@ import pytest
 from helpers import lattice
 
 from stlbench.contract import ActionBox, ActionGrid
-from stlbench_agents.planning.moves import ActionSet, held, sweep
+from stlbench_agents.planning.moves import ActionSet, simulated, sweep
 
 
 def grid_of(*axes: tuple[float, ...]) -> ActionGrid:
@@ -56,7 +56,7 @@ class TestActions:
 class TestHeld:
     def test_an_action_is_held_and_every_sample_is_seen(self) -> None:
         model = lattice.task("G[0,6] x <= 1", 6, 3, ("x", "y"))
-        path, samples = held(model, np.zeros((1, 2)), np.array([[1.0, -1.0]]))
+        path, samples = simulated(model, np.zeros((1, 2)), np.array([[1.0, -1.0]]))
         assert path[:, 0].tolist() == samples[:, 0].tolist() == [[0, 0], [1, -1], [2, -2], [3, -3]]
 
     def test_each_action_is_held_once_from_all_states(self) -> None:
