@@ -146,6 +146,8 @@ def _label(entry: Entry) -> str:
     return entry.method if all(entry.scores) else f"{entry.method}\n(fits {entry.coverage})"
 
 
+_KEYS, _NARROW_KEYS = 0.6, 1.8
+"""Inches of the title and the legend, which take more lines in one column."""
 _ROW, _AROUND = 0.115, 0.6
 """Inches: of a row, and of the room above and below the rows."""
 _POLICIES: tuple[dict[str, Any], ...] = (
@@ -168,7 +170,7 @@ def alignment(rows: Sequence[Aligned], units: Mapping[str, str]) -> Figure:
     columns = min(int(width() / SINGLE), len(panels))
     lines = [panels[at : at + columns] for at in range(0, len(panels), columns)]
     heights = [_AROUND + _ROW * max(len(members) for _, members in line) for line in lines]
-    figure = layout.figure_of(sum(heights) + 0.6)
+    figure = layout.figure_of(sum(heights) + (_KEYS if width() > 2 * SINGLE else _NARROW_KEYS))
     cut = False
     grid = figure.add_gridspec(len(lines), columns, height_ratios=heights)
     for i, (task, members) in enumerate(panels):

@@ -6,9 +6,11 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from stlbench.report.figures.across import alignment
 from stlbench.report.figures.files import drawings_of_alignment
+from stlbench.report.figures.style import fitting
 from stlbench.report.tables.alignment import Aligned
 from stlbench.task import load_task
 
@@ -75,6 +77,15 @@ def test_thirty_rows_have_room(tmp_path: Path):
     boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
     assert len(boxes) == 30
     assert all(above.y0 >= below.y1 for above, below in pairwise(boxes))
+
+
+def test_title_and_legend_have_room_in_one_column():
+    with fitting("column"):
+        figure = alignment(ROWS[:2], UNITS)
+    FigureCanvasAgg(figure).draw()
+    (axes,), (legend,) = figure.axes, figure.legends
+    assert axes.get_tightbbox().y0 >= legend.get_window_extent().y1
+    assert axes.get_tightbbox().y1 <= figure._suptitle.get_window_extent().y0
 
 
 def test_without_a_planned_policy_there_is_no_figure(tmp_path: Path):
