@@ -84,7 +84,7 @@ def test_bad_input_is_one_line(say, tunable, words, message):
     [
         (("--track", "tuned"), "track tuned, and no other, needs a file of recipes"),
         (("--recipes", "none.yaml"), "cannot read the recipes none.yaml"),
-        (("--track", "fine"), "track: should be 'shared', 'plain' or 'tuned'"),
+        (("--track", "fine"), "track: should be 'auto', 'shared', 'plain' or 'tuned'"),
     ],
 )
 def test_a_track_that_cannot_be_run_is_one_line(say, toy, words, message):
