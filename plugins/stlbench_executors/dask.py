@@ -1,8 +1,7 @@
 """Workers of a Dask scheduler. Dask moves items there and outcomes back; all else is done as by `local`.
 
-Of what Dask does with tasks this needs little, and some not at all: it runs the task of a worker that died again, up to
-three times; it knows no deadline; it has tasks of several kinds wait at a worker. So each item is sent to one worker
-that has a free place (`dask_run`), and is looked after there by a supervisor (`dask_worker`).
+Dask repeats the task of a worker that died up to three times, knows no deadline, and lets tasks wait at a worker. So
+each item is sent to one worker that has a free place, and a supervisor there runs it (`dask_run`).
 """
 
 from __future__ import annotations
@@ -18,14 +17,14 @@ from pydantic import Field
 
 from stlbench.contract import Executor, Outcome, Unsuitable, cause
 from stlbench_executors.memory import Memory
-from stlbench_executors.worker import WorkItems
+from stlbench_executors.worker import WorkItems, installed
 
 if TYPE_CHECKING:
     from distributed import Client
 
 CONNECT_SECONDS = 20.0
 _ADDRESS = re.compile(r"inproc://.+|\w+://.+:\d+")
-"""Dask says what is wrong with others only after it has waited, and with a traceback beside it."""
+"""Dask refuses other addresses only after it has waited, and with a traceback."""
 
 
 class DaskExecutor(Executor):
@@ -61,7 +60,6 @@ class DaskExecutor(Executor):
     ) -> Generator[Outcome]:
         """See `Executor.run`. Raises `Unsuitable` where no scheduler answers, or a worker has another version."""
         from stlbench_executors.dask_run import DaskRun, Run
-        from stlbench_executors.worker import installed
 
         work = WorkItems(function, items, deadlines)
         if len(work) == 0:

@@ -18,7 +18,9 @@ from pydantic import Field
 
 from stlbench.contract import Executor, Outcome, Unsuitable, cause
 from stlbench_executors.memory import Memory
-from stlbench_executors.worker import WorkItems
+from stlbench_executors.submitit_job import Chunk, JobFolder, run_chunk
+from stlbench_executors.submitit_run import SubmititRun, beating, ended_by_signals, minutes_for, states
+from stlbench_executors.worker import WorkItems, installed
 
 if TYPE_CHECKING:
     from submitit import Job
@@ -84,20 +86,14 @@ class SubmititExecutor(Executor):
         self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
     ) -> Generator[Outcome]:
         """See `Executor.run`. Raises `Unsuitable` where jobs cannot be submitted, or cannot run items."""
-        from stlbench_executors.submitit_job import Chunk, JobFolder, run_chunk
-        from stlbench_executors.submitit_run import SubmititRun, beating, ended_by_signals
-        from stlbench_executors.worker import installed
-
         work, folder = WorkItems(function, items, deadlines), (self.folder / uuid.uuid4().hex[:12]).absolute()
         if len(work) == 0:
             return
         job_folder, versions = JobFolder(folder / "ended"), installed()
 
-        def chunk(indices: Sequence[int]) -> Chunk:
-            tasks = tuple((index, work.task(index)) for index in indices)
-            return Chunk(job_folder, tasks, self.memory, work.prepare, versions)
-
-        def submit(chunks: Sequence[Chunk]) -> Sequence[Job[Any]]:
+        def submit(jobs: Sequence[Sequence[int]]) -> Sequence[Job[Any]]:
+            tasks = (tuple((index, work.task(index)) for index in indices) for indices in jobs)
+            chunks = [Chunk(job_folder, each, self.memory, work.prepare, versions) for each in tasks]
             deadlines = max(([task.deadline for _, task in chunk.tasks] for chunk in chunks), key=sum)
             try:
                 return self._submitter(folder, deadlines).map_array(run_chunk, chunks)
@@ -105,7 +101,7 @@ class SubmititExecutor(Executor):
                 raise Unsuitable(f"jobs cannot be submitted: {cause(error)}") from error
 
         queued = ARRAY if self.cluster == "slurm" else self.jobs
-        running = SubmititRun(work, job_folder, chunk, submit, self._states, self.size, self.jobs, queued)
+        running = SubmititRun(work, job_folder, submit, self._states, self.size, self.jobs, queued)
         with ended_by_signals():
             try:
                 job_folder.folder.mkdir(parents=True, mode=0o700)
@@ -119,8 +115,6 @@ class SubmititExecutor(Executor):
 
     def _submitter(self, folder: Path, deadlines: Sequence[float]) -> Jobs | SlurmJobs:
         import submitit
-
-        from stlbench_executors.submitit_run import minutes_for
 
         if self.cluster == "local":
             jobs = submitit.LocalExecutor(folder)
@@ -139,8 +133,6 @@ class SubmititExecutor(Executor):
         return slurm
 
     def _states(self, jobs: Collection[Job[Any]]) -> Mapping[str, str]:
-        from stlbench_executors.submitit_run import states
-
         if self.cluster == "local":
             return {job.job_id: job.state.upper() for job in jobs}
         return states([job.job_id for job in jobs], JOB_NAME)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from stlbench.contract import Outcome, Unsuitable
 from stlbench_executors.pool import GRACE_SECONDS, START_SECONDS
-from stlbench_executors.submitit_job import OFFERS, Chunk, JobFolder, lost
+from stlbench_executors.submitit_job import OFFERS, JobFolder, lost
 from stlbench_executors.supervisor import Ended
 from stlbench_executors.worker import WorkItems, outcome_of
 
@@ -148,8 +148,7 @@ class SubmititRun:
     Args:
         items: the items.
         job_folder: where jobs say how items ended.
-        chunk: makes the content of a job from the indices of its items.
-        submit: submits such chunks, as one array.
+        submit: submits jobs, each given by the indices of its items, as one array.
         states: the states of jobs by their numbers, as far as they are known.
         size: items of a job.
         most: jobs at a time.
@@ -160,15 +159,13 @@ class SubmititRun:
         self,
         items: WorkItems,
         job_folder: JobFolder,
-        chunk: Callable[[Sequence[int]], Chunk],
-        submit: Callable[[Sequence[Chunk]], Sequence[Job[Any]]],
+        submit: Callable[[Sequence[Sequence[int]]], Sequence[Job[Any]]],
         states: Callable[[Collection[Job[Any]]], Mapping[str, str]],
         size: int,
         most: int,
         queued: int,
     ) -> None:
-        self._items, self._job_folder, self._chunk, self._submit = items, job_folder, chunk, submit
-        self._states = states
+        self._items, self._job_folder, self._submit, self._states = items, job_folder, submit, states
         self._size, self._most, self._queued = size, most, queued
         self._waiting, self._left = deque(range(len(items))), set(range(len(items)))
         self._offers = [0] * len(items)
@@ -204,7 +201,7 @@ class SubmititRun:
             chunks.append([self._waiting.popleft() for _ in range(min(self._size, len(self._waiting)))])
         for index in (index for chunk in chunks for index in chunk):
             self._offers[index] += 1
-        jobs = self._submit([self._chunk(indices) for indices in chunks])
+        jobs = self._submit(chunks)
         self._jobs |= dict(zip(jobs, chunks, strict=True))
 
     def _collect(self) -> None:
