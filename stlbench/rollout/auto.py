@@ -23,8 +23,7 @@ from stlbench.task.forms import regular
 from stlbench.task.task import Task
 from stlbench.task.windows import windows
 
-_GAMMA = 0.95
-_SHARED: Mapping[str, Any] = {"net_arch": [128, 128], "gamma": _GAMMA}
+_SHARED: Mapping[str, Any] = {"net_arch": [128, 128], "gamma": 0.95}
 _DQN: Mapping[str, Any] = {
     **_SHARED,
     "head": "additive",
@@ -34,7 +33,7 @@ _DQN: Mapping[str, Any] = {
     "buffer_size": 131072,
     "averaging": 0.9995,
     "exploration_final_eps": 0.02,
-    "reward_scale": 2 / (1 - _GAMMA),
+    "reward_scale": 10.0,
 }
 _TD3: Mapping[str, Any] = {
     **_SHARED,
