@@ -6,7 +6,7 @@ states and a formula. No rule knows the method.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +15,8 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import ActionBox, Actions, Array, System
 from stlbench.rollout.worlds import make_world
-from stlbench.stl import Formula
+from stlbench.stl import Always, Eventually, Formula
+from stlbench.stl.language.structure import walk
 from stlbench.task.derived import derived
 from stlbench.task.entry import Region
 from stlbench.task.file import Ending, Exploring, TrainingEpisodes
@@ -56,7 +57,10 @@ RECIPES: Mapping[str, Mapping[str, Any]] = {
 
 PATIENCE = 4
 """Checkpoints without a better one after which a training that satisfies may end."""
-_EXPLORING: Mapping[str, Any] = {"share": 0.5, "kept": 0.5, "length": 40}
+EXPLORED = 0.25
+"""Share of the decisions in training that belong to episodes which begin at a random time."""
+LENGTH = 40
+"""Decisions after which such an episode is broken off, on average; at most half of the task's."""
 _FEW = 8
 """Copies of an environment whose first samples are looked at; of a system eight times as many."""
 
@@ -89,10 +93,29 @@ def automatic(task: Task, agent: str) -> Task:
             "budgets": {
                 name: budget.model_copy(update={"patience": PATIENCE}) for name, budget in file.budgets.items()
             },
-            "agents": {agent: dict(RECIPES.get(agent, {}))},
+            "agents": {agent: recipe(agent, task)},
         }
     )
     return replace(task, file=helped)
+
+
+def recipe(agent: str, task: Task) -> dict[str, Any]:
+    """The agent's parameters; its defaults where there are no rules for it.
+
+    With G F p, the discount reaches over the longest window of F: 1 - 1 / (2.5 W) for W decisions, at least .95.
+    """
+    parameters = dict(RECIPES.get(agent, {}))
+    if "gamma" in parameters:
+        again = max((node.b for node in _again(task.formula)), default=0) / task.file.hold
+        parameters["gamma"] = max(parameters["gamma"], round(1 - 1 / max(1.0, 2.5 * again), 4))
+    return parameters
+
+
+def _again(formula: Formula) -> Iterator[Eventually]:
+    """What a formula asks for again and again: F inside G."""
+    for always in walk(formula):
+        if isinstance(always, Always):
+            yield from (node for node in walk(always.arg) if isinstance(node, Eventually))
 
 
 def cuts(formula: Formula, hold: int, steps: int) -> tuple[int, ...]:
@@ -121,12 +144,21 @@ def _initial(task: Task) -> Array:
 
 
 def _exploring(task: Task) -> Exploring | None:
-    """Episodes that begin at a random time, in states met before or over the ranges; none where no state can be set."""
+    """Episodes that begin at a random time, in states met before or where the invariants hold within the ranges.
+
+    There are none where no state can be set.
+    """
     if not isinstance(task.dynamics, System):
         return None
     assert task.file.initial is not None
+    decisions = task.file.steps // task.file.hold
+    length = max(1, min(LENGTH, decisions // 2))
+    share = EXPLORED * decisions / (EXPLORED * decisions + (1 - EXPLORED) * length)
     box = dict[str, tuple[float, float]]()
     for name, (low, high) in task.file.initial.box.items():
         least, greatest = task.file.box.get(name, (low, high))
         box[name] = min(low, least), max(high, greatest)
-    return Exploring(**_EXPLORING, states=Region(box=box))
+    held = [str(part.psi) for part in windows(task.formula) if part.invariant and {*stl.signals(part.psi)} <= {*box}]
+    where = " & ".join(f"({text})" for text in held) or None
+    states = Region.model_validate({"box": box, "where": where})
+    return Exploring(share=share, kept=0.5, length=length, states=states)
