@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from itertools import product as pairs
 from pathlib import Path
@@ -193,6 +194,13 @@ def test_with_fixed_types_a_function_computes_the_same() -> None:
         call(into, (np.arange(3.0), 0.5), i)
     assert into.tolist() == [0.0, 0.5, 1.0]
     assert len(add_scaled.signatures) == 1
+
+
+def test_one_module_alone_builds_on_private_interfaces() -> None:
+    """`numba.core`, `numba.extending` and `llvmlite.ir`."""
+    folder = Path(kernels.__file__).parent
+    private = re.compile(r"(numba\.(core|np|extending)|llvmlite(\.ir| import ir))\b")
+    assert [path.name for path in folder.rglob("*.py") if private.search(path.read_text())] == ["llvm_kernels.py"]
 
 
 class TestReplacement:
