@@ -111,6 +111,34 @@ def tracks() -> str:
     return table(["task", "method", *(f"`{track}`" for track in found)], body, right=0)
 
 
+def auto() -> str:
+    """One row per task: what is learned on the track `auto`, beside the recipes by hand; CPU seconds of both."""
+    by_rules = {(row["task"], row["method"]): row for row in recorded.table("auto", "robustness")}
+    by_hand, cells = learned_by("shared"), (recorded.table("auto", "cells"), rows("cells"))
+    body = []
+    for task in dict.fromkeys(task for task, _ in by_rules):
+        pairs = [(by_rules.get((task, method)), by_hand.get((task, method))) for method in AUTO]
+        times = [f"{_training(own[i] for own in pairs)(cells[i]):.0f} s" for i in range(2)]
+        body.append([f"`{task}`", *(entry(row, interval=False) for pair in pairs for row in pair), *times])
+    methods = [f"`{method}` {how}" for method in AUTO for how in ("by rules", "by hand")]
+    return table(["task", *methods, "CPU by rules", "CPU by hand"], body, right=0)
+
+
+AUTO = ("funnel", "raw")
+"""Methods of the study of the track `auto`."""
+
+
+def _training(settings: Iterable[Row | None]) -> Callable[[Sequence[Row]], float]:
+    """A function of cells to the mean CPU seconds of training of those that belong to the settings."""
+    known = [setting for setting in settings if setting]
+
+    def mean(cells: Sequence[Row]) -> float:
+        times = [float(row["training_cpu_seconds"]) for setting in known for row in of_setting(cells, setting)]
+        return sum(times) / len(times)
+
+    return mean
+
+
 def parts() -> str:
     """One row per task and method: what is learned with the whole recipe, and without each of its parts."""
     return table(["task", "method", "whole", *(f"`{part}`" for part in ablation.PARTS)], ablation.lines(), right=0)
@@ -268,6 +296,7 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "survey-tuned": lambda: whole(survey.tuned()),
         "survey-planned": lambda: whole(survey.planned()),
     },
+    "docs/explanation/auto.md": {"auto": auto},
     "docs/reference/tasks.md": {"field": field, "either-or": either_or, "baselines": baselines},
     "docs/performance-tables.md": {"cost": cost},
 }
