@@ -135,6 +135,7 @@ def test_the_examples_on_environments_follow_the_rules(name: str, library: str) 
     check_task(task_of(str(FROM_OTHERS[name])))
 
 
+@pytest.mark.slow
 def test_the_python_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     page = DOCS / "howto/python.md"
     monkeypatch.chdir(tmp_path)

@@ -47,6 +47,7 @@ def trained(cache: Path, *arguments: str) -> tuple[int, str, str]:
     return int(count), digest, ended.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("training", _TRAININGS.values(), ids=_TRAININGS)
 def test_in_a_process_that_compiles_and_in_one_that_loads(training: tuple[str, ...], tmp_path: Path) -> None:
     compiled = trained(tmp_path, *training)
@@ -63,6 +64,7 @@ def test_in_plain_numba_where_a_private_interface_has_changed(training: tuple[st
     assert warnings.count("the fast kernels do not work with Numba") == 1
 
 
+@pytest.mark.slow
 def test_with_one_job_and_with_two_and_in_any_order_of_cells(tmp_path: Path) -> None:
     """Workers are used again: a cell must not depend on those that its worker trained before."""
 

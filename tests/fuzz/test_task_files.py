@@ -105,6 +105,7 @@ def test_a_text_is_a_task_file_or_is_refused(examples):
     fuzz(examples, FILES, check_task_file)
 
 
+@pytest.mark.slow
 @sizes(20, 3_000)
 def test_a_folder_is_a_task_or_is_refused(say, examples):
     folder = Path("my-task")

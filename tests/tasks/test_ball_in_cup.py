@@ -109,5 +109,6 @@ def test_the_controller_satisfies_from_every_start() -> None:
     assert max(score.robustness) < 0.033
 
 
+@pytest.mark.slow
 def test_the_contract() -> None:
     check_task("ball-in-cup")

@@ -105,5 +105,6 @@ def test_the_controller_satisfies_from_every_start() -> None:
     assert min(score.robustness) > 0.085  # of 0.1, at the point
 
 
+@pytest.mark.slow
 def test_the_contract() -> None:
     check_task("fetch-reach")

@@ -97,6 +97,7 @@ def test_nothing_but_the_figure_is_left_in_the_folder(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"name.png", "name.svg", "name.pdf"}
 
 
+@pytest.mark.slow
 def test_a_colour_of_few_pixels_is_kept_among_thousands_of_shades(tmp_path):
     """Fewer colours must not make one of a legend's vermilion and its orange, as pale as regions are."""
     figure = Figure(figsize=(9, 6))

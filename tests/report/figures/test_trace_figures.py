@@ -71,6 +71,7 @@ def test_two_figures_per_method_and_two_per_task(run):
     ]
 
 
+@pytest.mark.slow
 def test_what_was_planned_is_drawn_by_itself_and_not_among_what_was_learned(run):
     plan = run.save(synthetic_results.plan("raw"))
     kinds = files("planned-hold-disc", *(f"{kind}-hold-disc-raw-planner-quick" for kind in ("time", "trajectories")))
@@ -89,6 +90,7 @@ def test_a_seed_without_traces_is_said_and_the_others_are_drawn(run):
     assert line.startswith("hold-disc/funnel/dqn/1 has no traces at ")
 
 
+@pytest.mark.slow
 def test_the_rewarded_form_is_drawn_where_it_is_asked_for_and_a_task_has_one(run):
     cells = [run.save(synthetic_results.result(task=task)) for task in ("cartpole", "hold-disc")]
     names = run.draw(*cells, kinds=trace_figures.KINDS)
