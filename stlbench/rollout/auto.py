@@ -14,6 +14,7 @@ import numpy as np
 
 from stlbench import stl
 from stlbench.contract import ActionBox, Actions, Array, System
+from stlbench.errors import UsageError
 from stlbench.rollout.worlds import make_world
 from stlbench.stl import Always, Eventually, Formula
 from stlbench.stl.language.structure import walk
@@ -21,6 +22,7 @@ from stlbench.task.derived import derived
 from stlbench.task.entry import Region
 from stlbench.task.file import Ending, Exploring, TrainingEpisodes
 from stlbench.task.forms import regular
+from stlbench.task.starts import sample
 from stlbench.task.task import Task
 from stlbench.task.windows import windows
 
@@ -161,4 +163,8 @@ def _exploring(task: Task) -> Exploring | None:
     held = [str(part.psi) for part in windows(task.formula) if part.invariant and {*stl.signals(part.psi)} <= {*box}]
     where = " & ".join(f"({text})" for text in held) or None
     states = Region.model_validate({"box": box, "where": where})
+    try:
+        sample(states, np.random.default_rng(0), 256)
+    except UsageError:  # the invariants hold almost nowhere within the ranges
+        return Exploring(share=share, kept=1.0, length=length)
     return Exploring(share=share, kept=0.5, length=length, states=states)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.line_task import line
 
 from stlbench.contract import ActionBox, ActionGrid
 from stlbench.registry.choices import Choice
@@ -13,6 +14,7 @@ from stlbench.rollout.observing import observation_of
 from stlbench.stl import parse
 from stlbench.study.tracks import on_track, own_agent_on
 from stlbench.task import build_method, load_task
+from stlbench.task.starts import sample
 
 
 @pytest.mark.parametrize(
@@ -69,3 +71,14 @@ def test_a_policy_is_known_by_the_state_and_the_view_that_it_observes(name: str)
     assert task.view is not None
     assert shown.names[-len(task.view.quantities) :] == task.view.quantities
     assert shown.total == BatchEnvironment(task, method, 2, seed=0).observation_size
+
+
+@pytest.mark.parametrize(("formula", "kept"), [("G[0,8] abs(x) <= 1", 0.5), ("G[0,8] abs(x) <= 0.000001", 1.0)])
+def test_exploring_begins_where_the_invariants_hold_unless_that_is_almost_nowhere(formula: str, kept: float) -> None:
+    task = line(formula=formula)
+    exploring = on_track(task, Choice("dqn"), "auto").file.training.exploring
+    assert exploring is not None
+    assert exploring.kept == kept
+    if exploring.states is not None:
+        drawn = sample(exploring.states, np.random.default_rng(0), 50)
+        assert (abs(drawn[:, 0]) <= 1).all()
