@@ -16,14 +16,12 @@ from stlbench.stl import And, Formula, Implies, Not, Or, Predicate
 from stlbench.task.scales import Box, Scale, scale
 from stlbench.task.windows import Window, windows, with_parts
 
-FARTHEST = 0.4
-"""What a goal costs at its worst, where an invariant costs 1."""
+FARTHEST, BESIDE = 0.4, 1.0
+"""What a goal costs at its worst: alone, and beside invariants, which cost 1, so that neither hides the other."""
 BEST = 0.5
 """What a goal pays at its best."""
 CLEARANCE = 0.3
 """What an invariant pays at its best."""
-STEEPNESS = 4.0
-"""An invariant costs 1 at so small a part of the depth at which it pays its best."""
 KEPT = 4.0
 """A predicate that the start keeps costs no more beyond so many near sizes."""
 
@@ -33,11 +31,12 @@ def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array
 
     With m the margin of a predicate and w its near size (`scales.Scale`), the margin becomes
 
-    - of a goal: -.4 log(1 - m / w) / K where m < 0, with K the largest such logarithm in its window, so that it is
-      from -.4 to 0; .5 m / best where m >= 0, with `best` the largest margin of all that has to hold with it;
+    - of a goal: -c log(1 - m / w) / K where m < 0, with K the largest such logarithm in its window, so that it is from
+      -c to 0, and c = .4, or 1 beside invariants; .5 m / best where m >= 0, with `best` the largest margin of all that
+      has to hold with it;
     - of a kept predicate, which holds at all initial states beside others that do not: the same, but -m / w counts at
       most 4. So a robot that starts at rest may move until it is there;
-    - of an invariant, with d half of the least near size among the invariants of its unit: 4 m / d, but at least -1,
+    - of an invariant, with d half of the least near size among the invariants of its unit: m / d, but at least -1,
       where m < 0; .3 min(m / d, 1) where m >= 0. So a goal that is far does not hide an obstacle.
 
     A predicate whose margin is 0 at best, as `collisions <= 0`, pays .3 where it holds. It costs 1 where it is violated
@@ -59,7 +58,7 @@ def derived(formula: Formula, box: Box, units: Mapping[str, str], initial: Array
     def part(window: Window) -> Formula:
         if window in invariants:
             return _rescaled(window.psi, lambda each: _invariant(_Margin.of(each, box), depths[_unit(each[0], units)]))
-        return _goal(window.psi, box, initial)
+        return _goal(window.psi, box, initial, BESIDE if invariants else FARTHEST)
 
     return with_parts(formula, part)
 
@@ -99,7 +98,7 @@ class _Margin:
         return log(1 + self.size.worst / self.near)
 
 
-def _goal(psi: Formula, box: Box, initial: Array) -> Formula:
+def _goal(psi: Formula, box: Box, initial: Array, farthest: float) -> Formula:
     signed = list(_signed(psi))
     kept = {each for each in signed if _holds(each, tuple(box), initial)}
     if len(kept) == len(signed) or not isinstance(psi, And):
@@ -116,7 +115,7 @@ def _goal(psi: Formula, box: Box, initial: Array) -> Formula:
         if each in kept:
             far = f"min({KEPT:g}, {far})"
         reached = f"{BEST:g} * min(1, max(0, {margin.text}) / {min(margin.size.best, best):.9g})"
-        return f"{reached} - {FARTHEST / octaves:.9g} * log(1 + {far})"
+        return f"{reached} - {farthest / octaves:.9g} * log(1 + {far})"
 
     return _rescaled(psi, shape)
 
@@ -125,7 +124,7 @@ def _invariant(margin: _Margin, depth: float) -> str:
     if margin.tight:
         return _all_or_nothing(margin)
     deep = f"{margin.text} / {depth:.9g}"
-    return f"max(-1, min({STEEPNESS:g} * {deep}, {CLEARANCE:g} * min({deep}, 1)))"
+    return f"max(-1, min({deep}, {CLEARANCE:g} * min({deep}, 1)))"
 
 
 def _all_or_nothing(margin: _Margin) -> str:
