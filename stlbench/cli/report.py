@@ -136,6 +136,7 @@ def _show(shown: Report, written: Report, folder: Path, explain: bool, width: Wi
     is_written, out = _write(written, folder, width), console()
     for table in shown.summary:
         to_screen(table, out, explain=explain)
+    _warn_of_early_ends(shown.groups)
     if not explain:
         typer.echo(f"How to read the tables: stlbench report {shlex.quote(str(folder))} --explain")
     if not is_written:
@@ -145,6 +146,22 @@ def _show(shown: Report, written: Report, folder: Path, explain: bool, width: Wi
     planned = ", alignment" if written.aligned else ""
     files = f"report.md, robustness, comparisons, controllers{planned} and time (.csv, .tex), cells.csv, figures/"
     typer.echo(f"Written to {folder}/: {files}")
+
+
+def _warn_of_early_ends(groups: Sequence[Group]) -> None:
+    """Warn where a formula was satisfied beside episodes that the environment ended before it was decided."""
+    early = [
+        f"{group.setting.name} ({100 * share:.3g} %)"
+        for group in groups
+        if any(group.values("satisfaction")) and (share := max(filter(None, group.values("ended_early")), default=0.0))
+    ]
+    if early:
+        shown = ", ".join(early[:_FEW]) + (f" and {len(early) - _FEW} more" if len(early) > _FEW else "")
+        warn(f"the environment ended episodes before the formula's horizon: {shown}; --explain says what that means")
+
+
+_FEW = 3
+"""Settings that a warning names."""
 
 
 def _write(report: Report, folder: Path, width: Width) -> bool:

@@ -80,11 +80,14 @@ def verify(folder: Path) -> Verified:
                 changed = list(_changed(folder, row.files, row.result))
                 damages += changed
                 files += len(row.files) - len(changed)
+        problems = list(ledger.problems())
+        if not rows and (left := sum(1 for kind in (TRACES, POLICIES) for _ in (folder / kind).glob("*.npz"))):
+            problems.append(f"it has no result beside {left} files of traces and policies")
         sound = not any(damage.what == "row" for damage in damages)  # else a row may have another key
         return Verified(
             rows=rows,
             files=files,
-            structure=tuple(ledger.problems()),
+            structure=tuple(problems),
             damages=tuple(damages),
             marked=marked,
             strays=tuple(_strays(folder, {*(row.key for row in ledger.listed()), *ledger.planned()})) if sound else (),

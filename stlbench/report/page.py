@@ -127,7 +127,9 @@ class _Page:
         across = [_trimmed(table) for table in across if table.rows]
         rows, cells = cells_shown(report.groups)
         keys = {part["name"]: part["key"] for part in parts}
+        details = [_cell_part(row, self.results.get(row.id), self.folder) for row in rows]
         tables = [overview, *across, cells, *(table for part in parts for table in (*part["tables"], part["worst"]))]
+        tables += [table for part in details for table in part["tables"]]
         return _rendered(
             title=self.folder.resolve().name or "results",
             overview=overview,
@@ -136,7 +138,7 @@ class _Page:
             pictures=[_picture(drawing.label, drawing.draw()) for drawing in over_all],
             parts=parts,
             cells=cells,
-            details=[_cell_part(row, self.results.get(row.id), self.folder) for row in rows],
+            details=details,
             notes={
                 table.notes: (f"notes-{i}", table.title.partition(":")[0])
                 for i, table in enumerate(tables)

@@ -48,6 +48,14 @@ def test_a_whole_folder(folder):
         assert len(ledger.finished(keyed(seed).key for seed in range(3))) == 3
 
 
+def test_no_result_beside_files_is_not_whole(folder):
+    with sqlite3.connect(folder / FILE) as database:
+        database.execute("DELETE FROM cells")
+    found = verify(folder)
+    assert not found.is_whole
+    assert found.structure == ("it has no result beside 6 files of traces and policies",)
+
+
 def test_what_is_missing_or_other_is_named_and_marked_and_its_result_stays(folder):
     beside = [cell_files(folder, keyed(seed).id, keyed(seed).key) for seed in range(3)]
     beside[0].traces.unlink()

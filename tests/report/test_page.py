@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,15 @@ def test_every_name_of_an_element_is_used_once_and_every_link_leads_somewhere(pa
     names = parsed.attributes("id")
     assert len(names) == len(set(names))
     assert {link[1:] for link in parsed.attributes("href")} | {*parsed.attributes("aria-labelledby")} <= {*names}
+
+
+def test_a_cell_whose_episodes_ended_early_has_its_note(tmp_path: Path) -> None:
+    cell = result()
+    assert cell.measurement is not None
+    selected = {name: replace(score, ended_early=0.25) for name, score in cell.measurement.selected.items()}
+    early = replace(cell, measurement=replace(cell.measurement, selected=selected))
+    text = Page(write([early], (), {}, tmp_path).read_text(encoding="utf-8")).text
+    assert "Ended early: share of the starts" in text
 
 
 def test_hostile_texts_are_texts(parsed: Page) -> None:
