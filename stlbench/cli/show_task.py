@@ -80,7 +80,7 @@ def _facts(task: Task) -> dict[str, Any]:
         "actions": _actions(task),
         "robots": file.robots,
         "training": file.training.model_dump(exclude_none=True),
-        "budgets": {name: budget.model_dump() for name, budget in file.budgets.items()},
+        "budgets": {name: budget.model_dump(exclude_none=True) for name, budget in file.budgets.items()},
         "protocols": {
             key: {
                 "title": protocol.title,

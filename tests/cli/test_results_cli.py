@@ -20,8 +20,9 @@ STUDY = "tasks: toy-line\nmethods: [toy-raw, toy-wrong]\nagents: [toy-agent]\nex
 
 
 @pytest.fixture
-def study(toy):
-    """A file that describes a study of two cells, of which one raises."""
+def study(toy, tmp_path, monkeypatch):
+    """A file that describes a study of two cells, of which one raises, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
     Path("study.yaml").write_text(STUDY)
     return "study.yaml"
 
