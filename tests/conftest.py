@@ -6,11 +6,19 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import settings
 
 settings.register_profile("any-machine", deadline=None)  # a busy machine is slow, and no test fails by the clock
 settings.load_profile("any-machine")
+
+
+@pytest.fixture(autouse=True)
+def floating_point_errors() -> Iterator[None]:
+    """What a made-up plugin does to NumPy's handling of floating-point errors ends with its test."""
+    with np.errstate():
+        yield
 
 
 @pytest.fixture
