@@ -118,7 +118,8 @@ def auto() -> str:
     body = []
     for task in dict.fromkeys(task for task, _ in by_rules):
         pairs = [(by_rules.get((task, method)), by_hand.get((task, method))) for method in AUTO]
-        times = [f"{_training(own[i] for own in pairs)(cells[i]):.0f} s" for i in range(2)]
+        settings = zip(*pairs, strict=True)
+        times = [f"{_training(own, of):.0f} s" for own, of in zip(settings, cells, strict=True)]
         body.append([f"`{task}`", *(_counts(row) for pair in pairs for row in pair), *times])
     methods = [f"`{method}` {how}" for method in AUTO for how in ("by rules", "by hand")]
     return table(["task", *methods, "CPU by rules", "CPU by hand"], body, right=0)
@@ -135,15 +136,10 @@ AUTO = ("funnel", "raw")
 """Methods of the study of the track `auto`."""
 
 
-def _training(settings: Iterable[Row | None]) -> Callable[[Sequence[Row]], float]:
-    """A function of cells to the mean CPU seconds of training of those that belong to the settings."""
-    known = [setting for setting in settings if setting]
-
-    def mean(cells: Sequence[Row]) -> float:
-        times = [float(row["training_cpu_seconds"]) for setting in known for row in of_setting(cells, setting)]
-        return sum(times) / len(times)
-
-    return mean
+def _training(settings: Iterable[Row | None], cells: Sequence[Row]) -> float:
+    """The mean CPU seconds of training of the cells that belong to the settings."""
+    own = [cell for setting in settings if setting for cell in of_setting(cells, setting)]
+    return sum(float(cell["training_cpu_seconds"]) for cell in own) / len(own)
 
 
 def parts() -> str:

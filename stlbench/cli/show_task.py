@@ -13,6 +13,7 @@ from stlbench.cli.show_task_text import task_text
 from stlbench.errors import cause, one_line
 
 if TYPE_CHECKING:
+    from stlbench.records.identity import Track
     from stlbench.records.result import Score
     from stlbench.rollout.questions import Question
     from stlbench.task.task import Task
@@ -46,11 +47,13 @@ def task(
     loaded = load_task(name)
     loaded = on_track(loaded, Choice(own_agent_on(loaded, track)), track)
     plugin = plugins.find("tasks", loaded.choice.name)
-    facts = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | _facts(loaded)
+    facts = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | _facts(
+        loaded, track
+    )
     show(as_json, facts, task_text(facts))
 
 
-def _facts(task: Task) -> dict[str, Any]:
+def _facts(task: Task, track: Track) -> dict[str, Any]:
     """Intervals of formulas are in steps."""
     from stlbench import stl
     from stlbench.registry import plugins
@@ -93,7 +96,7 @@ def _facts(task: Task) -> dict[str, Any]:
         "agents": file.agents,
         "methods": _methods(task),
         "equal_rewards": [
-            dict(vars(difference)) for difference in differences(task.choice, plugins.available("methods"), ask)
+            dict(vars(difference)) for difference in differences(task.choice, plugins.available("methods"), ask, track)
         ],
     }
 

@@ -15,6 +15,7 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import ActionBox, Actions, Array, System
 from stlbench.errors import UsageError
+from stlbench.records.identity import Track
 from stlbench.rollout.worlds import make_world
 from stlbench.stl import Always, Eventually, Formula
 from stlbench.stl.language.structure import walk
@@ -72,6 +73,16 @@ def own_agent(actions: Actions) -> str:
     if isinstance(actions, ActionBox):
         return "td3"
     return "dqn-per-robot" if len(actions.robots) > 1 else "dqn"
+
+
+def for_every_method(task: Task, agent: str, track: Track) -> Task:
+    """The task that every method of a track trains on: by the rules (`auto`), without help (`plain`), or as it is."""
+    if track == "auto":
+        return automatic(task, agent)
+    if track == "plain":  # the agent has no recipe there, and so trains with its defaults
+        file = task.file.plain()
+        return replace(task, file=file.model_copy(update={"agents": {**file.agents, agent: {}}}))
+    return task
 
 
 def automatic(task: Task, agent: str) -> Task:

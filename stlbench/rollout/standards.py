@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal, TypeVar
 
 from stlbench.contract import Intractable, Unsuitable
@@ -12,7 +12,7 @@ from stlbench.records.identity import Setting, Track
 from stlbench.records.result import Score
 from stlbench.registry.choices import Choice, parse_choice
 from stlbench.rollout import baselines, controller
-from stlbench.rollout.auto import automatic
+from stlbench.rollout.auto import for_every_method
 from stlbench.rollout.questions import Ask, Question, answers, ask_here
 from stlbench.task import build_method, load_task
 from stlbench.task.equal_rewards import Difference, Paid, equal_payments, payments
@@ -115,11 +115,7 @@ def payment(task: Choice, track: Track, method: str) -> Question[Paid | None]:
 def _paid(choice: Choice, track: Track, method: str) -> Paid | None:
     try:
         task = load_task(choice)
-        if track == "plain":
-            task = replace(task, file=task.file.plain())
-        elif track == "auto":
-            task = automatic(task, task.own_agent)
-        return payments(build_method(task, method))
+        return payments(build_method(for_every_method(task, task.own_agent, track), method))
     except (Intractable, Unsuitable, UsageError):
         return None
 
@@ -161,12 +157,14 @@ def _standard(
     )
 
 
-def differences(task: Choice, methods: Iterable[Choice | str], ask: Ask) -> tuple[Difference, ...]:
+def differences(
+    task: Choice, methods: Iterable[Choice | str], ask: Ask, track: Track = "shared"
+) -> tuple[Difference, ...]:
     """Those pairs of methods that pay the same on a task but for a function of time (`equal_payments`).
 
     Of one that gives no answer a `PluginWarning` says why.
     """
-    questions = [payment(task, "shared", str(method)) for method in methods]
+    questions = [payment(task, track, str(method)) for method in methods]
     return equal_payments({question.arguments[2]: paid for question, paid in answers(questions, ask).items()})
 
 

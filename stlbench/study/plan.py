@@ -92,24 +92,24 @@ class _Planned:
 
     def cell(self, method: Choice, agent: Choice, seed: int, part: keys.Part, recipes: Recipes | None) -> Cell:
         recipe = recipes.of(self.task.choice, agent, method) if recipes else None
-        within = self._ingredients(method, part, agent, recipe)
+        within = self._ingredients(part, agent, recipe)
         cell = CellId(self.task.choice, method, agent, seed, self.budget, self.track)
         place = folders.place_of(self.task.choice.name)
         deadline = self.task.budget(self.budget).deadline
         return Cell(cell, within.key(self.track, seed), deadline, recipe, place, within.parts, within.code)
 
-    def _ingredients(self, method: Choice, part: keys.Part, agent: Choice, recipe: Recipe | None) -> keys.Ingredients:
+    def _ingredients(self, part: keys.Part, agent: Choice, recipe: Recipe | None) -> keys.Ingredients:
         """What is in the keys of its cells."""
-        name = method, agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
-        if name not in self._known:
+        setting = agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
+        if setting not in self._known:
             task = on_track(self.task, agent, self.track, recipe)
-            within = keys.task_part(task, self.budget), part, keys.agent_part(task, agent)
-            self._known[name] = keys.Ingredients(self.harness, *within)
-        return self._known[name]
+            self._known[setting] = keys.task_part(task, self.budget), keys.agent_part(task, agent)
+        own, trained = self._known[setting]
+        return keys.Ingredients(self.harness, own, part, trained)
 
     @cached_property
-    def _known(self) -> dict[Any, keys.Ingredients]:
-        """Those that were asked for: a seed changes nothing of them."""
+    def _known(self) -> dict[Any, tuple[keys.Part, keys.Part]]:
+        """The parts of task and agent so far: neither a seed nor, but by its recipe, a method changes them."""
         return {}
 
 

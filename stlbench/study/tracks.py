@@ -14,7 +14,7 @@ from stlbench.errors import UsageError, in_words, one_line
 from stlbench.records.identity import CellId, Track
 from stlbench.records.outputs import write
 from stlbench.registry.choices import Choice
-from stlbench.rollout.auto import automatic, own_agent
+from stlbench.rollout.auto import for_every_method, own_agent
 from stlbench.task.entry import Count
 from stlbench.task.task import Task, load_task
 from stlbench.task.yaml_text import load_yaml
@@ -88,13 +88,8 @@ def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = No
     Raises:
         UsageError: the recipe's `hold` does not fit the task.
     """
-    if track == "shared":
-        return task
-    if track == "auto":
-        return automatic(task, agent.name)
-    if track == "plain":
-        file = task.file.plain()
-        return replace(task, file=file.model_copy(update={"agents": {**file.agents, agent.name: {}}}))
+    if track != "tuned":
+        return for_every_method(task, agent.name, track)
     assert recipe is not None
     parameters: dict[str, Any] = {**task.recipe(agent.name), **recipe.agent}
     file = task.file.model_copy(update={"agents": {**task.file.agents, agent.name: parameters}})

@@ -60,7 +60,7 @@ def train(
     agent: Agent,
     cell: Cell,
     notify: Callable[[Policy | StatePolicy, int], None],
-    score: Callable[[Policy | StatePolicy], tuple[float, float]] | None = None,
+    score: Callable[[Policy | StatePolicy], tuple[float, float]],
 ) -> Trained:
     """Rehearse, unless the agent plans, and train by the clock.
 
@@ -71,14 +71,14 @@ def train(
     reported: list[Checkpoint] = []
     budget, clock = task.budget(cell.id.budget), Clock()
     meter = StepCounter(str(cell.id.agent))
-    patience = None if budget.patience is None or score is None else Patience(budget.patience)
+    patience = None if budget.patience is None else Patience(budget.patience)
 
     def report(policy: Policy | StatePolicy, steps: int) -> bool:
         clock.pause()
         meter.check(steps)
         reported.append(Checkpoint(policy, steps, clock.cpu))
         notify(policy, steps)
-        enough = patience is not None and score is not None and patience.ends(*score(policy))
+        enough = patience is not None and patience.ends(*score(policy))
         clock.resume()
         return enough
 
