@@ -221,6 +221,7 @@ def main() -> None:
     print("to begin with:", ", ".join(f"{value.mean():.5f}" for value in values))
     best = np.stack(found)[values.argmax(axis=0), np.arange(len(begun))]
     best = search(task, begun, best, said.seconds, said.seed).astype(np.float32)
+    FOLDER.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(FOLDER / f"{task.name}.npz", actions=best)
     score = replay(task, best.astype(np.float64))
     print(f"{task.name}: {score.mean:.6f}, worst start {score.minimum:.6f}, satisfied {100 * score.satisfaction:.1f} %")
