@@ -20,10 +20,8 @@ from stlbench_agents.replay import Batch
 class Networks(NamedTuple):
     """The shapes of actor and critics, as `stlbench_agents.layers` has them."""
 
-    actor: Indices
-    """(L, 4)."""
-    critics: Indices
-    """(2, L, 4): where each critic lies in the critics' vector."""
+    actor: Indices  # (L, 4)
+    critics: Indices  # (2, L, 4): where each critic lies in the critics' vector
 
     @staticmethod
     def of(inputs: int, hidden: tuple[int, ...], axes: int) -> Networks:
@@ -34,10 +32,7 @@ class Networks(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """Noise on target actions."""
-
-    normal: Floats
-    """(B, axes)."""
+    normal: Floats  # (B, axes)
     spread: float
     limit: float
 
@@ -47,20 +42,14 @@ class TD3Buffers(NamedTuple):
 
     actor: PassBuffers
     critic: PassBuffers
-    joined: Floats
-    """(B * (D + axes),): observations and actions side by side, the critics' inputs."""
-    output: Floats
-    """(B * axes,): the actor's, before the tanh."""
-    value: Floats
-    """(B,)."""
-    goal: Floats
-    """(B,): the targets."""
-    by_output: Floats
-    """(B * axes,): gradient by the actor's output."""
+    joined: Floats  # (B * (D + axes),): observations and actions side by side, the critics' inputs
+    output: Floats  # (B * axes,): the actor's, before the tanh
+    value: Floats  # (B,)
+    goal: Floats  # (B,): the targets
+    by_output: Floats  # (B * axes,): gradient by the actor's output
 
     @staticmethod
     def of(networks: Networks, rows: int, dtype: Any = np.float32) -> TD3Buffers:
-        """For batches of B = `rows`."""
         axes, inputs = int(networks.actor[-1, 1]), int(networks.critics[0, 0, 1])
         sizes = (rows * inputs, rows * axes, rows, rows, rows * axes)
         spaces = PassBuffers.of(networks.actor, rows, dtype), PassBuffers.of(networks.critics[0], rows, dtype)

@@ -41,7 +41,6 @@ def _caches() -> Path:
 
 
 def is_ready(part: str) -> bool:
-    """Whether this machine has compiled a part of the code."""
     return (folder() / part).exists()
 
 
@@ -69,6 +68,5 @@ class CompiledAgent(Agent):
         return None if is_ready(self.compiled_part) else self.preload
 
     def preload(self) -> None:
-        """Load the compiled code, and compile it first if need be."""
         self.compile()
         note_ready(self.compiled_part)

@@ -51,7 +51,6 @@ class DQN(DQNRecipe, CompiledAgent):
     )
 
     def train(self, training: Training) -> Policy:
-        """Spend the budget; return the greedy policy at its end."""
         environment = training.make(self.copies)
         rounds = max(1, training.steps // (self.copies * environment.hold))
         counterfactuals = Counterfactuals(environment, self.counterfactuals, training.seed)
@@ -83,7 +82,6 @@ class DQN(DQNRecipe, CompiledAgent):
         return QLearner(self, environment.observation_size, copies, grid_of(environment.actions), seed, updates)
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost | None:
-        """The cost of its network and its replay; None for actions that it cannot train."""
         return self._cost(size, actions, decisions) if isinstance(actions, ActionGrid) else None
 
     def _cost(self, size: int, grid: ActionGrid, decisions: int) -> Cost:

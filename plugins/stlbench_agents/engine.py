@@ -30,32 +30,22 @@ from stlbench_agents.replay import Batch
 
 
 class Network(NamedTuple):
-    """The shape of a Q-network."""
-
-    layers: Indices
-    """(L, 4): offset of the matrix, rows, columns, offset of the bias."""
-    axes: Indices
-    """Actions along each axis."""
-    additive: bool
-    """Whether there is an output V, and the mean of each axis is taken off."""
+    layers: Indices  # (L, 4): offset of the matrix, rows, columns, offset of the bias
+    axes: Indices  # actions along each axis
+    additive: bool  # whether there is an output V, and the mean of each axis is taken off
 
 
 class QBuffers(NamedTuple):
     """Memory of updates with B rows."""
 
     passes: PassBuffers
-    outputs: Floats
-    """(B * outputs,)."""
-    ones: Floats
-    """(outputs,), all 1: an inner product with them is a sum."""
-    chosen: Indices
-    """(B,): the actions to bootstrap from."""
-    goal: Floats
-    """(B,): the targets."""
+    outputs: Floats  # (B * outputs,)
+    ones: Floats  # (outputs,), all 1: an inner product with them is a sum
+    chosen: Indices  # (B,): the actions to bootstrap from
+    goal: Floats  # (B,): the targets
 
     @staticmethod
     def of(network: Network, batch: int, dtype: Any = np.float32) -> QBuffers:
-        """A workspace for batches of `batch` rows."""
         count = int(network.layers[-1, 1])
         return QBuffers(
             PassBuffers.of(network.layers, batch, dtype),

@@ -25,7 +25,6 @@ class DQNPerRobot(DQN):
     """Deep Q-learning robot by robot, each of its own actions alone; on a task with one robot it is `dqn`."""
 
     def learner(self, environment: Environment, copies: int, seed: int, updates: int) -> QLearner | Team:
-        """A learner for each robot, with its own weights, replay and exploration, and as many updates."""
         grid = grid_of(environment.actions)
         if not grid.robots:
             return super().learner(environment, copies, seed, updates)
@@ -52,7 +51,6 @@ class Team:
     """The learners of R robots, which act together."""
 
     def __init__(self, learners: Sequence[QLearner], sizes: Sequence[int]) -> None:
-        """Args: `sizes` how many actions each of them has."""
         self.learners, self.sizes = learners, tuple(sizes)
 
     def act(self, observation: Array, epsilon: float, generator: np.random.Generator) -> Integers:
@@ -72,18 +70,13 @@ class Team:
 
 
 class TeamPolicy(Policy):
-    """Robots that act at the same time, each by its own policy."""
-
     def __init__(self, robots: Sequence[GreedyPolicy], sizes: Sequence[int]) -> None:
-        """Args: the policy of each robot, and how many actions it has."""
         self.robots, self.sizes = tuple(robots), tuple(sizes)
 
     def act(self, observation: Array) -> Integers:
-        """The joint action's index: (N, D) -> (N,)."""
         return np.ravel_multi_index([robot.act(observation) for robot in self.robots], self.sizes)
 
     def arrays(self) -> Arrays:
-        """The arrays of each robot, with its number before their names."""
         return {f"{i}.{name}": part for i, robot in enumerate(self.robots) for name, part in robot.arrays().items()}
 
     def onnx(self) -> bytes:
@@ -95,7 +88,6 @@ class TeamPolicy(Policy):
 
     @classmethod
     def of(cls, arrays: Arrays, grid: ActionGrid) -> TeamPolicy:
-        """The policy that gave these `arrays`. Raises `Unsuitable` if the robots of the grid have other actions."""
         from stlbench_agents.q_learner import GreedyPolicy
 
         own = [

@@ -51,7 +51,6 @@ def check(kernels: ModuleType) -> None:
 
 
 def _results(kernels: ModuleType) -> bytes:
-    """What the functions of a module compute from the same numbers."""
     matrix, transposed, flattened = kernels.matrix, kernels.transposed, kernels.flattened
     product, inner_products, copy_transposed = kernels.product, kernels.inner_products, kernels.copy_transposed
 

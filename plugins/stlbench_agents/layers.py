@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from stlbench_agents.kernels import copy_transposed, inlined, inner_product, matrix, part, product, transposed
 from stlbench_agents.plain_kernels import Floats, Indices, Matrix
 
-_LINE = 64
-"""Bytes of a line."""
+_LINE = 64  # bytes of a line
 
 
 def zeros(shape: int | tuple[int, ...], dtype: Any = np.float32) -> NDArray[Any]:
@@ -45,14 +44,10 @@ class PassBuffers(NamedTuple):
 
     forward: Floats
     """(L - 1, B * widest): hidden activations of a pass that is followed back; one row without hidden layers."""
-    forward_only: Floats
-    """The same of a pass that is not."""
-    backward: Floats
-    """(2, B * widest): gradients by activations."""
-    transposed: Floats
-    """(widest * widest,): a matrix of weights."""
-    one: Floats
-    """(1,): the number 1."""
+    forward_only: Floats  # the same of a pass that is not
+    backward: Floats  # (2, B * widest): gradients by activations
+    transposed: Floats  # (widest * widest,): a matrix of weights
+    one: Floats  # (1,): the number 1
 
     @staticmethod
     def of(layers: Indices, rows: int, dtype: Any = np.float32) -> PassBuffers:
@@ -65,14 +60,10 @@ class PassBuffers(NamedTuple):
 class OutputBuffers(NamedTuple):
     """Memory of the outputs at B = `rows` observations."""
 
-    inputs: Floats
-    """(B * D,): the observations in the weights' type."""
-    hidden: Floats
-    """(L - 1, B * widest), as `PassBuffers.forward`."""
-    transposed: Floats
-    """(outputs * widest,): the last layer's weights, transposed."""
-    outputs: Floats
-    """(B * outputs,)."""
+    inputs: Floats  # (B * D,): the observations in the weights' type
+    hidden: Floats  # (L - 1, B * widest), as `PassBuffers.forward`
+    transposed: Floats  # (outputs * widest,): the last layer's weights, transposed
+    outputs: Floats  # (B * outputs,)
 
     @staticmethod
     def of(layers: Indices, rows: int, dtype: Any = np.float32) -> OutputBuffers:
@@ -81,7 +72,6 @@ class OutputBuffers(NamedTuple):
         return OutputBuffers(*(np.empty(size, dtype) for size in sizes))
 
     def fit(self, layers: Indices, rows: int) -> OutputBuffers:
-        """Itself, or new buffers if it is not for this number of rows."""
         return self if len(self.inputs) == rows * layers[0, 1] else OutputBuffers.of(layers, rows, self.inputs.dtype)
 
 
@@ -163,8 +153,7 @@ def outputs_at(flat: Floats, layers: Indices, observation: Floats, buffers: Outp
     outputs(flat, layers, buffers.hidden[-1], rows, buffers.transposed, buffers.outputs)
 
 
-_FEW = 8
-"""Below so many outputs their inner products are faster one by one."""
+_FEW = 8  # below so many outputs their inner products are faster one by one
 
 
 @inlined

@@ -121,7 +121,6 @@ class Vectors:
         self._mask = None if columns is None else self._first(columns)
 
     def address(self, array: Any, kind: types.Array, entry: ir.Value) -> ir.Value:
-        """Of an entry of an array."""
         data = self.context.make_array(kind)(self.context, self.builder, array).data
         return self.shifted(self.builder.bitcast(data, _BYTE_POINTER), self.in_bytes(entry))
 
@@ -160,7 +159,6 @@ class Vectors:
         return self.builder.call(cgutils.get_or_insert_function(self.builder.module, function, name), args)
 
     def spread(self, number: ir.Value) -> ir.Value:
-        """A vector of copies of a number."""
         return self._spread(number, self.vector)
 
     def _spread(self, value: ir.Value, kind: ir.VectorType) -> ir.Value:
@@ -280,8 +278,7 @@ def _summed(
     return added
 
 
-_TALL = 4 if VECTOR_BYTES == 32 else 8
-"""Rows of a block. With two vectors a row, a block is what the registers hold."""
+_TALL = 4 if VECTOR_BYTES == 32 else 8  # rows of a block. With two vectors a row, a block is what the registers hold
 _LOW = _TALL // 2
 
 
@@ -348,8 +345,6 @@ def product(_: Any, a: Any, b: Any, bias: Any, least: Any, out: Any) -> Any:
 
 @intrinsic
 def _partial_sums(_: Any, a: Any, a_at: Any, b: Any, b_at: Any, count: Any) -> Any:
-    """The inner product of `count` entries, a multiple of the partial sums."""
-
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
         code = Vectors(context, builder, a.dtype, PARTIAL_BYTES)
         total = cgutils.alloca_once_value(builder, code.zero)

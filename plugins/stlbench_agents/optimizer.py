@@ -13,8 +13,7 @@ from stlbench_agents.kernels import START, inlined, inner_product, part
 from stlbench_agents.layers import aligned, zeros
 from stlbench_agents.plain_kernels import Floats
 
-_BLOCK = 1024
-"""Weights that Adam and the averages take at a time, so that their memory stays in the first cache."""
+_BLOCK = 1024  # weights that Adam and the averages take at a time, so that their memory stays in the first cache
 
 
 class Weights(NamedTuple):
@@ -22,17 +21,13 @@ class Weights(NamedTuple):
 
     online: Floats
     target: Floats
-    average: Floats
-    """Of the reported policy."""
+    average: Floats  # of the reported policy
     gradient: Floats
-    mean: Floats
-    """Adam's first moment."""
-    square: Floats
-    """Adam's second moment."""
+    mean: Floats  # Adam's first moment
+    square: Floats  # Adam's second moment
 
     @staticmethod
     def of(flat: Floats) -> Weights:
-        """All networks with the weights `flat`, before the first update."""
         return Weights(*(aligned(flat) for _ in range(3)), *(zeros(flat.shape, flat.dtype) for _ in range(3)))
 
 

@@ -14,8 +14,7 @@ from stlbench_agents.training import need_onnx
 if TYPE_CHECKING:
     import torch
 
-OPSET, _IR = 17, 8
-"""Versions of ONNX of 2022, which all runtimes in use read."""
+OPSET, _IR = 17, 8  # versions of ONNX of 2022, which all runtimes in use read
 _INPUT = "observation"
 
 
@@ -27,7 +26,6 @@ class Graph:
     """A graph that is being built: each call adds a node and returns its output's name."""
 
     def __init__(self) -> None:
-        """Raises `Unsuitable` where ONNX is not installed."""
         self._onnx = need_onnx()
         self._nodes: list[Any] = []
         self._constants: list[Any] = []
@@ -53,7 +51,6 @@ class Graph:
         return last
 
     def first_largest(self, values: str, begin: int, end: int) -> str:
-        """The place (N,), counted from `begin`, of the largest of some columns; the first of equals."""
         ends = (np.array([each]) for each in (begin, end, 1))
         part = self.node("Slice", values, *ends)
         return self.node("ArgMax", part, axis=1, keepdims=0)
@@ -101,7 +98,6 @@ class ActorPolicy(Policy):
         self._low, self._high = np.array(box.low), np.array(box.high)
 
     def act(self, observation: Array) -> Array:
-        """Action vectors, (N, D) -> (N, axes)."""
         x: Single = observation.astype(np.float32)
         for matrix, bias in self.layers[:-1]:
             x = x @ matrix + bias
@@ -122,7 +118,6 @@ class ActorPolicy(Policy):
         return {**layers, "activation": np.array(self.activation), "squashed": np.array(self.squashed)}
 
     def onnx(self) -> bytes:
-        """One model of the layers and of the map onto the box."""
         graph, span = Graph(), self._high - self._low
         output = graph.perceptron(self.layers, "Tanh" if self.activation == "tanh" else "Relu")
         exact = graph.node("Cast", output, to=double())
@@ -135,7 +130,6 @@ class ActorPolicy(Policy):
 
     @classmethod
     def of(cls, arrays: Arrays, box: ActionBox) -> ActorPolicy:
-        """The policy that gave these `arrays`. Raises `Unsuitable` if the box has another number of axes."""
         count = sum(name.startswith("matrix") for name in arrays)
         layers = [(arrays[f"matrix{i}"], arrays[f"bias{i}"]) for i in range(count)]
         if not layers or len(layers[-1][1]) != len(box.names):

@@ -40,7 +40,6 @@ class QNetwork:
     """
 
     def __init__(self, inputs: int, net_arch: Sequence[int], grid: tuple[int, ...], head: Head) -> None:
-        """Args: `inputs` D, `net_arch` hidden widths, `grid` actions an axis (their product is A)."""
         self.inputs, self.net_arch, self.grid, self.head = inputs, tuple(net_arch), grid, head
         self.axes = (math.prod(grid),) if head == "joint" else grid
         layers = layout((inputs, *net_arch, sum(self.axes) + (head == "additive")))
@@ -57,20 +56,15 @@ class QNetwork:
         return flat
 
     def views(self, flat: Single) -> list[Single]:
-        """The weights that lie in a flat vector, sharing its memory."""
         return views(flat, self.engine.layers)
 
 
 class GreedyPolicy(Policy):
-    """The greedy policy of a Q-network, with a copy of its weights."""
-
     def __init__(self, network: QNetwork, weights: Sequence[Single]) -> None:
-        """Args: `weights` as `QNetwork.views` gives them back."""
         self.network, self.flat = network, np.concatenate([weight.ravel() for weight in weights])
 
     @property
     def weights(self) -> list[Single]:
-        """Matrix, bias, matrix, bias, ... as `QNetwork` lays them out."""
         return self.network.views(self.flat)
 
     def act(self, observation: Array) -> Integers:
@@ -95,7 +89,6 @@ class GreedyPolicy(Policy):
         return graph.model(self.network.inputs, self.index_in(graph), "index")
 
     def index_in(self, graph: Graph) -> str:
-        """Add the policy to a graph; the name of the actions' indices there."""
         *hidden, matrix, bias = self.weights
         layers = [*zip(hidden[::2], hidden[1::2], strict=True), (matrix.T, bias)]
         values = graph.perceptron(layers, "Relu")
@@ -105,7 +98,6 @@ class GreedyPolicy(Policy):
 
     @classmethod
     def of(cls, arrays: Arrays, grid: tuple[int, ...]) -> GreedyPolicy:
-        """The policy that gave these `arrays`. Raises `Unsuitable` if they do not fit each other and the grid."""
         if (own := tuple(arrays["grid"].tolist())) != grid:
             raise Unsuitable(f"the policy chooses among {_times(own)} actions, the task has {_times(grid)}")
         widths = arrays["widths"]
@@ -127,11 +119,8 @@ def _times(grid: tuple[int, ...]) -> str:
 
 
 class Schedule(NamedTuple):
-    """The numbers of the recipe that the updates need."""
-
     rate: float
-    decay: float
-    """Of the learning rate, from one update to the next."""
+    decay: float  # of the learning rate, from one update to the next
     max_norm: float
     tau: float
     interval: int
@@ -140,8 +129,6 @@ class Schedule(NamedTuple):
 
 
 class QLearner:
-    """One Q-network in training: its weights, its target and its replay."""
-
     def __init__(
         self,
         recipe: DQNRecipe,
@@ -193,7 +180,6 @@ class QLearner:
     def learn(
         self, observation: Array, action: Integers, transition: Transition, generator: np.random.Generator
     ) -> None:
-        """Store one lock-step of all copies, and update once there is enough to draw from."""
         self.replay.add(observation, action, transition)
         if self.replay.ready:
             self.update(self.replay.draw(generator, self.recipe.gradient_steps, self.recipe.batch_size))
@@ -207,7 +193,6 @@ class QLearner:
         self._count += len(first)
 
     def compile(self) -> None:
-        """Call all compiled functions once, on zeros."""
         size = self.replay.memory.observation.shape[1]
         self.act(np.zeros((1, size)), 0.0, np.random.default_rng(0))
         self.update(np.zeros((1, self.recipe.batch_size), np.int64))
@@ -248,7 +233,6 @@ def _update_additive(
 
 @inlined
 def _descend(weights: Weights, schedule: Schedule, count: int) -> None:
-    """The step along the gradient after `count` steps."""
     tau = schedule.tau if (count + 1) % schedule.interval == 0 else 0.0
     share = max(1 - schedule.averaging, 1 / (count + 1)) if schedule.averaging > 0 else 0.0
     step(weights, schedule.rate * schedule.decay**count, count + 1, schedule.max_norm, tau, share)

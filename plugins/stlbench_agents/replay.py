@@ -13,27 +13,21 @@ from stlbench_agents.layers import zeros
 
 Single = NDArray[np.float32]
 
-_STOP, _END = 1, 2
-"""How a return stops after a transition: it bootstraps, or nothing follows."""
+_STOP, _END = 1, 2  # how a return stops after a transition: it bootstraps, or nothing follows
 
 
 class Batch(NamedTuple):
     """B transitions of up to n decisions."""
 
-    observation: Single
-    """(B, D), x_t."""
-    action: NDArray[Any]
-    """(B,), a_t, or (B, axes) where actions are vectors."""
-    returns: Single
-    """(B,), r_t + gamma r_{t+1} + ... up to n rewards, fewer where the return stops."""
-    arrived: Single
-    """(B, D), what to bootstrap from."""
+    observation: Single  # (B, D), x_t
+    action: NDArray[Any]  # (B,), a_t, or (B, axes) where actions are vectors
+    returns: Single  # (B,), r_t + gamma r_{t+1} + ... up to n rewards, fewer where the return stops
+    arrived: Single  # (B, D), what to bootstrap from
     discount: Single
     """(B,), the weight of the bootstrap value: gamma to the number of rewards in `returns`, 0 where nothing follows."""
 
     @staticmethod
     def of(rows: int, size: int, axes: int = 0) -> Batch:
-        """OutputBuffers for B = `rows` transitions with D = `size`."""
         wide = (rows, size)
         return Batch(zeros(wide), _actions(rows, axes), *(zeros(part) for part in (rows, wide, rows)))
 
@@ -44,12 +38,9 @@ class Memory(NamedTuple):
     observation: Single
     arrived: Single
     action: NDArray[Any]
-    reward: Single
-    """As `weighted_rewards` gives them."""
-    after: NDArray[np.uint8]
-    """0, `_STOP` or `_END`."""
-    powers: Single
-    """(n + 1,), gamma^0 to gamma^n."""
+    reward: Single  # as `weighted_rewards` gives them
+    after: NDArray[np.uint8]  # 0, `_STOP` or `_END`
+    powers: Single  # (n + 1,), gamma^0 to gamma^n
 
 
 def _actions(rows: int, axes: int) -> NDArray[Any]:
@@ -114,7 +105,6 @@ class Replay:
 
     @property
     def ready(self) -> bool:
-        """Whether there are n consecutive lock-steps to sample from."""
         return self.count >= self._n
 
     def draw(self, generator: np.random.Generator, updates: int, batch: int) -> Integers:

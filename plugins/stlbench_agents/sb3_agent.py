@@ -86,7 +86,6 @@ class SB3Agent(Agent):
         """Transitions in memory at the same time, at most."""
 
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost:
-        """The same count as for `dqn` and `td3`."""
         outputs = actions.size if isinstance(actions, ActionGrid) else len(actions.names)
         return cost_of(size, self.net_arch, outputs, min(decisions, self.stored))
 
@@ -157,11 +156,9 @@ class SB3OffPolicy(SB3Agent):
 
     @property
     def stored(self) -> int:
-        """`buffer_size`."""
         return self.buffer_size
 
     def options(self, environment: Environment) -> dict[str, Any]:
-        """As for all, and an update after each step of all copies."""
         return super().options(environment) | {"train_freq": 1}
 
 

@@ -29,7 +29,6 @@ class CopiesVecEnv(VecEnv):
     """
 
     def __init__(self, environment: Environment, gamma: float) -> None:
-        """Args: `gamma` the discount, for the sum of a reward that is paid for ever."""
         self._environment, self._gamma = environment, gamma
         size, actions = (environment.observation_size,), environment.actions
         space = (
@@ -40,15 +39,12 @@ class CopiesVecEnv(VecEnv):
         super().__init__(environment.count, Box(-np.inf, np.inf, size, np.float32), space)
 
     def reset(self) -> Single:
-        """The first observations, (N, D)."""
         return self._environment.reset().astype(np.float32)
 
     def step_async(self, actions: Integers | Array) -> None:
-        """Take note of the actions (N,) or (N, axes)."""
         self._actions = actions
 
     def step_wait(self) -> tuple[Single, Single, NDArray[np.bool_], list[Info]]:
-        """Observations (N, D), rewards (N,), whether an episode ended (N,), and an info for each copy."""
         transition = self._environment.step(self._actions)
         infos: list[Info] = [{} for _ in range(self.num_envs)]
         for row in np.flatnonzero(transition.cut):

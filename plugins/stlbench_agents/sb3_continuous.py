@@ -34,7 +34,6 @@ class SB3TD3(SB3OffPolicy):
     """standard deviation of the noise on actions in training, which lie in [-1, 1]"""
 
     def options(self, environment: Environment) -> dict[str, Any]:
-        """As for all with a replay, and the noise. Raises `Unsuitable` where the task's actions are a grid."""
         from stable_baselines3.common.noise import NormalActionNoise
 
         axes, options = len(box_of(environment.actions).names), super().options(environment)
@@ -55,7 +54,6 @@ class SB3SAC(SB3OffPolicy):
     """the entropy coefficient at the start; SB3's own 1 is large beside rewards of at most 1"""
 
     def options(self, environment: Environment) -> dict[str, Any]:
-        """As for all with a replay. Raises `Unsuitable` where the task's actions are a grid."""
         box_of(environment.actions)
         options = super().options(environment)
         return options | {"ent_coef": f"auto_{options.pop('ent_coef_initial')}"}
@@ -104,7 +102,6 @@ class SB3PPO(SB3Agent):
         return replace(self, n_steps=rollout, batch_size=min(self.batch_size, rollout * self.copies))
 
     def options(self, environment: Environment) -> dict[str, Any]:
-        """As for all. Raises `Unsuitable` where the task's actions are a grid."""
         box_of(environment.actions)
         return super().options(environment)
 

@@ -50,7 +50,6 @@ class SB3DQN(SB3OffPolicy):
         return GreedyPolicy.of(arrays, grid_of(actions).shape)
 
     def options(self, environment: Environment) -> dict[str, Any]:
-        """As for all with a replay. Raises `Unsuitable` where the task's actions are continuous."""
         grid_of(environment.actions)
         rounded_up = max(self.target_update_interval, self.copies)  # SB3 does so too, but with a warning
         return super().options(environment) | {"target_update_interval": rounded_up}

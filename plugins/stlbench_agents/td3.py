@@ -38,7 +38,6 @@ class TD3(TD3Recipe, CompiledAgent):
     )
 
     def train(self, training: Training) -> Policy:
-        """Spend the budget; return the policy at its end."""
         from stlbench_agents.replay import Replay
         from stlbench_agents.td3_learner import TD3Learner  # imports Numba
 
@@ -94,6 +93,5 @@ class TD3(TD3Recipe, CompiledAgent):
         TD3Learner(self, 1, ActionBox(("a",), (-1.0,), (1.0,)), np.random.default_rng(0), 1).compile()
 
     def _noise(self, rounds: int) -> Array:
-        """The standard deviation in each round, (rounds,)."""
         first, last = self.exploration_noise, self.exploration_noise_final
         return np.linspace(first, first if last is None else last, rounds)

@@ -19,11 +19,8 @@ from stlbench_agents.replay import Batch, Memory, Replay, gather
 
 
 class Schedule(NamedTuple):
-    """The numbers of the recipe that the updates need."""
-
     rate: float
-    decay: float
-    """Of the learning rate, from one update to the next."""
+    decay: float  # of the learning rate, from one update to the next
     tau: float
     delay: int
     averaging: float
@@ -33,8 +30,6 @@ class Schedule(NamedTuple):
 
 
 class TD3Learner:
-    """Actor and critics in training: their weights, their targets, and the actor's average."""
-
     def __init__(
         self, recipe: TD3Recipe, inputs: int, box: ActionBox, generator: np.random.Generator, updates: int
     ) -> None:
@@ -63,7 +58,6 @@ class TD3Learner:
         self._update = fixed_types(_update)
 
     def compile(self) -> None:
-        """Call all compiled functions once, on zeros."""
         size, axes = int(self.networks.actor[0, 1]), len(self.box.names)
         self.act(np.zeros((1, size)), np.zeros((1, axes)))
         rows = (1, len(self._batch.returns))
@@ -71,7 +65,6 @@ class TD3Learner:
         self.update(memory, np.zeros(rows, np.int64), 1, np.zeros((*rows, axes), np.float32))
 
     def policy(self, averaged: bool = False) -> ActorPolicy:
-        """The actor as it is now, or with the average of its weights."""
         parts = views(self.actor.average if averaged else self.actor.online, self.networks.actor)
         hidden = list(zip(parts[:-2:2], parts[1:-2:2], strict=True))
         return ActorPolicy([*hidden, (parts[-2].T, parts[-1])], self.box, "relu", squashed=True)

@@ -32,18 +32,15 @@ def report_rounds(rounds: int, checkpoints: int) -> set[int]:
 _UNIT = 40
 """Multiplications that take as long as the rest of an update for each unit of a layer: fitted to times of `dqn` and
 `td3` with 16 to 6000 inputs (docs/performance-tables.md), whose ratios it meets within 30 %."""
-_STORED = 2 * 4
-"""Bytes of an input in replay: in single precision, before and after the transition."""
+_STORED = 2 * 4  # bytes of an input in replay: in single precision, before and after the transition
 
 
 def cost_of(size: int, widths: Sequence[int], outputs: int, transitions: int) -> Cost:
-    """The cost of a network with `size` inputs, hidden layers and outputs, and of a replay of so many transitions."""
     products = sum(before * after for before, after in pairwise([size, *widths, outputs]))
     return Cost(replay=transitions * size * _STORED, update=float(products + _UNIT * (sum(widths) + outputs)))
 
 
 def grid_of(actions: Actions) -> ActionGrid:
-    """A task's actions, which have to be a grid. Raises `Unsuitable` where its actions are continuous."""
     if not isinstance(actions, ActionGrid):
         raise Unsuitable(
             f"the task's actions {', '.join(actions.names)} are continuous, and this agent chooses from a grid; "
@@ -53,7 +50,6 @@ def grid_of(actions: Actions) -> ActionGrid:
 
 
 def box_of(actions: Actions) -> ActionBox:
-    """A task's actions, which have to be continuous. Raises `Unsuitable` where it has a grid."""
     if not isinstance(actions, ActionBox):
         raise Unsuitable(
             f"the task's actions {', '.join(actions.names)} are a grid, and this agent's are continuous; "
@@ -63,12 +59,10 @@ def box_of(actions: Actions) -> ActionBox:
 
 
 def need_torch() -> None:
-    """Raise `Unsuitable` where PyTorch is not installed. Imports nothing, as PyTorch takes seconds."""
     _need("torch", "PyTorch")
 
 
 def need_sb3() -> None:
-    """Raise `Unsuitable` where Stable-Baselines3, or the PyTorch that it builds on, is not installed."""
     need_torch()
     _need("stable_baselines3", "Stable-Baselines3")
 
@@ -92,7 +86,6 @@ class Counterfactuals:
     """Adds the counterfactual transitions of an environment, if it and the recipe have any."""
 
     def __init__(self, environment: Environment, times: int, seed: int) -> None:
-        """Args: `times` how many for each transition; `seed` of a generator that nothing else uses."""
         self._environment: CounterfactualEnvironment | None = None
         if times and isinstance(environment, CounterfactualEnvironment) and environment.counterfactuals:
             self._environment = environment

@@ -58,7 +58,6 @@ class DaskExecutor(Executor):
     def run(
         self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
     ) -> Generator[Outcome]:
-        """See `Executor.run`. Raises `Unsuitable` where no scheduler answers, or a worker has another version."""
         from stlbench_executors.dask_run import DaskRun, Run
 
         work = WorkItems(function, items, deadlines)

@@ -26,18 +26,13 @@ if TYPE_CHECKING:
 class Run(NamedTuple):
     """What all items of a run have in common."""
 
-    name: str
-    """Unique."""
-    memory: int | None
-    """Bytes for an item; None for a share of nine tenths of what the worker may take."""
-    prepare: bytes
-    """Pickled (`Work.prepare`)."""
-    versions: Mapping[str, str]
-    """Of the machine that sends the items."""
+    name: str  # unique
+    memory: int | None  # bytes for an item; None for a share of nine tenths of what the worker may take
+    prepare: bytes  # pickled (`Work.prepare`)
+    versions: Mapping[str, str]  # of the machine that sends the items
 
 
-_POOLS = dict[tuple[str, str], WorkerPool]()
-"""By run and address of the worker, of which a process may be several."""
+_POOLS = dict[tuple[str, str], WorkerPool]()  # by run and address of the worker, of which a process may be several
 
 
 def join(run: Run, dask_worker: Worker) -> str:
@@ -77,30 +72,18 @@ async def leave(run: str, dask_worker: Worker) -> None:
         await asyncio.to_thread(pool.close)
 
 
-CHECK_SECONDS = 1.0
-"""Between two checks which workers there are, at least."""
-
-WARN_SECONDS = 10.0
-"""A user who has started no worker by then is warned."""
-
-OFFERS = 2
-"""So many workers are tried for an item if each before was lost."""
-
-SILENCE_SECONDS = 600.0
-"""An item whose worker is silent so long after the deadline has timed out."""
+CHECK_SECONDS = 1.0  # between two checks which workers there are, at least
+WARN_SECONDS = 10.0  # a user who has started no worker by then is warned
+OFFERS = 2  # so many workers are tried for an item if each before was lost
+SILENCE_SECONDS = 600.0  # an item whose worker is silent so long after the deadline has timed out
 
 
 class _SentItem(NamedTuple):
-    """An item that a worker has."""
-
-    key: str
-    """Dask's name of the call."""
+    key: str  # Dask's name of the call
     item: int
-    worker: str
-    """Its address."""
+    worker: str  # its address
     future: Future[Ended | None]
-    end: float
-    """When it has timed out, by the monotonic clock."""
+    end: float  # when it has timed out, by the monotonic clock
 
 
 class DaskRun:
@@ -118,7 +101,6 @@ class DaskRun:
         self._begin, self._next_check, self._has_warned = time.monotonic(), 0.0, False
 
     def outcomes(self) -> Generator[Outcome]:
-        """One for each item, as they end. Raises `Unsuitable` if scheduler or workers cannot be used."""
         while self._waiting or self._sent:
             if time.monotonic() >= self._next_check:
                 self._check()
@@ -154,7 +136,6 @@ class DaskRun:
         return self._free.keys() | self._refused
 
     def _present(self) -> dict[str, int]:
-        """Address and threads of each worker."""
         try:
             return dict(self._client.nthreads())
         except (OSError, TimeoutError, ValueError) as error:
@@ -209,7 +190,6 @@ class DaskRun:
         self._completed.add(future)
 
     def _take(self, future: Future[Ended | None], result: Any) -> None:
-        """Record the end of a call."""
         from distributed import KilledWorker
 
         sent = self._sent.get(str(future.key))
@@ -241,7 +221,6 @@ class DaskRun:
         sent.future.release()
 
     def close(self) -> None:
-        """Stop what runs, and let the workers end all processes of this run."""
         with suppress(Exception):  # the scheduler may be gone
             self._client.cancel([sent.future for sent in self._sent.values()], force=True)
             self._client.run(leave, self._run.name, workers=list(self._free), on_error="ignore")

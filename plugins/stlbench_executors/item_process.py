@@ -22,8 +22,7 @@ import psutil
 
 from stlbench.contract import cause
 
-_PARENT_DEATH_SIGNAL, _CHILD_SUBREAPER = 1, 36
-"""From <linux/prctl.h>."""
+_PARENT_DEATH_SIGNAL, _CHILD_SUBREAPER = 1, 36  # from <linux/prctl.h>
 
 _PATIENCE = 10.0
 """Seconds for which processes are killed again and again, since new ones may start, and the kernel may hold some."""
@@ -102,12 +101,8 @@ def _reap() -> bool:
 
 
 class Answer(NamedTuple):
-    """The result of an item whose process came to its end."""
-
-    value: bytes
-    """Pickled: what it returned."""
-    reason: str = ""
-    """The exception in one line, where it raised one."""
+    value: bytes  # pickled: what it returned
+    reason: str = ""  # the exception in one line, where it raised one
     details: str = ""
 
 
@@ -165,7 +160,6 @@ def _reseed() -> None:
 
 
 def _called(work: bytes) -> Answer:
-    """Read the item, run it and pickle its result; all of this may fail."""
     try:
         function, item = pickle.loads(work)  # noqa: S301 - from our own parent
         return Answer(pickle.dumps(function(item)))

@@ -10,11 +10,8 @@ from typing import Annotated, Any
 import psutil
 from pydantic import BeforeValidator, Field
 
-_GROUPS = Path("/sys/fs/cgroup")
-"""Where Linux says what a container, or a job of a cluster, may take."""
-
-_SHARE = 0.9
-"""Of the machine's memory, for all cells together by default."""
+_GROUPS = Path("/sys/fs/cgroup")  # where Linux says what a container, or a job of a cluster, may take
+_SHARE = 0.9  # of the machine's memory, for all cells together by default
 
 _AMOUNT = re.compile(r"([0-9]+(?:\.[0-9]+)?) *([KMGT])(?:i?B)?", re.IGNORECASE)
 
@@ -29,8 +26,7 @@ def _read(value: Any) -> Any:
     return int(float(match[1]) * 1024 ** (1 + "KMGT".index(match[2].upper())))
 
 
-Memory = Annotated[int, BeforeValidator(_read), Field(ge=2**20)]
-"""Bytes, written as 4G, 512M or 1.5GiB."""
+Memory = Annotated[int, BeforeValidator(_read), Field(ge=2**20)]  # bytes, written as 4G, 512M or 1.5GiB
 
 
 def share(jobs: int) -> int:
@@ -64,5 +60,4 @@ def _own_groups() -> str:
 
 
 def text_of(size: int) -> str:
-    """For a person: "4.0 GiB"."""
     return f"{size / 2**30:.1f} GiB" if size >= 2**30 else f"{size / 2**20:.0f} MiB"

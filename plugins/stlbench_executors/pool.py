@@ -88,23 +88,15 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THRE
 if not hasattr(signal, "pthread_sigmask"):
     raise ImportError("stopping workers needs POSIX signals: Linux, macOS, or WSL on Windows")
 
-START_SECONDS = 120.0
-"""A server whose supervisors have not reported by then is replaced."""
-
-CHECK_SECONDS = 2.0
-"""Between two checks whether a slot is stuck, at most."""
-
-STARTS = 3
-"""How many servers are started in place of one that ends or hangs before its supervisors are there."""
+START_SECONDS = 120.0  # a server whose supervisors have not reported by then is replaced
+CHECK_SECONDS = 2.0  # between two checks whether a slot is stuck, at most
+STARTS = 3  # how many servers are started in place of one that ends or hangs before its supervisors are there
 
 UNTAKEN = f"{STARTS} worker processes, one after the other, ended or hung before they took it"
 """Of an item for which no slot has a supervisor any more."""
 
-GRACE_SECONDS = 30.0
-"""A supervisor that is silent so long after the deadline of its item is killed."""
-
-STOP_SECONDS = 10.0
-"""Supervisors may take so long to end what runs."""
+GRACE_SECONDS = 30.0  # a supervisor that is silent so long after the deadline of its item is killed
+STOP_SECONDS = 10.0  # supervisors may take so long to end what runs
 
 
 class Slot:
@@ -119,7 +111,6 @@ class Slot:
 
     @property
     def is_idle(self) -> bool:
-        """Its supervisor waits for an item."""
         return self.link is not None and self._supervisor > 0 and self._task is None
 
     def begin(self) -> tuple[Connection, bytes]:
@@ -155,7 +146,6 @@ class Slot:
         return message
 
     def check(self) -> None:
-        """Kill a supervisor, or its server, whose message is long overdue."""
         if self.link is not None and time.monotonic() - self._since > self._patience:
             self.kill()
 
@@ -178,7 +168,6 @@ class Slot:
         return Ended("killed", reason="the process that watched over it ended")
 
     def stop(self) -> None:
-        """Tell the supervisor to end what runs."""
         if self.link is not None and self._supervisor:
             with suppress(OSError):
                 self.link.send(None)
@@ -193,7 +182,6 @@ class Slot:
         self.close()
 
     def kill(self) -> None:
-        """Kill the supervisor, or the server where there is none yet."""
         if self._supervisor:
             with suppress(ProcessLookupError):
                 os.kill(self._supervisor, signal.SIGKILL)
@@ -223,7 +211,6 @@ class Pool:
         _POOLS.add(self)
 
     def start(self, slots: Sequence[Slot]) -> None:
-        """Start a server, and from it a supervisor for each of these slots."""
         with _STARTING, _environment(ONE_THREAD):
             begun = [slot.begin() for slot in slots]
             server = Server([far for far, _ in begun], self.memory, begun[0][1])
@@ -235,7 +222,6 @@ class Pool:
                 far.close()
 
     def stop(self) -> None:
-        """End all that runs, and wait for it."""
         end = time.monotonic() + STOP_SECONDS
         for slot in self.slots:
             slot.stop()

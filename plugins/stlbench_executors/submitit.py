@@ -27,17 +27,10 @@ if TYPE_CHECKING:
     from submitit import LocalExecutor as Jobs
     from submitit import SlurmExecutor as SlurmJobs
 
-ARRAY = 1000
-"""Jobs of an array, at most; Slurm's own limit is 1001 by default."""
-
-JOB_NAME = "stlbench"
-"""Of every job, as `squeue` shows it."""
-
-AT_A_TIME = 256
-"""Jobs that run at the same time by default, as submitit has it."""
-
-OVERHEAD = 2**30
-"""Bytes of a job for the process that has everything imported, and for the supervisor."""
+ARRAY = 1000  # jobs of an array, at most; Slurm's own limit is 1001 by default
+JOB_NAME = "stlbench"  # of every job, as `squeue` shows it
+AT_A_TIME = 256  # jobs that run at the same time by default, as submitit has it
+OVERHEAD = 2**30  # bytes of a job for the process that has everything imported, and for the supervisor
 
 
 class SubmititExecutor(Executor):
@@ -85,7 +78,6 @@ class SubmititExecutor(Executor):
     def run(
         self, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
     ) -> Generator[Outcome]:
-        """See `Executor.run`. Raises `Unsuitable` where jobs cannot be submitted, or cannot run items."""
         work, folder = WorkItems(function, items, deadlines), (self.folder / uuid.uuid4().hex[:12]).absolute()
         if len(work) == 0:
             return

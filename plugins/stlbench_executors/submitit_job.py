@@ -21,23 +21,18 @@ from stlbench_executors.memory import share
 from stlbench_executors.supervisor import Ended, Task
 from stlbench_executors.worker import WorkerPool, difference, installed
 
-OFFERS = 2
-"""So often an item is begun if the job before was lost."""
+OFFERS = 2  # so often an item is begun if the job before was lost
 
 SILENCE_SECONDS = 300.0
 """A job ends when the run has been silent for so long. A shared disk may show a file a minute late."""
 
-LISTEN_SECONDS = 10.0
-"""Between two checks of a job whether the run is there."""
+LISTEN_SECONDS = 10.0  # between two checks of a job whether the run is there
 
 
 class JobFolder(NamedTuple):
-    """The folder of files by which a run and its jobs communicate."""
-
     folder: Path
 
     def beat(self) -> None:
-        """Show the jobs that the run is there."""
         (self.folder / "beat").touch()
 
     def silence(self) -> float:
@@ -71,18 +66,15 @@ class JobFolder(NamedTuple):
         return sorted(int(Path(entry.name).stem) for entry in os.scandir(self.folder) if entry.name.endswith(".end"))
 
     def take(self, index: int) -> Ended:
-        """Read how an item ended, and remove the file."""
         file = self.folder / f"{index}.end"
         ended = Ended(*pickle.loads(file.read_bytes()))  # noqa: S301 - a folder of this run, which only its user reads
         file.unlink()
         return ended
 
     def refuse(self, problem: str) -> None:
-        """Record why a job cannot run the items of this run."""
         (self.folder / "refused").write_text(problem)
 
     def refusal(self) -> str:
-        """Why a job could not; empty if none has refused."""
         file = self.folder / "refused"
         return file.read_text() if file.exists() else ""
 
@@ -91,17 +83,11 @@ class JobFolder(NamedTuple):
 
 
 class Chunk(NamedTuple):
-    """The content of a job."""
-
     job_folder: JobFolder
-    tasks: tuple[tuple[int, Task], ...]
-    """Items by their index."""
-    memory: int | None
-    """Bytes for an item; None for nine tenths of what the job may take."""
-    prepare: bytes
-    """Pickled (`Work.prepare`)."""
-    versions: Mapping[str, str]
-    """Of the machine that submits the jobs."""
+    tasks: tuple[tuple[int, Task], ...]  # items by their index
+    memory: int | None  # bytes for an item; None for nine tenths of what the job may take
+    prepare: bytes  # pickled (`Work.prepare`)
+    versions: Mapping[str, str]  # of the machine that submits the jobs
 
 
 def run_chunk(chunk: Chunk) -> None:

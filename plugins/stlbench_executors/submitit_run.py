@@ -27,14 +27,12 @@ from stlbench_executors.worker import WorkItems, outcome_of
 if TYPE_CHECKING:
     from submitit import Job
 
-GONE = "GONE"
-"""Our name for the state of a job that neither `squeue` nor `sacct` knows."""
+GONE = "GONE"  # our name for the state of a job that neither `squeue` nor `sacct` knows
 
 LOST = ("NODE_FAIL", "BOOT_FAIL", "PREEMPTED", "REVOKED", "INTERRUPTED", GONE)
 """States of jobs that ended through no fault of theirs. INTERRUPTED comes from submitit's jobs on this machine."""
 
-LATE = ("TIMEOUT", "DEADLINE")
-"""States of jobs that took too long."""
+LATE = ("TIMEOUT", "DEADLINE")  # states of jobs that took too long
 
 OVER = (*LOST, *LATE, "CANCELLED", "COMPLETED", "FAILED", "OUT_OF_MEMORY", "FINISHED")
 """States of jobs that have ended. In every other state a job waits, runs, or will run again by itself."""
@@ -70,7 +68,6 @@ def _parsed(lines: list[str]) -> dict[str, str]:
 
 
 def _ask(*command: str) -> list[str] | None:
-    """The lines of the answer; None if there is none."""
     try:
         done = subprocess.run(  # noqa: S603 - our own words, and the numbers of our jobs
             command, capture_output=True, text=True, timeout=_ANSWER_SECONDS, check=True
@@ -80,20 +77,11 @@ def _ask(*command: str) -> list[str] | None:
     return done.stdout.splitlines()
 
 
-CHECK_SECONDS = 0.5
-"""Between two checks for items that have ended."""
-
-STATE_SECONDS = 10.0
-"""Between two queries of the states of jobs."""
-
-BEAT_SECONDS = 10.0
-"""Between two signs of life for the jobs."""
-
-LAG_SECONDS = 15.0
-"""A shared disk may show the files of a job so long after its end."""
-
-STARTS = 5
-"""Jobs that are submitted for an item which none of them has begun."""
+CHECK_SECONDS = 0.5  # between two checks for items that have ended
+STATE_SECONDS = 10.0  # between two queries of the states of jobs
+BEAT_SECONDS = 10.0  # between two signs of life for the jobs
+LAG_SECONDS = 15.0  # a shared disk may show the files of a job so long after its end
+STARTS = 5  # jobs that are submitted for an item which none of them has begun
 
 
 def minutes_for(deadlines: Sequence[float]) -> int:
@@ -174,7 +162,6 @@ class SubmititRun:
         self._next_states, self._over = 0.0, deque[Outcome]()
 
     def outcomes(self) -> Generator[Outcome]:
-        """One for each item, as they end. Raises `Unsuitable` if jobs cannot run them."""
         while self._left:
             self._send()
             self._collect()

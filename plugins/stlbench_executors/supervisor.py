@@ -24,34 +24,22 @@ from stlbench_executors import item_process
 from stlbench_executors.item_process import adopt, end_below, memory_below
 from stlbench_executors.memory import text_of
 
-CHECK_SECONDS = 0.1
-"""Between two measurements of memory, at least."""
-CHECK_SHARE = 0.02
-"""The share of a core that these measurements may take."""
+CHECK_SECONDS = 0.1  # between two measurements of memory, at least
+CHECK_SHARE = 0.02  # the share of a core that these measurements may take
 
 
 class Task(NamedTuple):
-    """An item to run."""
-
-    work: bytes
-    """Pickled: a function and what to call it with."""
-    deadline: float
-    """Wall seconds."""
-    log: Path | None
-    """File for what it writes to standard output and error."""
-    facts: bytes = b""
-    """Pickled: a function that describes where the item runs; empty if the harness does not want it."""
+    work: bytes  # pickled: a function and what to call it with
+    deadline: float  # wall seconds
+    log: Path | None  # file for what it writes to standard output and error
+    facts: bytes = b""  # pickled: a function that describes where the item runs; empty if the harness does not want it
 
 
 class Ended(NamedTuple):
-    """How an item's process ended."""
-
     status: Literal["answered", "timeout", "killed"]
-    answer: bytes = b""
-    """Pickled: a `item_process.Answer`, where it answered."""
+    answer: bytes = b""  # pickled: a `item_process.Answer`, where it answered
     reason: str = ""
-    facts: Mapping[str, str] | None = None
-    """Where it ran; None if that is not known."""
+    facts: Mapping[str, str] | None = None  # where it ran; None if that is not known
 
 
 class _Closed(Exception):
@@ -113,7 +101,6 @@ class _Watcher:
             self._selector.register(log.reading, selectors.EVENT_READ)
 
     def ended(self, answer: IO[bytes]) -> Ended:
-        """Wait until the item's process ends, or is to be ended."""
         with self._selector, _notice_of(self._process, self._selector):
             while not self._has_ended():
                 if time.monotonic() >= self._end:
@@ -181,8 +168,7 @@ def _death(code: int) -> str:
         return f"killed by signal {-code}"
 
 
-PART = 64 * 1024
-"""Bytes of the beginning that a log contains, and as many of the end."""
+PART = 64 * 1024  # bytes of the beginning that a log contains, and as many of the end
 
 
 class Log:

@@ -19,8 +19,7 @@ from stlbench_executors.item_process import Answer
 from stlbench_executors.pool import STOP_SECONDS, UNTAKEN, Pool, Slot
 from stlbench_executors.supervisor import Ended, Task
 
-CHECK_SECONDS = 0.5
-"""Between two checks whether an item is still wanted."""
+CHECK_SECONDS = 0.5  # between two checks whether an item is still wanted
 
 
 class WorkerPool(Pool):
@@ -65,7 +64,6 @@ class WorkerPool(Pool):
         return Ended("killed", reason=UNTAKEN)
 
     def close(self) -> None:
-        """End what runs, and all processes that were started."""
         with self._change:
             self._is_closed = True
             self._change.wait_for(lambda: len(self._free) == len(self.slots), timeout=2 * STOP_SECONDS)
@@ -90,7 +88,6 @@ class WorkItems:
 
     @property
     def prepare(self) -> bytes:
-        """Pickled (`Work.prepare`)."""
         return pickle.dumps(self.work.prepare)
 
     def task(self, index: int) -> Task:

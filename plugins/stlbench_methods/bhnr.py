@@ -15,8 +15,7 @@ from stlbench_methods.values import Margins, Sharpness, Truths, Values
 from stlbench_methods.windows import from_first_read
 
 Reading: TypeAlias = Literal["classic", "lse", "gilpin", "agm", "gmsr", "filtering", "filtering-sum"]
-_SHORT = 2
-"""A block of so many samples, or fewer, is paid nothing."""
+_SHORT = 2  # a block of so many samples, or fewer, is paid nothing
 
 
 class Bhnr(RewardMethod):
@@ -67,15 +66,12 @@ class Bhnr(RewardMethod):
 
     @property
     def floor(self) -> float:
-        """The least value over the box of the signals, times the samples of a block; 0 if that is less."""
         return self._floor
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
-        """Copies of the first sample; those at steps before 0 count for nothing."""
         return np.concatenate([part.begin(signals) for part in self._parts], axis=1)
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The rewards (h, N), in the unit of the predicates, of [-1, 1], or of truths, and the last samples."""
         cuts = np.cumsum([part.size for part in self._parts])[:-1]
         split = zip(self._parts, np.split(memory, cuts, axis=1), strict=True)
         paths = [part.path(samples[1:], own) for part, own in split]
@@ -83,7 +79,6 @@ class Bhnr(RewardMethod):
         return rewards, np.concatenate([path[:, -self._window :].reshape(len(t), -1) for path in paths], axis=1)
 
     def inputs(self, memory: Array) -> Array:
-        """Margins, each range scaled to [-1, 1], or truths as -1 and 1; of each part the oldest first."""
         cuts = np.cumsum([part.size for part in self._parts])[:-1]
         split = zip(self._parts, np.split(memory, cuts, axis=1), strict=True)
         return np.concatenate([part.inputs(own) for part, own in split], axis=1)
@@ -134,7 +129,6 @@ class NewestSamples:
         self.size = count * len(self._phi.leaves)
 
     def begin(self, signals: Array) -> Array:
-        """The memory at a first sample (N, k): copies of it."""
         return np.tile(self._phi.read(signals), self._count)
 
     def path(self, samples: Array, memory: Array) -> Array:
@@ -153,7 +147,6 @@ class NewestSamples:
         return Known(np.where(counts, value, 0.0), counts)
 
     def inputs(self, memory: Array) -> Array:
-        """The leaves, each range scaled to [-1, 1]: (N, size)."""
         low, high = np.tile(self._bounds, self._count)
         scaled: Array = (memory - (low + high) / 2) / (np.maximum(high - low, 1e-9) / 2)
         return scaled

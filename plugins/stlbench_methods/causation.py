@@ -48,7 +48,6 @@ class Causation(RewardMethod):
 
     @property
     def floor(self) -> float:
-        """The least margin over the box of the signals."""
         return self._floor
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
@@ -58,7 +57,6 @@ class Causation(RewardMethod):
         return np.concatenate([np.empty((len(signals), 0)), *windows], axis=1)
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The rewards (h, N), in the unit of the predicates, and the margins of the last samples."""
         steps = t + np.arange(1, len(samples))[:, None]
         least, windows, at = np.full(steps.shape, np.inf), [np.empty((len(t), 0))], 0
         for part, h in zip(self._parts, self._margins, strict=True):
@@ -73,7 +71,6 @@ class Causation(RewardMethod):
         return np.where(least <= 0, least, self._bonus), np.concatenate(windows, axis=1)
 
     def inputs(self, memory: Array) -> Array:
-        """The margins, each range scaled to [-1, 1]."""
         if not self.memory_size:
             return memory
         counts = [part.width + 1 for part in self._parts if part.width]
@@ -82,7 +79,6 @@ class Causation(RewardMethod):
         return scaled
 
     def describe(self) -> Mapping[str, Any]:
-        """What is asked at each step."""
         return {"parts": [f"{part} at steps 0 to {part.last}" for part in self._parts]}
 
 

@@ -11,8 +11,7 @@ from pydantic import Field
 from stlbench.contract import Array, Integers, Specification
 from stlbench_methods.flag import Flag
 
-_Q = math.exp(-1)
-"""By how much less likely a flag is that is farther by 1."""
+_Q = math.exp(-1)  # by how much less likely a flag is that is farther by 1
 
 
 class Cfer(Flag):

@@ -47,11 +47,9 @@ class Dense(Followed, RewardMethod):
 
     @property
     def floor(self) -> float:
-        """What is certain never shrinks: 0. Of `level` the least robustness over the box of the signals."""
         return 0.0 if self._difference else self._progress.ends[0]
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The rewards (h, N), in the unit of the predicates or of [-1, 1], and the memory at the last sample."""
         progress = self._progress
         after = progress.along(samples[1:], t + 1, memory)
         if not self._difference:

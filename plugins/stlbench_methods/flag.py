@@ -50,7 +50,6 @@ class Flag(RewardMethod):
 
     @property
     def floor(self) -> float:
-        """The least that the flags can be paid at a sample."""
         return self._flags.floor
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
@@ -59,15 +58,12 @@ class Flag(RewardMethod):
         return self._flags.along(signals[None], t, before)[1]
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The rewards (h, N) for the flags that include each next sample, and the flags after the last (N, m)."""
         return self._flags.along(samples[1:], t + 1, memory)
 
     def inputs(self, memory: Array) -> Array:
-        """Each flag over its full value: in [0, 1]."""
         return memory / self._flags.full
 
     def describe(self) -> Mapping[str, Any]:
-        """Which form was taken, and each flag's full count."""
         return {"form": self._flags.form, "flags": [int(value) for value in self._flags.full]}
 
 
@@ -77,8 +73,7 @@ class Flags(ABC):
     form: str
     initial: Array
     full: Array
-    floor: float
-    """The least that can be paid at a sample."""
+    floor: float  # the least that can be paid at a sample
     scale: float = 1.0
     extension: str = ""
 
@@ -130,8 +125,6 @@ class WindowFlags(Flags):
 
 
 class AbsoluteFlags(Flags):
-    """A conjunction of terms with absolute intervals: the extension to eq. 2."""
-
     form = "absolute intervals (extension)"
     extension = EXTENSION
 

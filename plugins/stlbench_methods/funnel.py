@@ -92,16 +92,13 @@ class Funnel(RewardMethod):
 
     @property
     def floor(self) -> float:
-        """The least r' over the box of the signals and over time."""
         return self._floor
 
     def arrival(self, signals: Array, t: Integers) -> Array:
-        """r'(s_t, t) in the unit of the predicates: (..., k), (...) -> (...)."""
         rewards = self._least(signals, t)
         return np.minimum(rewards, 0.0) if self._clip else rewards
 
     def describe(self) -> Mapping[str, Any]:
-        """Each term's funnel."""
         terms = self.specification.terms
         return {
             f"{term.kind}[{term.start},{term.end}]": (
@@ -112,7 +109,6 @@ class Funnel(RewardMethod):
         }
 
     def band(self) -> Sequence[Band]:
-        """The funnel of each term, rho_max - gamma(t) < rho < rho_max (eq. 5), from t0 to the term's last step."""
         bands = []
         for term, curve in zip(self.specification.terms, self.curves, strict=True):
             t = np.arange(curve.t0, term.end + 1, dtype=np.float64)

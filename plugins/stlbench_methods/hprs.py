@@ -68,12 +68,10 @@ class Hprs(RewardMethod):
 
     @property
     def floor(self) -> float:
-        """That of a step from the greatest potential to 0."""
         return -(len(self._safety) + self._weight * len(self._targets))
 
     @property
     def input_size(self) -> int:
-        """Two with several targets. Whether all is over is not shown."""
         return self._counted
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
@@ -82,7 +80,6 @@ class Hprs(RewardMethod):
         return np.concatenate([counted, np.zeros((len(signals), self.memory_size - self._counted))], axis=1)
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The rewards (h, N), and the memory at the last sample (N, m)."""
         at, safe = truths(self._at, samples), truths(self._safe, samples)
         done, after = self._progress(at[:, 1:], memory[:, : self._counted])
         potential = self._potential(samples, safe, done)
@@ -97,7 +94,6 @@ class Hprs(RewardMethod):
         return rewards, np.column_stack([after, over[-1]])
 
     def over(self, memory: Array) -> Truth:
-        """Whether a sample was not safe."""
         over: Truth = memory[:, -1] > 0
         return over
 
@@ -109,7 +105,6 @@ class Hprs(RewardMethod):
         return np.stack([done / (len(self._targets) - 1), memory[:, 1] / self._needed[done]], axis=1)
 
     def describe(self) -> Mapping[str, Any]:
-        """What is safety, and what the targets are, in their order."""
         named = {"safety": self._safety, "targets": self._targets}
         return {kind: [str(term.formula) for term in terms] for kind, terms in named.items()}
 
@@ -154,7 +149,6 @@ def _divided(terms: Sequence[Term], later: str) -> tuple[list[Term], list[Term]]
 
 
 def _samples(term: Term) -> int:
-    """How many samples in a row are asked for."""
     return {"F": 1, "G": term.b - term.a + 1, "FG": term.b - term.c2 + 1}[term.kind]
 
 

@@ -57,25 +57,20 @@ class Machine(RewardMethod):
 
     @property
     def floor(self) -> float:
-        """That of failure."""
         return -1.0
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
-        """The runs after the first sample, (N, m)."""
         before = np.clip(self._lengths - (self._ends - t[:, None] + 1), 0, self._lengths).astype(np.float64)
         return self._run(signals[None], t, before)[1]
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The rewards (h, N) of arriving at each next sample, and the runs after the last (N, m)."""
         return self._run(samples[1:], t + 1, memory)
 
     def inputs(self, memory: Array) -> Array:
-        """The share of its run that each term has, 1 when it is done; negative when it has failed."""
         share: Array = memory / self._lengths
         return share
 
     def over(self, memory: Array) -> Truth:
-        """Whether all terms are done, or one has failed."""
         over: Truth = (memory == self._lengths).all(axis=1) | (memory < 0).any(axis=1)
         return over
 
@@ -97,7 +92,6 @@ class Machine(RewardMethod):
         return np.where(count > 0, other, memory)
 
     def describe(self) -> Mapping[str, Any]:
-        """Of each term, the samples in a row that it asks for, and within which steps."""
         each = zip(self.specification.terms, self._lengths.tolist(), strict=True)
         return {str(term.formula): f"{length} in a row within {term.start}..{term.end}" for term, length in each}
 

@@ -15,16 +15,11 @@ from stlbench_methods.windows import refuse_past
 
 
 class Known(NamedTuple):
-    """What is known of a part of a formula."""
-
-    value: Array
-    """(N,)."""
-    counts: Truth
-    """(N,): where it does not count, it is as if the formula did not have it."""
+    value: Array  # (N,)
+    counts: Truth  # (N,): where it does not count, it is as if the formula did not have it
 
 
 def certain(value: Array) -> Known:
-    """Of a part that counts everywhere."""
     return Known(value, np.ones(len(value), dtype=np.bool_))
 
 
@@ -155,13 +150,10 @@ class Followed:
 
     @property
     def input_size(self) -> int:
-        """See `Progress.inputs`."""
         return self._progress.input_size
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
-        """How far the first sample is, as if it had been there since step 0."""
         return self._progress.begin(signals, t)
 
     def inputs(self, memory: Array) -> Array:
-        """What there is to know of each term, its range scaled to [-1, 1]."""
         return self._progress.inputs(memory)

@@ -31,9 +31,7 @@ class Raw(RewardMethod):
 
     @property
     def floor(self) -> float:
-        """The least robustness of a term over the box of the signals; 0 where that is more and no term is active."""
         return self._floor
 
     def arrival(self, signals: Array, t: Integers) -> Array:
-        """rho of the active terms, in the unit of the predicates: (..., k), (...) -> (...)."""
         return self._reward(signals, t)

@@ -19,10 +19,8 @@ from stlbench_methods.windows import from_first_read
 class Outer(NamedTuple):
     """An operator F[a,b] phi or G[a,b] phi that is read at step 0."""
 
-    steps: tuple[int, int]
-    """a and b."""
-    phi: stl.Formula
-    """Negations inside."""
+    steps: tuple[int, int]  # a and b
+    phi: stl.Formula  # negations inside
     fold: stl.Fold
 
 
@@ -63,7 +61,6 @@ class RunningWindow:
         return self._joined(summary, history)
 
     def take(self, leaves: Array, t: Integers, memory: Array) -> Array:
-        """The memory after the sample at steps t (N,), its leaves (N, J)."""
         history = leaves[:, None]
         if self.ahead:
             history = np.concatenate([self._history(memory)[:, 1:], history], axis=1)
@@ -95,7 +92,6 @@ class RunningWindow:
         return self.fold.read(self.fold.merge(known, to_come))
 
     def inputs(self, memory: Array) -> Array:
-        """The value of the decided steps, and the leaves of the others, each range scaled to [-1, 1]."""
         value = _scaled(self.fold.read(memory[:, : self.fold.size])[:, None], *self.ends)
         if not self.ahead:
             return value

@@ -10,8 +10,7 @@ import numpy as np
 from stlbench.contract import Array, Integers, Truth
 from stlbench.stl import Term
 
-Value = Callable[[Array, Integers], Array]
-"""A function of signals (..., k) and sample indices (...), giving (...)."""
+Value = Callable[[Array, Integers], Array]  # a function of signals (..., k) and sample indices (...), giving (...)
 
 Activity = Literal["last-deadline", "literal"]
 """`last-deadline`: term i is active on (t0_i, end_i], t0_i the latest end of a term that ends at or before term i
@@ -37,7 +36,6 @@ def active_table(terms: Sequence[Term], steps: int, activity: Activity) -> Truth
 
 
 def timeless(value: Callable[[Array], Array]) -> Value:
-    """A function of signals alone, as a function of signals and time."""
     return lambda signals, t: value(signals)
 
 

@@ -41,20 +41,16 @@ class Sparse(RewardMethod):
 
     @property
     def input_size(self) -> int:
-        """Flags, or truths."""
         return self._verdict.input_size
 
     @property
     def floor(self) -> float:
-        """-1 or 0."""
         return self._offset
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
-        """How far the first sample is."""
         return self._verdict.begin(signals, t)
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The rewards (h, N), and the memory at the last sample."""
         memory = self._verdict.after(samples[1:], t + 1, memory)
         rewards, end = np.zeros((len(samples) - 1, len(t))), t + len(samples) - 1
         if (over := end == self.specification.steps).any():
@@ -62,7 +58,6 @@ class Sparse(RewardMethod):
         return rewards, memory
 
     def inputs(self, memory: Array) -> Array:
-        """Flags over their full value, or truths scaled to [-1, 1]."""
         return self._verdict.inputs(memory)
 
 

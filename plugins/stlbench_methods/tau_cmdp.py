@@ -44,21 +44,17 @@ class TauCmdp(Flag):
 
     @property
     def input_size(self) -> int:
-        """The flags; what the present window is worth is not shown."""
         return self._flag_count
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
-        """The flags after the first sample, and what their window is worth: (N, m)."""
         before = np.tile(self._flags.initial, (len(signals), 1))
         worth, flags = self._flags.along(signals[None], t, before)
         return np.column_stack([flags, worth[0]])
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The rewards (h, N), and the flags after the last sample with what their window is worth, (N, m)."""
         worth, flags = super().along(samples, action, t, memory[:, :-1])
         rewards = np.concatenate([memory[None, :, -1], worth[:-1]]) if self._before else worth
         return rewards, np.column_stack([flags, worth[-1]])
 
     def inputs(self, memory: Array) -> Array:
-        """Each flag over its full value, less 1/2: in [-1/2, 1/2]."""
         return super().inputs(memory[:, :-1]) - 0.5

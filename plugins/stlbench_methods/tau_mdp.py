@@ -70,16 +70,13 @@ class TauMdp(RewardMethod):
 
     @property
     def input_size(self) -> int:
-        """A number for each signal of each sample that is shown."""
         return len(self._shown) * len(self._middle)
 
     @property
     def floor(self) -> float:
-        """That of a history whose robustness is the least over the box of the signals."""
         return self._floor
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
-        """z_0: tau copies of s_0."""
         return np.tile(signals, self.tau)
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
@@ -96,13 +93,11 @@ class TauMdp(RewardMethod):
         return rewards, path[:, -self.tau :].reshape(rows, -1)
 
     def inputs(self, memory: Array) -> Array:
-        """The samples that are shown, oldest first, each signal's range scaled to [-1, 1]: (N, m) -> (N, d)."""
         history = memory.reshape(len(memory), self.tau, -1)
         shown = history if len(self._shown) == self.tau else history[:, self._shown]
         return ((shown - self._middle) / self._half).reshape(len(memory), -1)
 
     def describe(self) -> Mapping[str, Any]:
-        """How the formula was read."""
         return {"outer operator": self.outer, "phi": str(self.phi), "tau": self.tau}
 
 

@@ -41,11 +41,9 @@ class Tltl(Followed, RewardMethod):
 
     @property
     def floor(self) -> float:
-        """The formula's least robustness over the box of the signals, or 0 if that is less."""
         return min(0.0, self._progress.ends[0])
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The rewards (h, N), in the unit of the predicates or of [-1, 1], and the memory at the last sample."""
         *_, memory = self._progress.along(samples[1:], t + 1, memory)
         rewards, end = np.zeros((len(samples) - 1, len(t))), t + len(samples) - 1
         if (over := end == self.specification.steps).any():

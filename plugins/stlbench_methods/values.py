@@ -39,12 +39,10 @@ class Margins:
         self.specification, self.semantics = specification, semantics
 
     def of(self, leaf: stl.Formula) -> Callable[[Array], Array]:
-        """See `Values`."""
         margin, unit = self.specification.margin(leaf), self._unit(leaf)
         return margin if unit == 1 else lambda samples: margin(samples) / unit
 
     def range(self, leaf: stl.Formula) -> tuple[float, float]:
-        """See `Values`."""
         low, high = self.specification.range(leaf)
         return low / self._unit(leaf), high / self._unit(leaf)
 
@@ -56,16 +54,12 @@ class Margins:
 
 
 class Truths:
-    """1 where a leaf holds, else 0."""
-
     def __init__(self, specification: Specification, semantics: stl.Semantics) -> None:
         self.specification, self.semantics = specification, semantics
 
     def of(self, leaf: stl.Formula) -> Callable[[Array], Array]:
-        """See `Values`."""
         holds = self.specification.holds(leaf)
         return lambda samples: holds(samples).astype(np.float64)
 
     def range(self, leaf: stl.Formula) -> tuple[float, float]:
-        """See `Values`."""
         return 0.0, 1.0

@@ -78,19 +78,14 @@ def truths(predicates: Sequence[Callable[[Array], Truth]], samples: Array) -> Tr
     return found
 
 
-F, G, FG = 0, 1, 2
-"""Kinds of terms, for compiled code."""
+F, G, FG = 0, 1, 2  # kinds of terms, for compiled code
 KINDS = {"F": F, "G": G, "FG": FG}
 
 
 class Terms(NamedTuple):
     """The n terms of a conjunction, for compiled code."""
 
-    kinds: Integers
-    """(n,): `F`, `G` or `FG`."""
-    columns: Integers
-    """(n,): where a term's flag is; the counter of F G follows it."""
-    active: Truth
-    """(n, T + 1): the samples of its interval."""
-    paid: Array
-    """(n, 2): for the flag down and up."""
+    kinds: Integers  # (n,): `F`, `G` or `FG`
+    columns: Integers  # (n,): where a term's flag is; the counter of F G follows it
+    active: Truth  # (n, T + 1): the samples of its interval
+    paid: Array  # (n, 2): for the flag down and up

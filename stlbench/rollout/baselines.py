@@ -20,12 +20,10 @@ from stlbench.rollout.referee import Referee
 from stlbench.task import Task
 from stlbench.task.file import Baseline
 
-_ALL = 512
-"""A grid of no more actions is tried whole."""
+_ALL = 512  # a grid of no more actions is tried whole
 _TRIED, _TRIED_IN_WORLDS = 32, 16
 """Actions that are tried first where there are more: a world, of which each copy is a simulation, has fewer."""
-_STARTS = 16
-"""The most starts from which actions are compared."""
+_STARTS = 16  # the most starts from which actions are compared
 _AROUND = (0.2, 0.05, 0.0125)
 """Standard deviations, over an axis' span, of the actions that are tried around the best, half as many each time."""
 
@@ -35,10 +33,8 @@ class Constants:
     """The scores of constant actions from the report's starts."""
 
     zero: Score
-    best: Score
-    """Of the action that was best from the starts that are kept for selection."""
-    action: tuple[float, ...]
-    """That action."""
+    best: Score  # of the action that was best from the starts that are kept for selection
+    action: tuple[float, ...]  # that action
 
     @property
     def trivial(self) -> bool:
@@ -98,8 +94,6 @@ def _score(task: Task, policy: Policy) -> Score:
 
 
 class _Constant(Policy):
-    """Takes one action (axes,) all the time."""
-
     def __init__(self, task: Task, action: Array) -> None:
         actions, one = task.actions, action[None]
         self._action: Integers | Array = nearest(actions, one) if isinstance(actions, ActionGrid) else one
@@ -110,8 +104,6 @@ class _Constant(Policy):
 
 
 class _AtRandom(Policy):
-    """Draws each action evenly from all."""
-
     def __init__(self, task: Task) -> None:
         self._actions, self._generator = task.actions, np.random.default_rng(0)
 
@@ -123,7 +115,6 @@ class _AtRandom(Policy):
 
 
 def _best(task: Task, referee: Referee) -> Array:
-    """The best constant action (axes,) from the starts that are kept for selection."""
     actions, generator = task.actions, np.random.default_rng(0)
 
     def winner(tried: Array) -> Array:

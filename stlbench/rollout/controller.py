@@ -52,7 +52,6 @@ class Unpaid(RewardMethod):
     """No reward and no memory: a controller needs neither."""
 
     def arrival(self, signals: Array, t: Integers) -> Array:
-        """Zeros (...)."""
         return np.zeros(np.shape(t))
 
 

@@ -9,10 +9,8 @@ from stlbench.contract import Agent, Intractable, RewardMethod
 from stlbench.rollout.observing import size_without
 from stlbench.task.task import Task
 
-REPLAY_LIMIT = 4.0
-"""GiB that an agent's replay may take: two cells at a time then fit into a laptop of 16 GiB."""
-UPDATE_LIMIT = 10.0
-"""How many times as long as without the method's inputs an update may take."""
+REPLAY_LIMIT = 4.0  # GiB that an agent's replay may take: two cells at a time then fit into a laptop of 16 GiB
+UPDATE_LIMIT = 10.0  # how many times as long as without the method's inputs an update may take
 _GIB = 2**30
 
 

@@ -18,12 +18,9 @@ from stlbench.task.file import EarlyEnd
 class Verdicts(NamedTuple):
     """Of n traces. The two ends of an interval are equal wherever a trace is complete."""
 
-    robustness: Array
-    """(n, 2): the least and the greatest over all continuations."""
-    satisfied: Truth
-    """(n, 2): whether all continuations satisfy, and whether some do."""
-    early: Truth
-    """(n,): which ended early, and are not taken as if their last sample stayed."""
+    robustness: Array  # (n, 2): the least and the greatest over all continuations
+    satisfied: Truth  # (n, 2): whether all continuations satisfy, and whether some do
+    early: Truth  # (n,): which ended early, and are not taken as if their last sample stayed
 
 
 def judge(formula: stl.Formula, traces: Array, specification: Specification, terminated: EarlyEnd) -> Verdicts:

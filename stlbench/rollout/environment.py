@@ -23,10 +23,8 @@ from stlbench.task.task import Task
 class Steps(NamedTuple):
     """What happened while one action was held."""
 
-    reward: Array
-    """(N,), the mean of the method's rewards over the steps."""
-    samples: Array
-    """(N, hold, k): the signals after each step."""
+    reward: Array  # (N,), the mean of the method's rewards over the steps
+    samples: Array  # (N, hold, k): the signals after each step
 
 
 class Simulator:
@@ -44,12 +42,10 @@ class Simulator:
 
     @property
     def state(self) -> Array:
-        """The states (N, n) of the copies; (N, 0) where they cannot be read."""
         return self.world.state
 
     @property
     def signals(self) -> Array:
-        """The newest sample of each copy, (N, k)."""
         return self.world.signals
 
     def reset(self, begun: Array) -> Array:
@@ -109,21 +105,16 @@ class Simulator:
 class _Fate(NamedTuple):
     """What a step came to for N copies, whatever the memory of the method."""
 
-    fixed: Truth
-    """(N,): the task or the world ended the episode. Its reward and event do not depend on the memory."""
-    event: NDArray[np.int8]
-    """(N,), each an `Event`."""
+    fixed: Truth  # (N,): the task or the world ended the episode. Its reward and event do not depend on the memory
+    event: NDArray[np.int8]  # (N,), each an `Event`
 
 
 class _Taken(NamedTuple):
     """The last step of N copies, for `counterfactual`."""
 
-    observation: Array
-    """(N, D), before it."""
-    t: Integers
-    """(N,), before it."""
-    memory: Array
-    """(N, m), before it."""
+    observation: Array  # (N, D), before it
+    t: Integers  # (N,), before it
+    memory: Array  # (N, m), before it
     transition: Transition
     fate: _Fate
 
@@ -150,7 +141,6 @@ class BatchEnvironment:
         self._generator = np.random.default_rng(seed)
 
     def reset(self) -> Array:
-        """Start N episodes: the first observation, (N, D)."""
         self._broken_off: Integers = np.full(self.count, self.simulator.horizon)
         self.simulator.reset(self._draw(self.count))
         if self._training.exploring is not None:

@@ -17,8 +17,7 @@ from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.task.task import Task
 
-_ROUNDING = 1e-6
-"""Share of an axis' span by which an action may be beyond its ends: that of single precision."""
+_ROUNDING = 1e-6  # share of an axis' span by which an action may be beyond its ends: that of single precision
 
 
 class PluginFault(UsageError):
@@ -47,7 +46,6 @@ def check_rewards(method: RewardMethod, rewards: Array, hold: int, t: Integers) 
 
 
 def check_memory(method: RewardMethod, memory: Array, t: Integers) -> None:
-    """A memory (N, m) at steps t (N,)."""
     _shaped(method, "memory", memory, (len(t), method.memory_size))
     if not _finite(memory):
         _tell(method, "memory", memory[:, None], t)

@@ -50,7 +50,6 @@ def observation_of(task: Task, method: RewardMethod, name: str = "") -> Observat
 
 
 def observation_size(task: Task, method: RewardMethod) -> int:
-    """D: features, the time, and the method's inputs."""
     return size_without(task) + method.input_size
 
 

@@ -21,17 +21,14 @@ _Answer = TypeVar("_Answer", covariant=True)
 class Question(Generic[_Answer]):
     """A call that runs code of plugins. Another process can make it, as its parts can be pickled."""
 
-    function: Callable[..., _Answer]
-    """Importable by its name. It may raise whatever the plugins raise."""
+    function: Callable[..., _Answer]  # importable by its name. It may raise whatever the plugins raise
     arguments: tuple[Any, ...]
     plugins: tuple[tuple[str, str], ...]
     """Kind and name of each plugin whose code runs, as in ("tasks", "hold-disc"); other code is
     ("functions", "module:function")."""
-    failed: str
-    """What a user reads where there is no answer, before why: "task x: its controller cannot be scored"."""
+    failed: str  # what a user reads where there is no answer, before why: "task x: its controller cannot be scored"
 
     def answer(self) -> _Answer:
-        """The answer, in this process."""
         return self.function(*self.arguments)
 
 
@@ -44,8 +41,7 @@ def plugins_of(cell: CellId) -> tuple[tuple[str, str], ...]:
 class Unanswered:
     """In the place of an answer."""
 
-    reason: str
-    """In one line: "no result after 120 s", "ValueError: no such luck"."""
+    reason: str  # in one line: "no result after 120 s", "ValueError: no such luck"
     is_refusal: bool = False
     """The reason is a whole message of stlbench's own (`UsageError`), as where a plugin is not installed."""
 
@@ -63,7 +59,6 @@ def ask_here(questions: Sequence[Question[_T]]) -> list[_T | Unanswered]:
 
 
 def answered_here(question: Question[_T]) -> _T | Unanswered:
-    """One answer, in this process."""
     try:
         return question.answer()
     except PluginFault as error:

@@ -12,20 +12,17 @@ from stlbench.contract import Array
 from stlbench.rollout.early_ends import last_steps
 from stlbench.task.task import Task
 
-ENDED, OPEN = "ended early", "ended early, verdict open"
-"""In the place of the conjunct that failed first."""
+ENDED, OPEN = "ended early", "ended early, verdict open"  # in the place of the conjunct that failed first
 
 
 class Loss(NamedTuple):
     """What a violating trace lost first."""
 
     conjunct: stl.Formula
-    step: int
-    """From this sample on, no continuation of the trace could satisfy the conjunct any more."""
+    step: int  # from this sample on, no continuation of the trace could satisfy the conjunct any more
 
     @property
     def text(self) -> str:
-        """In words."""
         return f"{self.conjunct}, lost at step {self.step}"
 
 

@@ -16,7 +16,6 @@ class Reenactment:
     """Pictures of each copy in the order of time. An environment's state cannot be set, so the episode is repeated."""
 
     def __init__(self, task: Task, method: RewardMethod, policy: Policy, begun: Array) -> None:
-        """Args: `begun` the starts (n, s), one for each copy."""
         self._policy, self._simulator = policy, Simulator(task, method, rewarded=False, drawn=True)
         self._simulator.reset(begun)
         self._samples = [self._simulator.signals[:, None].copy()]

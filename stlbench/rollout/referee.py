@@ -24,12 +24,9 @@ from stlbench.task.task import Task
 
 
 class Episodes(NamedTuple):
-    """What was recorded from N starts."""
-
     traces: Array
     """(N, T + 1, k): the signals. After an early end the last sample stays, or there is NaN, as the task says."""
-    lasted: Integers
-    """(N,): the last step at which the environment went on: T, but where it ended the episode before."""
+    lasted: Integers  # (N,): the last step at which the environment went on: T, but where it ended the episode before
 
 
 def record(
@@ -49,7 +46,6 @@ def record(
 
 
 def _acting(policy: Policy | StatePolicy) -> Callable[[Simulator], Integers | Array]:
-    """What acts in one batch of episodes."""
     if isinstance(policy, StatePolicy):
         act = policy.episode()
         return lambda at: act(at.state, at.t, at.memory)
@@ -141,8 +137,7 @@ def _crowds(policies: Sequence[Policy | StatePolicy], most: int) -> Iterator[tup
         yield crowd, len(crowd.policies)
 
 
-_FEW = 8
-"""Starts of a glance, about."""
+_FEW = 8  # starts of a glance, about
 
 
 class Referee:

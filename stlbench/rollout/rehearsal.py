@@ -10,10 +10,8 @@ import numpy as np
 
 from stlbench.contract import Agent, Array, CounterfactualEnvironment, Environment, Integers, Training, Transition
 
-_DECISIONS = 1000
-"""The most decisions of all copies together. Agents begin to learn after some hundreds."""
-_STEPPED = 2
-"""Steps that the task itself makes. More would load nothing more, and a simulation can be dear."""
+_DECISIONS = 1000  # the most decisions of all copies together. Agents begin to learn after some hundreds
+_STEPPED = 2  # steps that the task itself makes. More would load nothing more, and a simulation can be dear
 
 
 def rehearse(agent: Agent, training: Training, hold: int) -> None:

@@ -15,10 +15,8 @@ import numpy as np
 
 from stlbench.contract import Array, Integers, Truth
 
-_FIRST = 8
-"""Starts of the first round, or an eighth of them, whichever is more; each round doubles their number."""
-_SURE = 3.0
-"""Standard errors of the difference by which a checkpoint is behind that leaves."""
+_FIRST = 8  # starts of the first round, or an eighth of them, whichever is more; each round doubles their number
+_SURE = 3.0  # standard errors of the difference by which a checkpoint is behind that leaves
 _SAFE = 5.0
 """Standard deviations over starts by which a leader's mean robustness is above 0 whose satisfaction is settled."""
 
@@ -27,12 +25,9 @@ class Race(NamedTuple):
     """What came of K checkpoints."""
 
     best: int
-    starts: Integers
-    """(K,): from how many of the starts each was scored."""
-    satisfaction: Array
-    """(K,): over these."""
-    robustness_mean: Array
-    """(K,): over these."""
+    starts: Integers  # (K,): from how many of the starts each was scored
+    satisfaction: Array  # (K,): over these
+    robustness_mean: Array  # (K,): over these
 
 
 def race(play: Callable[[Integers, slice], tuple[Truth, Array]], checkpoints: int, starts: int) -> Race:

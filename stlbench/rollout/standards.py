@@ -20,28 +20,21 @@ from stlbench.task.file import BestKnown
 
 _T = TypeVar("_T")
 
-Likeness = Literal["=", "~"]
-"""How two methods pay the same: up to a constant, or up to a function of time."""
-_Pair = tuple[Choice, Track, frozenset[str]]
-"""A task or an ablation of it, a track, and two methods, by their texts."""
+Likeness = Literal["=", "~"]  # how two methods pay the same: up to a constant, or up to a function of time
+_Pair = tuple[Choice, Track, frozenset[str]]  # a task or an ablation of it, a track, and two methods, by their texts
 
 
 @dataclass(frozen=True)
 class Standard:
     """Of one task; an ablation has that of the task that it is one of."""
 
-    by_hand: Score | None = None
-    """The score of its controller, from the report's starts; None without one."""
-    best_known: BestKnown | None = None
-    """As the task file says; None where it says nothing."""
+    by_hand: Score | None = None  # the score of its controller, from the report's starts; None without one
+    best_known: BestKnown | None = None  # as the task file says; None where it says nothing
     own_agent: str | None = None
     """The agent that the task is trained with unless another is named; None where nobody knows."""
-    at_random: Score | None = None
-    """What actions at random get from the same starts; None where nobody knows."""
-    zero: Score | None = None
-    """What the action zero gets from them."""
-    constant: Score | None = None
-    """What the best constant action gets from them."""
+    at_random: Score | None = None  # what actions at random get from the same starts; None where nobody knows
+    zero: Score | None = None  # what the action zero gets from them
+    constant: Score | None = None  # what the best constant action gets from them
     alike: Mapping[_Pair, Likeness] = field(default_factory=dict)
     """Of the methods that were asked for, those that pay the same (`equal_payments`)."""
     trivial: bool = False
@@ -55,25 +48,20 @@ class Standard:
 
 @dataclass(frozen=True)
 class Known:
-    """What a task says of itself."""
-
     best_known: BestKnown | None
     own_agent: str
 
 
 def about(task: Choice) -> Question[Known]:
-    """Asks what a task says of itself. It is loaded for that."""
     return _of_task(known, task, "it cannot be loaded")
 
 
 def known(task: Choice) -> Known:
-    """The answer to `about`."""
     loaded = load_task(task)
     return Known(loaded.file.best_known, loaded.own_agent)
 
 
 def by_hand(task: Choice) -> Question[Score | None]:
-    """Asks for the score of a task's controller; None of a task without one."""
     return _of_task(_by_hand, task, "its controller cannot be scored")
 
 
@@ -82,7 +70,6 @@ def _by_hand(task: Choice) -> Score | None:
 
 
 def at_random(task: Choice) -> Question[Score]:
-    """Asks for the score of actions at random."""
     return _of_task(_at_random, task, "actions at random cannot be scored")
 
 
@@ -91,7 +78,6 @@ def _at_random(task: Choice) -> Score:
 
 
 def constant_actions(task: Choice) -> Question[baselines.Constants]:
-    """Asks for the scores of constant actions."""
     return _of_task(_constants, task, "constant actions cannot be scored")
 
 
@@ -178,7 +164,6 @@ def _payments(members: Iterable[Setting]) -> list[Question[Paid | None]]:
 
 
 def _alike(paid: Mapping[Question[Paid | None], Paid | None]) -> dict[str, dict[_Pair, Likeness]]:
-    """By the name of the task."""
     by_kind = dict[tuple[Choice, Track], dict[str, Paid | None]]()
     for question, answer in paid.items():
         task, track, method = question.arguments

@@ -31,8 +31,7 @@ class TraceTable:
     source: str
     names: tuple[str, ...]
     rows: list[list[str]]
-    delimiter: str
-    """In words, such as "commas"."""
+    delimiter: str  # in words, such as "commas"
 
     def samples(self, used: Collection[str]) -> NDArray[np.float64]:
         """The columns `used` as numbers, (T + 1, k) with NaN in all others. Raises UsageError at what is none."""
@@ -67,7 +66,6 @@ class TraceTable:
         return replace(self, rows=self.rows[:count])
 
     def is_numeric(self, name: str) -> bool:
-        """Whether a column has numbers alone."""
         column = self.names.index(name)
         return all(_number(row[column]) is not None for row in self.rows)
 

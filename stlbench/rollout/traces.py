@@ -19,14 +19,11 @@ from stlbench.task.task import Task
 class Recording:
     """Traces of one policy, or of several seeds' policies in turn, from the report's starts."""
 
-    traces: Array
-    """(N, T + 1, k)."""
+    traces: Array  # (N, T + 1, k)
     seeds: int
-    film: Film | None = None
-    """Of a single cell; None where an older version recorded it."""
+    film: Film | None = None  # of a single cell; None where an older version recorded it
 
     def evenly(self, count: int) -> Array:
-        """At most `count` of the traces, evenly spread over starts and seeds."""
         chosen = np.unique(np.linspace(0, len(self.traces) - 1, count).round().astype(np.int64))
         return self.traces[chosen]
 
@@ -44,5 +41,4 @@ def load(task: Task, result: Result, run: Path) -> Recording:
 
 
 def gather(recordings: Sequence[Recording]) -> Recording:
-    """Several seeds' traces as one."""
     return Recording(np.concatenate([recording.traces for recording in recordings]), len(recordings))

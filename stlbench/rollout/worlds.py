@@ -35,14 +35,12 @@ class SystemWorld(World):
     can_end: ClassVar[bool] = False
 
     def __init__(self, system: System, count: int, engineered: bool = True) -> None:
-        """Args: `engineered` whether policies see `System.features`, or else `System.scaled_state`."""
         self.system, self._engineered = system, engineered
         self._state = np.empty((count, len(system.state)))
         self.ended = np.zeros(count, dtype=np.bool_)
 
     @property
     def state(self) -> Array:
-        """The states (N, n)."""
         return self._state
 
     def restart(self, rows: Integers, starts: Array) -> None:

@@ -20,11 +20,8 @@ from stlbench.task.task import Task
 
 Verdict = Literal["violated", "open", "satisfied"]
 """The verdict on one episode; open if it ended early and some continuations satisfy."""
-VERDICTS: tuple[Verdict, ...] = ("violated", "open", "satisfied")
-"""The worst first."""
-
-_NUMBERS = 2**22
-"""The most numbers in the traces that are simulated at once."""
+VERDICTS: tuple[Verdict, ...] = ("violated", "open", "satisfied")  # the worst first
+_NUMBERS = 2**22  # the most numbers in the traces that are simulated at once
 
 
 class Unsearchable(UsageError):
@@ -51,14 +48,10 @@ def foreign(name: str) -> Iterator[None]:
 class Played(NamedTuple):
     """N episodes and their verdicts."""
 
-    traces: Array
-    """(N, T + 1, k); after an early end NaN, or the last sample if the task's `terminated` is hold."""
-    robustness: Array
-    """(N,), of the task's formula; after an early end the least that any continuation has."""
-    satisfied: Truth
-    """(N,): whether every continuation satisfies."""
-    possible: Truth
-    """(N,): whether some continuation satisfies; of a complete episode the same as `satisfied`."""
+    traces: Array  # (N, T + 1, k); after an early end NaN, or the last sample if the task's `terminated` is hold
+    robustness: Array  # (N,), of the task's formula; after an early end the least that any continuation has
+    satisfied: Truth  # (N,): whether every continuation satisfies
+    possible: Truth  # (N,): whether some continuation satisfies; of a complete episode the same as `satisfied`
 
     @property
     def verdicts(self) -> Integers:
@@ -70,17 +63,14 @@ class Played(NamedTuple):
 class Actor:
     """Something that acts in a task, from any start to the end of the episode."""
 
-    name: str
-    """For messages: hold-disc/funnel/dqn/0."""
-    label: tuple[str, ...]
-    """The parts of its files' names."""
+    name: str  # for messages: hold-disc/funnel/dqn/0
+    label: tuple[str, ...]  # the parts of its files' names
     task: Task
     record: Callable[[Array], Array]
     """From starts (N, n), as the simulator resets to them, to traces (N, T + 1, k) of the task's signals."""
 
     @property
     def rows(self) -> int:
-        """The most episodes that are simulated at once."""
         return max(1, min(at_once(self.task), _NUMBERS // ((self.task.file.steps + 1) * len(self.task.signals))))
 
     def play(self, points: Array) -> Played:
@@ -104,12 +94,10 @@ class Actor:
 def of_policy(
     name: str, label: tuple[str, ...], task: Task, method: RewardMethod, policy: Policy | StatePolicy
 ) -> Actor:
-    """A policy with the method that gives it its inputs."""
     return Actor(name, label, task, lambda starts: referee.record(task, method, policy, starts).traces)
 
 
 def of_controller(task: Task) -> Actor:
-    """The task's controller by hand. Raises `UsageError` if it has none, or if it fails."""
     name = f"{task.name}, by hand"
 
     def record(states: Array) -> Array:

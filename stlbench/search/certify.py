@@ -15,12 +15,9 @@ from stlbench.search.actor import Actor, Unsearchable
 from stlbench.search.space import space_of
 from stlbench.study.cell import derive_seed
 
-STARTS = 1000
-"""Default number of starts without a rule to stop."""
-MOST = 100_000
-"""Starts after which a sequential test stops undecided."""
-_FIRST = 64
-"""Starts of the first batch of a sequential test; each further batch doubles the total."""
+STARTS = 1000  # default number of starts without a rule to stop
+MOST = 100_000  # starts after which a sequential test stops undecided
+_FIRST = 64  # starts of the first batch of a sequential test; each further batch doubles the total
 
 Verdict = Literal["shown", "refuted", "undecided"]
 
@@ -35,12 +32,10 @@ class Claim:
     """
 
     confidence: float = 0.99
-    starts: int | None = None
-    """Random starts, at most; None for `STARTS`, or `MOST` with a rule to stop."""
+    starts: int | None = None  # random starts, at most; None for `STARTS`, or `MOST` with a rule to stop
     at_least: float | None = None
     """A probability in (0, 1): stop when satisfaction is shown to be at least this probable, or less."""
-    width: float | None = None
-    """In (0, 1): stop when the interval is at most this wide."""
+    width: float | None = None  # in (0, 1): stop when the interval is at most this wide
     seed: int = 0
 
     @property
@@ -50,7 +45,6 @@ class Claim:
 
     @property
     def sequential(self) -> bool:
-        """Whether the test may stop early."""
         return self.at_least is not None or self.width is not None
 
 
@@ -65,8 +59,7 @@ class Certificate:
     claim: Claim
     starts: int
     satisfied: int
-    open: int
-    """Episodes that ended early with an open verdict: some continuations satisfy."""
+    open: int  # episodes that ended early with an open verdict: some continuations satisfy
     interval: Interval
     cpu_seconds: float
 
@@ -90,7 +83,6 @@ def plain(number: float) -> str:
 
 
 def check(claim: Claim) -> None:
-    """Raises `UsageError` for a claim that makes no sense."""
     shares = {"confidence": claim.confidence, "probability": claim.at_least, "width": claim.width}
     for name, value in shares.items():
         if value is not None and not 0 < value < 1:

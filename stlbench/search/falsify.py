@@ -24,14 +24,9 @@ EVALUATIONS = 10_000
 
 @dataclass(frozen=True)
 class How:
-    """The options of a search."""
-
-    optimiser: str | None = None
-    """One of `OPTIMISERS`; None for `DEFAULT`, or `OF_SEEDS` if starts are seeds."""
-    evaluations: int = EVALUATIONS
-    """The most episodes that are simulated."""
-    least: bool = False
-    """Go on after the first counterexample, for the least robustness."""
+    optimiser: str | None = None  # one of `OPTIMISERS`; None for `DEFAULT`, or `OF_SEEDS` if starts are seeds
+    evaluations: int = EVALUATIONS  # the most episodes that are simulated
+    least: bool = False  # go on after the first counterexample, for the least robustness
     seed: int = 0
 
 
@@ -43,12 +38,9 @@ class Falsification:
     """
 
     actor: Actor
-    how: How
-    """With the name of the optimiser that was used."""
-    evaluations: int
-    """Episodes that were simulated."""
-    first: int | None
-    """The first of them, from 1, with the verdict of the worst start; None if all satisfied."""
+    how: How  # with the name of the optimiser that was used
+    evaluations: int  # episodes that were simulated
+    first: int | None  # the first of them, from 1, with the verdict of the worst start; None if all satisfied
     worst: Worst
     cpu_seconds: float
 
@@ -66,7 +58,6 @@ class Falsification:
 
     @property
     def found(self) -> bool:
-        """Whether there is a counterexample."""
         return self.worst.verdict == "violated"
 
     @property
@@ -100,7 +91,6 @@ class Falsification:
 
 
 def check(how: How) -> None:
-    """Raises `UsageError` for wrong options."""
     if how.optimiser is not None and how.optimiser not in OPTIMISERS:
         raise UsageError(f"no optimiser '{how.optimiser}'{did_you_mean(how.optimiser, OPTIMISERS)}")
     if how.evaluations < 1:
@@ -141,7 +131,6 @@ def falsify(
 
 
 def _resolved(actor: Actor, how: How, space: Box | Seeds) -> How:
-    """The options with an optimiser that fits."""
     check(how)
     ordered = isinstance(space, Box)
     if not ordered and how.optimiser not in (None, OF_SEEDS):

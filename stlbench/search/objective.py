@@ -11,10 +11,8 @@ from stlbench.contract import Array
 from stlbench.search.actor import VERDICTS, Actor, Verdict
 from stlbench.search.space import Box, Seeds
 
-FAR = 1e6
-"""The value of a point outside the region of starts, plus its distance: worse than all points inside."""
-_OUTSIDE = 20
-"""The most points for each evaluation. Points outside the region are not simulated."""
+FAR = 1e6  # the value of a point outside the region of starts, plus its distance: worse than all points inside
+_OUTSIDE = 20  # the most points for each evaluation. Points outside the region are not simulated
 
 
 class Enough(Exception):
@@ -25,10 +23,8 @@ class Enough(Exception):
 class Worst:
     """The least robust start so far of those with the worst verdict."""
 
-    point: Array
-    """(n,), of the space of starts."""
-    trace: Array
-    """(T + 1, k), as it was recorded."""
+    point: Array  # (n,), of the space of starts
+    trace: Array  # (T + 1, k), as it was recorded
     robustness: float
     verdict: Verdict
 
@@ -37,7 +33,6 @@ class Worst:
         return VERDICTS.index(self.verdict), self.robustness
 
     def __lt__(self, other: Worst) -> bool:
-        """Whether it is worse."""
         return self._order < other._order
 
 
@@ -66,7 +61,6 @@ class Objective:
 
     @property
     def box(self) -> Box:
-        """The space, which an optimiser can search."""
         assert isinstance(self.space, Box)
         return self.space
 

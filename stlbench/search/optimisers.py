@@ -24,10 +24,8 @@ Optimiser = Callable[[Objective, int], None]
 _POPULATION = 32
 """Points in a generation of differential evolution, about. Few points converge and begin anew often, since robustness
 has many local minima."""
-_AT_RANDOM, _FIRST = 0.2, 64
-"""The share of evaluations at random points, and the size of the first batch of them."""
-_COPIES = 32
-"""Searches at once, about."""
+_AT_RANDOM, _FIRST = 0.2, 64  # the share of evaluations at random points, and the size of the first batch of them
+_COPIES = 32  # searches at once, about
 
 
 def at_random(objective: Objective, seed: int) -> None:
@@ -129,8 +127,7 @@ DEFAULT, OF_SEEDS = "differential-evolution", "random"
 """The optimisers of states and of seeds, unless the user names one."""
 
 
-Scalar = Callable[[Array], float]
-"""From a point (d,) to its value."""
+Scalar = Callable[[Array], float]  # from a point (d,) to its value
 
 
 class _Stopped(Exception):
@@ -163,7 +160,6 @@ class _Search:
         return answer
 
     def answer(self, value: float | None) -> None:
-        """Give the search the value that it waits for; None ends it."""
         self._answers.put(value)
 
 

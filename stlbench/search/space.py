@@ -26,7 +26,6 @@ class Space(ABC):
 
     @property
     def single(self) -> bool:
-        """Whether there is only one point."""
         return False
 
     @abstractmethod
@@ -39,7 +38,6 @@ class Space(ABC):
 
 
 def space_of(task: Task) -> Box | Seeds:
-    """The space of the task's starts."""
     if isinstance(task.starts, StateStarts):
         return Box(task.starts.initial, task.system)
     return Seeds(task.starts)
@@ -53,15 +51,12 @@ class Seeds(Space):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """See `Space`."""
         return ("seed",)
 
     def draw(self, generator: np.random.Generator, count: int) -> Array:
-        """See `Space`."""
         return self.sets.fresh(int(generator.integers(2**31)), count)
 
     def starts(self, points: Array) -> Array:
-        """They are the points."""
         return points
 
 
@@ -74,22 +69,18 @@ class Box(Space):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """See `Space`."""
         return tuple(self.region.box)
 
     @property
     def single(self) -> bool:
-        """See `Space`."""
         return self.size == 0
 
     @cached_property
     def free(self) -> Integers:
-        """Indices (size,) of the coordinates that are not fixed."""
         return np.flatnonzero(self.region.low < self.region.high)
 
     @property
     def size(self) -> int:
-        """The number of free coordinates."""
         return len(self.free)
 
     def points(self, unit: Array) -> Array:
@@ -100,7 +91,6 @@ class Box(Space):
         return np.minimum(points, high)
 
     def inside(self, points: Array) -> Truth:
-        """Which of the points (N, n) fulfil the region's condition, (N,)."""
         where = self.region.where
         if where is None:
             return np.ones(len(points), dtype=np.bool_)
@@ -113,9 +103,7 @@ class Box(Space):
             return np.nan_to_num(np.maximum(-stl.margin(self.region.where, self.names)(points), 0.0))
 
     def draw(self, generator: np.random.Generator, count: int) -> Array:
-        """See `Space`."""
         return starts.sample(self.region, generator, count)
 
     def starts(self, points: Array) -> Array:
-        """See `Space`."""
         return self.system.initial_states(points)

@@ -32,8 +32,7 @@ from stlbench.task import Task
 from stlbench.testing.line import FORMS, Form, Nearness, line_task
 from stlbench.testing.rules import RuleBroken, Rules
 
-_HOLD = "hold"
-"""A parameter of the task that a search space may have."""
+_HOLD = "hold"  # a parameter of the task that a search space may have
 
 
 def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
@@ -66,7 +65,6 @@ def check_agent(agent: type[Agent] | str, rules: Rules | None = None) -> None:
 
 
 def _refusal(agent: Agent, form: Form, rules: Rules) -> Unsuitable | None:
-    """Check the agent on one task: None, or the reason why it refuses the task."""
     rule = f"with {form.text}, it trains or raises Unsuitable"
     try:
         _check_training(agent, line_task(form), rules)
@@ -106,8 +104,6 @@ def _fits(known: dict[str, choices.Parameter], name: str, value: object) -> bool
 
 @dataclass
 class _Trained:
-    """The result of one training."""
-
     final: Policy | StatePolicy
     taken: int
     reported: list[tuple[Policy | StatePolicy, int, bytes]] = field(default_factory=list)

@@ -17,13 +17,10 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import executor_of
 from stlbench.testing.rules import Rules
 
-_PATIENCE = 600.0
-"""Deadline, in seconds, of items that end by themselves."""
-_SHORT = 3.0
-"""Deadline of the item that sleeps for `_LONG`."""
+_PATIENCE = 600.0  # deadline, in seconds, of items that end by themselves
+_SHORT = 3.0  # deadline of the item that sleeps for `_LONG`
 _LONG = 60.0
-_MARK = "STLBENCH_CHECK_EXECUTOR"
-"""An environment variable that nobody sets."""
+_MARK = "STLBENCH_CHECK_EXECUTOR"  # an environment variable that nobody sets
 
 Place = tuple[str, int]
 

@@ -32,13 +32,10 @@ _STEPS = 2000
 class Form:
     """The points and actions of a task."""
 
-    text: str
-    """For messages."""
+    text: str  # for messages
     points: tuple[str, ...] = ("x",)
-    count: int | None = None
-    """Values of each action; None if it is continuous."""
-    robots: bool = False
-    """Whether each point is a robot of its own."""
+    count: int | None = None  # values of each action; None if it is continuous
+    robots: bool = False  # whether each point is a robot of its own
 
 
 FORMS = (

@@ -15,8 +15,7 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import executor_of
 from stlbench.testing.rules import Rules
 
-_LONG = 30.0
-"""Seconds that one call may take."""
+_LONG = 30.0  # seconds that one call may take
 _CELLS = ("hold-disc/funnel/dqn/0", "overlap[without=cuts]/funnel[ginf=0.02,t_star=1]/dqn/1/tuned", "a/b/c/2")
 _NUMBERS = {"satisfaction": 1.0, "robustness": 0.3, "env_steps": 4000.0}
 

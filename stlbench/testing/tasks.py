@@ -17,8 +17,7 @@ from stlbench.task import Task, build_agent, load_task
 from stlbench.testing import systems, worlds
 from stlbench.testing.rules import Rules
 
-_ALIKE = 0.05
-"""Of two shares of starts that satisfy: contacts differ between machines in their last bits, and grow."""
+_ALIKE = 0.05  # of two shares of starts that satisfy: contacts differ between machines in their last bits, and grow
 
 
 def check_task(name: str, rules: Rules | None = None) -> None:

@@ -13,8 +13,7 @@ from stlbench.task import Task
 from stlbench.testing.rules import Rules
 
 _COPIES = 4
-_STEPS = 200
-"""The most steps of an episode that are run again to compare."""
+_STEPS = 200  # the most steps of an episode that are run again to compare
 
 
 def random_traces(task: Task, rules: Rules) -> Array:

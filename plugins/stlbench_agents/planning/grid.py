@@ -48,8 +48,6 @@ class AxisRecipe(BaseModel):
 
 
 class Place(NamedTuple):
-    """The places of values on an axis."""
-
     below: Indices
     """The number of the point below each; -1 for a value outside."""
     weight: NDArray[np.float32]
@@ -68,12 +66,10 @@ class Axis:
 
     @classmethod
     def of(cls, recipe: AxisRecipe, points: int) -> Axis:
-        """So many points from low to high, both included."""
         even = np.linspace(recipe.low, recipe.high, points)
         return cls(_gathered(recipe, points) if recipe.near else even, recipe.periodic)
 
     def finer(self, parts: int) -> Axis:
-        """The same with each interval in so many parts."""
         at = np.arange((len(self) - 1) * parts + 1) / parts
         return Axis(np.interp(at, np.arange(len(self)), self.points), self.periodic)
 
@@ -169,7 +165,6 @@ class Grid:
 
     @cached_property
     def points(self) -> Array:
-        """All points, (size, axes)."""
         mesh = np.meshgrid(*(axis.points for axis in self.axes), indexing="ij")
         return np.stack([column.ravel() for column in mesh], axis=1)
 

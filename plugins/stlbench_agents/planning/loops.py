@@ -122,7 +122,6 @@ def extremes(margins: Floats, active: NDArray[np.bool_], least: bool, into: Floa
 
 
 def compile_all() -> None:
-    """Compile for the types of planning, or load the compiled code."""
     values, weights = np.zeros((1, 2), np.float32), np.zeros((1, 1, 1), np.float32)
     at, strides, active = np.zeros((1, 1), np.int32), np.ones(1, np.int64), np.ones(1, np.bool_)
     many, table = np.zeros((1, 1, 1), np.float32), np.zeros((1, 1), np.float32)

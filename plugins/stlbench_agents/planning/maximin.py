@@ -29,8 +29,7 @@ class Part(NamedTuple):
     """The contribution of one term at a decision: the least or the greatest margin of some of its samples."""
 
     term: int
-    active: bytes
-    """Which of the H samples, as bytes of Booleans."""
+    active: bytes  # which of the H samples, as bytes of Booleans
     least: bool
 
 
@@ -65,7 +64,6 @@ class Stages:
 
     @property
     def over(self) -> int:
-        """The stage in which all F and F G terms are over."""
         return self.count - 1
 
     def without_window(self) -> Term | None:
@@ -116,10 +114,8 @@ class Stages:
         return -(-(term.b - term.c2 + 1) // self.hold)
 
 
-_TIES = 1e-6
-"""Of two actions whose robustness differs by less, in units of the widest margin, the smaller one is taken."""
-_CACHED = 8
-"""Tables of extremes in memory at a time."""
+_TIES = 1e-6  # of two actions whose robustness differs by less, in units of the widest margin, the smaller one is taken
+_CACHED = 8  # tables of extremes in memory at a time
 
 
 @dataclass(frozen=True)
@@ -132,11 +128,9 @@ class MaximinPolicy(StatePolicy):
     stages: Stages
     later: Floats
     """(decisions + 1, stages, S): the best robustness from each decision on; at the end what is over has `most`."""
-    most: float
-    """More than any margin; a state from which the formula cannot be satisfied is worth -most."""
+    most: float  # more than any margin; a state from which the formula cannot be satisfied is worth -most
 
     def episode(self) -> Callable[[Array, Integers, Array], Integers | Array]:
-        """See `StatePolicy`. All copies of a batch are at the same step."""
         stage = np.zeros(0, dtype=np.int64)
 
         def act(state: Array, t: Integers, memory: Array) -> Integers | Array:
@@ -149,7 +143,6 @@ class MaximinPolicy(StatePolicy):
         return act
 
     def value(self, state: Array) -> Array:
-        """The robustness that the grid promises."""
         return self._first(state)[1]
 
     def _first(self, state: Array) -> tuple[Integers, Array]:
@@ -173,7 +166,6 @@ class MaximinPolicy(StatePolicy):
         return [int(np.ravel_multi_index(each, self.stages.sizes)) for each in np.ndindex(*free)]
 
     def _choose(self, state: Array, decision: int, stage: Integers) -> tuple[Integers, Integers]:
-        """The actions (N,), and the stages after them."""
         count, rows = len(self.actions), len(state)
         path, samples = simulated(self.model, np.tile(state, (count, 1)), np.repeat(self.actions.vectors, rows, axis=0))
         margins = [_margin(self.model, term)(samples[1:]).T for term in self.stages.terms]
@@ -249,7 +241,6 @@ def _margin(model: Model, term: stl.Term) -> Callable[[Array], Array]:
 
 
 def _extreme(margins: Array, part: Part) -> Array:
-    """Of samples (N, H): (N,)."""
     chosen = margins[:, np.frombuffer(part.active, np.bool_)]
     extreme: Array = chosen.min(axis=1) if part.least else chosen.max(axis=1)
     return extreme
@@ -266,7 +257,6 @@ class _Margins:
         self._cache = dict[Part, Floats]()
 
     def observe(self, action: int, samples: Array) -> None:
-        """Note the margins of samples (H + 1, S, k)."""
         for i, margin in enumerate(self._values):
             self._margins[i, action] = margin(samples[1:]).T
 
@@ -280,7 +270,6 @@ class _Margins:
         return most
 
     def at(self, part: Part) -> Floats:
-        """The contribution of a term, (A, S)."""
         if part not in self._cache:
             if len(self._cache) >= _CACHED:
                 self._cache.pop(next(iter(self._cache)))

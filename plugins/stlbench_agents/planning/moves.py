@@ -18,8 +18,7 @@ Observer = Callable[[int, Array], None]
 class ActionSet:
     """The actions of a plan, the smallest first: it is chosen among equally good ones."""
 
-    vectors: Array
-    """(A, axes)."""
+    vectors: Array  # (A, axes)
     choices: Integers | Array
     """What a policy returns for each action: an index (A,) into the task's grid of actions, or the vector."""
 
@@ -84,7 +83,6 @@ _GIGABYTES = 4.0
 
 
 def prepare(model: Model, recipes: Mapping[str, AxisRecipe], resolution: float, most: int) -> tuple[Grid, ActionSet]:
-    """The grid of the states and the set of actions. Raises `Unsuitable`, for example if 4 GB are not enough."""
     grid, actions = Grid(axes_of(model, recipes, resolution)), ActionSet.of(model.actions, most)
     each = len(actions) * grid.size
     dimensions = 4 * (1 + len(grid.axes)), 4 * (1 + len(model.method.specification.signals))
@@ -95,7 +93,6 @@ def prepare(model: Model, recipes: Mapping[str, AxisRecipe], resolution: float, 
 
 
 def refuse_beyond(gigabytes: float, what: str) -> None:
-    """Raise `Unsuitable` if `what` needs more memory than a plan may have."""
     if gigabytes > _GIGABYTES:
         raise Unsuitable(
             f"{what} needs {gigabytes:.1f} GB, and may have {_GIGABYTES:g}; choose a lower resolution, or fewer actions"

@@ -15,12 +15,8 @@ from stlbench_agents.planning.moves import ActionSet, simulated
 
 @dataclass(frozen=True)
 class Limits:
-    """How many values of a memory are planned with; see the parameters of `planner`."""
-
-    values: int = 64
-    """The most that are enumerated."""
-    rounded: int = 0
-    """To how many a memory of one number is rounded that takes more; 0: such a memory is refused."""
+    values: int = 64  # the most that are enumerated
+    rounded: int = 0  # to how many a memory of one number is rounded that takes more; 0: such a memory is refused
 
     def rounds(self, distinct: Array) -> bool:
         """Whether these values (M, m) of a memory must be rounded.
@@ -45,8 +41,7 @@ USUAL = Limits()
 class Memories:
     """Each value that a memory takes, a row; of a method without memory there is one, which is empty."""
 
-    values: Array
-    """(M, m)."""
+    values: Array  # (M, m)
 
     def __len__(self) -> int:
         return len(self.values)
@@ -92,11 +87,8 @@ class Memories:
         return numbers
 
 
-MOST_SIGNALS = 4
-"""The most dimensions of a grid, and so of one of signals."""
-
-_CELLS = 150_000
-"""About the most points of the grid of signals."""
+MOST_SIGNALS = 4  # the most dimensions of a grid, and so of one of signals
+_CELLS = 150_000  # about the most points of the grid of signals
 
 
 class Arrivals:
@@ -113,7 +105,6 @@ class Arrivals:
         self._memory = np.empty((0, 0, 0), np.int32)
 
     def observe(self, action: int, samples: Array) -> None:
-        """Note the places of samples (H + 1, S, k)."""
         places = self._signals.places(samples[1:].transpose(1, 0, 2), clip=True)
         self._samples.at[action], self._samples.weights[action] = places
 
@@ -151,7 +142,6 @@ def _signal_grid(model: Model, grid: Grid) -> Grid:
 
 
 def _open(axis: Axis) -> Axis:
-    """Without a period, which a signal need not have."""
     return Axis(axis.points)
 
 
@@ -160,10 +150,8 @@ def _even(values: Array, points: int) -> Axis:
     return Axis(np.linspace(low, high if high > low else low + 1, points))
 
 
-_PROBES = 4096
-"""States, each with a random action, whose rewards distinguish decisions."""
-CACHED = 2
-"""Tables of rewards in memory at a time."""
+_PROBES = 4096  # states, each with a random action, whose rewards distinguish decisions
+CACHED = 2  # tables of rewards in memory at a time
 
 
 class Transitions:

@@ -13,11 +13,8 @@ from stlbench_agents.planning.loops import pay_best
 from stlbench_agents.planning.moves import ActionSet, refuse_beyond, simulated, sweep
 from stlbench_agents.planning.rewards import CACHED, MOST_SIGNALS, USUAL, Arrivals, Limits, Memories, Transitions
 
-LOST = -1e4
-"""The value of a state outside the grid, in units of the method's scale."""
-
-_TIES = 1e-6
-"""Of two actions whose returns differ by less, relative to their size, the smaller one is taken."""
+LOST = -1e4  # the value of a state outside the grid, in units of the method's scale
+_TIES = 1e-6  # of two actions whose returns differ by less, relative to their size, the smaller one is taken
 _SETTLED, _ROUNDS = 1e-5, 2000
 """The value of such a decision is known at this change in a round, or after so many rounds."""
 
@@ -30,14 +27,11 @@ class SumPolicy(StatePolicy):
     grid: Grid
     actions: ActionSet
     memories: Memories
-    later: Floats
-    """(decisions, M, S): what states are worth after each decision, over the method's scale, less `shift`."""
-    shift: Array
-    """(decisions,)."""
+    later: Floats  # (decisions, M, S): what states are worth after each decision, over the method's scale, less `shift`
+    shift: Array  # (decisions,)
     gamma: float
 
     def episode(self) -> Callable[[Array, Integers, Array], Integers | Array]:
-        """See `StatePolicy`. It remembers nothing."""
         return self._act
 
     def value(self, state: Array) -> Array:
@@ -58,7 +52,6 @@ class SumPolicy(StatePolicy):
         return choices
 
     def _returns(self, state: Array, decision: int, memory: Array) -> Array:
-        """The return of each action, (A, N)."""
         model, count, rows = self.model, len(self.actions), len(state)
         vectors = np.repeat(self.actions.vectors, rows, axis=0)
         path, samples = simulated(model, np.tile(state, (count, 1)), vectors)
@@ -122,8 +115,6 @@ def _over(model: Model, memories: Memories) -> Integers:
 
 @dataclass(frozen=True)
 class _Step:
-    """One decision."""
-
     grid: Grid
     next: Places
     paid: Floats
@@ -138,7 +129,6 @@ class _Step:
 
 
 def _settled(step: _Step, value: Floats) -> Floats:
-    """The value of a decision that repeats for ever."""
     later = np.zeros_like(value)
     for _ in range(_ROUNDS):
         step.back(later, 0.0, value)
@@ -180,7 +170,6 @@ class Ends:
         self._pattern, self._values = b"", np.empty((0, 0), np.float32)
 
     def observe(self, action: int, samples: Array) -> None:
-        """Note at which of the samples (H + 1, S, k) an episode may end."""
         for i, end in enumerate(self._model.ends):
             self._over[i, action] = end.over(samples[1:]).T
 

@@ -199,7 +199,6 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
     def __init__(
         self, num_envs: int, task: str, method: str, *, scaled: bool = False, render_mode: str | None = None
     ) -> None:
-        """Args and errors: see `StlEnv`."""
         if num_envs < 1:
             raise UsageError(f"num_envs must be at least 1, got {num_envs}")
         self._copies = _Copies(task, method, scaled, render_mode)
@@ -245,7 +244,6 @@ class StlVectorEnv(gymnasium.vector.VectorEnv[Single, Any, NDArray[Any]]):
         return observation, reward, np.zeros(self.num_envs, dtype=np.bool_), np.full(self.num_envs, over), info
 
     def render(self) -> tuple[Pixels, ...] | None:
-        """Each copy's picture, see `StlEnv.render`."""
         return self._copies.pictures()
 
     def _masked(self, info: Info) -> Info:

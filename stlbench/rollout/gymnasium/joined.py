@@ -16,11 +16,8 @@ from stlbench.records.observation import Observation
 from stlbench.rollout.gymnasium.readers import place
 from stlbench.task.gym_spaces import Entries, Observed, outside_space
 
-KEY = "stl"
-"""Under which a Dict observation has the time and the memory."""
-
-OBSERVATION = "observation"
-"""The key of an observation that is neither a vector nor a Dict."""
+KEY = "stl"  # under which a Dict observation has the time and the memory
+OBSERVATION = "observation"  # the key of an observation that is neither a vector nor a Dict
 
 
 class Observing:

@@ -61,7 +61,6 @@ class StlParallelEnv(ParallelEnv[str, Single, Any]):
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> Space[Any]:
-        """A robot's own actions."""
         return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: Info | None = None) -> tuple[dict[str, Single], dict[str, Info]]:

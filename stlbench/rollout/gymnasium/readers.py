@@ -48,10 +48,7 @@ class Reader(ABC):
 
 
 class FunctionReader(Reader):
-    """Calls a function of the user's, for one copy at a time."""
-
     def __init__(self, function: SignalsOf, names: tuple[str, ...], space: Space[Any]) -> None:
-        """Args: `space` of the observations, of a vector environment the batched one."""
         super().__init__(names)
         self._function, self._space = function, space
 
@@ -73,8 +70,6 @@ class FunctionReader(Reader):
 
 
 class ExpressionReader(Reader):
-    """Evaluates expressions over entries of the observation and of the info."""
-
     def __init__(self, expressions: Expressions) -> None:
         super().__init__(expressions.names)
         self._expressions = expressions
@@ -88,7 +83,6 @@ class ExpressionReader(Reader):
 
 
 def place(t: int, copy: int | None) -> str:
-    """Where something was wrong, for a message."""
     return f"at step {t}" if copy is None else f"at step {t} of copy {copy}"
 
 

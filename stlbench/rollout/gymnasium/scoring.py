@@ -19,8 +19,7 @@ from stlbench.task.file import EarlyEnd
 
 MethodOf: TypeAlias = str | Callable[[Specification], RewardMethod]
 """A method by name, or a class, or anything else that makes one for a specification."""
-Ranges: TypeAlias = Mapping[str, tuple[float, float]]
-"""Signal -> the least and the greatest value that it takes, about."""
+Ranges: TypeAlias = Mapping[str, tuple[float, float]]  # signal -> the least and the greatest value that it takes, about
 
 
 @dataclass(frozen=True)
@@ -29,16 +28,13 @@ class Scoring:
 
     reader: Reader
     made_by: MethodOf
-    specification: Specification
-    """What the method knows; it has the formula, in steps."""
+    specification: Specification  # what the method knows; it has the formula, in steps
     scaled: bool
     terminated: EarlyEnd
-    discount: float
-    """With which the rewards that an early end leaves out are added up, in 0..1."""
+    discount: float  # with which the rewards that an early end leaves out are added up, in 0..1
 
     @cached_property
     def method(self) -> RewardMethod:
-        """The reward method. Raises `UsageError`, see `_make_method`."""
         return _make_method(self.made_by, self.specification)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -70,7 +66,6 @@ def specify(
 
 
 def _make_method(method: MethodOf, specification: Specification) -> RewardMethod:
-    """The method. Raises `UsageError`: no such method, a wrong parameter, or one that does not fit."""
     try:
         if isinstance(method, str):
             return cast(RewardMethod, plugins.build("methods", choice_of(method), specification))
@@ -84,12 +79,10 @@ def _make_method(method: MethodOf, specification: Specification) -> RewardMethod
 
 
 def _no_method(made_by: object) -> bool:
-    """Whether it is a class of something else, which a specification may not make."""
     return isinstance(made_by, type) and not issubclass(made_by, RewardMethod)
 
 
 def _ends(names: Sequence[str], ranges: Ranges) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Lower and upper ends of the ranges."""
     for name in names:
         if name not in ranges:
             raise UsageError(f"ranges: none for the signal '{name}'; give its least and greatest value, (low, high)")

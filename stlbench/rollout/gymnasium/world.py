@@ -32,7 +32,6 @@ class GymWorld(World):
         self.ended, self.lived = np.ones(count, dtype=np.bool_), np.zeros(count, dtype=np.int64)
 
     def restart(self, rows: Integers, starts: Array) -> None:
-        """Raises `UsageError` as `advance`."""
         for row, seed in zip(rows.tolist(), starts[:, 0].tolist(), strict=True):
             self._last[row] = self._begun(row, int(seed))
         self.ended[rows], self.lived[rows] = False, 0
@@ -58,7 +57,6 @@ class GymWorld(World):
         return self._source.observed.scaled(self._seen)
 
     def frames(self) -> tuple[Pixels, ...] | None:
-        """What the environment renders; None unless copies are drawn."""
         if not self._drawn:
             return None
         pictures = tuple(np.asarray(copy.render()) for copy in self._copies)
@@ -81,7 +79,6 @@ class GymWorld(World):
         return begun
 
     def _stepped(self, row: int, action: Any) -> bool:
-        """One step of a copy: whether it has ended."""
         stepped = self._copies[row].step(action)
         if not (isinstance(stepped, tuple) and len(stepped) == 5):
             rule = "the environment's step returns observation, reward, terminated, truncated, info"

@@ -208,7 +208,6 @@ def _within(steps: int, limit: int | None) -> int:
 
 
 def _wrapped_limit(env: gymnasium.Env[Any, Any]) -> int | None:
-    """The least limit that a wrapper sets."""
     limits = []
     while isinstance(env, gymnasium.Wrapper):
         if isinstance(env, TimeLimit):

@@ -24,18 +24,14 @@ _ALL = np.array([0])
 
 
 class _Scored:
-    """What both wrappers show of the scoring."""
-
     _scoring: Scoring
 
     @property
     def specification(self) -> Specification:
-        """Formula in steps, signals, ranges, length of an episode."""
         return self._scoring.specification
 
     @property
     def method(self) -> RewardMethod:
-        """The reward method."""
         return self._scoring.method
 
 
@@ -108,7 +104,6 @@ def _five(returned: Any) -> tuple[Any, Any, Any, Any, Info]:
 
 
 def _number(own: Any, t: int) -> float:
-    """The environment's own reward."""
     try:
         return float(own)
     except (TypeError, ValueError) as error:
@@ -212,7 +207,6 @@ def autoreset_of(envs: gymnasium.vector.VectorEnv[Any, Any, Any]) -> AutoresetMo
 
 
 def _check_actions(space: Space[Any]) -> None:
-    """Raises `UsageError` unless actions are numbers."""
     if not isinstance(space, Box | Discrete | MultiBinary | MultiDiscrete):
         raise UsageError(
             f"actions are numbers, a Box, Discrete, MultiDiscrete or MultiBinary; the environment has {space}"

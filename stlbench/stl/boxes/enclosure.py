@@ -27,7 +27,6 @@ Proven: TypeAlias = dict[AnyNode, tuple[float, float]]
 
 
 def enclosure(target: AnyNode, boxes: Boxes, proven: Proven) -> Range:
-    """Interval that contains the margin (the value) of `target` on each box."""
     rates = Enclosure(boxes, proven, with_derivatives=True)
     plain, centred = rates.range(target), mean_value_range(target, boxes, proven, rates)
     return np.fmax(plain[0], centred[0]), np.fmin(plain[1], centred[1])

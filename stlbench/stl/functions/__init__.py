@@ -34,8 +34,6 @@ class Domain:
 
 @dataclass(frozen=True)
 class Function:
-    """One row: all about a function."""
-
     name: str
     arity: int | None  # None: one or more arguments
     floats: Callable[..., float]

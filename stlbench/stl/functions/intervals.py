@@ -56,7 +56,6 @@ def _hull(corners: Sequence[Ends]) -> Range:
 
 
 def power(base: Range, exponent: float) -> Range:
-    """u ** exponent, for a whole exponent of at least 0."""
     lower, upper = base
     if exponent == 0:
         return np.ones_like(lower), np.ones_like(upper)

@@ -113,8 +113,6 @@ class Number(Node):
 
 @dataclass(frozen=True)
 class Signal(Node):
-    """A named signal of the trace."""
-
     name: str
 
     def __post_init__(self) -> None:
@@ -169,8 +167,6 @@ class Binary(Node):
 
 @dataclass(frozen=True)
 class Negative(Node):
-    """`-arg`."""
-
     level: ClassVar[int] = Level.MINUS
     arg: Expression
 

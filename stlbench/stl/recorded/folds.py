@@ -69,8 +69,6 @@ class Fold(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class Least(Fold):
-    """The minimum."""
-
     joins: ClassVar[np.ufunc] = np.minimum
     empty: ClassVar[float] = math.inf
 
@@ -207,8 +205,6 @@ class RootLeast(_Counted):
 
 @dataclass(frozen=True, kw_only=True)
 class Mean(_Counted):
-    """The mean, which lies between the two."""
-
     size: ClassVar[int] = 2
 
     def _lift(self, values: Floats) -> Floats:
@@ -220,8 +216,6 @@ class Mean(_Counted):
 
 @dataclass(frozen=True, kw_only=True)
 class Total(Fold):
-    """The sum."""
-
     def _lift(self, values: Floats) -> Floats:
         return values[..., None]
 

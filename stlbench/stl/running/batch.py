@@ -147,7 +147,6 @@ class Operator(Leaf):
         raise NotImplementedError
 
     def restart(self, which: Which) -> None:
-        """Forget the samples of some traces."""
         for end, value in zip(self.ends, self.initial, strict=True):
             end[which] = value
 

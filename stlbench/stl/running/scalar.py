@@ -27,8 +27,7 @@ from stlbench.stl.recorded.evaluator import cause
 from stlbench.stl.running.tree import Interval, Kit, Leaf, Pointwise
 from stlbench.stl.running.unfolding import Known, Recent, State, Unfolding
 
-WRITTEN_OUT = 12
-"""Statements of a predicate that are written into the function; a longer one is a function of its own."""
+WRITTEN_OUT = 12  # statements of a predicate that are written into the function; a longer one is a function of its own
 
 
 class Piece(NamedTuple):
@@ -62,7 +61,6 @@ class Operator(Leaf):
         self.namespace: dict[str, Any] = {}
 
     def begin(self) -> list[str]:
-        """The state before the first sample."""
         raise NotImplementedError
 
     def cuts(self) -> set[int]:
