@@ -94,10 +94,7 @@ def actions(
     flat: Floats, network: Network, observation: Floats, epsilon: float, chance: Floats, count: int,
     buffers: OutputBuffers, into: Indices,
 ) -> None:  # fmt: skip
-    """Epsilon-greedy actions at observations (B, D) of any floating-point type: `into` (B,). Of equals the first.
-
-    `chance` (2, B) is uniform in [0, 1): whether to explore, and which of the `count` actions.
-    """
+    """Epsilon-greedy actions at observations (B, D): `into` (B,), of equals the first; `chance` (2, B) in [0, 1)."""
     outputs_at(flat, network.layers, observation, buffers)
     for i in range(len(observation)):
         into[i] = _greedy(buffers.outputs, i * network.layers[-1, 1], network)
@@ -120,10 +117,9 @@ _NO_CHANCE = np.empty((2, 0))
 def joint_gradient(
     online: Floats, target: Floats, network: Network, batch: Batch, double: bool, buffers: QBuffers, into: Floats
 ) -> None:
-    """The gradient of sum_i (Q(x_i, a_i) - y_i)^2 / 2B with y = returns + discount * Q_target(arrived, best).
+    """The gradient of sum_i (Q(x_i, a_i) - y_i)^2 / 2B, y = returns + discount * Q_target(arrived, best): in `into`.
 
-    It is written to `into`, which has the layout of the weights. The best action is the online network's with
-    `double`, else the target network's.
+    The best action is the online network's with `double`, else the target network's.
     """
     layers, rows, passes = network.layers, len(batch.returns), buffers.passes
     _look_ahead(online, target, network, batch, double, buffers)

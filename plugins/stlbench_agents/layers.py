@@ -167,10 +167,9 @@ def back_outputs(
     wanted: bool,
     into: Floats,
 ) -> None:
-    """From the gradient by the outputs (B, outputs), compute those by the last layer's weights and by its inputs.
+    """From the gradient by the outputs (B, outputs), compute that by the inputs (B, width), in `passes.backward[0]`.
 
-    The gradient by the weights is written to `into`, which has their layout, if it is `wanted`. The gradient by the
-    inputs (B, width) is written to `passes.backward[0]`.
+    If `wanted`, also write the gradient by the last layer's weights to `into`.
     """
     at, count, width, bias = layers[-1]
     given = matrix(by_output, 0, rows, count)
@@ -185,10 +184,9 @@ def back_outputs(
 def back_hidden(
     flat: Floats, layers: Indices, x: Floats, rows: int, passes: PassBuffers, wanted: bool, into: Floats
 ) -> Floats:
-    """From the gradient by the last hidden layer, in `passes.backward[0]`, compute that by all weights below.
+    """From the gradient by the last hidden layer, in `passes.backward[0]`, compute that by the first layer's sums.
 
-    It is written to `into` if it is `wanted`. The pass forwards left its activations in `passes.forward`. Returns the
-    gradient by the first layer's sums (B, width).
+    If `wanted`, also write the gradient by all weights below to `into`. `passes.forward` has the activations.
     """
     nothing, zero = matrix(flat, 0, 0, 0), flat.dtype.type(0)
     back: Floats = passes.backward[0]

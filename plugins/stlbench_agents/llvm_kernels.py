@@ -103,7 +103,7 @@ _BYTE_POINTER = ir.IntType(8).as_pointer()
 
 
 class Vectors:
-    """Loads, stores and arithmetic of vectors of one type of number, in one function that is being built."""
+    """Loads, stores and arithmetic of vectors of numbers of one type, in a function that is being built."""
 
     def __init__(
         self, context: Any, builder: ir.IRBuilder, number: types.Float, size: int, columns: ir.Value | None = None
@@ -193,10 +193,7 @@ class Vectors:
 
 
 def _block(tall: int, vectors: int, narrow: bool = False) -> Any:
-    """A function that computes a block of a product: so many rows, and vectors of columns, from (i, j) on.
-
-    With `narrow` there are fewer columns than a vector has numbers.
-    """
+    """A function that computes `tall` rows and `vectors` of columns of a product; with `narrow` a part of one vector."""
 
     @intrinsic
     def block(_: Any, a: Any, b: Any, bias: Any, least: Any, out: Any, i: Any, j: Any) -> Any:
@@ -330,7 +327,7 @@ llvmlite.binding.add_symbol(_NAME, _single.address)
 
 @intrinsic
 def product(_: Any, a: Any, b: Any, bias: Any, least: Any, out: Any) -> Any:
-    """In single precision a call of `_single` by its name, which compiles it once and not with each of its callers."""
+    """In single precision, call `_single` by its name: then it is compiled once, and not with each caller."""
     signature = types.void(a, b, bias, types.float64, out)
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
@@ -360,10 +357,9 @@ def _partial_sums(_: Any, a: Any, a_at: Any, b: Any, b_at: Any, count: Any) -> A
 
 @intrinsic
 def _row_sums(_: Any, a: Any, a_at: Any, row: Any, b: Any, b_at: Any, count: Any, into: Any, begin: Any) -> Any:
-    """The inner products of as many rows of a, `row` apart, as there are partial sums, each with the same `count` of b.
+    """The inner products of several rows of a, `row` apart, each with the same `count` of b, in `into` from `begin` on.
 
-    They are written to `into` from `begin` on. Half is added to half as in `_partial_sums`, but for several rows at
-    once, which gives the same bits.
+    There are as many rows as partial sums. Halves are added as in `_partial_sums`, which gives the same bits.
     """
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
@@ -412,10 +408,7 @@ def inner_products(a: Floats, a_at: int, rows: int, row: int, b: Floats, b_at: i
 
 @intrinsic
 def _transposed_block(_: Any, a: Any, at: Any, row: Any, into: Any, begin: Any, width: Any) -> Any:
-    """Transpose the square block at an offset, with as many rows as a vector has numbers, its rows `row` apart.
-
-    It is written to `into` from the offset `begin` on, its rows `width` apart.
-    """
+    """Transpose the square block at `at`, its rows `row` apart, into `into` from `begin` on, its rows `width` apart."""
 
     def generate(context: Any, builder: ir.IRBuilder, signature: Any, args: Any) -> Any:
         code = Vectors(context, builder, a.dtype, VECTOR_BYTES)

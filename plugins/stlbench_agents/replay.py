@@ -75,10 +75,7 @@ class Replay:
         limit: bool = False,
         axes: int = 0,
     ) -> None:
-        """Args: `size` D; `n_steps` n; `gamma` the discount of a decision; `scale` a factor on all rewards; `limit`
-        whether every end of an episode, the time limit too, leaves nothing to bootstrap from; `axes` of the actions
-        where they are vectors, 0 where they are indices.
-        """
+        """Args: `limit` whether nothing is bootstrapped at the time limit; `axes` of vectors, 0 for indices."""
         count = rows * copies
         self.memory = Memory(
             np.zeros((count, size), np.float32),

@@ -20,10 +20,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Run torch with one thread, and flush denormal numbers to 0 meanwhile.
-
-    Dead ReLUs push Adam's moments into denormal numbers, which are slow.
-    """
+    """Run torch with one thread and without denormal numbers, which are slow: dead ReLUs push Adam's moments there."""
     import torch  # takes seconds
 
     torch.set_num_threads(1)
@@ -111,10 +108,7 @@ class SB3Agent(Agent):
         import stlbench_agents.sb3_bridge  # noqa: F401
 
     def train(self, training: Training) -> Policy:
-        """Spend the budget; return the deterministic policy at its end.
-
-        SB3 seeds and uses the process's global generators (random, NumPy, torch).
-        """
+        """SB3 seeds and uses the process's global generators (random, NumPy, torch)."""
         with one_thread():
             environment = training.make(self.copies)
             lock_steps = max(1, training.steps // (self.copies * environment.hold))

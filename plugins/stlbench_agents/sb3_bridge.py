@@ -21,11 +21,11 @@ Info = dict[str, Any]
 
 
 class CopiesVecEnv(VecEnv):
-    """An `Environment` of the contract as SB3's `VecEnv`. It restarts by itself, as SB3 expects.
+    """An `Environment` as SB3's `VecEnv`, which restarts by itself.
 
-    SB3 bootstraps from the last observation of an episode that ends by the time limit. It does not if a violation ended
-    the episode; then the last reward is the discounted sum of that reward for ever. SB3 knows no return that is cut
-    while the episode goes on. Such a step is reported as an end by the time limit, which its replay treats alike.
+    SB3 bootstraps where an episode ends by the time limit. Where a violation ended it, the last reward is the
+    discounted sum of that reward for ever. A return that is cut while the episode goes on is reported as an end by the
+    time limit.
     """
 
     def __init__(self, environment: Environment, gamma: float) -> None:
@@ -74,13 +74,9 @@ class CopiesVecEnv(VecEnv):
 
 
 class Checkpoints(BaseCallback):
-    """Calls `report` at given times of training, between an update and the next lock-step, and at its end.
-
-    Where it answers True, training stops at the next step.
-    """
+    """Calls `report` at the `timesteps`, ascending, and at the end of training, which stops where it answers True."""
 
     def __init__(self, timesteps: Iterable[int], report: Callable[[], bool]) -> None:
-        """Args: `timesteps` as SB3 counts them, ascending, without the end of training."""
         super().__init__()
         self._left, self._report, self._enough = list(timesteps), report, False
 
@@ -97,13 +93,7 @@ class Checkpoints(BaseCallback):
 
 
 def greedy_policy(layers: Iterable[torch.nn.Module], inputs: int, grid: tuple[int, ...]) -> GreedyPolicy:
-    """The greedy policy of SB3's Q-network, a multi-layer perceptron with ReLU, as it is now.
-
-    Args:
-        layers: `model.q_net.q_net`.
-        inputs: D.
-        grid: actions along each axis.
-    """
+    """The greedy policy, as it is now, of SB3's Q-network with these layers and D inputs, on a grid of actions."""
     linear = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
     network = QNetwork(inputs, [layer.out_features for layer in linear[:-1]], grid, "joint")
     weights = []

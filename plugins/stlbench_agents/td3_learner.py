@@ -85,11 +85,7 @@ class TD3Learner:
     def update(self, memory: Memory, first: Integers, copies: int, normal: Floats) -> None:
         """One update for each row of `first` (updates, B), from the transitions that begin there.
 
-        Args:
-            memory: actions in [-1, 1].
-            first: places in it, as `Replay.draw` gives them.
-            copies: how far a transition is from that before it.
-            normal: standard normal in single precision, (updates, B, axes), for the target actions.
+        `copies` is the distance to a copy's next transition. `normal` (updates, B, axes) is noise on target actions.
         """
         self._update(
             self.actor, self.critics, self.networks, memory, first, copies, normal, self.schedule,
@@ -125,10 +121,7 @@ def _update(
     actor: Weights, critics: Weights, networks: Networks, memory: Memory, first: Integers, copies: int,
     normal: Floats, schedule: Schedule, bounds: tuple[float, float], count: int, batch: Batch, buffers: TD3Buffers,
 ) -> None:  # fmt: skip
-    """For each row of `first` a step of Adam for the critics, and every `delay` one for the actor; followers move.
-
-    `count` updates have been before.
-    """
+    """For each row of `first`, after `count` updates, a step for the critics, and every `delay` one for the actor."""
     for row in range(len(first)):
         rate = schedule.rate * schedule.decay**count
         count += 1

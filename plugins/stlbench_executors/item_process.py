@@ -46,10 +46,7 @@ def _control(option: int, value: int) -> None:
 
 
 def memory_below(limit: int) -> int:
-    """Bytes that all processes below this one take.
-
-    Only where they seem to exceed the limit, shared memory is divided among the processes, which takes longer.
-    """
+    """Bytes that all processes below this one take. Beyond the limit, shared memory is divided, which takes longer."""
     processes = psutil.Process().children(recursive=True)
     resident = sum(_resident(process) for process in processes)
     return resident if resident <= limit else sum(_proportional(process) for process in processes)
@@ -107,13 +104,9 @@ class Answer(NamedTuple):
 
 
 def run(work: bytes, supervisor: int, answer: int, output: int | None) -> None:
-    """Call the item and end this process.
+    """Call the item, pickled in `work`, write an `Answer` to the descriptor `answer`, and end this process.
 
-    Args:
-        work: pickled: a function and what to call it with.
-        supervisor: number of the process that this one is to end with.
-        answer: descriptor of a file that takes an `Answer`, pickled.
-        output: descriptor that takes standard output and error; None leaves them as they are.
+    It ends with the process `supervisor`. Standard output and error go to the descriptor `output`, if there is one.
     """
     die_with(supervisor)
     os.setpgid(0, 0)  # not a session of its own: Linux shares out processor time by sessions

@@ -35,12 +35,7 @@ def share(jobs: int) -> int:
 
 
 def allowed(root: Path, own: str) -> list[int]:
-    """The limits in bytes of a process' control groups, those above its own too.
-
-    Args:
-        root: the folder of control groups.
-        own: lines as in /proc/self/cgroup, `0::/job/step`, of version 2, or `7:memory:/job`, of version 1.
-    """
+    """The limits in bytes of control groups below `root`: of those in `own`, as in /proc/self/cgroup, and above."""
     limits = list[int]()
     for line in own.splitlines():
         _, kinds, path = line.split(":", 2)

@@ -30,13 +30,7 @@ from stlbench_executors.supervisor import Ended, Task, supervise
 
 
 class Server(SpawnProcess):
-    """A fresh interpreter, which does not run the user's script again, as a spawned one does.
-
-    Args:
-        links: the far end of the link to each supervisor.
-        limit: bytes of memory that the processes of an item may take together.
-        prepare: pickled: what to call before the first item. What it raises is passed over: an item meets it again.
-    """
+    """A fresh interpreter, which does not run the user's script again. It forks a supervisor for each link."""
 
     def __init__(self, links: Sequence[Connection], limit: int, prepare: bytes) -> None:
         super().__init__(target=_serve, args=(links, limit, prepare))
@@ -114,7 +108,7 @@ class Slot:
         return self.link is not None and self._supervisor > 0 and self._task is None
 
     def begin(self) -> tuple[Connection, bytes]:
-        """Make a link for a new supervisor: its far end, and what to prepare (nothing if that ended a server)."""
+        """Make a link for a new supervisor: its far end, and what to prepare; nothing if that has ended a server."""
         self.link, far = Pipe()
         self._supervisor, self._since = 0, time.monotonic()
         self._starts += 1
@@ -196,13 +190,7 @@ class Slot:
 
 
 class Pool:
-    """Slots in which items run at the same time.
-
-    Args:
-        memory: bytes that the processes of one item may take together.
-        prepare: pickled: a function that the server calls before the first item.
-        size: the number of slots.
-    """
+    """Slots in which items run at the same time, each within `memory` bytes, after `prepare`, pickled, was called."""
 
     def __init__(self, memory: int, prepare: bytes, size: int) -> None:
         self.memory, self.prepare = memory, prepare

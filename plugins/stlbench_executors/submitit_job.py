@@ -91,10 +91,7 @@ class Chunk(NamedTuple):
 
 
 def run_chunk(chunk: Chunk) -> None:
-    """Run the items of a job that have not ended yet, and end the process.
-
-    Otherwise submitit would write a result into the folder, which may be gone: the job would be FAILED.
-    """
+    """Run the items of a job that have not ended yet, and end the process before submitit writes a result."""
     _obey_slurm()
     threading.Thread(target=_listen, args=(chunk.job_folder,), daemon=True).start()
     _run(chunk)
@@ -102,10 +99,7 @@ def run_chunk(chunk: Chunk) -> None:
 
 
 def _obey_slurm() -> None:
-    """Let a cancelled job end at once, and leave the end of a late one to Slurm, as TIMEOUT.
-
-    Submitit ignores the first signal, and fails at the second, which announces the end of the walltime.
-    """
+    """Let a cancelled job end at once, and Slurm end a late one. Submitit ignores the signals, or fails."""
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGUSR2, signal.SIG_IGN)
 

@@ -41,12 +41,7 @@ _ANSWER_SECONDS = 60.0
 
 
 def states(jobs: Collection[str], name: str) -> dict[str, str]:
-    """The state of each job, such as "RUNNING"; `GONE` for an unknown job; empty if Slurm does not answer.
-
-    Args:
-        jobs: the numbers, such as "17" or "17_3" of an array.
-        name: the name that all of them have.
-    """
+    """The state of each job, such as "17" or "17_3": "RUNNING", or `GONE` if unknown. Empty if Slurm is silent."""
     lines = _ask("squeue", "--noheader", "--array", "--states=all", f"--user={getpass.getuser()}", f"--name={name}",
                  "--format=%i|%T")  # fmt: skip
     if lines is None:

@@ -47,11 +47,9 @@ class _Closed(Exception):
 
 
 def supervise(link: Connection, limit: int) -> None:
-    """Run items, one after the other, until the other end of the link says None or is closed.
+    """Run items until the other end of the link says None or is closed; each may take `limit` bytes of memory.
 
-    Args:
-        link: gives each `Task` and takes its `Ended`; first it takes this process' number.
-        limit: bytes of memory that an item's processes may take together.
+    The link gives each `Task` and takes its `Ended`. First it takes this process' number.
     """
     adopt()
     link.send(os.getpid())
@@ -143,10 +141,7 @@ class _Watcher:
 
 @contextmanager
 def _notice_of(process: int, selector: selectors.BaseSelector) -> Iterator[None]:
-    """Wake the selector when a process ends, even if another one has inherited its pipes.
-
-    Where the system cannot do so, the end of the process is noticed at the next check.
-    """
+    """Wake the selector when a process ends, even if another has inherited its pipes; some systems cannot do so."""
     try:
         descriptor = os.pidfd_open(process)
     except (AttributeError, OSError):
@@ -172,11 +167,7 @@ PART = 64 * 1024  # bytes of the beginning that a log contains, and as many of t
 
 
 class Log:
-    """A pipe whose content goes to a file; there is no file where nothing is written.
-
-    Args:
-        path: the file, of which an older one is removed.
-    """
+    """A pipe whose content goes to a file. It removes an older file, and makes none where nothing is written."""
 
     def __init__(self, path: Path) -> None:
         self.reading, self.writing = os.pipe()

@@ -79,10 +79,7 @@ class Flags(ABC):
 
     @abstractmethod
     def along(self, samples: Array, t: Integers, flags: Array) -> tuple[Array, Array]:
-        """Take h samples (h, N, k), the first at steps t (N,), one after the other, from flags (N, m).
-
-        Returns what is paid at each sample (h, N), for flags that include it, and the flags after the last (N, m).
-        """
+        """Take samples (h, N, k), the first at steps t (N,), from flags (N, m): what each pays, and the flags after."""
 
 
 class WindowFlags(Flags):

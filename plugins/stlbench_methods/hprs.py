@@ -109,20 +109,14 @@ class Hprs(RewardMethod):
         return {kind: [str(term.formula) for term in terms] for kind, terms in named.items()}
 
     def _potential(self, samples: Array, safe: Truth, done: Integers) -> Array:
-        """Phi at the samples (h + 1, N, k), with so many targets done before the one of now (h + 1, N).
-
-        `safe` (terms, h + 1, N) says which terms of safety hold.
-        """
+        """Phi at the samples, with so many targets `done` (h + 1, N); `safe` (terms, h + 1, N) is of safety."""
         near = np.stack([_nearness(h(samples), low) for h, low in zip(self._near, self._least, strict=True)])
         now = np.take_along_axis(near, done[None], axis=0)[0]
         potential: Array = safe.sum(axis=0) + self._weight * safe.all(axis=0) * (done + now)
         return potential
 
     def _progress(self, at: Truth, memory: Array) -> tuple[Integers, Array]:
-        """Which target is the one of now before and after each of h samples (h + 1, N), and the memory after them.
-
-        `at` (targets, h, N) says which targets hold at the samples. The last target stays the one of now.
-        """
+        """The target of now before and after each sample, (h + 1, N), and the memory; `at` (targets, h, N) who holds."""
         _, held, rows = at.shape
         now = np.zeros((held + 1, rows), dtype=np.int64)
         if not self._counted:

@@ -94,10 +94,7 @@ class Progress:
 def outer_windows(formula: stl.Formula, semantics: stl.Semantics) -> tuple[list[Outer], Join]:
     """The outermost windows of a formula, in order of appearance, and how their values become its value.
 
-    Negations are inside of the windows. What is no window is one of step 0 alone.
-
-    Raises:
-        Unsuitable: an operator looks back.
+    A part that is no window is one of step 0 alone. Raises `Unsuitable` where an operator looks back.
     """
     refuse_past(formula)
     inside = stl.negations_inside(formula, to_predicates=semantics.divided)

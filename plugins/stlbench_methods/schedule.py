@@ -40,23 +40,13 @@ def timeless(value: Callable[[Array], Array]) -> Value:
 
 
 def least_paid(least: Array, active: Truth) -> float:
-    """The least that `least_active` can pay, given the least of each term at each sample.
-
-    Args:
-        least: of each term, (number of terms, steps + 1), or (number of terms, 1) where it is the same at all times.
-        active: (number of terms, steps + 1), see `active_table`. Sample 0 is never paid for.
-    """
+    """The least that `least_active` pays from sample 1 on, from that of each term, (terms, steps + 1) or (terms, 1)."""
     paid = np.where(active, least, np.inf).min(axis=0)[1:]
     return float(np.where(np.isinf(paid), 0.0, paid).min())
 
 
 def least_active(values: Sequence[Value], active: Truth) -> Value:
-    """The minimum of the active terms' values, and 0 where no term is active (Algorithm 1, read consistently).
-
-    Args:
-        values: one per term.
-        active: (number of terms, steps + 1), see `active_table`.
-    """
+    """The minimum of the active terms' values, and 0 where no term is active (Algorithm 1, read consistently)."""
     if len(values) == 1 and active.all():
         return values[0]
     idle = np.asarray(~active.any(axis=0))

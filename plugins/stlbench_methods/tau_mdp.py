@@ -80,10 +80,7 @@ class TauMdp(RewardMethod):
         return np.tile(signals, self.tau)
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        """The rewards (h, N), in exp(1), of the histories that end in s_{t+1} to s_{t+h}; the last history (N, tau k).
-
-        A history begins with its oldest sample.
-        """
+        """The histories in the memory have their oldest sample first."""
         rows = len(memory)
         history = memory.reshape(rows, self.tau, -1)
         path = np.concatenate([history[:, 1:], samples[1:].transpose(1, 0, 2)], axis=1)  # (N, tau - 1 + h, k)

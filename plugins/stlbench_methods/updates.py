@@ -59,12 +59,9 @@ def latch(truths: Truth, terms: Terms, full: Array, t: Integers, flags: Array) -
 def run(
     truths: Truth, starts: Integers, ends: Integers, lengths: Integers, t: Integers, weight: float, runs: Array
 ) -> Array:
-    """Runs (N, m) go on by h samples, the first at steps t (N,), in place; what is paid at each, (h, N).
+    """Runs (N, m) go on by h samples, the first at steps t (N,), in place: what is paid at each, (h, N).
 
-    Args:
-        truths: (m, h, N), whether each term's psi holds at a sample.
-        starts, ends, lengths: (m,), of the terms.
-        weight: of a phase that is left, in the shaping.
+    `truths` (m, h, N) says whether each psi holds; `weight` is that of a phase that is left, in the shaping.
     """
     _, held, rows = truths.shape
     rewards = np.zeros((held, rows))

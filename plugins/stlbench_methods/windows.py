@@ -30,8 +30,7 @@ def refuse_past(formula: stl.Formula) -> None:
 def bounded_range(specification: Specification, psi: stl.Formula, term: object) -> tuple[float, float]:
     """The bounds of the robustness of `psi`, a part of `term`.
 
-    Raises:
-        Unsuitable: the part cannot fail or cannot hold, as `True` or `1 >= 0`; or its robustness has no bounds.
+    Raises `Unsuitable` where it has no bounds, or where the part cannot fail or cannot hold, as `True` or `1 >= 0`.
     """
     low, high = specification.range(psi)
     if not stl.signals(psi) or math.inf in (low, -high):

@@ -52,12 +52,9 @@ def zero(task: Task) -> Array:
 def constants(task: Task) -> Constants:
     """What the action zero and the best constant action get: as the task file states, else measured.
 
-    The best is the winner of a race among all actions of a grid, from 16 of the starts that are kept for selection. Of
-    more than 512, and of a box, these race: zero, the corners, the middle and random ones, 32 in all; then three times
-    16 around the best so far. On a world, which is dearer, 16 and three times 8. As among checkpoints, satisfaction
-    counts first.
-
-    Raises whatever the system raises.
+    The best wins a race, first by satisfaction, from 16 of the starts for selection. All actions of a grid of at most
+    512 race. Else zero, the corners, the middle and random ones do, 32 in all, and then three times 16 around the best
+    so far. On a world, which is dearer, these are 16 and three times 8.
     """
     if (stated := task.file.baselines) is not None:
         return Constants(_stated(task, stated.zero), _stated(task, stated.constant), stated.constant.action)
@@ -66,18 +63,12 @@ def constants(task: Task) -> Constants:
 
 
 def score(task: Task, action: Array) -> Score:
-    """What an action (axes,) gets that is taken all the time; on a grid the nearest that there is.
-
-    Raises whatever the system raises.
-    """
+    """The score of one action (axes,), taken all the time; on a grid of the nearest action that there is."""
     return _score(task, _Constant(task, action))
 
 
 def at_random(task: Task) -> Score:
-    """The score of a policy that knows nothing: every action is drawn evenly from all, anew at each decision.
-
-    As the task file states, else measured, the same at every call. Raises whatever the system raises.
-    """
+    """The score of a policy that draws each action evenly from all: as the task file states, else measured."""
     if task.file.baselines is not None:
         return _stated(task, task.file.baselines.random)
     return _score(task, _AtRandom(task))

@@ -19,12 +19,8 @@ from stlbench.task import Task
 def record(task: Task, begun: Array) -> Episodes | None:
     """The episodes when the controller acts from the starts (N, s); None where the task has none.
 
-    It can do no more than an agent: actions of a system are clipped, and on a grid the nearest value of each axis is
-    taken.
-
-    Raises:
-        PluginFault: its actions have another shape, are no finite numbers, or are out of range where the task is no
-            system.
+    Actions of a system are clipped, and on a grid the nearest action is taken, as for an agent. Raises `PluginFault`
+    where actions have another shape, are no finite numbers, or are out of range and the task is no system.
     """
     actions, unpaid = task.actions, Unpaid(task.specification)
     first = Simulator(task, unpaid)
@@ -40,10 +36,7 @@ def record(task: Task, begun: Array) -> Episodes | None:
 
 
 def score(task: Task) -> Score | None:
-    """The controller's score by the task's formula, from the report's starts; None where the task has none.
-
-    Raises whatever the controller and the system raise.
-    """
+    """The controller's score by the task's formula, from the report's starts; None where the task has none."""
     episodes = record(task, task.starts.report_and_selection()[0])
     return None if episodes is None else referee.score(task, episodes.traces, lasted=episodes.lasted)
 

@@ -15,13 +15,7 @@ _GIB = 2**30
 
 
 def refuse_dear(task: Task, method: RewardMethod, agent: Agent, steps: int) -> None:
-    """Refuse to train where the method's inputs make the replay or an update larger than the limits.
-
-    Args:
-        task: the task.
-        method: of that task; without inputs it is never refused.
-        agent: what would train; never refused where it cannot say what it costs.
-        steps: the budget, in environment steps.
+    """Refuse to train where the method's inputs make the replay or an update larger than the limits, for this budget.
 
     Raises:
         Intractable: "needs 4002 inputs: a replay of 1.96 GiB (limit 4), updates 16 times as long (limit 10)".

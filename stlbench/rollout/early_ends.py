@@ -24,16 +24,11 @@ class Verdicts(NamedTuple):
 
 
 def judge(formula: stl.Formula, traces: Array, specification: Specification, terminated: EarlyEnd) -> Verdicts:
-    """The verdicts on traces (n, T + 1, k) by a formula over the specification's signals.
+    """The verdicts on traces (n, T + 1, k), NaN after an early end, by a formula over the specification's signals.
 
-    Args:
-        formula: intervals in steps.
-        traces: NaN after an early end.
-        specification: the ranges of the signals.
-        terminated: `violated` makes the formula violated, by as much as is possible within the ranges, or by as much as
-            the recorded samples make sure, where a signal left its range and that is more, and by 0 where the ranges
-            alone make the formula true; `interval` has both ends of
-            what is possible.
+    An early end leaves an interval of what is possible within the ranges (`interval`). With `violated` the formula is
+    violated: its robustness is the least that is possible within the ranges, and at most 0. A recorded sample may make
+    sure of less.
     """
     early: Truth = np.zeros(len(traces), dtype=np.bool_)
     if terminated != "hold":
@@ -116,14 +111,9 @@ class EarlyEnds:
         return (floor, 0.0) if self.method.can_end else (0.0, floor)
 
     def sum_left(self, last: Array, action: Array, t: int, memory: Array, discount: float = 1.0) -> float:
-        """What the steps after step t are paid in one sum, in the method's unit; 0 at the last step.
+        """What the steps after step t, 1..T, are paid in one sum, discounted, in the method's unit; 0 at the last step.
 
-        Args:
-            last: the sample (k,) at t.
-            action: the last one, (1, axes).
-            t: step of the sample, in 1..T.
-            memory: at t, (1, m).
-            discount: by which later rewards count.
+        `last` (k,) is the sample at t, `action` (1, axes) the last one, `memory` (1, m) that at t.
         """
         left = self.method.specification.steps - t
         if left == 0:
@@ -139,14 +129,8 @@ class EarlyEnds:
     def standing_still(self, reward: Array, before: Truth, now: Truth, t: Integers, hold: int) -> Array:
         """Rewards (N,) of one decision to steps t (N,), where a copy that has ended stands still up to step T.
 
-        Over the steps that are left they add up to `sum_left` without a discount.
-
-        Args:
-            reward: what the method pays for the samples, the mean over the steps of a decision, (N,).
-            before: which copies have ended, or were over for the method, before the decision, (N,).
-            now: which copies the environment has ended after it, (N,).
-            t: after it, (N,).
-            hold: steps of a decision.
+        Over the steps that are left they add up to `sum_left` without a discount. `before` (N,) are the copies that had
+        ended or were over before the decision, `now` (N,) those that the environment has ended after it.
         """
         if self.terminated == "hold":
             return reward

@@ -65,10 +65,7 @@ class Simulator:
             self.memory[rows] = self.method.initial_memory(self.signals[rows], t)
 
     def observe(self, t: Integers | None = None) -> Array:
-        """What a policy sees: the task's features, the time scaled to [-1, 1], the method's inputs: (N, D).
-
-        `t` (N,) stands in place of the copies' own time where it is given.
-        """
+        """What a policy sees at its own time, or at t (N,): the task's features, the time, the inputs: (N, D)."""
         t = self.t if t is None else t
         parts = [features(self.task, self.world, t), *time_and_inputs(self.method, self._times, t, self.memory)]
         observation = np.concatenate(parts, axis=1)
@@ -103,7 +100,7 @@ class Simulator:
 
 
 class _Fate(NamedTuple):
-    """What a step came to for N copies, whatever the memory of the method."""
+    """The end of a step for N copies, whatever the memory of the method."""
 
     fixed: Truth  # (N,): the task or the world ended the episode. Its reward and event do not depend on the memory
     event: NDArray[np.int8]  # (N,), each an `Event`
@@ -120,10 +117,7 @@ class _Taken(NamedTuple):
 
 
 class BatchEnvironment:
-    """N copies that restart by themselves (`contract.Environment`). Only the starts are random.
-
-    The task file says how training episodes differ from those that the referee scores (`TaskFile.training`).
-    """
+    """N copies that restart by themselves (`contract.Environment`), by the rules of `TaskFile.training`."""
 
     def __init__(self, task: Task, method: RewardMethod, count: int, seed: int) -> None:
         self.task, self.count = task, count
@@ -184,10 +178,7 @@ class BatchEnvironment:
         return _with_inputs(method, taken.observation, memory), transition
 
     def _fate(self, reward: Array, samples: Array) -> _Fate:
-        """What a step to the samples (N, hold, k) came to; pays the copies that the task or the world ended, in place.
-
-        The rewards (N,) are over the method's scale.
-        """
+        """The end of a step with samples (N, hold, k). Pays, in place, the copies that the task or the world ended."""
         simulator, t = self.simulator, self.simulator.t
         fixed, event = np.zeros(self.count, dtype=np.bool_), self._events[t]
         event[t >= self._broken_off] = Event.TIME_LIMIT

@@ -21,10 +21,7 @@ _ROUNDING = 1e-6  # share of an axis' span by which an action may be beyond its 
 
 
 class PluginFault(UsageError):
-    """A plugin, or an environment, gave what its contract rules out.
-
-    In one line: "method hprs: reward is nan at step 17 in 3 of 16 copies".
-    """
+    """A plugin, or an environment, broke its contract: "method hprs: reward is nan at step 17 in 3 of 16 copies"."""
 
 
 def pay(method: RewardMethod, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
@@ -103,10 +100,7 @@ def check_action(actions: Actions, action: Array | Integers, t: Integers) -> Non
 
 
 def out_of_range(actions: Actions, vectors: Array) -> str | None:
-    """Which of the vectors (N, axes) is no number or beyond its axis' ends, by more than rounding; None where none is.
-
-    In words: "an action has v 2; v is in [-1, 1]".
-    """
+    """The first vector (N, axes) beyond an axis' ends, by more than rounding: "an action has v 2; v is in [-1, 1]"."""
     low, high = np.array(actions.low), np.array(actions.high)
     beyond = _ROUNDING * (high - low)
     wrong = ~((vectors >= low - beyond) & (vectors <= high + beyond))
@@ -128,10 +122,7 @@ def _finite(values: Array) -> bool:
 
 
 def _tell(owner: RewardMethod | Task, what: str, values: Array, t: Integers, names: Sequence[object] = ()) -> None:
-    """Of values (N, steps, ...), the first of a row at step t; nothing where only their sum is infinite.
-
-    `names` are those along the last axis, if there are any.
-    """
+    """Of values (N, steps, ...), tell the first that is not finite, from step t on; sometimes only a sum is infinite."""
     wrong = ~np.isfinite(values)
     if wrong.any():
         row, later, *_ = place = tuple(np.argwhere(wrong)[0].tolist())

@@ -32,10 +32,7 @@ def last_step(trace: Array) -> int:
 
 
 def reason(task: Task, trace: Array) -> stl.Witness | None:
-    """Which predicate, at which step, the robustness of a trace (T + 1, k) comes from.
-
-    None where an early end left the trace without its rest, which then decides.
-    """
+    """The predicate and the step that decide the robustness of a trace (T + 1, k); None where an early end does."""
     if last_step(trace) < task.file.steps:
         return None
     return stl.witness(task.formula, trace, task.signals)

@@ -21,10 +21,7 @@ class Reenactment:
         self._samples = [self._simulator.signals[:, None].copy()]
 
     def __call__(self, sample: int) -> Sequence[Pixels]:
-        """The pictures at the last decision before a sample. Samples must not decrease from call to call.
-
-        Raises `RuntimeError`, in one line, where there are no pictures.
-        """
+        """The pictures at the last decision before a sample, which may not decrease; `RuntimeError` without any."""
         simulator = self._simulator
         while simulator.t[0] + simulator.hold <= sample:
             self._samples.append(simulator.advance(self._policy.act(simulator.observe())).samples)

@@ -1,7 +1,6 @@
-"""The referee: rolls policies out from fixed starts and scores the recorded traces with the task's formula.
+"""The referee: lets policies act from fixed starts and scores the recorded traces with the task's formula.
 
-It is the only place where a robustness that is reported comes from. No reward, and nothing of a method or an agent,
-enters a score: a method is there only to give the policy the inputs that it was trained with.
+Every reported robustness comes from here. No reward enters a score. A method only gives the policy its inputs.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ def record(
 ) -> Episodes:
     """The episodes when `policy` acts from the starts (N, s) to the last step.
 
-    The states at each decision and at the end, (N, n) each, are appended to `visited`, where it is given.
+    If `visited` is given, it gets the states at each decision and at the end, (N, n) each.
     """
     few = len(begun) <= at_once(task) or not isinstance(task.dynamics, GymTask)
     parts = [begun] if few else np.array_split(begun, -(-len(begun) // at_once(task)))
@@ -53,10 +52,7 @@ def _acting(policy: Policy | StatePolicy) -> Callable[[Simulator], Integers | Ar
 
 
 def at_once(task: Task) -> int:
-    """In how many copies policies are simulated at a time.
-
-    More of a system are hardly faster, and their traces fill memory. Each copy of an environment has to be made.
-    """
+    """How many copies are simulated at a time. More of a system fill memory; each of an environment has to be made."""
     return 64 if isinstance(task.dynamics, GymTask) else 1024
 
 
@@ -67,7 +63,7 @@ def simulate(
     begun: Array,
     visited: list[Array] | None = None,
 ) -> Episodes:
-    """As `record`, where `act` says at each decision what to do: indices (N,) of the grid, or vectors (N, axes)."""
+    """As `record`, where `act` decides: indices (N,) of the grid, or vectors (N, axes)."""
     simulator = Simulator(task, method, rewarded=False)
     simulator.reset(begun)
     trace = np.empty((len(begun), task.file.steps + 1, len(task.signals)))
@@ -89,8 +85,8 @@ def simulate(
 def score(task: Task, traces: Array, formula: stl.Formula | None = None, *, lasted: Integers | None = None) -> Score:
     """Robustness and Boolean satisfaction of the task's or another formula on traces (N, T + 1, k) at t = 0.
 
-    Where the verdict on a trace that ended early is an interval, its lower end counts, and satisfied is what every
-    continuation satisfies. `lasted` (N,) is that of `Episodes`; without it, nobody knows how many ended early.
+    Of an interval, after an early end, the lower end counts, and satisfied is what every continuation satisfies.
+    `lasted` (N,) is that of `Episodes`; without it, the share of early ends is unknown.
     """
     formula = task.formula if formula is None else formula
     verdicts = judge(formula, traces, task.specification, task.file.terminated)
@@ -115,7 +111,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class _Crowd(Policy):
-    """Several policies as one: each acts for its equal share of the copies, in turn."""
+    """Several policies as one: each acts for its equal share of the copies."""
 
     policies: Sequence[Policy]
 
@@ -127,7 +123,7 @@ class _Crowd(Policy):
 
 
 def _crowds(policies: Sequence[Policy | StatePolicy], most: int) -> Iterator[tuple[Policy | StatePolicy, int]]:
-    """Each as many as are simulated side by side, and how many they are; those that act on states, one by one."""
+    """Groups of policies that are simulated side by side, and their sizes; policies that act on states stand alone."""
     learned = [policy for policy in policies if isinstance(policy, Policy)]
     if len(learned) < len(policies):
         yield from ((policy, 1) for policy in policies)
@@ -144,10 +140,10 @@ class Referee:
     """Scores the policies of one cell: checkpoints for selection, then the report.
 
     Args:
-        task: the task; its protocols and its grid of initial states.
-        method: what gives the policy its inputs.
-        random_starts: initial states of the report beside the grid, drawn at random, the same for every method and
-            seed of a task. Neither training nor selection sees them.
+        task: the task, with its protocols.
+        method: gives the policy its inputs.
+        random_starts: how many random starts the report has beside the grid. They are the same for every method and
+            seed of a task, and neither training nor selection sees them.
     """
 
     def __init__(self, task: Task, method: RewardMethod, random_starts: int = 0) -> None:
@@ -161,23 +157,20 @@ class Referee:
             self._protocols[name] = Evaluation(formula, task.starts.of_protocol(protocol))
 
     def select(self, policy: Policy | StatePolicy) -> tuple[float, float]:
-        """Satisfaction and mean robustness of the task's formula from all of the starts kept for selection.
-
-        These share no state with the report's.
-        """
+        """Satisfaction and mean robustness from the starts for selection, which share no state with the report's."""
         satisfied, robustness = self._verdicts([policy], self._selection)
         return float(satisfied.mean()), float(robustness.mean())
 
     def glance(self, policy: Policy | StatePolicy) -> tuple[float, float]:
-        """As `select`, from a few of these starts: for someone who watches a training, and for nothing else."""
+        """As `select`, from a few of these starts: only for a user who watches a training."""
         satisfied, robustness = self._verdicts([policy], self._selection[:: max(1, len(self._selection) // _FEW)])
         return float(satisfied.mean()), float(robustness.mean())
 
     def choose(self, policies: Sequence[Policy | StatePolicy], most: int | None = None) -> Race:
-        """The best of the checkpoints (K,), by a race on the starts kept for selection.
+        """The best of the checkpoints (K,), by a race on the starts for selection, or on the first `most` of them.
 
-        Those in the race are simulated side by side. The best is scored from all of these starts, so that its score can
-        be compared with those of other cells. Where `most` is given, all of this is from the first so many of them.
+        Checkpoints in the race are simulated side by side. The best is scored from all of these starts, as in other
+        cells.
         """
         begun = self._selection[:most]
 
@@ -192,7 +185,7 @@ class Referee:
         return result
 
     def _verdicts(self, policies: Sequence[Policy | StatePolicy], states: Array) -> tuple[Truth, Array]:
-        """Satisfaction and robustness when each of the policies (k,) acts from each of the states (n, ...): (k, n)."""
+        """Satisfaction and robustness (k, n) of each of k policies from each of n starts."""
         together = max(1, at_once(self.task) // len(states))
         satisfied, robustness = [], []
         for crowd, count in _crowds(policies, together):
@@ -204,7 +197,7 @@ class Referee:
         return np.concatenate(satisfied).reshape(shape), np.concatenate(robustness).reshape(shape)
 
     def assess(self, policy: Policy | StatePolicy) -> Assessment:
-        """Every protocol's score, from the report's starts."""
+        """The scores of all protocols, from the report's starts."""
         visited, evaluations = list[Array](), self._protocols.values()
         counts = np.cumsum([len(evaluation.starts) for evaluation in evaluations])
         begun = np.concatenate([evaluation.starts for evaluation in evaluations])

@@ -15,13 +15,7 @@ _STEPPED = 2  # steps that the task itself makes. More would load nothing more, 
 
 
 def rehearse(agent: Agent, training: Training, hold: int) -> None:
-    """Train for a moment on copies that are stepped twice and then stand still; nothing is reported.
-
-    Args:
-        agent: as for the training that follows.
-        training: that training; its steps are the most that are spent.
-        hold: steps of the task in a decision.
-    """
+    """Train for a moment on copies that are stepped twice and then stand still; nothing is reported."""
     few, stage = min(training.steps, _DECISIONS * hold), _Stage()
     still = replace(training, make=lambda count: _Still(training.make(count), stage), steps=few, checkpoints=1)
     try:
@@ -44,7 +38,7 @@ class _Stage:
 
 
 class _Still:
-    """An environment whose last transition is given again and again, as long as the rehearsal goes on."""
+    """An environment that repeats its last transition, as long as the rehearsal goes on."""
 
     def __init__(self, environment: Environment, stage: _Stage) -> None:
         stage.check()

@@ -1,9 +1,8 @@
-"""Which checkpoint is the best: a race on the starts that are kept for selection.
+"""Which checkpoint is the best: a race on the starts for selection.
 
-A checkpoint is better than another if it satisfies the formula from more of the starts; of two that satisfy it from
-equally many, the one of the larger mean robustness is. To score all of them from all starts takes longer than to train
-where a simulation is dear. In a race all are scored from a few starts, the same for all; those that are clearly behind
-the leader leave, and the others go on to more.
+Satisfaction from more starts is better, and at equal satisfaction the larger mean robustness. Scoring all checkpoints
+from all starts can take longer than the training. In a race all are scored from the same few starts. Then those that
+are clearly behind the leader leave, and the others go on to more starts.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ _SAFE = 5.0
 
 
 class Race(NamedTuple):
-    """What came of K checkpoints."""
+    """The result for K checkpoints."""
 
     best: int
     starts: Integers  # (K,): from how many of the starts each was scored
@@ -31,18 +30,18 @@ class Race(NamedTuple):
 
 
 def race(play: Callable[[Integers, slice], tuple[Truth, Array]], checkpoints: int, starts: int) -> Race:
-    """Find the best of some checkpoints, of equals the first.
+    """Find the best of K checkpoints, of equals the first.
 
-    A checkpoint leaves after a round of n starts if it is behind the leader of that round by more than 3 standard
-    errors. What is compared, start by start, is satisfaction. Where the two satisfied from the very same starts it is
-    robustness, but only once satisfaction is settled: the leader satisfied from none; or from all, these are half of
-    the N starts, and its mean robustness is more than 5 standard deviations over them, so that it hardly fails later.
+    After a round of n starts, a checkpoint leaves if it is behind the leader by more than 3 standard errors.
+    Satisfaction is compared, start by start. Where two satisfied from the same starts, robustness is compared, once
+    satisfaction is settled. It is settled where the leader satisfied from no start. It is also settled where the leader
+    satisfied from all, n is at least half of N, and the mean robustness is more than 5 standard deviations above 0.
 
-    The standard error is that of a mean over n of all N starts, which falls to 0 as n comes to N: of those that are
-    never clearly behind, the best is found by all starts, exactly.
+    The standard error is that of a mean over n of N starts, which falls to 0 at n = N. So among checkpoints that are
+    never clearly behind, the race finds the best exactly.
 
     Args:
-        play: from checkpoints (k,) and a part of the starts to whether they satisfied, and their robustness, (k, part).
+        play: checkpoints (k,) and a part of the starts -> satisfied and robustness, (k, part) each.
         checkpoints: K, at least 1.
         starts: N; any first part of them must be as even as the whole, as that of a Halton sequence is.
     """
@@ -70,13 +69,13 @@ def _rounds(starts: int) -> Iterator[slice]:
 
 
 def _leader(satisfied: Array, robustness: Array) -> int:
-    """The best of k checkpoints by the same starts, both (k, n): its row."""
+    """The row of the best of k checkpoints by the same starts, both (k, n)."""
     counts, means = satisfied.sum(axis=1), robustness.mean(axis=1)
     return max(range(len(counts)), key=lambda row: (counts[row], means[row]))
 
 
 def _behind(satisfied: Array, robustness: Array, starts: int) -> Truth:
-    """Which of k checkpoints are clearly behind their leader by n of the starts, both (k, n): (k,)."""
+    """Which of k checkpoints (k,) are clearly behind their leader by n of the starts, both (k, n)."""
     leader, n = _leader(satisfied, robustness), satisfied.shape[1]
     by_verdict = satisfied[leader] - satisfied
     alike = ~by_verdict.any(axis=1)
@@ -92,6 +91,6 @@ def _behind(satisfied: Array, robustness: Array, starts: int) -> Truth:
 
 
 def _spread(values: Array) -> Array:
-    """The standard deviation along the last axis; of one value it is not known, and infinite."""
+    """The standard deviation along the last axis; infinite for one value."""
     spread: Array = values.std(axis=-1, ddof=1) if values.shape[-1] > 1 else np.full(values.shape[:-1], np.inf)
     return spread

@@ -26,7 +26,7 @@ _Pair = tuple[Choice, Track, frozenset[str]]  # a task or an ablation of it, a t
 
 @dataclass(frozen=True)
 class Standard:
-    """Of one task; an ablation has that of the task that it is one of."""
+    """The standard of one task and of its ablations."""
 
     by_hand: Score | None = None  # the score of its controller, from the report's starts; None without one
     best_known: BestKnown | None = None  # as the task file says; None where it says nothing
@@ -90,10 +90,7 @@ def _of_task(function: Callable[[Choice], _T], task: Choice, problem: str) -> Qu
 
 
 def payment(task: Choice, track: Track, method: str) -> Question[Paid | None]:
-    """Asks what a method pays on a task, or on an ablation of one.
-
-    The answer is None where that is no function of samples and time alone, or where the method does not fit.
-    """
+    """Asks what a method pays; the answer is None if it does not fit, or pays by more than samples and time."""
     plugins = ("tasks", task.name), ("methods", parse_choice(method).name)
     return Question(_paid, (task, track, method), plugins, f"task {task}: method {method} cannot be asked what it pays")
 
@@ -110,11 +107,11 @@ _OF_SCORES: tuple[Callable[[Choice], Question[Any]], ...] = (by_hand, at_random,
 
 
 def standards(settings: Iterable[Setting], ask: Ask = ask_here) -> dict[str, Standard]:
-    """Name of a task -> what its policies are compared with, each once, in the order given.
+    """Name of a task -> what its policies are compared with, in the order given.
 
-    Left out are tasks that are not installed or cannot be loaded: results may come from another machine. It takes some
-    seconds for a controller on a MuJoCo model, which is simulated, and for baselines that no task file states. All that
-    plugins do for it is asked by `ask`; of one that gives no answer a `PluginWarning` says why.
+    Tasks that cannot be loaded are left out, as results may come from another machine. It takes seconds for a
+    controller on a MuJoCo model, and for baselines that no task file states. A `PluginWarning` says why there is no
+    answer.
     """
     by_task = dict[Choice, list[Setting]]()
     for setting in settings:
@@ -146,10 +143,7 @@ def _standard(
 def differences(
     task: Choice, methods: Iterable[Choice | str], ask: Ask, track: Track = "shared"
 ) -> tuple[Difference, ...]:
-    """Those pairs of methods that pay the same on a task but for a function of time (`equal_payments`).
-
-    Of one that gives no answer a `PluginWarning` says why.
-    """
+    """The pairs of methods that pay the same on a task but for a function of time (`equal_payments`)."""
     questions = [payment(task, track, str(method)) for method in methods]
     return equal_payments({question.arguments[2]: paid for question, paid in answers(questions, ask).items()})
 

@@ -23,10 +23,7 @@ _JITTER = 0.1
 
 @dataclass(frozen=True)
 class TraceTable:
-    """A trace as text: a header that names the columns, then one row per step.
-
-    In messages rows and columns count from 1, and the header is row 1.
-    """
+    """A trace as text: names of columns, then one row per step. In messages the names are row 1."""
 
     source: str
     names: tuple[str, ...]
@@ -42,11 +39,7 @@ class TraceTable:
         return samples
 
     def column(self, name: str) -> list[float]:
-        """One column as numbers.
-
-        Raises:
-            UsageError: a value is no finite number.
-        """
+        """One column as numbers. Raises `UsageError` where a value is no finite number."""
         column = self.names.index(name)
         values = []
         for number, row in enumerate(self.rows, 2):
@@ -70,11 +63,7 @@ class TraceTable:
         return all(_number(row[column]) is not None for row in self.rows)
 
     def check_times(self, dt: float) -> None:
-        """See that the column `time`, in seconds, has a row every `dt`, to a tenth of it.
-
-        Raises:
-            UsageError: it has not, or a time is no finite number.
-        """
+        """Raises `UsageError` unless the column `time`, in seconds, has a row every `dt`, to a tenth of it."""
         times = self.column("time")
         for i, time in enumerate(times):
             due = times[0] + i * dt
@@ -86,10 +75,8 @@ class TraceTable:
 def read_table(path: Path) -> TraceTable:
     """Read a table of text from a file, or from standard input for `-`.
 
-    Values are separated by commas, semicolons or tabs, whichever the header has most of.
-
-    Raises:
-        UsageError: no such file, no header, no row, or a row that is longer or shorter than the header.
+    Its header has most of commas, semicolons or tabs, which separate values. Raises `UsageError` where there is no such
+    file, no header, no row, or a row of another length.
     """
     source = "standard input" if path == STDIN else str(path)
     try:

@@ -29,11 +29,7 @@ class Recording:
 
 
 def load(task: Task, result: Result, run: Path) -> Recording:
-    """What was recorded of one finished cell.
-
-    Raises:
-        UsageError: there is no file, it is damaged, or it is of another version of the task.
-    """
+    """The recording of a finished cell. Raises `UsageError` where it is damaged, missing, or of another version."""
     saved = read_cell(run, result)
     if saved.names != task.signals or saved.samples.shape[1] != task.file.steps + 1:
         raise UsageError(f"the traces of {result.id.name} are of another version of the task {task.name}")

@@ -12,13 +12,7 @@ from stlbench.task.task import Task
 
 
 def make_world(task: Task, count: int, *, drawn: bool = False) -> World:
-    """That many copies, none of them begun.
-
-    Args:
-        task: whose they are.
-        count: how many.
-        drawn: whether pictures of them are wanted, which an environment of Gymnasium has to know when it is made.
-    """
+    """So many copies, none of them begun; `drawn` if pictures are wanted, which Gymnasium must know in advance."""
     dynamics = task.dynamics
     if isinstance(dynamics, System):
         return SystemWorld(dynamics, count, engineered=task.file.features == "engineered")

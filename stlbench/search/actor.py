@@ -32,11 +32,7 @@ class Unsearchable(UsageError):
 
 @contextmanager
 def foreign(name: str) -> Iterator[None]:
-    """Where code of others acts for a actor of that name.
-
-    An exception, `SystemExit` too, becomes `Unsearchable`: "NAME cannot be tried: ValueError: no such luck". A
-    `UsageError` stays as it is.
-    """
+    """Turn exceptions of other people's code, `SystemExit` too, into `Unsearchable`: "NAME cannot be tried: ..."."""
     try:
         yield
     except UsageError:
@@ -74,11 +70,7 @@ class Actor:
         return max(1, min(at_once(self.task), _NUMBERS // ((self.task.file.steps + 1) * len(self.task.signals))))
 
     def play(self, points: Array) -> Played:
-        """Act from each of the points (N, n) of the task's space.
-
-        Raises:
-            Unsearchable: what acts, or the task, fails or breaks its contract; the formula has no value on a trace.
-        """
+        """Act from each of the points (N, n) of the task's space. Raises `Unsearchable` where that fails."""
         task = self.task
         try:
             with foreign(self.name):

@@ -26,9 +26,8 @@ Verdict = Literal["shown", "refuted", "undecided"]
 class Claim:
     """The question, and the confidence of the answer.
 
-    Without `at_least` and `width` the number of starts is fixed, and the interval is that of Clopper and Pearson. With
-    one of them the test looks after every batch and stops as early as it can; its interval is a confidence sequence,
-    valid at any time (`share_sequence`).
+    Without `at_least` and `width` the number of starts is fixed, and the interval is that of Clopper and Pearson. Else
+    the test looks after every batch, and its interval is a confidence sequence, valid at any time (`share_sequence`).
     """
 
     confidence: float = 0.99
@@ -98,14 +97,8 @@ def certify(
 ) -> Certificate:
     """Let the actor act from random starts, which its training, its selection and the report have not seen.
 
-    Args:
-        actor: a policy or a controller in its task.
-        claim: the question.
-        progress: called after each batch with the starts and how many of them satisfied.
-
-    Raises:
-        UsageError: the claim makes no sense.
-        Unsearchable: the task has a single start, the actor fails, or a robustness is undefined.
+    `progress` is called after each batch with the starts and how many of them satisfied. Raises `UsageError` where the
+    claim makes no sense, and `Unsearchable` where the task has a single start or the actor fails.
     """
     claim = claim or Claim()
     check(claim)

@@ -103,13 +103,8 @@ def falsify(
     """Search for a start from which the actor violates its task's formula.
 
     The search stops at the first start with a verdict other than satisfied, or with `how.least` when all evaluations
-    are used; an optimiser may end before. After an early end the least possible robustness counts. A task with a
-    single start takes one evaluation. The same options give the same result.
-
-    Args:
-        actor: a policy or a controller in its task.
-        how: the options.
-        progress: called after each batch of episodes with their number and the least robustness so far.
+    are used; an optimiser may end before. After an early end the least possible robustness counts. The same options
+    give the same result. `progress` is called after each batch with the evaluations and the least robustness so far.
 
     Raises:
         UsageError: no such optimiser, no evaluation.

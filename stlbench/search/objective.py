@@ -37,15 +37,7 @@ class Worst:
 
 
 class Objective:
-    """Robustness from points, in batches; keeps the worst, and says by `Enough` when to stop.
-
-    Args:
-        actor: what acts.
-        space: of its task.
-        evaluations: how many episodes may be simulated.
-        least: go on after a counterexample, for the least robustness.
-        progress: called after each batch with the evaluations and the least robustness so far.
-    """
+    """Robustness from points, in batches; keeps the worst, and says by `Enough` when to stop."""
 
     def __init__(
         self, actor: Actor, space: Box | Seeds, evaluations: int, least: bool, progress: Callable[[int, float], None]

@@ -166,12 +166,8 @@ class _Search:
 def side_by_side(searches: Sequence[Callable[[Scalar], object]], values: Callable[[Array], Array]) -> None:
     """Run searches at once until all have ended, with all their questions answered in one batch.
 
-    The points of a search depend on its own answers alone.
-
-    Args:
-        searches: each is called with a function from a point (d,) to its value.
-        values: maps the points (m, d) of m searches, in their order, to values (m,). An exception of `values` or of a
-            search ends all searches, and is raised here.
+    Each is called with a function from a point (d,) to its value. `values` maps points (m, d) to values (m,). An
+    exception ends all searches, and is raised here. The points of a search depend on its own answers alone.
     """
     questions = SimpleQueue[Any]()
     going = {number: _Search(number, search, questions) for number, search in enumerate(searches)}

@@ -85,11 +85,7 @@ def write(result: Falsification, folder: Path) -> list[Path]:
     """Write the least robust trace as .npz and .csv, and its picture as PNG, SVG and PDF; the paths.
 
     The .npz has `traces` (1, T + 1, k), `signals` (k,), the names of the initial state's `coordinates` (n,) and its
-    values `start` (n,). The .csv has a column for the time in seconds, and one for each signal. `stlbench monitor`
-    reads both.
-
-    Raises:
-        UsageError: the folder cannot be written.
+    values `start` (n,). The .csv has a column for the time in seconds, and one for each signal.
     """
     kind = "counterexample" if result.found else "open" if result.open else "least"
     name = file_name(kind, *result.actor.label)

@@ -103,11 +103,8 @@ def _gathered(recipe: AxisRecipe, points: int) -> Array:
 def axes_of(model: Model, grid: Mapping[str, AxisRecipe], resolution: float) -> tuple[Axis, ...]:
     """One axis per column of the state, with `resolution` times its recipe's points.
 
-    A column without a recipe that is also a signal has the signal's range.
-
-    Raises:
-        Unsuitable: the state has more than four columns, one has no range, a recipe names none of them, or an
-            axis has millions of points.
+    A column without a recipe has the range of the signal of that name. Raises `Unsuitable` where there is no such
+    range, where a recipe names no column, or where the grid has more than four axes or an axis millions of points.
     """
     names = model.system.state
     if len(names) > max(_POINTS):

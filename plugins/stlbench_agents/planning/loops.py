@@ -59,10 +59,7 @@ def interpolate(values: Floats, at: Indices, weights: Floats, strides: Strides, 
 
 @compiled
 def mean_rewards(tables: Floats, at: Indices, weights: Floats, strides: Strides, into: Floats) -> None:
-    """Rewards of held actions (A, 1, S): the means over the samples, by tables of rewards over signals (H, cells).
-
-    Places of samples are (A, S, H), their weights (A, S, H, signals).
-    """
+    """Mean rewards (A, 1, S) over samples of held actions at places (A, S, H), by tables over signals (H, cells)."""
     for a in range(at.shape[0]):
         for s in range(at.shape[1]):
             total = 0.0
@@ -101,7 +98,7 @@ def pay_best(
 def reach_best(
     later: Floats, at: Indices, weights: Floats, strides: Strides, paid: Floats, lost: float, into: Floats
 ) -> None:
-    """One step back of a minimum: the greatest of min(paid (A, S), value later (S,)), where it is more than `into`."""
+    """One step back of a minimum: the greatest min(paid (A, S), value later (S,)), where it is more than `into`."""
     for a in range(at.shape[0]):
         for s in range(at.shape[1]):
             value = lost if at[a, s] < 0 else _between(later, at[a, s], strides, weights[a, s])

@@ -191,12 +191,9 @@ class MaximinPolicy(StatePolicy):
 def plan(model: Model, grid: Grid, actions: ActionSet) -> MaximinPolicy:
     """Solve for the robustness of the formula that the referee scores.
 
-    The windows of an F G term begin with a decision's first sample, so never at t = 0. Where others could be better,
-    the value is a lower bound of what is possible.
-
-    Raises:
-        Unsuitable: the formula is outside the fragment of eq. 2 (see `stlbench.stl.fragment`), an F G term has no such
-            window, or the tables take too much memory.
+    The windows of an F G term begin with a decision's first sample. Where others could be better, the value is a lower
+    bound. Raises `Unsuitable` where the formula is outside the fragment of eq. 2, an F G term has no such window, or
+    the tables take too much memory.
     """
     stages = Stages(_terms(model), model.hold)
     if idle := stages.without_window():

@@ -27,10 +27,7 @@ class ActionSet:
 
     @classmethod
     def of(cls, actions: Actions, most: int) -> ActionSet:
-        """About `most` of the actions, or all if there are no more.
-
-        They have the same number of values on each axis: evenly chosen, with its ends and the value nearest to 0.
-        """
+        """About `most` actions, or all: evenly chosen on each axis, with its ends and the value nearest to 0."""
         each = max(2, int(most ** (1 / len(actions.names)) + 1e-9))
         if isinstance(actions, ActionGrid):
             chosen = [_evenly(np.array(axis), each) for axis in actions.axes]

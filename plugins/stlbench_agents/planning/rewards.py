@@ -19,11 +19,7 @@ class Limits:
     rounded: int = 0  # to how many a memory of one number is rounded that takes more; 0: such a memory is refused
 
     def rounds(self, distinct: Array) -> bool:
-        """Whether these values (M, m) of a memory must be rounded.
-
-        Raises:
-            Unsuitable: they must be and cannot.
-        """
+        """Whether these values (M, m) of a memory must be rounded. Raises `Unsuitable` if they cannot."""
         if len(distinct) <= self.values:
             return False
         if self.rounded > 1 and distinct.shape[1] == 1:
@@ -52,10 +48,9 @@ class Memories:
 
     @classmethod
     def of(cls, model: Model, probes: Array, actions: ActionSet, limits: Limits) -> Memories:
-        """All that the method's memory becomes from the states `probes` (N, n) by random actions, at any decision.
+        """The memories that random actions give from the states `probes` (N, n), at any decision.
 
-        Raises:
-            Unsuitable: they are more than `limits` allows.
+        Raises `Unsuitable` if they are more than `limits` allows.
         """
         method = model.method
         if not method.memory_size:

@@ -77,11 +77,8 @@ class SumPolicy(StatePolicy):
 def plan(model: Model, grid: Grid, actions: ActionSet, gamma: float, limits: Limits = USUAL) -> SumPolicy:
     """Solve for the method's rewards by the rules of the task's training episodes.
 
-    At a cut the return goes on as if the decision before it repeated for ever; without a discount it stops there.
-    Nothing is paid after a memory that is over.
-
-    Raises:
-        Unsuitable: the method's memory takes too many values, or more than fit the memory of a machine.
+    At a cut the return goes on as if the last decision repeated for ever; without a discount it stops. Nothing is paid
+    after a memory that is over. Raises `Unsuitable` where the method's memory takes too many values.
     """
     tabled = model.method.paid_on_arrival and len(model.method.specification.signals) <= MOST_SIGNALS
     rewards = Arrivals(model, grid, actions) if tabled else Transitions(model, grid, actions, limits)

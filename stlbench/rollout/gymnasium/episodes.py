@@ -19,10 +19,7 @@ from stlbench.rollout.observing import scaled_times, time_and_inputs
 
 
 class Episodes:
-    """N copies of an environment, each at its own step. `rows` are numbers of copies.
-
-    Raises `PluginFault` where the method breaks its contract.
-    """
+    """N copies of an environment, each at its own step; `rows` are numbers of copies. Raises `PluginFault`."""
 
     def __init__(self, scoring: Scoring, count: int) -> None:
         self._scoring = scoring
@@ -43,13 +40,9 @@ class Episodes:
             self._memory[rows] = memory
 
     def step(self, going: Truth, signals: Array, action: Array, ended: Truth) -> tuple[Array, Truth, Truth]:
-        """One step of the copies that are `going` (N,), by actions (N, axes) to the samples (N, k).
+        """One step of the copies that are `going` (N,), to the samples (N, k); some have `ended` (N,).
 
-        Args:
-            ended: which copies the environment has ended, (N,).
-
-        Returns:
-            The rewards (N,), 0 where a copy is not going, and which episodes are over and which are complete, (N,).
+        Returns the rewards (N,), 0 where a copy is not going, and which episodes are over and which are complete, (N,).
         """
         scoring, rewards, rows = self._scoring, np.zeros(len(going)), np.flatnonzero(going)
         t, scale = self.t[rows], scoring.method.scale if scoring.scaled else 1.0

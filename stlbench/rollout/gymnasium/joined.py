@@ -23,22 +23,15 @@ OBSERVATION = "observation"  # the key of an observation that is neither a vecto
 class Observing:
     """Scales observations as tasks of stlbench do (`Observed`), and adds the time and the method's inputs.
 
-    A vector gets them at its end. A Dict gets them under the key `KEY`, and its vectors are scaled. Any other
-    observation becomes a Dict: itself, unscaled, under `OBSERVATION`, and they. The space carries the record of this,
-    unless a part of the observation is no vector, as nobody knows how a policy flattens that part.
+    A vector gets them at its end. A Dict gets them under `KEY`, and its vectors are scaled. Any other observation
+    becomes a Dict, with itself, unscaled, under `OBSERVATION`. The space carries the record of this if all parts are
+    vectors.
     """
 
     def __init__(self, space: Space[Any], entries: Entries, scale: Mapping[str, float], record: Observation) -> None:
-        """What is observed.
+        """For one environment: `entries` have names, `scale` has magnitudes, `record` is of time and inputs.
 
-        Args:
-            space: of one environment.
-            entries: those of the observation that have names.
-            scale: named entry -> about its largest magnitude.
-            record: of the time and the inputs.
-
-        Raises:
-            UsageError: a scale of no entry, or that is none; or a key `KEY` in the observation.
+        Raises `UsageError` for a scale that is none or of no entry, or a key `KEY` in the observation.
         """
         _check_scale(space, entries, scale)
         self._whole, self._vector = isinstance(space, Dict), _is_vector(space)
@@ -67,16 +60,10 @@ class Observing:
             Observation.joined(described).save_in(self.space)
 
     def join(self, observation: Any, own: Array, t: Integers, copy: int | None = None) -> Any:
-        """One observation and `own` (size,), or N batched ones and (N, size).
+        """One observation and `own` (size,), or N batched ones and (N, size), at steps t, (1,) or (N,).
 
-        Args:
-            observation: of the environment.
-            own: time and inputs.
-            t: the steps, (1,) or (N,).
-            copy: which one it is of a vector environment, where it is one of several.
-
-        Raises:
-            UsageError: a vector of another length, or a number that is NaN or infinite.
+        `copy` is its number in a vector environment. Raises `UsageError` for a vector of another length, or numbers
+        that are not finite.
         """
         for part in _floats(observation):
             if not np.isfinite(part).all():

@@ -38,7 +38,7 @@ class Scoring:
         return _make_method(self.made_by, self.specification)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Without the method: what it has compiled cannot be pickled. It is pure, and is made again."""
+        """Without the method, whose compiled code cannot be pickled: it is made again."""
         return Scoring, tuple(getattr(self, each.name) for each in fields(self))
 
     @property

@@ -17,10 +17,7 @@ from stlbench.task.gym_spaces import as_action, outside_space
 
 
 class GymWorld(World):
-    """N copies of an environment. Their starts are seeds (r, 1).
-
-    A copy has ended once the environment says that it is terminated or truncated.
-    """
+    """N copies of an environment, from seeds (r, 1). A copy has ended once it is terminated or truncated."""
 
     def __init__(self, task: GymTask, source: GymSource, count: int, *, drawn: bool = False) -> None:
         self._task, self._source, self._drawn = task, source, drawn
@@ -88,7 +85,7 @@ class GymWorld(World):
         return bool(terminated or truncated)
 
     def _read(self, rows: Integers) -> Array:
-        """The signals (r, k) of the newest observations of these rows, which are kept for `features` too."""
+        """The signals (r, k) of the newest observations of these rows, which `features` reads too."""
         source, last = self._source, [self._last[row] for row in rows.tolist()]
         try:
             seen = [source.observed.flat(observation) for observation, _ in last]
