@@ -193,7 +193,7 @@ class Vectors:
 
 
 def _block(tall: int, vectors: int, narrow: bool = False) -> Any:
-    """A function that computes `tall` rows and `vectors` of columns of a product; with `narrow` a part of one vector."""
+    """A function for `tall` rows and `vectors` of columns of a product; with `narrow` a part of one vector."""
 
     @intrinsic
     def block(_: Any, a: Any, b: Any, bias: Any, least: Any, out: Any, i: Any, j: Any) -> Any:

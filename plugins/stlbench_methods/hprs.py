@@ -116,7 +116,7 @@ class Hprs(RewardMethod):
         return potential
 
     def _progress(self, at: Truth, memory: Array) -> tuple[Integers, Array]:
-        """The target of now before and after each sample, (h + 1, N), and the memory; `at` (targets, h, N) who holds."""
+        """The current target before and after each sample, (h + 1, N), the memory; `at` (targets, h, N) are truths."""
         _, held, rows = at.shape
         now = np.zeros((held + 1, rows), dtype=np.int64)
         if not self._counted:

@@ -122,7 +122,7 @@ def _finite(values: Array) -> bool:
 
 
 def _tell(owner: RewardMethod | Task, what: str, values: Array, t: Integers, names: Sequence[object] = ()) -> None:
-    """Of values (N, steps, ...), tell the first that is not finite, from step t on; sometimes only a sum is infinite."""
+    """Of values (N, steps, ...), tell the first that is not finite, from step t on; maybe only the sum is infinite."""
     wrong = ~np.isfinite(values)
     if wrong.any():
         row, later, *_ = place = tuple(np.argwhere(wrong)[0].tolist())
