@@ -40,8 +40,7 @@ class Tree:
 def both_trees(revision: str) -> Iterator[tuple[Tree, Tree]]:
     """The tree of a revision, in a temporary folder, and the working tree of the repository around this folder.
 
-    Raises:
-        UsageError: there is no repository, no such revision, or no installed package runs from the repository.
+    Raises `UsageError` without a repository, a revision, or an installed package that runs from the repository.
     """
     root = Path(_git(Path.cwd(), "rev-parse", "--show-toplevel").strip()).resolve()
     try:

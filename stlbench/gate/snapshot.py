@@ -84,12 +84,9 @@ COLUMNS = (*IDENTITY, *(part.name for part in fields(Sample) if part.name != "id
 
 
 def load(path: Path) -> Snapshot:
-    """Read a reference, a folder of results, a ledger, a table of cells, or a bundle.
+    """Read a reference, a folder of results, a ledger, a table of cells, or a bundle. Raises `UsageError`.
 
     In a folder of results the ledger or `cells.jsonl` has priority over the table.
-
-    Raises:
-        UsageError: the path is none of these, or its content is wrong; the message says where.
     """
     if path.suffix == ".zip":
         with unpacked(path) as (folder, problems):

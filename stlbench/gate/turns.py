@@ -24,15 +24,7 @@ def take_turns(cells: Collection[CellId], base: Tree, new: Tree, say: Callable[[
     """Train each cell with both trees, and repeat the settings whose costs are not clear yet.
 
     One training runs at a time. Settings take turns too, so that other load on the machine affects all of them.
-
-    Args:
-        cells: to train.
-        base: the tree before the change.
-        new: the tree after it.
-        say: prints a line at the start of each round.
-
-    Raises:
-        UsageError: a tree cannot train, or the base runs code of the change.
+    Raises `UsageError` if a tree cannot train, or the base runs code of the change.
     """
     turns: list[Turn] = []
     waiting, number = sorted(cells, key=lambda cell: (cell.seed, cell)), 0

@@ -25,16 +25,8 @@ _IDENTITY = ", ".join(IDENTITY)
 class Ledger(Records):
     """A file of results, as a context manager.
 
-    The column `result` has JSON. The other columns are for SQL: `sqlite3 ledger.sqlite "select * from cells"`.
-
-    Args:
-        path: the file.
-        create: True makes a missing file, and the folders above it, at the first write. False raises `UsageError`.
-
-    Reading needs no right to write. There is only one file. A damaged part is named in a `LedgerWarning`, and skipped.
-
-    Raises:
-        UsageError: the file is something else, or was written by a newer version.
+    The column `result` has JSON. The other columns are for SQL: `sqlite3 ledger.sqlite "select * from cells"`. Reading
+    needs no right to write. Writing makes a missing file, and the folders above it.
     """
 
     def __init__(self, path: Path, *, create: bool = True) -> None:

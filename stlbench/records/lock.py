@@ -23,10 +23,9 @@ _PATIENCE = 0.5
 
 @contextmanager
 def writing(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder of results, which is made where there is none.
+    """Hold the lock of a folder of results, which is made if it is missing.
 
-    Raises:
-        UsageError: another process holds it; the message says which. Or the folder cannot be written.
+    Raises `UsageError` if another process holds it, with its name, or if the folder cannot be written.
     """
     path = folder / FILE
     try:

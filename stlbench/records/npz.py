@@ -30,11 +30,7 @@ def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def read(path: Path, prefix: str = "") -> dict[str, NDArray[Any]]:
-    """The arrays of a file whose names begin so.
-
-    Raises:
-        ValueError: in a line; it cannot be read, is damaged or encrypted, has objects, or is no .npz at all.
-    """
+    """The arrays of a file whose names begin so. Raises `ValueError`, in a line, if it is damaged or has objects."""
     if zipfile.is_zipfile(path) and (size := unpacked_size(path)) > LARGEST:
         raise ValueError(f"its arrays would take {size >> 20} MiB, at most {LARGEST >> 20} are read")
     try:

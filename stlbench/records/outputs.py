@@ -41,18 +41,10 @@ def write(path: Path, content: str | bytes, folder: Path | None = None) -> Path:
 
 @contextmanager
 def opened(path: Path, folder: Path | None = None) -> Iterator[BinaryIO]:
-    """Open a file to write. It replaces an earlier one when all is written.
+    """Open a file to write. It replaces an earlier one when all is written; if writing fails, the old one stays.
 
-    A reader sees the old file or the new one. If writing fails, the old one stays. A hard link to the old file keeps
-    the old content.
-
-    Args:
-        path: of the file. Folders above it are made.
-        folder: no part of the path below it may be a link; the file's own folder where it is left out.
-
-    Raises:
-        UsageError: as `inside`, or the file cannot be written.
-        DiskFull: there is no space for it.
+    Folders above it are made. No part of the path below `folder`, which is the file's own by default, may be a link.
+    Raises `UsageError` as `inside`, or if the file cannot be written; `DiskFull` if there is no space for it.
     """
     inside(path, folder or path.parent)
     part = path.with_name(f"{path.name}.{os.getpid()}.part")

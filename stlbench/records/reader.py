@@ -45,14 +45,9 @@ class Recorded(NamedTuple):
 
 
 class Records:
-    """The rows and the plan of a ledger, as a context manager.
+    """The rows and the plan of a ledger, as a context manager. A missing file has no rows, if `create` allows that.
 
-    Args:
-        path: the file.
-        create: whether there may be none; then there are no rows. Otherwise that is a `UsageError`.
-
-    Raises:
-        UsageError: the file is something else, or was written by a newer version.
+    Raises `UsageError` if the file is something else, or was written by another version.
     """
 
     def __init__(self, path: Path, *, create: bool = True) -> None:

@@ -59,11 +59,7 @@ def _why_none(result: Result) -> str:
 
 
 def read(results: Path, result: Result, which: Which) -> Arrays:
-    """The arrays of a cell's policy, as they were when it was recorded.
-
-    Raises:
-        UsageError: the cell has no policy, the file is not there, is damaged, or has another content.
-    """
+    """The arrays of a cell's policy. Raises `UsageError` if they are missing, or not those that were recorded."""
     name, measured = result.id.name, result.measurement
     if measured is None:
         raise UsageError(f"{name} has no policy: {': '.join(filter(None, (result.status, result.reason)))}")

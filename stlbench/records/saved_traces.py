@@ -69,11 +69,7 @@ def read_cell(results: Path, result: Result) -> SavedTraces:
 
 
 def read_saved(path: Path) -> SavedTraces:
-    """Read the traces that `stlbench run` saved of one cell.
-
-    Raises:
-        UsageError: no such file, or none with `traces` (N, T + 1, k) and the names of k `signals`.
-    """
+    """The traces of a file that `stlbench run` wrote. Raises `UsageError` if it is none."""
     try:
         arrays = npz.read(path)
         samples, names = np.asarray(arrays["traces"], dtype=np.float64), tuple(map(str, arrays["signals"].tolist()))

@@ -38,10 +38,8 @@ def locate(path: Path) -> Path | None:
 def read(path: Path) -> Iterator[Result]:
     """One result of every cell in a folder, a ledger or a file of lines, one at a time.
 
-    Nothing that a result names is imported. A task that is a folder is known only where the user named the folder.
-
-    Raises:
-        UsageError: there is none of these, or a file is not as it should be; the message says where.
+    Nothing that a result names is imported. A task that is a folder is known only if the user named the folder. Raises
+    `UsageError` if there is no such file, or it is damaged.
     """
     file = _existing(path)
     if file.suffix == SUFFIX:

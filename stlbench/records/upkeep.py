@@ -27,16 +27,9 @@ def choose(
     statuses: Collection[str] | None = None,
     budget: str | None = None,
 ) -> list[Result]:
-    """The results in a folder's ledger that meet all conditions; None and empty are no condition.
+    """The results in a folder's ledger that meet all conditions; in names, `*` stands for any characters.
 
-    Args:
-        folder: of results.
-        names: of cells; `*` stands for any characters.
-        statuses: how they ended.
-        budget: of the cells.
-
-    Raises:
-        UsageError: there is no condition, a name or status fits no cell, or there is no ledger.
+    Raises `UsageError` if there is no condition or no ledger, or a name or status fits no cell.
     """
     if not (names or statuses or budget):
         raise UsageError("which cells? Name them, or say --status or --budget")
@@ -102,10 +95,7 @@ def merge(into: Path, source: Path) -> Merged:
     """Copy the results of `source` into the ledger of `into`, their traces, policies and logs, and its plan.
 
     Of two results of a cell the one that is no failure stays, else the one whose run began later, else that of `into`.
-    An interrupted merge can be repeated.
-
-    Raises:
-        UsageError: `source` has no results, or it is `into` itself.
+    An interrupted merge can be repeated. Raises `UsageError` if `source` has no results, or is `into` itself.
     """
     if into.resolve() == source.resolve():
         raise UsageError(f"{source} cannot be merged into itself")

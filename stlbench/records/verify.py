@@ -62,11 +62,7 @@ class Verified(NamedTuple):
 
 
 def verify(folder: Path) -> Verified:
-    """Check all that is recorded in a folder; nothing is written.
-
-    Raises:
-        UsageError: there are no results, or the ledger cannot be opened at all.
-    """
+    """Check all that is recorded in a folder; nothing is written. Raises `UsageError` without results."""
     if (file := stored.locate(folder)) is not None and file.name == stored.LINES:
         return Verified(sum(1 for _ in stored.read(folder)), 0, (), (), 0)
     with Ledger(folder / FILE, create=False) as ledger:
@@ -120,9 +116,6 @@ def repair(folder: Path) -> Verified:
 
     Their results stay until then. A ledger with a damaged structure is replaced by a new one with all readable rows;
     the old one gets the name `DAMAGED`.
-
-    Raises:
-        UsageError: as `verify`; or another process writes in the folder, or it cannot be written.
     """
     with writing(folder):
         checked = verify(folder)

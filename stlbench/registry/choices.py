@@ -44,11 +44,7 @@ class Choice:
 
 
 def parse_choices(text: str) -> tuple[Choice, ...]:
-    """A comma list, "funnel,funnel[variant=code,ginf=0.02],flag". Repetitions are dropped, the order is kept.
-
-    Raises:
-        UsageError: with what is wrong and where in the list.
-    """
+    """A comma list, "funnel,funnel[variant=code,ginf=0.02],flag", without repetitions. Raises `UsageError`."""
     return tuple(dict.fromkeys(parse_choice(item) for item in split(text)))
 
 
@@ -169,8 +165,7 @@ def check(
 ) -> dict[str, Any]:
     """The keyword arguments: those of `defaults`, overridden by the choice's, each of the type declared in `known`.
 
-    Raises:
-        UsageError: one line with everything that is wrong, "funnel[ginf=x]: ginf should be a number, got 'x'".
+    Raises `UsageError` with everything that is wrong, "funnel[ginf=x]: ginf should be a number, got 'x'".
     """
     texts = {**(defaults or {}), **dict(choice.parameters)}
     values, problems = dict[str, Any](), list[str]()

@@ -37,17 +37,10 @@ class _Source(NamedTuple):
 
 
 def effective_digest(path: Path, module: str = "") -> _Source:
-    """Read a file, unless it was read before and has the same size and time.
+    """Read a file, unless it was read before and has the same size and time. Raises `OSError`.
 
-    Comments, docstrings, blank lines and `__version__` of Python do not count, nor what a `task.yaml` says for people
-    (`WORDS`). Of any other file, and of one that cannot be parsed, all bytes count.
-
-    Args:
-        path: the file.
-        module: its name where it is Python, by which relative imports are found.
-
-    Raises:
-        OSError: it cannot be read.
+    Comments, docstrings, blank lines and `__version__` of Python do not count, nor the `WORDS` of a `task.yaml`. Of
+    any other file, and of one that cannot be parsed, all bytes count. A Python file has the name of its `module`.
     """
     seen = path.stat()
     return _read(path, module, (seen.st_mtime_ns, seen.st_size, seen.st_ino))

@@ -60,18 +60,12 @@ def fingerprint(module: str) -> str:
 
 
 def code_of(module: str, *, packages: bool = True) -> Code:
-    """The code of a module: itself, the packages that it lies in, and what these import by name, and so on.
+    """The code of a module: itself, the packages that it lies in, what these import by name, and so on.
 
-    That of installed distributions is told by their versions, unless it is in the module's own top-level package.
-    Python's own modules do not count. Files of data beside a module of a package count too, and those in folders there
-    that are no packages: all but hidden files, Markdown, and folders of results.
-
-    Comments and docstrings do not count, and the place of files does not matter. A module without a source file has no
-    files. What is imported by a name that is made at run time is not seen.
-
-    Args:
-        module: its name.
-        packages: whether installed distributions count.
+    An installed distribution counts by its version, unless it has the module's own top-level package. Python's own
+    modules do not count. Files of data in the folder of a package count, and in folders below it that are no packages:
+    all but hidden files, Markdown, and folders of results. Comments, docstrings and the place of files do not count.
+    What is imported by a name that is made at run time is not seen.
     """
     own, pending, files, installed = module.partition(".")[0], {module}, dict[str, str](), dict[str, str]()
     seen = set[str]()

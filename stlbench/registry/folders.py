@@ -94,8 +94,7 @@ def task_of(value: Choice | str) -> Choice:
 def know(path: Path) -> FolderTask:
     """Make the task in a folder known to this process. Imports nothing of it.
 
-    Raises:
-        UsageError: there is no task in it, or its name is no name, that of an installed task, or of another folder.
+    Raises `UsageError` if it has no task, or its name is no name, that of an installed task, or of another folder.
     """
     folder = Path(os.path.abspath(path))  # a link keeps its own name
     _check(path, folder)

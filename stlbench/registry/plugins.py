@@ -57,11 +57,7 @@ class Plugin:
         return f"{self.kind.removesuffix('s')} '{self.name}' of {self.distribution} {self.version}"
 
     def load(self) -> type:
-        """The class that the entry point names.
-
-        Raises:
-            PluginError: it cannot be imported, or is not a complete class of its kind.
-        """
+        """The class that the entry point names. Raises `PluginError` if it is no complete class of its kind."""
         try:
             with exits_raise():
                 loaded = self._imported()
@@ -208,9 +204,9 @@ def loadable(kind: str) -> tuple[dict[str, type], list[str]]:
 
 
 def parameters(plugin: Plugin) -> dict[str, tuple[str, Any]]:
-    """Parameter -> (type as text, default), in the constructor's order. `PluginError` where it cannot be loaded.
+    """Parameter -> (type as text, default), in the constructor's order; `inspect.Parameter.empty` is no default.
 
-    The default is `inspect.Parameter.empty` where the parameter must be given.
+    Raises `PluginError` if the plugin cannot be loaded.
     """
     return {name: (entry.text, entry.default) for name, entry in _declared(plugin).items()}
 
@@ -228,7 +224,7 @@ def check(
 ) -> dict[str, Any]:
     """The checked keyword arguments with which `build` would call the plugin. Raises `UsageError`.
 
-    `origin` ends what the message says of a wrong value among the `defaults`.
+    `origin` ends the message about a wrong value among the `defaults`.
     """
     plugin = find(kind, choice.name)
     return choices.check(_declared(plugin), choice, defaults, origin)
@@ -237,15 +233,8 @@ def check(
 def build(kind: str, choice: Choice, *args: Any, defaults: Mapping[str, Any] | None = None) -> Any:
     """Make what the user chose: load the class, check the parameters, call it.
 
-    Args:
-        kind: one of `KINDS`.
-        choice: name and parameters.
-        args: the positional arguments that the contract gives a constructor of this kind.
-        defaults: a recipe, overridden by the choice's parameters.
-
-    Raises:
-        UsageError: no such plugin, it cannot be loaded (`PluginError`), its constructor does not call that of its base
-            class, or a parameter is wrong.
+    The constructor gets `args`, as the contract of this kind says, and the `defaults` of a recipe, which the choice's
+    parameters override. Raises `UsageError` if the plugin cannot be loaded or a parameter is wrong.
     """
     keywords, plugin = check(kind, choice, defaults), find(kind, choice.name)
     made = plugin.load()(*args, **keywords)

@@ -10,12 +10,7 @@ import yaml
 
 
 def revision(kind: str, name: str | None = None) -> int | None:
-    """The revision of the harness, of the formula's view, or of a plugin by its kind and name; None if there is none.
-
-    Args:
-        kind: "harness", "view", "agents", "methods" or "tasks".
-        name: of the plugin.
-    """
+    """The revision of the harness or the formula's view, or of a plugin by its kind and name; None if it has none."""
     number: int | None = _read()[kind] if name is None else _read()[kind].get(name)
     return number
 

@@ -86,18 +86,10 @@ def write(
     path: Path,
     pictures: Pictures | None = None,
 ) -> str:
-    """Write the film of a cell. The ending of `path` is its format: gif, webp or mp4.
+    """Write the film of a cell as gif, webp or mp4, as `path` ends; a remark on what is shown, or an empty text.
 
-    Args:
-        task: what the cell trained on.
-        recording: of that cell alone.
-        robustness: of each start, as the referee scored it.
-        title: the cell's name.
-        path: the file; folders above it are made.
-        pictures: of the best and the worst start, if no system draws them itself.
-
-    Returns:
-        A remark on what is shown, or an empty text.
+    The `robustness` is that of each start, as the referee scored it. The `pictures` are of the best and the worst
+    start, if no system draws them itself.
     """
     shown = scene(task, recording, robustness, pictures)
     write_video(_frames(task, shown, title), path)
@@ -241,11 +233,7 @@ def check_format(form: Format) -> None:
 
 
 def write_video(pictures: Iterable[Pixels], path: Path) -> None:
-    """Write pictures (height, width, 3) of one size as a film; the path's ending says as what.
-
-    Raises:
-        UsageError: there is no ffmpeg, or it fails, or the file cannot be written.
-    """
+    """Write pictures (height, width, 3) of one size as a film; the path's ending says as what. Raises `UsageError`."""
     if path.suffix == ".mp4":
         _mp4(pictures, path)
         return

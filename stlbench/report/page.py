@@ -73,19 +73,10 @@ def write_page(
     path: Path | None = None,
     tell: Tell = lambda done, total: None,
 ) -> Path:
-    """Write the page of a folder's results; the path.
+    """Write the page of a folder's results; the path, which is report.html in the folder if None is given.
 
-    Args:
-        report: of all of them.
-        results: of its cells, read one at a time; cells without a result are not there.
-        folder: has traces, policies and logs, as far as there are any.
-        load: loads a task.
-        ask: asks methods for their bounds.
-        path: the file; None is report.html in the folder. Folders above it are made.
-        tell: is called after each task.
-
-    Raises:
-        UsageError: jinja2 is not installed, or the file cannot be written.
+    The `results` are read one at a time. `load` loads a task, `ask` asks methods for their bounds, and `tell` is called
+    after each task. Raises `UsageError` if jinja2 is not installed, or the file cannot be written.
     """
     require()
     with fitting("column"):

@@ -99,20 +99,11 @@ def _actions(policy: OnObservation | OnState, count: int, call: Callable[[], Any
 
 
 def actions_of(answer: Any, actions: Actions, count: int, source: str, moved: Moved | None = None) -> Integers | Array:
-    """A policy's answer as actions of the task.
+    """A policy's answer for N observations as actions of the task.
 
     For a grid of A actions, whole numbers (N,) are indices; numbers (N, A) are values, and the greatest wins; vectors
-    (N, axes) go to the nearest action, axis by axis. Continuous actions are vectors, in the actions' units.
-
-    Args:
-        answer: of the policy.
-        actions: of the task.
-        count: N.
-        source: the policy, for messages.
-        moved: counts the vectors that are not on the grid.
-
-    Raises:
-        UsageError: the answer has another shape, is no number, is NaN, or is outside the actions' ends.
+    (N, axes) go to the nearest action, which `moved` counts. Continuous actions are vectors, in the actions' units.
+    Raises `UsageError` if the answer has another shape, is no number or NaN, or is outside the actions' ends.
     """
     try:
         array: NDArray[Any] = np.asarray(answer)
@@ -178,8 +169,7 @@ class ActionTable:
 def read_actions(path: Path, actions: Actions) -> ActionTable:
     """A table of text: a column for each axis of the task's actions, a row for each action, in the network's order.
 
-    Raises:
-        UsageError: it cannot be read, has other columns, or an action that is beyond the ends of the task's.
+    Raises `UsageError` if it has other columns, or an action beyond the ends of the task's.
     """
     table = read_table(path)
     for name in (*actions.names, *table.names):

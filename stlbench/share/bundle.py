@@ -40,19 +40,10 @@ class Packed(NamedTuple):
 
 
 def pack(folder: Path, target: Path, about: About, traces: bool = False) -> Packed:
-    """Write a bundle, in place of an older one.
+    """Write a bundle, in place of an older one; with the traces only if asked, since they are large.
 
     It has `cells.jsonl`, the whole record of each cell; the tables and the page of the last `stlbench report`;
-    `policies/`; a citation file if there are authors. Unzipped it is a folder of results again.
-
-    Args:
-        folder: of results.
-        target: the file, whose name ends in .zip.
-        about: for the metadata.
-        traces: whether to add `traces/`, which are large.
-
-    Raises:
-        UsageError: there are no results, or a file cannot be read or written.
+    `policies/`; a citation file if there are authors. Unzipped it is a folder of results again. Raises `UsageError`.
     """
     if target.suffix != ".zip":
         raise UsageError(f"a bundle is a zip, and its name ends in .zip; got {target}")

@@ -92,10 +92,8 @@ def _inside(error: ValueError, folder: Path) -> str:
 def unpacked(path: Path) -> Iterator[tuple[Path, tuple[str, ...]]]:
     """A bundle's files in a temporary folder, and what is wrong with them, a line each.
 
-    A file is unpacked only if the bundle lists it, a bundle may hold it, and its path stays inside the folder.
-
-    Raises:
-        UsageError: the file is no zip, has no metadata of a bundle, or is larger than `LARGEST`.
+    A file is unpacked only if the bundle lists it, a bundle may hold it, and its path stays inside the folder. Raises
+    `UsageError` if the file is no bundle, or is larger than `LARGEST`.
     """
     try:
         with zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory(prefix="stlbench-") as name:

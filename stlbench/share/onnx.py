@@ -31,15 +31,9 @@ def load_onnx(path: Path, shown: Observation) -> Callable[[Array], Any]:
     """The model as a function of observations (N, D).
 
     It has one input, float32 or float64, (N, D). A first dimension of 1 means one observation at a time. Of several
-    outputs the one called `action` is taken, else `index`, else the first.
-
-    Args:
-        path: of the file.
-        shown: what the policy is shown, D numbers.
-
-    Raises:
-        UsageError: onnxruntime is not installed, the file is no model, it has other inputs, or its metadata say that
-            it was trained on another observation.
+    outputs the one called `action` is taken, else `index`, else the first. Raises `UsageError` if onnxruntime is
+    missing, or the model has other inputs, or its metadata say that it was trained on another observation than is
+    shown.
     """
     session, size = _session(path), shown.total
     if record := session.get_modelmeta().custom_metadata_map.get(KEY):
@@ -95,14 +89,10 @@ class Exported(NamedTuple):
 
 
 def export(folder: Path, result: Result, which: Which, path: Path) -> Exported:
-    """Compare it with the policy in the episodes of the report, and write it.
+    """Compare a policy's ONNX file with the policy in the episodes of the report, and write it.
 
     The file has the input `observation`, float32 (N, D), and the output `action`, float64 (N, axes), in the actions'
     units; for a grid of actions also `index`, int64 (N,). Its metadata say which cell it is, and what it observes.
-
-    Raises:
-        UsageError: there is no stored policy, it has no ONNX form, onnx or onnxruntime is not installed, or the file
-            cannot be written.
     """
     kept = load_policy(folder, result, which)
     try:

@@ -37,16 +37,7 @@ class Entry(NamedTuple):
 def outside_question(
     task: Choice, source: Source, shown: Shown, budget: str | None, name: str | None, seed: int
 ) -> Question[Entry]:
-    """Asks for the score of a policy from outside on a task, see `score` and `row`.
-
-    Args:
-        task: where it acts.
-        source: of the policy.
-        shown: what it observes.
-        budget: None is the task's only one, else `quick`.
-        name: of the policy, or None.
-        seed: in the row.
-    """
+    """A question for the score of a policy from outside on a task. No budget means the task's only one, else `quick`."""
     functions = [("functions", source.text)] if source.kind == "function" else []
     methods = [("methods", shown.method.name)] if shown.method != UNKNOWN else []
     plugins = ("tasks", task.name), *methods, *functions
@@ -63,11 +54,7 @@ def _entry(choice: Choice, source: Source, shown: Shown, budget: str | None, nam
 
 
 def row(task: Task, source: Source, shown: Shown, scored: Scored, budget: str, name: str | None, seed: int) -> Result:
-    """The row: the policy's name is in the place of the agent, its source and hash are in the provenance.
-
-    Raises:
-        UsageError: the name is none, or the source cannot be read.
-    """
+    """The row: the policy's name is in the place of the agent, its source and hash are in the provenance."""
     if name is not None and not NAME.fullmatch(name):
         raise UsageError(f"--name {name}: a name consists of a-z, 0-9 and -, and does not begin with -")
     cell = CellId(task.choice, shown.method, Choice(name or source.name), seed, budget, OUTSIDE)
@@ -82,10 +69,9 @@ def row(task: Task, source: Source, shown: Shown, scored: Scored, budget: str, n
 
 
 def record(folder: Path, entry: Entry) -> Result | None:
-    """Write a row and its traces to a folder of results, in place of one of the same name; that one, if there was any.
+    """Write a row and its traces to a folder of results; the row of the same name that it replaces, if any.
 
-    Raises:
-        UsageError: the folder has no ledger but lines of text, or cannot be written.
+    Raises `UsageError` if the folder has no ledger but lines of text, or cannot be written.
     """
     result = entry.result
     if stored.locate(folder) and not (folder / FILE).is_file():

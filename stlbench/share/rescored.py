@@ -53,8 +53,7 @@ def _claims_more(recorded: Score, found: Score) -> bool:
 def rescore(path: Path) -> Iterator[Rescored]:
     """Score the selected policy of each cell of a bundle that has one, from the report's starts of its task.
 
-    Raises:
-        UsageError: the file is no bundle, or is not what it says; `check` names what is wrong.
+    Raises `UsageError` if the file is no whole bundle; `check` names what is wrong.
     """
     with unpacked(path) as (folder, problems):
         if problems:
@@ -114,14 +113,7 @@ def _on(task: Choice, result: Result, folder: Path, which: Which) -> Again:
 def score_again(task: Task, result: Result, folder: Path, which: Which) -> Again:
     """Score a cell's policy on its own task, or on another with the same observation and actions.
 
-    Args:
-        task: where.
-        result: of the cell.
-        folder: of results, where its policy is stored.
-        which: of its policies.
-
-    Raises:
-        UsageError: no policy of it can be used on the task, or the task shows other things than its own.
+    Raises `UsageError` if it cannot be used there.
     """
     own = task.choice == result.id.task
     kept = load_policy(folder, result, which, on=None if own else task)

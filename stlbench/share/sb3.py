@@ -50,17 +50,9 @@ _FORMS = (
 def load_sb3(path: Path, actions: Actions, shown: Observation, declared: bool = True) -> Callable[[Array], Any]:
     """The deterministic policy of a model that SB3 saved: DQN, TD3, DDPG, SAC, PPO or A2C, with an `MlpPolicy`.
 
-    Of numbers alone, a `MultiInputPolicy` is the same: it flattens a Dict as Gymnasium does.
-
-    Args:
-        path: the file that `model.save` wrote.
-        actions: of the task.
-        shown: what the policy is shown.
-        declared: whether the user said so. Otherwise the file's observation space must not contradict it.
-
-    Raises:
-        UsageError: torch is not installed, the file is no such model, it is for other observations or actions, or has
-            a weight that is no finite number.
+    Of numbers alone, a `MultiInputPolicy` is the same: it flattens a Dict as Gymnasium does. Unless the user has
+    `declared` what is shown, the file's observation space must not contradict it. Raises `UsageError` if torch is
+    missing, or the file is no such model, or it does not fit the task, or a weight is no finite number.
     """
     data, weights = _read(path)
     form = next((form for form in _FORMS if _numbers(weights, form)), None)

@@ -73,17 +73,10 @@ class Scored(NamedTuple):
 
 
 def score(task: Task, source: Source, shown: Shown, random_starts: int) -> Scored:
-    """Score it.
+    """Score a policy, or recorded traces, by a task's formula and protocols.
 
-    Args:
-        task: by whose formula and protocols.
-        source: of the policy, or of traces.
-        shown: what it is shown.
-        random_starts: how many beside the grid, as the task's budget says.
-
-    Raises:
-        UsageError: the policy cannot be read, is for another observation, fails, or answers with no actions of the
-            task; traces are none of the task.
+    There are `random_starts` beside the grid, as the task's budget says. Raises `UsageError` if the policy cannot be
+    read, is for another observation, fails, or gives no actions of the task; or if traces are not of the task.
     """
     begun = time.process_time(), time.perf_counter()
     if source.kind == "traces":

@@ -79,10 +79,9 @@ def _sha256(path: Path) -> str:
 
 
 def find_source(text: str, architecture: str | None = None, table: str | None = None) -> Source:
-    """What kind of policy a text names: a file by its ending, `module:function`, or a cell's name.
+    """The kind of policy that a text names: a file by its ending, `module:function`, or a cell's name.
 
-    Raises:
-        UsageError: none of these, there is no such file, or the policy has no use for an architecture or a table.
+    Raises `UsageError` if it names none, or the policy has no use for an architecture or a table.
     """
     found = _found(text)
     if architecture is not None and found.kind != "torch":
@@ -108,11 +107,7 @@ def _found(text: str) -> Source:
 
 
 def load_function(text: str) -> Callable[..., Any]:
-    """Import a module, also from the working directory, and take what it calls `function`.
-
-    Raises:
-        UsageError: there is no such module, importing it fails, or it has nothing of that name that can be called.
-    """
+    """The function of a text `module:function`. The module may lie in the working directory. Raises `UsageError`."""
     module, _, name = text.partition(":")
     _from_here()
     try:

@@ -49,13 +49,8 @@ class Bundle:
 def read_bundles(paths: Sequence[Path], rescore: bool, tell: Tell) -> list[Bundle]:
     """Check bundles and read their results. Nothing in them is run: policies are arrays.
 
-    Args:
-        paths: of the files.
-        rescore: let each selected policy act again from the report's starts, and take the referee's scores.
-        tell: is called after each policy.
-
-    Raises:
-        UsageError: a file is not there, its name cannot name a bundle, or two have the same name.
+    `rescore` lets each selected policy act again, takes the referee's scores, and calls `tell` after each. Raises
+    `UsageError` if a file is not there, its name cannot name a bundle, or two have the same name.
     """
     for path in paths:
         if not path.is_file() or not _NAME.fullmatch(path.stem):

@@ -63,15 +63,9 @@ def imported_torch(path: Path) -> Any:
 
 
 def read_weights(path: Path, file: IO[bytes] | Path) -> dict[str, Weights]:
-    """Arrays by name, in the order of the file; nothing in it is run.
+    """Arrays by name, in the order of the file, which `torch.save` wrote of a state_dict; nothing in it is run.
 
-    Args:
-        path: for messages.
-        file: what `torch.save` wrote of a state_dict.
-
-    Raises:
-        UsageError: torch is not installed.
-        Exception: of many kinds, where the file is something else.
+    Raises `UsageError` if torch is not installed, and exceptions of many kinds if the file is something else.
     """
     torch = imported_torch(path)
     content = torch.load(file, map_location="cpu", weights_only=True)
@@ -84,16 +78,10 @@ _EXAMPLE = "mlp[4,64,64,21;relu]"
 
 
 def load_state_dict(path: Path, architecture: str, size: int) -> Callable[[Array], Any]:
-    """The network as a function of observations (N, D) to its outputs (N, outputs).
+    """The network of a state_dict as a function of observations (N, D) to its outputs (N, outputs).
 
-    Args:
-        path: a file that `torch.save(module.state_dict(), path)` wrote.
-        architecture: sizes of all layers, inputs first, and the activation between them: "mlp[4,64,64,21;relu]".
-        size: D, numbers in an observation of the task.
-
-    Raises:
-        UsageError: torch is not installed, the file is no state_dict, its entries are not those of the architecture, or
-            a weight is no finite number.
+    The `architecture` has the sizes of all layers, inputs first, and the activation: "mlp[4,64,64,21;relu]"; `size` is
+    D. Raises `UsageError` if torch is missing, or the file is none of that architecture, or a weight is not finite.
     """
     sizes, activation = _declared(architecture)
     layers = Layers(_matched(path, _read(path), sizes, architecture), activation)
@@ -149,9 +137,8 @@ _AT_LOADING = b"__setstate__"
 def load_torchscript(path: Path) -> Callable[[Array], Any]:
     """The module as a function of observations (N, D), float32 or as its weights are; of several outputs the first.
 
-    Raises:
-        UsageError: torch is not installed, the file is no TorchScript, it does more than compute, or a weight is no
-            finite number.
+    Raises `UsageError` if torch is missing, or the file is no TorchScript or does more than compute, or a weight is not
+    finite.
     """
     torch = imported_torch(path)
     _check_code(path)

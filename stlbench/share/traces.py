@@ -19,13 +19,8 @@ from stlbench.task import Task
 def load_traces(path: Path, task: Task) -> Episodes:
     """The episodes of a task's signals in a file: a table of text with one, or an .npz with several.
 
-    Where the task's environment may end an episode, a trace may be shorter, or have NaN at its end. It then is as the
-    referee records such an episode: after its last sample this one stays, or there is NaN, as the task's `terminated`
-    says.
-
-    Raises:
-        UsageError: the file lacks a signal, is longer than an episode or shorter where none ends early, has another
-            sampling time, or a value that is no finite number.
+    If the environment may end an episode, a trace may be shorter, or have NaN at its end. It then is as the referee
+    records it: its last sample stays, or there is NaN, as the task's `terminated` says. Raises `UsageError`.
     """
     traces = _table(path, task) if path.suffix.lower() == ".csv" else _arrays(path, task)
     rows, early = task.file.steps + 1, task.specification.can_end

@@ -28,15 +28,9 @@ class NoSpace:
 
 
 def run_checked(cell: Cell, run_cell: Callable[..., Result], folder: Path) -> Result | NoSpace:
-    """What a cell's function returns; a failure where the cell's code is not what it was planned with.
+    """The result of `run_cell`; a failure if the cell's code has changed since the study was planned.
 
-    Such a failure has a key that no plan has. So the cell is run again by the next command, also where the edit has
-    been taken back until then.
-
-    Args:
-        cell: what to run.
-        run_cell: a function with the arguments of `trial.run_cell`.
-        folder: of results.
+    Such a failure has a key that no plan has. So the next command runs the cell again, even if the edit is undone.
     """
     if cell.folder is not None:
         folders.know(cell.folder)  # this process may be another than the one in which it was named
@@ -79,13 +73,9 @@ def outdated(missing: Iterable[Cell], ledger: Ledger) -> dict[str, Cell]:
 
 
 def outdated_note(cells: Mapping[str, Cell], ledger: Ledger, today: Mapping[str, str], keep: bool | None) -> str:
-    """One line: how many there are, what has changed, and what becomes of them.
+    """One line: how many results are of other code, what has changed, and whether they are kept.
 
-    Args:
-        found: as `outdated` gives them.
-        ledger: has their results.
-        today: the provenance of cells that start now.
-        keep: whether the old results count; None where the user cannot say so.
+    `today` is the provenance of cells that start now; `keep` is None if the user has no such choice.
     """
     examined = {key: cells[key] for key in islice(cells, _EXAMINED)}
     results = ledger.results(examined)

@@ -42,13 +42,9 @@ _DEADLINE = 300.0
 
 
 def contradiction(cell: Cell, result: Result, folder: Path, seconds: float = math.inf) -> str | None:
-    """What cannot be of a finished cell's result, in a line; None where there is nothing, or no measurement.
+    """What cannot be true of a finished cell's result, in a line; None if nothing contradicts it.
 
-    Args:
-        cell: as it was planned.
-        result: what the cell's process gave.
-        folder: of results, with the cell's traces.
-        seconds: of wall time that the cell took at most.
+    The cell took `seconds` of wall time at most; its traces lie in the folder of results.
     """
     if result.measurement is None:
         return None
@@ -122,14 +118,10 @@ def _close(one: object, other: object) -> bool:
 
 
 class Examiner:
-    """Takes the place of results that cannot be (`contradiction`), as a context manager.
+    """Replaces results that cannot be true (`contradiction`) by failures, as a context manager.
 
-    Where a cell has a method or an agent of another distribution, a fresh interpreter looks at the results. It imports
-    none of them. It starts with the first result.
-
-    Args:
-        cells: of the run.
-        folder: of results.
+    If a cell has a method or an agent of another distribution, a fresh interpreter examines the results. It imports
+    none of them, and starts with the first result.
     """
 
     def __init__(self, cells: Iterable[Cell], folder: Path) -> None:

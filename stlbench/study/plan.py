@@ -31,20 +31,9 @@ def plan_cells(
 ) -> tuple[Cell, ...]:
     """All cells of a study, the first seed of everything first.
 
-    No method or agent is imported, so that a study that is already done is answered at once; see `check_cells`.
-
-    Args:
-        tasks: tasks, or ablations of them (`load_task`).
-        methods: what to compare.
-        agents: what to train with, by a task's recipe or else by its defaults. None for the first that each task has
-            a recipe for.
-        seeds: which; None for 0..n-1 with the number n that the task's budget names.
-        budget: name of a budget that each task has.
-        track: by which rules they are trained.
-        recipes: of the track `tuned`.
-
-    Raises:
-        UsageError: no seed, an unknown name, a task with errors, or without the budget; on the track `tuned` no recipe.
+    No method or agent is imported, so that a study that is already done is answered at once; see `check_cells`. Without
+    agents, each task is trained by the first that it has a recipe for. Without seeds, the task's budget says how many.
+    Raises `UsageError` for an unknown name or budget, a task with errors, no seed, or a missing recipe.
     """
     if seeds is not None and (not seeds or min(seeds) < 0):
         raise UsageError(f"at least one seed is needed, none of them negative, got {list(seeds)}")
@@ -116,11 +105,8 @@ class _Planned:
 def check_cells(cells: Iterable[Cell]) -> tuple[str, ...]:
     """Load the methods and agents of these cells and check their parameters, before any of them runs.
 
-    Returns:
-        A line for each thing that the user should know: an agent that trains with its defaults.
-
-    Raises:
-        UsageError: the first wrong parameter, plugin that cannot be loaded, or agent that cannot train here.
+    Returns a line for each agent that trains with its defaults. Raises `UsageError` with the first wrong parameter,
+    plugin that cannot be loaded, or agent that cannot train here.
     """
     planned, notes = tuple(cells), dict[str, None]()
     for method in dict.fromkeys(cell.id.method for cell in planned):

@@ -66,15 +66,7 @@ def ask(questions: Sequence[Question[_T]], deadline: float = DEADLINE) -> list[_
 
 
 def ask_one(question: Question[_T], deadline: float = LONG) -> _T:
-    """The answer to a single question, on which all depends.
-
-    Args:
-        question: see `ask`.
-        deadline: wall seconds.
-
-    Raises:
-        UsageError: there is no answer.
-    """
+    """The answer to a single question, on which all depends. Raises `UsageError` without an answer."""
     (answer,) = ask([question], deadline)
     if not isinstance(answer, Unanswered):
         return answer
@@ -82,10 +74,9 @@ def ask_one(question: Question[_T], deadline: float = LONG) -> _T:
 
 
 def load_guarded(choice: Choice | str) -> Task:
-    """A task, for what looks at its file: one of others is only loaded here where another process could do so before.
+    """A task, for a reader of its file. A task of others is loaded here only if another process could load it.
 
-    Raises:
-        UsageError: as `load_task`; or it raises, hangs or ends its process while it is loaded.
+    Raises `UsageError` as `load_task`; or if the task raises, hangs or ends its process while it is loaded.
     """
     chosen = folders.task_of(choice)
     if not _is_own("tasks", chosen.name):

@@ -38,18 +38,9 @@ class LoadedPolicy(NamedTuple):
 def load_policy(folder: Path, result: Result, which: Which = "selected", on: Task | None = None) -> LoadedPolicy:
     """The stored policy of a cell; it acts as it did when it was scored, bit for bit.
 
-    A tuned recipe is not read again: what of it matters is in the result. Neither is a library that the agent trains
-    with needed, unless its policies do.
-
-    Args:
-        folder: of results.
-        result: of the cell, from that folder's ledger or its `cells.jsonl`.
-        which: the checkpoint that was selected, or the policy at the end of training.
-        on: another task than its own, with the same observation and the same actions; its own where left out.
-
-    Raises:
-        UsageError: no policy is stored, or it is not what was recorded; its task, method or agent is not installed, or
-            gives other observations or takes other actions now than it did when the policy was trained.
+    The result has what matters of a tuned recipe. A library that the agent trains with is needed only if its policies
+    use it. `on` is another task than the cell's own, with the same observation and actions. Raises `UsageError` if no
+    policy is stored, or it differs from the record, or its plugins are missing or show and take other things now.
     """
     arrays, name = read(folder, result, which), result.id.name
     assert result.measurement is not None
@@ -132,11 +123,7 @@ def parse_start(text: str) -> tuple[float, ...]:
 
 
 def replay(folder: Path, result: Result, which: Which = "selected", start: Start = EVERY) -> Replay:
-    """Let a cell's stored policy act again.
-
-    Raises:
-        UsageError: no policy of the cell can be used (`load_policy`), or the task has no such start.
-    """
+    """Let a cell's stored policy act again. Raises `UsageError` as `load_policy`, or if the task has no such start."""
     task, method, policy = load_policy(folder, result, which)
     visited = list[Array]()
     traces = referee.record(task, method, policy, _begun(task, start), visited).traces
@@ -149,8 +136,7 @@ def replay(folder: Path, result: Result, which: Which = "selected", start: Start
 def reenact(folder: Path, result: Result, which: Which, start: Start, film: Film) -> Reenactment:
     """Let a cell's stored policy act before a camera, from the starts of a film.
 
-    Raises:
-        UsageError: as `replay`, or the task's environment has no pictures.
+    Raises `UsageError` as `replay`, or if the task's environment has no pictures.
     """
     task, method, policy = load_policy(folder, result, which)
     if isinstance(task.dynamics, GymTask) and task.source.undrawn:

@@ -31,11 +31,7 @@ class Tally:
     """Counts the cells of a run, and estimates the time that is left.
 
     A cell is expected to take the mean of the cells that differ from it in the seed alone. Before one of these has
-    ended, it is the mean of all.
-
-    Args:
-        missing: cells without a result.
-        done: how many have a result from before, of which no more is known.
+    ended, it is the mean of all. `done` cells have a result from before, of which no more is known.
     """
 
     def __init__(self, missing: Iterable[CellId], done: int = 0) -> None:
@@ -99,11 +95,7 @@ class Tally:
 class Progress:
     """Prints how a run goes on (`study.run.Progress`): a line on stderr for each cell that ends.
 
-    A terminal also has a bar and the cells that run below them; elsewhere a line a minute has these. As a context
-    manager it takes the bar away at the end.
-
-    Args:
-        folder: of results, where cells that run say how far they are; they are not shown where it is left out.
+    A terminal also has a bar and the running cells of the folder below it; elsewhere a line a minute has these.
     """
 
     def __init__(self, folder: Path | None = None) -> None:

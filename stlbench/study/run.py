@@ -84,12 +84,9 @@ def _progress(wanted: Progress | Callback | bool | None, folder: Path) -> Iterat
 
 
 def build_executor(choice: Choice | str = "local", jobs: int | None = None, memory: str | None = None) -> Executor:
-    """The chosen executor, with so many cells at a time; as many as it thinks right where none is said.
+    """The chosen executor, with so many `jobs` at a time, and so much `memory` for each cell, as in "4G".
 
-    `memory` is the most that a cell may take, as in "4G"; what the executor chooses where it is not said.
-
-    Raises:
-        UsageError: there is no such executor, it cannot run here, or a parameter is wrong.
+    Raises `UsageError` if there is no such executor, it cannot run here, or a parameter is wrong.
     """
     text = chosen = executor_of(choice)
     if memory is not None:
@@ -173,21 +170,10 @@ def run_cells(
     """Run those of the cells that have no result in the folder's ledger, and record each as it ends.
 
     What is planned is recorded first, so that a report knows what an interrupted study lacks. An interrupt
-    (`KeyboardInterrupt`) stops the workers; what ended before is recorded, and the same call goes on.
-
-    Args:
-        cells: the whole plan (`plan_cells`).
-        folder: of results: the ledger, the traces and the policies.
-        executor: runs the cells.
-        retry: how cells ended that are run again, of `ACCIDENTS`.
-        attempts: a cell that failed so often in a row is not; None is no limit.
-        keep_old: count results of other code than today's as done; None is no, where the user has no such choice.
-        progress: called with its progress.
-        run_cell: an importable function with the arguments of `trial.run_cell`, which it is where left out.
-
-    Raises:
-        UsageError: a plugin cannot be loaded, or has wrong parameters, or the ledger is none, or another process writes
-            in the folder; nothing has run then, and nothing was written.
+    (`KeyboardInterrupt`) stops the workers; what ended before is recorded, and the same call goes on. Cells that ended
+    as `retry` says run again, unless they failed `attempts` times in a row. `keep_old` counts results of other code as
+    done. `run_cell` stands for `trial.run_cell`. Raises `UsageError` if a plugin cannot be loaded, or the ledger is
+    none, or another process writes in the folder; then nothing ran, and nothing was written.
     """
     progress = progress or _Silent()
     provenance = collect(executor.jobs)

@@ -28,18 +28,9 @@ def run(
 ) -> Generator[Result]:
     """Yield the result of each cell, as they end. A result is in the ledger when it is yielded.
 
-    ctrl-C, or closing the iterator, stops the workers; what ended before is recorded. So it is with a full disk, and
-    with an executor that fails, which raise `UsageError`.
-
-    Args:
-        cells: what to run, in the order in which to begin.
-        ledger: takes the results.
-        executor: runs the cells.
-        run_cell: an importable function. What it raises becomes a result with status `raised`.
-        provenance: added to that of every result that is recorded (see `provenance.collect`); of one of another machine
-            what is of the run.
-        accepted: looks at what a cell returned, and at how many seconds ago the first cell began; gives the result that
-            is recorded.
+    ctrl-C, or closing the iterator, stops the workers; what ended before is recorded. The same holds for a full disk,
+    and for an executor that fails, which raise `UsageError`. What `run_cell` raises becomes a result. `accepted` may
+    replace the result of a cell that returned so many seconds after the first cell began.
     """
     begun = time.monotonic()
     with closing(outcomes(executor, run_cell, cells, [cell.deadline for cell in cells])) as ended:
@@ -84,8 +75,7 @@ def outcomes(
 ) -> Generator[Outcome]:
     """Yield what `executor.run` yields: one outcome per item, as they end.
 
-    Raises:
-        UsageError: it raises anything but `Unsuitable`, gives no generator of outcomes, or not one for each item.
+    Raises `UsageError` if it raises anything but `Unsuitable`, or gives no generator with an outcome for each item.
     """
     left = set(range(len(items)))
     with failing(executor):

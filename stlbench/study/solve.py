@@ -38,11 +38,7 @@ class PlanSetting:
 
 
 def parse_settings(text: str) -> tuple[PlanSetting, ...]:
-    """A comma list, "recipe,gamma=1,without=cuts+ends gamma=1"; a space joins what makes one setting.
-
-    Raises:
-        UsageError: with the item that is no setting.
-    """
+    """A comma list, "recipe,gamma=1,without=cuts+ends gamma=1"; a space joins what makes one setting."""
     return tuple(dict.fromkeys(_setting(item) for item in text.split(",")))
 
 
@@ -83,15 +79,8 @@ def plan_alignment(
 ) -> tuple[Cell, ...]:
     """The cells of a task: every method in every setting, after the formula itself.
 
-    Args:
-        task: as such; what it is to do without is in the settings.
-        methods: all that are installed and fit, where left out.
-        settings: `default_settings` where left out.
-        resolution: how fine the grids are; as the agents' parameter `resolution`.
-
-    Raises:
-        UsageError: no such task, method or part, a task that is no system, or no agent is installed that plans for a
-            reward.
+    Without methods, all that fit; without settings, `default_settings`. Raises `UsageError` if the task is no system,
+    has no such part, no method fits it, or no agent is installed that plans for a reward.
     """
     if task.parameters:
         raise UsageError(f"{task}: name the task alone, and what it is to do without as a setting")

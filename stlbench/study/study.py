@@ -21,11 +21,7 @@ MOST_SEEDS = 10_000
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:
-    """A lone number is a count, "3" -> 0, 1, 2; with a comma or a dash it is a list, "0-2,7" -> 0, 1, 2, 7. Sorted.
-
-    Raises:
-        UsageError: it is neither, or there is no seed.
-    """
+    """A lone number is a count, "3" -> 0, 1, 2; with a comma or a dash it is a list, "0-2,7" -> 0, 1, 2, 7. Sorted."""
     if re.fullmatch(r"\s*[0-9]{1,5}\s*", text):
         ranges: Collection[tuple[int, int]] = [(0, int(text) - 1)]
     else:
@@ -157,15 +153,11 @@ class Study(BaseModel):
 
     @classmethod
     def of(cls, options: Mapping[str, Any], base: Study | str | Path | None = None) -> Study:
-        """The study that the options describe.
+        """The study that the options describe, as Python values or as texts of the command line.
 
-        Args:
-            options: values of the fields, as Python values or as the texts of the command line.
-            base: what the options leave out: another study, or a YAML file whose keys are the fields of this class.
-                The folder of results in a file is relative to the working directory.
-
-        Raises:
-            UsageError: the file cannot be read, or one line with everything that is wrong.
+        The `base` has what they leave out: another study, or a YAML file whose keys are the fields of this class. The
+        folder of results in a file is relative to the working directory. Raises `UsageError` with everything that is
+        wrong, in one line.
         """
         if isinstance(base, Study):
             content: Mapping[str, Any] = dict(base)

@@ -77,16 +77,9 @@ def task_of(cell: CellId, recipe: Recipe | None = None) -> Task:
 
 
 def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = None) -> Task:
-    """The task as a track has it.
+    """The task as a track has it. On the track `plain` the agent has no recipe, and so trains with its defaults.
 
-    Args:
-        task: as its file says.
-        agent: who trains. On the track `plain` it has no recipe, and so trains with its defaults.
-        track: by which rules.
-        recipe: of the method, on the track `tuned`.
-
-    Raises:
-        UsageError: the recipe's `hold` does not fit the task.
+    Raises `UsageError` if the `hold` of a tuned recipe does not fit the task.
     """
     if track != "tuned":
         return for_every_method(task, agent.name, track)

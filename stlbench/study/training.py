@@ -64,8 +64,7 @@ def train(
 ) -> Trained:
     """Rehearse, unless the agent plans, and train by the clock.
 
-    Raises `RuntimeError` where the agent takes more steps than its budget, also by what it has kept of the rehearsal,
-    reports more than it took, or trains and takes none.
+    Raises `RuntimeError` if the agent takes more steps than its budget, reports more than it took, or takes none.
     """
     used: list[CountedEnvironment] = []
     reported: list[Checkpoint] = []

@@ -33,15 +33,9 @@ _REWARDED = 16
 
 
 def run_cell(cell: Cell, folder: Path | None = None) -> Result:
-    """Train and score one cell.
+    """Train and score one cell; traces and policies are saved in the folder of results, if there is one.
 
-    Args:
-        cell: what to run.
-        folder: of results, where the report's traces and the policies are saved, if anywhere.
-
-    Returns:
-        The cell's result; a method or agent that does not fit the task is a result, with its reason. Any other error
-        of a plugin is raised, for the scheduler to record.
+    A method or agent that does not fit the task is a result, with its reason. Other errors of plugins are raised.
     """
     task = cell.load_task()
     try:

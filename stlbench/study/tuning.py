@@ -107,8 +107,8 @@ class Entrant:
 def entrants(study: Study) -> tuple[Entrant, ...]:
     """What there is to tune: each task, method and agent of a study, with the same space for all methods.
 
-    Raises:
-        UsageError: a seed that is reported, another track than `shared`, a held task, or an agent without a space.
+    Raises `UsageError` for a seed that is reported, another track than `shared`, a held task, or an agent without a
+    space.
     """
     if study.seeds is None or min(study.seeds) < FIRST_SEED:
         raise UsageError(f"seeds below {FIRST_SEED} are reported and not tuned with; say --seeds 100-101")
@@ -169,16 +169,9 @@ def search(
     trials: int,
     run: Callable[[Sequence[Cell]], Mapping[CellId, Result]],
 ) -> None:
-    """Give each entrant so many trials, and append them to it.
+    """Give each entrant so many trials, and append them to it. `run` runs missing cells, and returns all results.
 
-    Args:
-        found: what is tuned (`entrants`).
-        study: budget and seeds of the trials.
-        trials: of each; a method that does not fit its task has no more than the first ones.
-        run: runs cells, those that are missing, and gives back the results of all of them.
-
-    Raises:
-        UsageError: Optuna is not installed.
+    A method that does not fit its task has no more than the first trials. Raises `UsageError` without Optuna.
     """
     searches = [_Search(entrant) for entrant in tuned]
     for begin in range(0, trials, _AT_ONCE):

@@ -56,16 +56,10 @@ class Place(NamedTuple):
 
 @styled
 def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title: str) -> Figure:
-    """Draw a trace with the predicate and the step that its robustness comes from.
+    """Draw a trace (t + 1, k) with the predicate and the step that its robustness comes from.
 
     One row for each signal, with the regions of the terms; below, the margin of the predicate at every step. If the
-    task names a plane, it is on the right, or below in one column.
-
-    Args:
-        task: what was tried.
-        trace: (t + 1, k), as far as it was recorded: T + 1 samples, or fewer after an early end.
-        witness: of the robustness; None if the early end decides it.
-        title: of the figure.
+    task names a plane, it is on the right, or below in one column. Without a witness, an early end decides.
     """
     here, wide = place_of(task, trace, witness), task.file.plane is not None
     rows = len(task.signals) + (here.predicate is not None)

@@ -101,13 +101,8 @@ def save(figure: Figure, folder: Path, name: str, source: str = "") -> list[Path
     """Write the figure as `name`.png, .svg and .pdf, the same bytes whenever it is drawn again; their paths.
 
     In the vector files text is text. The PNG has 256 colours, a third of the size, since reports are committed. They
-    are chosen for coverage: the usual median cut merged colours of few pixels, such as a legend's.
-
-    Args:
-        figure: what to write.
-        folder: is made if it is not there.
-        name: without the ending.
-        source: a digest of what it was drawn from, kept in PNG and SVG; empty keeps none.
+    are chosen for coverage: the usual median cut merged colours of few pixels, such as a legend's. PNG and SVG keep the
+    `source`, a digest of what it was drawn from.
     """
     import matplotlib as mpl
     from PIL import Image

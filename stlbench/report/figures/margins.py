@@ -41,15 +41,8 @@ def robustness_in_time(
     """One row for each term: the margin of its psi at each step; None if the formula is not made of terms.
 
     A row has the median over starts and seeds, the range of the middle 90 %, some single traces, the steps at which the
-    term is read, and the method's band if it has one.
-
-    Args:
-        task: what the cells trained on.
-        recording: their traces.
-        bands: of the method, on terms that methods see. If these are not the terms drawn, the legend says so.
-        title: of the figure.
-        colour: of the method.
-        rewarded: draw the terms of the task file's `rewarded` form, that methods see, in place of the task's own.
+    term is read, and the method's band if it has one. `rewarded` draws the terms that methods see. If the `bands` are
+    on other terms than these, the legend says so.
     """
     rows = rewarded_terms(task) if rewarded else terms(task)
     if not rows:

@@ -173,13 +173,9 @@ def _limit(axes: Axes, lines: Sequence[tuple[MeanCurve, GroupStyle]]) -> tuple[f
 
 @styled
 def overview(task: Task, groups: Sequence[Group], traces: Sequence[Array | None], colours: Colours) -> Figure:
-    """Draw the robustness of groups of one task that names a plane, and their traces in this plane.
+    """Draw the robustness of at most `METHODS_PER_OVERVIEW` groups of one task that names a plane, and their traces.
 
-    Args:
-        task: names a plane.
-        groups: at most `METHODS_PER_OVERVIEW`.
-        traces: (N, T + 1, k) for each group, and for one group at least; a group with None has no panel.
-        colours: of their methods.
+    Each group has traces (N, T + 1, k), or None and no panel; one has traces at least.
     """
     panels = [
         (style.label.partition(":")[0], group, shown)

@@ -90,20 +90,11 @@ def rewarded_terms(task: Task) -> tuple[Term, ...]:
 
 
 def region(task: Task, psi: Formula, axes: Sequence[Array], names: Sequence[str]) -> tuple[Array, Truth] | None:
-    """The margin of `psi` over a grid of some signals, and where it holds.
+    """The margin of `psi`, which has no temporal operators, over a grid of one signal or two, and where it holds.
 
     Other signals that psi reads take the best of a few values in their ranges: a region in the plane is the projection
-    of the region in space.
-
-    Args:
-        task: gives the signals and their ranges.
-        psi: without temporal operators.
-        axes: the grid's values, (p,) for each of the names.
-        names: one signal or two.
-
-    Returns:
-        Margin and truth, both (p_1, p_2) or (p_1,). None if psi reads none of these signals, or more than four others,
-        which are too many to search.
+    of the region in space. Both results have shape (p_1, p_2) or (p_1,). None if psi reads none of these signals, or
+    more than four others, which are too many to search.
     """
     read, specification = stl.signals(psi), task.specification
     hidden = [name for name in task.signals if name in read and name not in names]

@@ -61,16 +61,10 @@ class Job:
 
 
 def draw(results: Iterable[Result], job: Job) -> list[Path]:
-    """Draw all figures of these results, one for each cell of a run (`Ledger.results`).
+    """Draw all figures of these results, one for each cell of a run (`Ledger.results`); the files' paths.
 
     A task has learning-<task>, overview-<task> if it names a plane, and planned-<task> of what was planned. Each
-    method, agent and budget has time-<...> and trajectories-<...>, over all seeds.
-
-    Returns:
-        The files' paths.
-
-    Raises:
-        UsageError: a name in the ledger cannot name a file, or the folder cannot be written.
+    method, agent and budget has time-<...> and trajectories-<...>, over all seeds. Raises `UsageError`.
     """
     groups, finished = _condensed(results)
     if finished and not (job.run / TRACES).is_dir():

@@ -85,12 +85,9 @@ def _counts(places: Array, size: int) -> Array:
 def ranks(tasks: Sequence[Sequence[tuple[int, Array] | None]]) -> list[Estimate]:
     """The mean rank of each method over the tasks that it fits, among the methods that fit them; 1 is the best.
 
-    Args:
-        tasks: for each task and method its class and its runs; None if it does not fit. Each method fits a task.
-            Methods of one class are paid the same on that task.
-
-    On a task, classes are sorted by the median of all their runs. Methods of one class share the mean of their places,
-    and so do methods that are exactly as good.
+    For each task and method: its class and its runs, or None if it does not fit. Methods of one class are paid the
+    same. Classes are sorted by the median of all their runs, and their methods share the mean of their places. So do
+    methods that are exactly as good.
     """
     from scipy import stats
 

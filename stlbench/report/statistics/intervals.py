@@ -40,14 +40,9 @@ def median_interval(values: Sequence[float]) -> Interval | None:
     """Interval of the median: from one seed to another (Thompson 1936, Annals of Mathematical Statistics 7).
 
     The number of seeds below the median is binomial with probability 1/2, whatever the distribution is, also if many
-    seeds fail. As many seeds are outside at either end as leave a coverage of 95 %, or none.
-
-    Args:
-        values: one number for each seed.
-
-    Returns:
-        Lower and upper end; None for fewer than `FEWEST` values, or if one is not finite. Coverage is 93.75 % for five
-        values, 97.9 % for ten, and at least 95 % for any other number.
+    seeds fail. As many seeds are outside at either end as leave a coverage of 95 %, or none. Coverage is 93.75 % for
+    five values, 97.9 % for ten, at least 95 % for any other number. None for fewer than `FEWEST`, or one that is not
+    finite.
     """
     if len(values) < FEWEST or not np.isfinite(values).all():
         return None
@@ -162,10 +157,7 @@ def log_evidence(successes: ArrayLike, trials: ArrayLike, share: ArrayLike) -> A
 def share_sequence(successes: int, trials: int, level: float) -> Interval:
     """Interval of a share, in [0, 1], that covers it with probability `level` at all numbers of trials at once.
 
-    Args:
-        successes: how many of the trials.
-        trials: so far, at least 0. They are independent, and the share is the probability of a success.
-        level: confidence, in (0, 1).
+    The trials are independent, and the share is the probability of a success.
     """
     if not trials:
         return Interval(0.0, 1.0)

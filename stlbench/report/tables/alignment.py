@@ -72,12 +72,7 @@ def align(
     """A row for each task, method and setting that was planned for; rows of the formula come first.
 
     Plans that differ in the resolution alone share a row. It has the numbers of the plan without that parameter, else
-    of the finest, and says how far they disagree.
-
-    Args:
-        groups: all that is recorded, planned and learned.
-        standards: of their tasks.
-        shown: rows have plans of these alone, compared with all groups; None is all groups.
+    of the finest, and says how far they disagree. Rows have plans of `shown` alone, compared with all groups.
     """
     wanted = {group.setting for group in (groups if shown is None else shown)}
     learned, planned = split(groups)
