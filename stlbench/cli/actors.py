@@ -178,17 +178,8 @@ def one_by_one(
 ) -> None:
     """Search each actor with a bar on a terminal, and show all results; after ctrl-C the results so far, exit code 130.
 
-    Of several actors, one that cannot be searched is left out with a line on stderr, and the exit code is 2.
-
-    Args:
-        actors: to search.
-        episodes: the most of each search.
-        search: called with an actor, and with what to call with the number of its episodes so far.
-        line: a result in short, printed on stderr as each of several searches ends.
-        show: prints all results, at least one.
-
-    Raises:
-        UsageError: of all searches, or of a single actor that cannot be searched.
+    Of several actors, one that cannot be searched is left out with a line on stderr, and the exit code is 2. Each takes
+    at most so many `episodes`. `search` gets an actor and a function for its progress, `line` is a result in short.
     """
     from stlbench.search.actor import Unsearchable
 

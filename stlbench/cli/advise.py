@@ -71,10 +71,7 @@ def advise(
 def _facts(task: Task, known: Mapping[str, Mapping[str, Any]], methods: Iterable[str] | None) -> dict[str, Any]:
     """The task's formula in its forms, the methods that fit, and the methods that do not.
 
-    Args:
-        task: that the methods should fit.
-        known: method -> what results say of it.
-        methods: to ask about; None for all that are installed and all in `known`.
+    Asked are these `methods`, or all that are installed or `known` from results.
     """
     from stlbench.registry import plugins
 

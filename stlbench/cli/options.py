@@ -19,11 +19,9 @@ REQUIRED = "required"
 
 
 def study_options(*fields: str, **instead: tuple[str, str]) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command fields of `Study` as options; it takes those that the user gave as keyword arguments.
+    """Give a command `fields` of `Study` as options, all if none is named; it takes those that the user gave.
 
-    Args:
-        fields: names of fields, in the order of the help; all of them where none is named.
-        instead: for a field a help and a default for the help, in place of those of `Study`; an empty text leaves them.
+    `instead` has a help and a default for the help of a field, in place of those of `Study`; an empty text leaves them.
     """
     options = [_parameter(name, *instead.get(name, ("", ""))) for name in fields or Study.model_fields]
 

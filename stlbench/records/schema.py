@@ -46,20 +46,12 @@ missing cells are found without the pages of the results: for 100,000 cells 10 M
 
 
 def open_to_read(path: Path) -> sqlite3.Connection:
-    """The file, also in a folder that cannot be written.
-
-    Raises:
-        UsageError: it cannot be opened, is no ledger, or one of another version.
-    """
+    """The file, also in a folder that cannot be written. Raises `UsageError` if it is no ledger of this version."""
     return _opened(path, to_write=False)
 
 
 def open_to_write(path: Path) -> sqlite3.Connection:
-    """The file, which is made where there is none, with its folder.
-
-    Raises:
-        UsageError: as `open_to_read`, or it cannot be made.
-    """
+    """The file, which is made if it is missing, with its folder. Raises `UsageError` as `open_to_read`."""
     return _opened(path, to_write=True)
 
 

@@ -37,7 +37,7 @@ class Entry(NamedTuple):
 def outside_question(
     task: Choice, source: Source, shown: Shown, budget: str | None, name: str | None, seed: int
 ) -> Question[Entry]:
-    """A question for the score of a policy from outside on a task. No budget means the task's only one, else `quick`."""
+    """A question for the score of a policy from outside. No budget means the task's only one, else `quick`."""
     functions = [("functions", source.text)] if source.kind == "function" else []
     methods = [("methods", shown.method.name)] if shown.method != UNKNOWN else []
     plugins = ("tasks", task.name), *methods, *functions

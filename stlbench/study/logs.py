@@ -109,13 +109,7 @@ class _Thread:
 
 
 class Logged:
-    """The progress of a run (`study.run.Progress`) that logs are told of too; as a context manager it ends them.
-
-    Args:
-        logs: by their names.
-        folder: of results.
-        told: whom to tell besides, and of a log that was turned off.
-    """
+    """The progress of a run (`study.run.Progress`) that logs are told of too; as a context manager it ends them."""
 
     def __init__(self, logs: dict[str, RunLog], folder: Path, progress: Progress) -> None:
         self._threads = [_Thread(name, log) for name, log in logs.items()]

@@ -137,11 +137,7 @@ class Patience:
 
 
 class StepCounter:
-    """Counts environment steps, against a budget once it has begun.
-
-    Args:
-        agent: for messages.
-    """
+    """Counts an agent's environment steps, against a budget once it has begun."""
 
     def __init__(self, agent: str) -> None:
         self.taken = 0
