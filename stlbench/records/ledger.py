@@ -103,8 +103,8 @@ class Ledger(Records):
     def finished(self, keys: Iterable[str], retry: Collection[Status] = (), attempts: int | None = None) -> set[str]:
         """The keys of which the next run measures no cell.
 
-        A run measures again cells that ended as `retry` says, and then also cells whose row is damaged. A cell that failed
-        `attempts` times in a row is given up, and finished.
+        A run measures again cells that ended as `retry` says, and then also cells whose row is damaged. A cell that
+        failed `attempts` times in a row is given up, and finished.
         """
         rows = {row.key: row for row in self.listed()}
         rows_of_keys = [rows[key] for key in keys if key in rows and not rows[key].again]
