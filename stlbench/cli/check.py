@@ -38,6 +38,7 @@ def check(
       stlbench check "verdict[pay=end]" --task hold-disc
       stlbench check ./my-task
     """
+    from stlbench import testing
     from stlbench.contract import Intractable, Unsuitable
     from stlbench.rollout.faults import PluginFault
     from stlbench.testing import RuleBroken, Rules
@@ -47,7 +48,10 @@ def check(
         raise UsageError(f"--task is for a method, and {plugin} is none")
     broken = ""
     try:
-        _run(plugin, name, task, rules)
+        if plugin.kind == "methods":
+            testing.check_method(name, task, rules)
+        else:
+            getattr(testing, f"check_{plugin.kind.removesuffix('s')}")(name, rules)
     except PluginFault as fault:
         broken = f"it raises nothing that the contract does not name; got {_raised(fault)}"
     except UsageError:
@@ -94,21 +98,6 @@ def _nearest(name: str) -> str:
     if not close:
         raise UsageError(f"no plugin '{name}'; `stlbench list methods` and its like say what there is")
     return kinds[close[0]]
-
-
-def _run(plugin: Plugin, name: str, task: str | None, rules: Rules) -> None:
-    from stlbench import testing
-
-    if plugin.kind == "methods":
-        testing.check_method(name, task, rules)
-    elif plugin.kind == "tasks":
-        testing.check_task(name, rules)
-    elif plugin.kind == "agents":
-        testing.check_agent(name, rules)
-    elif plugin.kind == "logs":
-        testing.check_log(name, rules)
-    else:
-        testing.check_executor(name, rules)
 
 
 def _raised(error: BaseException) -> str:

@@ -132,8 +132,8 @@ def gate(
 def _by_turns(reference: Snapshot, revision: str) -> tuple[Snapshot, Snapshot, Judgement]:
     """The reference with the base of its costs, the snapshot of the change, and the verdict."""
     from stlbench.gate.cost import judge_turns
+    from stlbench.gate.measure import take_turns
     from stlbench.gate.revision import both_trees
-    from stlbench.gate.turns import take_turns
 
     try:
         with both_trees(revision) as (base, change):

@@ -1,4 +1,4 @@
-"""`stlbench show`: one cell, method or task in full."""
+"""`stlbench list` and `stlbench show`: the installed plugins, and one cell, method or task in full."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stlbench.cli import common
-from stlbench.cli.common import Json
+from stlbench.cli.common import Json, warn
 from stlbench.cli.completion import names
 from stlbench.cli.show_task import task
+from stlbench.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
     from stlbench.records.result import Result
     from stlbench.registry.plugins import Plugin
     from stlbench.report import Table
+
 
 app = typer.Typer(rich_markup_mode=None)
 app.command("task")(task)
@@ -165,3 +167,51 @@ def _method_text(facts: Mapping[str, Any]) -> Iterator[str | Table]:
     ):
         if rows:
             yield Table(title, tuple(Column(heading, right=False) for heading in headings), rows)
+
+
+def list_plugins(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="methods, tasks, agents, executors or logs.")],
+    as_json: Json = False,
+) -> None:
+    """List the installed methods, tasks, agents, executors or logs.
+
+    Each with the distribution that it comes from and its parameters, which `run` takes in brackets. A plugin that
+    cannot be loaded is a warning.
+
+    \b
+    Examples:
+      stlbench list methods
+      stlbench list tasks --json
+    """
+    from stlbench.registry import plugins
+
+    if kind not in plugins.KINDS:
+        raise UsageError(f"no kind of plugin '{kind}'{did_you_mean(kind, plugins.KINDS)}")
+    listed = []
+    for plugin in plugins.available(kind).values():
+        try:
+            facts = {"name": plugin.name, "distribution": plugin.distribution, "version": plugin.version}
+            listed.append(facts | {"summary": plugin.summary, "parameters": parameter_facts(plugin)})
+        except plugins.PluginError as error:
+            warn(str(error))
+    common.show(as_json, listed, _text(kind, listed))
+
+
+def _text(kind: str, listed: list[dict[str, Any]]) -> Iterator[Table]:
+    from stlbench.report import Column, Table
+
+    titles = ["name", "from", "summary", *(["parameters"] if any(facts["parameters"] for facts in listed) else [])]
+    rows = tuple(
+        (facts["name"], f"{facts['distribution']} {facts['version']}", facts["summary"], _parameters(facts))
+        for facts in listed
+    )
+    columns = tuple(Column(title, right=False) for title in titles)
+    yield Table(kind.capitalize(), columns, tuple(row[: len(titles)] for row in rows))
+
+
+def _parameters(facts: dict[str, Any]) -> str:
+    texts = []
+    for name, parameter in facts["parameters"].items():
+        default = f" = {parameter['default']}" if "default" in parameter else ", required"
+        texts.append(f"{name}: {parameter['type']}{default}")
+    return "\n".join(texts)

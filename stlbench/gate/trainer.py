@@ -19,8 +19,7 @@ from stlbench.gate.snapshot import NUMBERS, sample
 from stlbench.registry.choices import parse_choice
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
-from stlbench.study.trial import run_cell
-from stlbench.study.warm import warm
+from stlbench.study.trial import run_cell, warm
 
 Answer = dict[str, Any]
 

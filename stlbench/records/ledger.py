@@ -12,8 +12,7 @@ from stlbench.errors import unwritable
 from stlbench.records.identity import IDENTITY, CellId
 from stlbench.records.reader import Records
 from stlbench.records.result import Result
-from stlbench.records.rows import Row, texts, values
-from stlbench.records.schema import open_to_write
+from stlbench.records.schema import Row, open_to_write, texts, values
 from stlbench.records.status import ACCIDENTS, Status
 
 FILE = "ledger.sqlite"

@@ -8,14 +8,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from operator import itemgetter
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import IDENTITY, CellId
 from stlbench.records.result import Result, plain
-from stlbench.records.rows import LISTED, Row, cell_of, result_of, texts
-from stlbench.records.schema import is_sqlite, open_to_read
+from stlbench.records.schema import LISTED, Row, cell_of, is_sqlite, open_to_read, result_of, texts
 
 _IDENTITY = ", ".join(IDENTITY)
 _BYTES = 200
@@ -63,7 +61,7 @@ class Records:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *raised: object) -> None:
         self.close()
 
     def close(self) -> None:

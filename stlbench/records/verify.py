@@ -15,7 +15,7 @@ from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
 from stlbench.records.outputs import inside
 from stlbench.records.result import Result
-from stlbench.records.rows import checksums_beside
+from stlbench.records.schema import checksums_beside
 
 DAMAGED = FILE + ".damaged"
 """The name that `repair` gives to a ledger with an unreadable part."""

@@ -7,10 +7,13 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, reduce
-from importlib import metadata
+from functools import cache, cached_property, lru_cache, reduce
+from importlib import metadata, resources
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 from stlbench.registry.effective_source import TASK_FILE, effective_digest
 
@@ -207,3 +210,15 @@ def _version(distribution: str) -> str:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:
         return "not installed"
+
+
+def revision(kind: str, name: str | None = None) -> int | None:
+    """The revision of the harness or the formula's view, or of a plugin by its kind and name; None if it has none."""
+    number: int | None = _read()[kind] if name is None else _read()[kind].get(name)
+    return number
+
+
+@cache
+def _read() -> dict[str, Any]:
+    text = resources.files("stlbench.registry").joinpath("revisions.yaml").read_text(encoding="utf-8")
+    return dict(yaml.safe_load(text))

@@ -19,8 +19,7 @@ from stlbench.registry.choices import NAME, Choice
 from stlbench.rollout.questions import Question
 from stlbench.share.scoring import UNKNOWN, Scored, Shown, score
 from stlbench.share.source import Source
-from stlbench.study.cell import digest
-from stlbench.study.keys import harness
+from stlbench.study.cell import digest, harness
 from stlbench.study.provenance import collect
 from stlbench.task import Task, load_task
 

@@ -6,13 +6,18 @@ import hashlib
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
+from stlbench.contract import GymTask, System
 from stlbench.records.identity import CellId
 from stlbench.records.result import Measurement, Result
 from stlbench.records.status import Status
-from stlbench.registry import folders
-from stlbench.registry.fingerprint import Code
+from stlbench.registry import folders, plugins
+from stlbench.registry.choices import Choice
+from stlbench.registry.effective_source import WORDS
+from stlbench.registry.fingerprint import Code, code_of, own_code, revision
 from stlbench.study.tracks import Recipe, task_of
 from stlbench.task.task import Task
 
@@ -60,3 +65,108 @@ def derive_seed(*parts: str | int) -> int:
     Leave the method out of the parts, and every method gets the same random numbers: comparisons are paired.
     """
     return int.from_bytes(hashlib.sha256(json.dumps(parts).encode()).digest()[:8], "big") >> 1
+
+
+PARTS = ("harness", "task", "method", "agent", "packages")
+"""Their names: stlbench's own code, the task, the method, the agent with its recipe, and the versions of the installed
+distributions that the plugins import."""
+
+_NO_PART: dict[str, Any] = dict.fromkeys((*WORDS, "agents", "budgets"), True) | {"environment": {"drawn"}}
+"""What a task file says that changes no result, or is in the key of a cell by itself."""
+_NO_SYSTEM: dict[str, Any] = {"environment": True, "terminated": True, "signals": {"__all__": {"expression"}}}
+"""What it says of environments alone."""
+
+
+_OF_BUDGET = {"steps", "checkpoints", "patience", "random_starts"}
+"""What of a budget changes a result."""
+
+_NO_CODE = Code()
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one plugin, as it was chosen, adds to a key."""
+
+    digest: str
+    code: Code
+
+
+@dataclass(frozen=True)
+class Ingredients:
+    """All of a key but the track and the seed."""
+
+    harness: Part
+    task: Part
+    method: Part
+    agent: Part
+
+    @cached_property
+    def code(self) -> tuple[Code, ...]:
+        """What has to stay as it is while the cell runs."""
+        return self.harness.code, self.task.code, self.method.code, self.agent.code
+
+    @cached_property
+    def parts(self) -> tuple[tuple[str, str], ...]:
+        """Name and hash of each part."""
+        plugged = (self.task, self.method, self.agent)
+        packages = sorted({package for part in plugged for package in part.code.packages})
+        hashes = (self.harness.digest, *(part.digest for part in plugged), digest(packages))
+        return tuple(zip(PARTS, hashes, strict=True))
+
+    def key(self, track: str, seed: int) -> str:
+        """The key of a cell of these."""
+        return digest([track, *self.parts, seed])
+
+
+def harness() -> Part:
+    """stlbench's own code that trains and scores a cell: its revision, and the files that must not change meanwhile."""
+    return Part(digest(["harness", revision("harness")]), code_of("stlbench.study.trial", packages=False))
+
+
+def task_part(task: Task, budget: str) -> Part:
+    """Words and pictures for people change no result, nor do other budgets, deadlines, recipes of other agents.
+
+    The versions of the software of an environment belong to it, and the source of those of its modules that are
+    the user's own.
+    """
+    left_out = _NO_PART | _NO_SYSTEM if isinstance(task.dynamics, System) else _NO_PART
+    content = task.file.model_dump(mode="json", exclude=left_out)
+    numbers = task.budget(budget).model_dump(mode="json", include=_OF_BUDGET, exclude_none=True)
+    values: list[Any] = [task.choice.name, content, numbers]
+    if task.view is not None:
+        values.append(revision("view"))
+    if not isinstance(task.dynamics, GymTask):
+        return _part("tasks", task.choice.name, values)
+    return _part("tasks", task.choice.name, [*values, task.source.software], own_code(_modules(task)))
+
+
+def _modules(task: Task) -> tuple[str, ...]:
+    """Those that define a task's environment, with the one that its id names."""
+    entry = task.file.environment
+    if entry is None or entry.id is None:
+        return task.source.modules
+    named = entry.id if entry.api == "pettingzoo" else entry.id.rpartition(":")[0]
+    return (*task.source.modules, *([named] if named else []))
+
+
+def method_part(choice: Choice) -> Part:
+    """A method with the parameters that the user set."""
+    return _part("methods", choice.name, [str(choice)])
+
+
+def agent_part(task: Task, choice: Choice) -> Part:
+    """An agent with the parameters that the user set, and the task's recipe for it."""
+    return _part("agents", choice.name, [str(choice), dict(task.recipe(choice.name))])
+
+
+def _part(kind: str, name: str, values: list[Any], further: Code = _NO_CODE) -> Part:
+    """A plugin, and further code that it works on.
+
+    A plugin of this distribution counts by its revision, so its code can move. Of any other, the source counts, and
+    the version of its distribution, which may have parts that no source shows.
+    """
+    plugin = plugins.find(kind, name)
+    code = code_of(plugin.entry_point.module) | further
+    number = revision(kind, name) if plugin.distribution == plugins.OWN else None
+    source = [plugin.version, code.digest] if number is None else [number]
+    return Part(digest([*values, plugin.distribution, *source]), code)

@@ -15,7 +15,6 @@ from contextlib import ExitStack, suppress
 from itertools import chain
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -132,7 +131,7 @@ class Examiner:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *raised: object) -> None:
         self._open.close()
 
     def __call__(self, cell: Cell, result: Result, seconds: float) -> Result:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
-from types import TracebackType
 from typing import TYPE_CHECKING, Self, cast
 
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog, Unsuitable, cause
@@ -121,7 +120,7 @@ class Logged:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *raised: object) -> None:
         self._over.set()
         if self._begun:
             self._tell(lambda log: log.end())

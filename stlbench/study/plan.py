@@ -13,8 +13,7 @@ from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import CellId, Track
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
-from stlbench.study import keys
-from stlbench.study.cell import Cell
+from stlbench.study.cell import Cell, Ingredients, Part, agent_part, harness, method_part, task_part
 from stlbench.study.tracks import Recipe, Recipes, on_track, own_agent_on
 from stlbench.task import build_agent, load_task
 from stlbench.task.task import Task
@@ -39,10 +38,12 @@ def plan_cells(
         raise UsageError(f"at least one seed is needed, none of them negative, got {list(seeds)}")
     if (track == "tuned") != (recipes is not None):
         raise UsageError("track tuned, and no other, needs a file of recipes, as `stlbench tune` writes it")
-    keyed = {method: keys.method_part(method) for method in methods}
+    keyed = {method: method_part(method) for method in methods}
     chosen = None if agents is None else tuple(agents)
-    harness = keys.harness()
-    planned = [_Planned.of(load_task(choice), chosen, seeds, budget, track, harness) for choice in dict.fromkeys(tasks)]
+    code, planned = harness(), list[_Planned]()
+    for task in map(load_task, dict.fromkeys(tasks)):
+        trained_by = chosen or (Choice(own_agent_on(task, track)),)
+        planned.append(_Planned(task, trained_by, seeds or range(task.budget(budget).seeds), budget, track, code))
     every_seed = sorted(set().union(*(task.seeds for task in planned)))
     return tuple(
         task.cell(method, agent, seed, part, recipes)
@@ -61,25 +62,9 @@ class _Planned:
     seeds: Sequence[int]
     budget: str
     track: Track
-    harness: keys.Part
+    harness: Part
 
-    @classmethod
-    def of(
-        cls,
-        task: Task,
-        agents: Sequence[Choice] | None,
-        seeds: Sequence[int] | None,
-        budget: str,
-        track: Track,
-        harness: keys.Part,
-    ) -> _Planned:
-        """Raises `UsageError` where the task has no such budget."""
-        several = task.budget(budget).seeds
-        return cls(
-            task, agents or (Choice(own_agent_on(task, track)),), seeds or range(several), budget, track, harness
-        )
-
-    def cell(self, method: Choice, agent: Choice, seed: int, part: keys.Part, recipes: Recipes | None) -> Cell:
+    def cell(self, method: Choice, agent: Choice, seed: int, part: Part, recipes: Recipes | None) -> Cell:
         recipe = recipes.of(self.task.choice, agent, method) if recipes else None
         within = self._ingredients(part, agent, recipe)
         cell = CellId(self.task.choice, method, agent, seed, self.budget, self.track)
@@ -87,17 +72,17 @@ class _Planned:
         deadline = self.task.budget(self.budget).deadline
         return Cell(cell, within.key(self.track, seed), deadline, recipe, place, within.parts, within.code)
 
-    def _ingredients(self, part: keys.Part, agent: Choice, recipe: Recipe | None) -> keys.Ingredients:
+    def _ingredients(self, part: Part, agent: Choice, recipe: Recipe | None) -> Ingredients:
         """What is in the keys of its cells."""
         setting = agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
         if setting not in self._known:
             task = on_track(self.task, agent, self.track, recipe)
-            self._known[setting] = keys.task_part(task, self.budget), keys.agent_part(task, agent)
+            self._known[setting] = task_part(task, self.budget), agent_part(task, agent)
         own, trained = self._known[setting]
-        return keys.Ingredients(self.harness, own, part, trained)
+        return Ingredients(self.harness, own, part, trained)
 
     @cached_property
-    def _known(self) -> dict[Any, tuple[keys.Part, keys.Part]]:
+    def _known(self) -> dict[Any, tuple[Part, Part]]:
         """The parts of task and agent so far: neither a seed nor, but by its recipe, a method changes them."""
         return {}
 

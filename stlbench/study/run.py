@@ -28,7 +28,7 @@ from stlbench.study.provenance import collect, here
 from stlbench.study.results import Results
 from stlbench.study.scheduler import failing
 from stlbench.study.study import Study
-from stlbench.study.warm import examples, warm
+from stlbench.study.trial import examples, warm
 
 
 @runtime_checkable

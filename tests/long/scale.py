@@ -24,7 +24,7 @@ from stlbench.cli.report import report
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger, _insert
 from stlbench.records.result import MAIN, RANDOM, CurvePoint, Measurement, Result, Score
-from stlbench.records.rows import values
+from stlbench.records.schema import values
 from stlbench.registry.choices import parse_choices
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells

@@ -10,8 +10,7 @@ from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.records.ledger import Ledger
-from stlbench.records.rows import LISTED
-from stlbench.records.schema import VERSION
+from stlbench.records.schema import LISTED, VERSION
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 
 from stlbench.registry.choices import parse_choice
 from stlbench.registry.fingerprint import Code
-from stlbench.study import keys
+from stlbench.study import cell as keys
 from stlbench.study.plan import plan_cells
 
 

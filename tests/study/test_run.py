@@ -13,7 +13,7 @@ from stlbench.registry.choices import choice_of
 from stlbench.study import run, trial
 from stlbench.study.code_changes import run_checked
 from stlbench.study.run import build_executor, run_cells
-from stlbench.study.warm import warm
+from stlbench.study.trial import warm
 
 
 class Here(Executor):
