@@ -38,7 +38,7 @@ def imported() -> Iterator[str]:
 def test_all_that_is_imported_is_declared_and_all_that_is_declared_is_imported() -> None:
     extras = PROJECT["optional-dependencies"]
     names = ("sb3", "mujoco", "multi", "onnx", "tune", "field", "page", "dask", "submitit", "tensorboard", "wandb")
-    names += ("dm", "petting")
+    names += ("dm", "parquet", "petting")
     chosen = (extras[name] for name in names)
     wanted = declared([*PROJECT["dependencies"], *(line for extra in chosen for line in extra)])
     providers = packages_distributions()
@@ -47,6 +47,7 @@ def test_all_that_is_imported_is_declared_and_all_that_is_declared_is_imported()
     needed = {_plain(distribution) for name in third for distribution in providers[name]}
     models = {"dm-control", "gymnasium-robotics"}  # of these the models are read, and nothing is imported
     models |= {"box2d", "highway-env", "pygame-ce"}  # Gymnasium imports them to make an environment
+    models |= {"pyarrow"}  # pandas imports it to write a table
     models |= {"shimmy", "mpe2"}  # tasks of users name them
     assert (needed - {"pydantic-core"}) | models == wanted  # pydantic-core is a part of pydantic
 

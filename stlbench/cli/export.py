@@ -65,7 +65,7 @@ def _write(results: Results, folder: Path, form: Literal["csv", "parquet"]) -> l
         try:
             content = table.to_csv(index=False) if form == "csv" else table.to_parquet(engine="pyarrow", index=False)
         except ImportError:
-            raise UsageError("Parquet needs the package pyarrow: pip install pyarrow") from None
+            raise UsageError('Parquet needs the package pyarrow: pip install "stlbench-rl[parquet]"') from None
         write(path, content)
     return paths
 

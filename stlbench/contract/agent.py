@@ -154,6 +154,12 @@ class Agent(ABC):
         """
         raise Unsuitable("it does not say how its policies are restored")
 
+    def check(self, model: Model) -> None:  # noqa: B027 - by default nothing is refused
+        """Raise `Unsuitable`, in little time, for a task that this agent cannot plan. Only agents that plan are asked.
+
+        `stlbench plan` refuses a task at once if no agent passes for any method.
+        """
+
     def cost(self, size: int, actions: Actions, decisions: int) -> Cost | None:
         """What training would take, so that the harness can refuse it. None, the default, is never refused.
 

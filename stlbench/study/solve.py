@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from stlbench.contract import System
-from stlbench.errors import UsageError
+from stlbench.contract import Intractable, System, Unsuitable
+from stlbench.errors import UsageError, one_line
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, parse_choice
+from stlbench.rollout.model import model_of
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
-from stlbench.task import fitting_methods, load_task
+from stlbench.task import build_agent, build_method, fitting_methods, load_task
 from stlbench.task.task import Task
 
 _RECIPE = "recipe"
@@ -109,7 +110,26 @@ def plan_alignment(
         parameters = tuple((fineness | dict(setting.parameters)).items())
         agents = [Choice(name, parameters) for name in planners]
         cells += plan_cells([_without(task, setting.without)], chosen, agents, [0], budget)
+    _refuse_unplannable(cells)
     return tuple({cell.key: cell for cell in cells}.values())
+
+
+def _refuse_unplannable(cells: Sequence[Cell]) -> None:
+    """Raise `UsageError` if the agents refuse the model of every cell."""
+    reason = ""
+    for cell in cells:
+        task = cell.load_task()
+        try:
+            agent = build_agent(task, cell.id.agent)
+            return agent.check(model_of(task, build_method(task, cell.id.method)))
+        except (Intractable, Unsuitable) as error:
+            reason = reason or one_line(error)
+        except UsageError:
+            raise
+        except Exception:  # a plugin's own, which the run records for its cell
+            return
+    if cells:
+        raise UsageError(f"task {cells[0].id.task.name}: nothing can be planned on it: {reason}")
 
 
 def _planners(maximise: str) -> list[str]:

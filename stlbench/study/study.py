@@ -180,13 +180,24 @@ class Study(BaseModel):
         return plan_cells(self.tasks, self.methods, self.agents, self.seeds, self.budget, self.track, recipes)
 
 
+def _meant(name: str) -> str:
+    """The option for a plugin that stands where a study's file is expected; nothing where it names none."""
+    from stlbench.registry import plugins
+
+    plain = name.lower().replace("_", "-")
+    for kind in ("tasks", "methods", "agents"):
+        if plain.partition("[")[0] in plugins.available(kind):
+            return f"; a study is a YAML file; did you mean `--{kind} {plain}`?"
+    return ""
+
+
 def _content(path: Path) -> Mapping[str, Any]:
     from stlbench.task.yaml_text import load_yaml
 
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeError) as error:
-        raise UsageError(f"cannot read the study {path}: {error}") from error
+        raise UsageError(f"cannot read the study {path}: {error}{_meant(str(path))}") from error
     try:
         content = load_yaml(text, str(path))
     except UsageError as error:

@@ -127,7 +127,8 @@ def test_parquet(say, ledger, monkeypatch):
 def test_parquet_without_pyarrow_is_one_line(say, ledger, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     done = say("export", "results", "--format", "parquet")
-    assert (done.exit_code, done.stderr) == (2, "error: Parquet needs the package pyarrow: pip install pyarrow\n")
+    message = 'error: Parquet needs the package pyarrow: pip install "stlbench-rl[parquet]"\n'
+    assert (done.exit_code, done.stderr) == (2, message)
 
 
 @pytest.mark.parametrize(

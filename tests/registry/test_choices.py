@@ -68,6 +68,8 @@ def test_what_is_printed_parses_to_the_same(choices):
         ("funnel[a=1,a=2]", "a is given twice"),
         ("Funnel", "a name consists of"),
         ("../etc", "a name consists of"),
+        ("G(0,1) x>=0", "a formula stands in a task's file, with intervals in square brackets, as in G[0,1]"),
+        ("G[0,1] x>=0", "a formula stands in a task's file"),
         ("-x", "a name consists of"),
         ("[a=1]", "a name consists of"),
     ],

@@ -116,3 +116,9 @@ def test_without_an_agent_that_plans_there_is_nothing_to_plan(monkeypatch: pytes
 def test_on_an_environment_nothing_is_planned() -> None:
     with pytest.raises(UsageError, match=r"^task lunar-lander: nothing can be planned on it: a plan sets the state"):
         plan_alignment(Choice("lunar-lander"))
+
+
+def test_a_state_that_no_grid_takes_is_refused_before_anything_runs() -> None:
+    rule = "nothing can be planned on it: a state of 5 dimensions; a grid has at most 4"
+    with pytest.raises(UsageError, match=f"^task dwell: {rule}$"):
+        plan_alignment(Choice("dwell"))

@@ -95,6 +95,16 @@ def test_a_file_that_is_not_there(tmp_path):
         Study.of({}, path)
 
 
+@pytest.mark.parametrize(
+    ("name", "option"), [("hold_disc", "--tasks hold-disc"), ("funnel[ginf=0.1]", "--methods funnel[ginf=0.1]")]
+)
+def test_a_plugin_in_place_of_a_file_is_given_its_option(name: str, option: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        Study.of({}, name)
+    rule = f"a study is a YAML file; did you mean `{option}`?"
+    assert str(caught.value) == f"cannot read the study {name}: No such file or directory; {rule}"
+
+
 def test_bytes_that_are_no_utf_8_are_no_name():
     """As Python reads them from the command line."""
     with pytest.raises(UsageError, match=r"^'\\udcff': a name consists of a-z"):

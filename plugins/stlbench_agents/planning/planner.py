@@ -32,12 +32,17 @@ class _GridPlanner(CompiledAgent):
         """Solve; no environment is stepped. Raises `Unsuitable` where the task or the method does not fit a grid."""
         if training.model is None:
             raise TypeError("a planner is given a model")
-        from stlbench_agents.planning.moves import prepare  # imports Numba
-
-        prepared = prepare(training.model, self.grid, self.resolution, self.actions)
-        policy = self._solve(training.model, *prepared)
+        policy = self._solve(training.model, *self._prepared(training.model))
         training.report(policy, 0)
         return policy
+
+    def check(self, model: Model) -> None:
+        self._prepared(model)
+
+    def _prepared(self, model: Model) -> tuple[Grid, ActionSet]:
+        from stlbench_agents.planning.moves import prepare  # imports Numba
+
+        return prepare(model, self.grid, self.resolution, self.actions)
 
     @property
     def compiled_part(self) -> str:

@@ -25,7 +25,7 @@ def overview(groups: Sequence[Group], known: Known, advice: Iterable[str] = ()) 
     if any(standard.by_hand for standard in known.standards.values()):
         columns[Column("by hand", digits=3)] = lambda contest: known.by_hand(contest[0].setting.task)
     if known.best:
-        columns[Column("possible", digits=3)] = lambda contest: known.best.get(contest[0].setting.task)
+        columns[Column("best known", digits=3)] = lambda contest: known.best.get(contest[0].setting.task)
     for method in sorted({group.setting.method for group in groups}):
         columns[Column(str(method), digits=3, kind=Learned)] = partial(_learned_by, method, known)
     columns[Column("cell CPU", unit="s", digits=0, drop=1)] = lambda contest: mean(

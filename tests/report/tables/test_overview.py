@@ -65,7 +65,7 @@ def test_advice_stands_below():
 def test_the_best_known_stands_beside_the_controller_where_it_is_known():
     groups = condense([result(task="overlap"), result(task="overlap[without=cuts]"), result(task="other")])
     table = overview(groups, Known(by_hand(overlap=(0.2,)), {Choice("overlap"): 0.25}))
-    assert [column.heading for column in table.columns[4:7]] == ["by hand", "possible", "funnel"]
+    assert [column.heading for column in table.columns[4:7]] == ["by hand", "best known", "funnel"]
     assert [row[4:6] for row in table.rows] == [(None, None), (0.2, 0.25), (0.2, None)]
 
 

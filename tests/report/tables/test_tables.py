@@ -298,7 +298,7 @@ def test_what_was_planned_is_in_the_table_of_alignment_alone():
     assert list(titles) == ["Overview", "Robustness", "Alignment", "Time"]
     plain = summary(condense([*learned, other]), {})
     assert [row[-2:] for row in titles["Overview"].rows] == [row[-2:] for row in plain[0].rows]
-    assert [cell(titles["Overview"], "possible", row) for row in (0, 1)] == [0.35, None]
+    assert [cell(titles["Overview"], "best known", row) for row in (0, 1)] == [0.35, None]
     assert titles["Time"] == plain[2]
     assert [row[:-1] for row in titles["Alignment"].rows] == [
         ("hold-disc", "(formula)", "recipe", 0.35, None, 1.0, 1.0, *(None,) * 5, 1.0, None),
