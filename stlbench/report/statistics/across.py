@@ -49,37 +49,19 @@ def improvement(one: Runs, other: Runs) -> Estimate:
 
     Equal runs count half. 0.5 says that neither is better.
     """
-    places = [_places(*pair) for pair in zip(one, other, strict=True)]
-    strata = [first for first, _ in places] + [second for _, second in places]
-    return _single(lambda *drawn, axis: _wins(drawn[: len(one)], drawn[len(one) :]), strata)
+    from scipy import stats
 
+    def share(first: Array, second: Array, axis: int) -> Array:
+        """Of all pairs, by the sum of ranks (Mann and Whitney 1947)."""
+        n, m = first.shape[axis], second.shape[axis]
+        ranks = stats.rankdata(np.concatenate([first, second], axis), axis=axis)
+        return np.asarray((ranks[..., :n].sum(axis) - n * (n + 1) / 2) / (n * m))
 
-def _places(one: Array, other: Array) -> tuple[Array, Array]:
-    """The place of each run among the different values of both."""
-    values = np.unique(np.concatenate([one, other]))
-    first, second = (np.searchsorted(values, runs).astype(np.float64) for runs in (one, other))
-    return first, second
+    def wins(*drawn: Array, axis: int) -> Array:
+        pairs = zip(drawn[: len(one)], drawn[len(one) :], strict=True)
+        return np.asarray(np.mean([share(*pair, axis) for pair in pairs], axis=0))
 
-
-def _wins(one: Sequence[Array], other: Sequence[Array]) -> Array:
-    """Places (..., n) and (..., m) of each task -> (...)."""
-    return np.asarray(np.mean([_share(*pair) for pair in zip(one, other, strict=True)], axis=0))
-
-
-def _share(one: Array, other: Array) -> Array:
-    """The share of all pairs that the one wins, without storing the pairs."""
-    size = int(max(one.max(), other.max())) + 1
-    first, second = _counts(one, size), _counts(other, size)
-    below = second.cumsum(axis=-1) - second
-    return np.asarray((first * (below + second / 2)).sum(axis=-1) / (one.shape[-1] * other.shape[-1]))
-
-
-def _counts(places: Array, size: int) -> Array:
-    """Places (..., n) from 0 to size - 1 -> how many are at each, (..., size)."""
-    rows = places.reshape(-1, places.shape[-1]).astype(np.int64)
-    at = rows + size * np.arange(len(rows))[:, None]
-    counts = np.bincount(at.ravel(), minlength=len(rows) * size).astype(np.float64)
-    return counts.reshape(*places.shape[:-1], size)
+    return _single(wins, [*one, *other])
 
 
 def ranks(tasks: Sequence[Sequence[tuple[int, Array] | None]]) -> list[Estimate]:
@@ -114,19 +96,13 @@ def ranks(tasks: Sequence[Sequence[tuple[int, Array] | None]]) -> list[Estimate]
 
 
 def profile(runs: Runs, thresholds: Array) -> list[Estimate]:
-    """The share of runs whose score is above each of the (increasing) thresholds, every task with the same weight."""
+    """The share of runs whose score is above each threshold, every task with the same weight."""
 
     def above(*drawn: Array, axis: int) -> Array:
-        return np.asarray(np.mean([_above(passed, len(thresholds)) for passed in drawn], axis=0))
+        shares = [[(scores > threshold).mean(axis) for threshold in thresholds] for scores in drawn]
+        return np.asarray(np.mean(shares, axis=0))
 
-    return _estimates(*_bootstrapped(above, [np.searchsorted(thresholds, seeds).astype(np.float64) for seeds in runs]))
-
-
-def _above(passed: Array, count: int) -> Array:
-    """The number of thresholds, of `count`, below each run (..., n) -> the share of runs above each, (count, ...)."""
-    counts = _counts(passed, count + 1)
-    above = counts[..., :0:-1].cumsum(axis=-1)[..., ::-1]
-    return np.moveaxis(above / passed.shape[-1], -1, 0)
+    return _estimates(*_bootstrapped(above, runs))
 
 
 def _single(statistic: Callable[..., Any], strata: Runs) -> Estimate:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from stlbench.records.identity import Setting
-from stlbench.records.result import LEARNED, Score
+from stlbench.records.result import LEARNED
 from stlbench.registry.choices import Choice
 from stlbench.report.tables.rows import Group, maximised, trained
 from stlbench.report.tables.table import Column, Table, Value
 
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
-    from stlbench.task.file import BestKnown
 
 
 @dataclass(frozen=True)
@@ -74,76 +73,71 @@ def _formula(task: Choice) -> _Formula:
     return task.name, "hold" in dict(task.parameters).get("without", "").split("+")
 
 
-_P = TypeVar("_P")
 _Columns = Mapping[Column, Callable[["Standard"], Value]]
 
 
-def _if_known(part: Callable[[Standard], _P | None], value: Callable[[_P], Value]) -> Callable[[Standard], Value]:
-    return lambda standard: None if (known := part(standard)) is None else value(known)
+def _if_known(part: str, name: str, factor: float = 1) -> Callable[[Standard], Value]:
+    """A number of a part of the standard; None without the part."""
+
+    def value(standard: Standard) -> Value:
+        known = getattr(standard, part)
+        number = None if known is None else getattr(known, name)
+        return None if number is None else factor * number
+
+    return value
 
 
-def _baseline(score: Callable[[Standard], Score | None], title: str, short: str) -> _Columns:
+def _baseline(part: str, title: str, short: str) -> _Columns:
     return {
-        Column(title, short, digits=3): _if_known(score, lambda known: known.mean),
-        Column(f"{title} satisfied", f"{short} sat.", unit="%", digits=1, drop=1): (
-            _if_known(score, lambda known: 100 * known.satisfaction)
-        ),
+        Column(title, short, digits=3): _if_known(part, "mean"),
+        Column(f"{title} satisfied", f"{short} sat.", unit="%", digits=1, drop=1): _if_known(part, "satisfaction", 100),
     }
 
 
-def _by_hand(standard: Standard) -> Score | None:
-    return standard.by_hand
-
-
-def _best_known(standard: Standard) -> BestKnown | None:
-    return standard.best_known
-
-
-_PARTS: tuple[tuple[Callable[[Standard], object], _Columns, str], ...] = (
-    (
-        _by_hand,
+_PARTS: Mapping[str, tuple[_Columns, str]] = {
+    "by_hand": (
         {
-            Column("mean robustness", "mean", digits=3): _if_known(_by_hand, lambda score: score.mean),
-            Column("worst start", digits=3, drop=2): _if_known(_by_hand, lambda score: score.minimum),
-            Column("satisfied", unit="%", digits=1): _if_known(_by_hand, lambda score: 100 * score.satisfaction),
+            Column("mean robustness", "mean", digits=3): _if_known("by_hand", "mean"),
+            Column("worst start", digits=3, drop=2): _if_known("by_hand", "minimum"),
+            Column("satisfied", unit="%", digits=1): _if_known("by_hand", "satisfaction", 100),
         },
         "First what a controller written by hand gets, from the report's starts: a reference and no upper bound.",
     ),
-    (lambda each: each.zero, _baseline(lambda each: each.zero, "zero action", "zero"), ""),
-    (
-        lambda each: each.constant,
-        _baseline(lambda each: each.constant, "best constant action", "constant"),
+    "zero": (_baseline("zero", "zero action", "zero"), ""),
+    "constant": (
+        _baseline("constant", "best constant action", "constant"),
         "Zero action, best constant action: taken all the time. The best was chosen from other starts.",
     ),
-    (
-        lambda each: each.at_random,
-        _baseline(lambda each: each.at_random, "at random", "random"),
+    "at_random": (
+        _baseline("at_random", "at random", "random"),
         "At random: actions drawn evenly from all, anew at each decision.",
     ),
-    (
-        _best_known,
+    "best_known": (
         {
-            Column("best known", digits=3): _if_known(_best_known, lambda best: best.robustness),
-            Column("upper bound", digits=3): _if_known(_best_known, lambda best: best.upper_bound),
+            Column("best known", digits=3): _if_known("best_known", "robustness"),
+            Column("upper bound", digits=3): _if_known("best_known", "upper_bound"),
         },
         "Best known: the most that anything reached. Upper bound: more is proven to be impossible.",
     ),
-    (
-        lambda each: each.trivial,
+    "trivial": (
         {Column("trivial", right=False): lambda each: "trivial" if each.trivial else None},
         f"Trivial: a constant action satisfies the formula from at least {100 * LEARNED:.0f} % of the starts. The task "
         "shows how a method holds what it has, and does not show that it learns anything.",
     ),
-)
-"""The condition that some task must meet; the columns that there are then; a note."""
+}
+"""What some task must have: the columns that there are then, and a note."""
 
 
 def controllers_table(standards: Mapping[str, Standard]) -> Table:
     """What controllers and baselines get, and what is best known: one row for each task that has any of it."""
-    known = {task: each for task, each in standards.items() if any(there(each) for there, *_ in _PARTS)}
-    parts = [part for part in _PARTS if any(map(part[0], known.values()))]
-    columns = (Column("task", right=False, shared=True), *(column for _, several, _ in parts for column in several))
-    rows = tuple(
-        (task, *(value(each) for _, several, _ in parts for value in several.values())) for task, each in known.items()
-    )
-    return Table("Controllers and baselines", columns, rows, tuple(note for *_, note in parts if note))
+    known = [(task, each) for task, each in standards.items() if any(getattr(each, part) for part in _PARTS)]
+    parts = [content for part, content in _PARTS.items() if any(getattr(each, part) for _, each in known)]
+    columns: dict[Column, Callable[[tuple[str, Standard]], Value]] = {
+        Column("task", right=False, shared=True): lambda row: row[0],
+        **{column: _of_row(value) for several, _ in parts for column, value in several.items()},
+    }
+    return Table.of("Controllers and baselines", known, columns, tuple(note for _, note in parts if note))
+
+
+def _of_row(value: Callable[[Standard], Value]) -> Callable[[tuple[str, Standard]], Value]:
+    return lambda row: value(row[1])
