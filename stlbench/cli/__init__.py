@@ -97,7 +97,6 @@ def stlbench(
 
 
 def main() -> None:
-    """The console script `stlbench`."""
     if problem := foreign():
         sys.exit(refuse(problem))
     app(prog_name="stlbench")

@@ -70,7 +70,6 @@ def check(
 
 
 def _found(name: str, kind: Kind | None) -> Plugin:
-    """The plugin that is meant. Raises `UsageError` where there is none, or several."""
     from stlbench.registry import folders, plugins
     from stlbench.registry.choices import executor_of
 

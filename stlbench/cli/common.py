@@ -50,7 +50,6 @@ class Commands(TyperGroup):
         windows_expand_args: bool = True,
         **extra: Any,
     ) -> Any:
-        """Run the command line, and exit unless `standalone_mode` is off."""
         _open_standard_streams()
         if isinstance(sys.stdout, TextIOWrapper):
             sys.stdout.reconfigure(errors="backslashreplace")  # names of files need be no text; stderr is so already
@@ -78,7 +77,6 @@ class Commands(TyperGroup):
         return code
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """List the commands under the names of their groups."""
         groups = dict[str, list[tuple[str, str]]]()
         shown = [(name, command) for name, command in self.commands.items() if not command.hidden]
         room = formatter.width - 6 - max(len(name) for name, _ in shown)
@@ -133,7 +131,6 @@ def _damaged(error: Exception) -> str | None:
 
 
 def refuse(message: str, code: int = 2) -> int:
-    """Print what is wrong as one line on stderr; return the exit code."""
     typer.echo(f"error: {printable(message)}", err=True)
     return code
 
@@ -161,7 +158,6 @@ def _show_warning(
 
 
 def warn(message: str) -> None:
-    """One line on stderr."""
     typer.echo(f"warning: {one_line(message)}", err=True)
 
 
@@ -244,6 +240,5 @@ def console() -> Console:
 
 
 def _columns() -> int:
-    """The width that the environment names, for a file or a pipe."""
     said = os.environ.get("COLUMNS", "")
     return int(said) if re.fullmatch("[1-9][0-9]{0,4}", said) else 120

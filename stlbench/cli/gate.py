@@ -130,7 +130,6 @@ def gate(
 
 
 def _by_turns(reference: Snapshot, revision: str) -> tuple[Snapshot, Snapshot, Judgement]:
-    """The reference with the base of its costs, the snapshot of the change, and the verdict."""
     from stlbench.gate.cost import judge_turns
     from stlbench.gate.measure import take_turns
     from stlbench.gate.revision import both_trees
@@ -158,7 +157,6 @@ def _measured(cells: Sequence[Cell], folder: Path, executor: contract.Executor) 
 
 
 def _end(title: str, judgement: Judgement, base: Named, new: Named, folder: Path | None, as_json: bool) -> None:
-    """Write and print the summaries, and exit."""
     from stlbench.gate import summary
     from stlbench.gate.judge import EXIT
 
@@ -170,7 +168,6 @@ def _end(title: str, judgement: Judgement, base: Named, new: Named, folder: Path
 
 
 def _update(reference: Path, snapshot: Snapshot, as_json: bool) -> None:
-    """Write the reference, unless a cell ended by accident."""
     from stlbench.gate.snapshot import save
     from stlbench.records.status import ACCIDENTS
 

@@ -33,7 +33,6 @@ class Verdict(NamedTuple):
     start: int | None
 
     def facts(self) -> dict[str, Any]:
-        """As JSON values."""
         content = self._asdict()
         return content if self.start is not None else {name: content[name] for name in self._fields if name != "start"}
 
@@ -99,7 +98,6 @@ def monitor(
 
 
 def _sources(inputs: list[str], formulas: Path | None) -> tuple[list[Source], Path]:
-    """The formulas, and the trace's path."""
     if formulas is not None:
         if len(inputs) != 1:
             raise UsageError(f"with --formulas, name one trace and no formula; got {len(inputs)} arguments")

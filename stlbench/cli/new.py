@@ -100,7 +100,6 @@ def new(
 
 
 def _sketched(environment: str) -> dict[str, str]:
-    """The task file of a task on an environment."""
     import yaml
 
     from stlbench.task.gym_sketch import sketch
@@ -120,7 +119,6 @@ def _check(kind: Kind, name: str) -> None:
 
 
 def _files(kind: Kind, name: str) -> dict[str, str]:
-    """Path in the folder -> text."""
     words = {
         "kind": kind,
         "a_kind": f"{'An' if kind == 'agent' else 'A'} {kind}",

@@ -49,7 +49,6 @@ def declare(command: Callable[..., None], parameters: Iterable[inspect.Parameter
 
 
 def _parameter(name: str, help_text: str, default: str) -> inspect.Parameter:
-    """A field of `Study` as a parameter of a command."""
     field = Study.model_fields[name]
     shown = next(each for each in field.metadata if isinstance(each, Option))
     kinds = (field.annotation, *get_args(field.annotation))
@@ -95,14 +94,12 @@ TaskFolders = Annotated[
 
 
 def names(text: str | None) -> tuple[Choice, ...] | None:
-    """The choices of a comma list; None where the option is not given."""
     from stlbench.registry.choices import parse_choices
 
     return None if text is None else parse_choices(text)
 
 
 def tasks_of(text: str | None) -> tuple[Choice, ...] | None:
-    """The same for tasks, each a name or the path of a folder."""
     from stlbench.registry.folders import parse_tasks
 
     return None if text is None else parse_tasks(text)

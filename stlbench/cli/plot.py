@@ -77,7 +77,6 @@ def plot(
 
 
 def _known(text: str | None, known: set[Choice], kind: str, run: Path) -> set[Choice]:
-    """The choices that a comma list names, each of them in the run; all where there is no list."""
     from stlbench.registry.choices import parse_choices
 
     if text is None:
@@ -89,7 +88,6 @@ def _known(text: str | None, known: set[Choice], kind: str, run: Path) -> set[Ch
 
 
 def _kinds(text: str | None, rewarded: bool) -> Sequence[str]:
-    """The kinds of figures that a comma list names, the usual ones where there is no list, and what is wanted too."""
     from stlbench.report.figures.trace_figures import KINDS, USUAL
 
     chosen = list(USUAL) if text is None else [item.strip() for item in text.split(",")]

@@ -149,7 +149,6 @@ def _show(shown: Report, written: Report, folder: Path, explain: bool, width: Wi
 
 
 def _warn_of_early_ends(groups: Sequence[Group]) -> None:
-    """Warn where a formula was satisfied beside episodes that the environment ended before it was decided."""
     early = [
         f"{group.setting.name} ({100 * share:.3g} %)"
         for group in groups
@@ -182,7 +181,6 @@ def _write(report: Report, folder: Path, width: Width) -> bool:
 def _write_page(
     report: Report, results: Mapping[CellId, Result], folder: Path, out: Path | None, as_json: bool
 ) -> None:
-    """Write the page, with a bar on stderr where that is a terminal, and say where it is."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 

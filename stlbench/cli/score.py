@@ -108,7 +108,6 @@ def _refuse_options(given: Mapping[str, object], reason: str, policy: str) -> No
 def _score_cell(
     task: Choice, source: Source, results: Path, budget: str | None, which: Literal["selected", "final"], as_json: bool
 ) -> None:
-    """Show a cell's score beside the recorded one; nothing is written."""
     from stlbench.records.result import plain_scores
     from stlbench.report.tables.cells import scores_table
     from stlbench.share.rescored import score_question
@@ -149,7 +148,6 @@ def _score_outside(
     name: str | None,
     seed: int,
 ) -> Result:
-    """Score a policy from outside and record the row."""
     from stlbench.registry.choices import parse_choice
     from stlbench.share.record import outside_question, record
     from stlbench.share.scoring import UNKNOWN, Shown
@@ -164,7 +162,6 @@ def _score_outside(
 
 
 def _warn_of_ends(scores: Mapping[str, Score]) -> None:
-    """Warn of episodes that ended before their formula was decided."""
     from stlbench.records.result import reported
 
     if share := reported(scores).ended_early:

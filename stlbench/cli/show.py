@@ -118,7 +118,6 @@ def method(
 
 
 def parameter_facts(plugin: Plugin) -> dict[str, dict[str, Any]]:
-    """Name of each parameter -> its type, and its default if it has one."""
     from stlbench.registry import plugins
 
     return {

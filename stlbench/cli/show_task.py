@@ -109,7 +109,6 @@ def _features(task: Task) -> str:
 
 
 def _beyond_state(task: Task) -> tuple[str, ...]:
-    """The features that are not part of the state."""
     from stlbench.contract import System
 
     if task.view is not None:
@@ -119,13 +118,11 @@ def _beyond_state(task: Task) -> tuple[str, ...]:
 
 
 def _actions(task: Task) -> dict[str, dict[str, Any]]:
-    """Name -> ends, count and unit, from the file or else from the environment."""
     declared = {name: axis.model_dump(exclude_none=True) for name, axis in task.file.actions.items()}
     return declared or {axis.name: axis.ends for axis in task.source.axes}
 
 
 def _answer(question: Question[_T]) -> _T | None:
-    """The answer, or None with a warning."""
     from stlbench.rollout.questions import answers
     from stlbench.study.plugin_guard import ask
 

@@ -127,7 +127,6 @@ def _table(title: str, rows: list[dict[str, Any]], *notes: str) -> Table:
 
 
 def _value(value: Any) -> Value:
-    """As a table has it: numbers as they are."""
     return value if value is None or type(value) in (int, float) else _text(value)
 
 

@@ -80,14 +80,12 @@ class _Rounds(Progress):
         self.tally = Tally(missing, self.done)
 
     def _left(self) -> str:
-        """Unknown, as nobody knows what will be tried."""
         return ""
 
 
 def _run(
     cells: Sequence[Cell], study: Study, planned: dict[CellId, Cell], progress: Progress
 ) -> Mapping[CellId, Result]:
-    """Run the missing cells of a round, and read the results of all its cells."""
     from stlbench.records.ledger import FILE, Ledger
     from stlbench.study.run import build_executor, run_cells
 
@@ -99,7 +97,6 @@ def _run(
 
 
 def _write(searched: Sequence[Entrant], study: Study, trials: int) -> None:
-    """Recipes and trials, into the folder of results."""
     from stlbench.records.outputs import write
     from stlbench.report import to_csv
     from stlbench.study.tracks import Recipe, write_recipes
@@ -115,7 +112,6 @@ def _write(searched: Sequence[Entrant], study: Study, trials: int) -> None:
 
 
 def _table(searched: Sequence[Entrant]) -> Table:
-    """One row per trial."""
     from stlbench.report import Column, Table
 
     tuned = list(dict.fromkeys(name for entrant in searched for name in entrant.space))

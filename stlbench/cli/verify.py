@@ -100,9 +100,6 @@ def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
         yield f"repaired: {again}" if repaired else f"--repair marks the cells, and {again}"
 
 
-# ------------------------------------------------------------------------------------------------------------ bundles
-
-
 def _verify_bundle(path: Path, rescore: bool, as_json: bool) -> None:
     from stlbench.share.checked import check
     from stlbench.share.rescored import rescore as rescore_policies

@@ -62,7 +62,6 @@ class _Ledger:
         self._tally: Tally | None = None
 
     def tally(self, writer: str | None) -> Tally:
-        """The counts of all cells, as the ledger has them now."""
         from stlbench.records.ledger import Ledger
         from stlbench.study.progress import Tally
 

@@ -51,7 +51,6 @@ def relative(base: Floats, new: Floats) -> Floats:
 
 
 def absolute(base: Floats, new: Floats) -> Floats:
-    """Gain in the unit of the metric."""
     return new - base
 
 
@@ -84,7 +83,6 @@ class Metric:
         return math.exp(-gain) if self.is_cost else gain
 
     def text(self, gain: float) -> str:
-        """The change, with its unit."""
         return self.shown.format(self.change(gain))
 
 
@@ -139,8 +137,6 @@ class Finding:
 
 @dataclass(frozen=True)
 class Judgement:
-    """All that was compared, and what it comes to."""
-
     comparisons: tuple[Comparison, ...]
     findings: tuple[Finding, ...]
 
@@ -193,7 +189,6 @@ class _Test:
 
     @property
     def differs(self) -> bool:
-        """Whether some seed is not exactly as before."""
         return bool(self.gains.any())
 
 

@@ -40,7 +40,6 @@ class Selection:
 
     @property
     def is_everything(self) -> bool:
-        """Whether only the budget is given."""
         return all(part is None for part in (self.tasks, self.methods, self.agents, self.seeds))
 
 

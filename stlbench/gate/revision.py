@@ -32,7 +32,6 @@ class Tree:
     """Environment variables of a process that runs this tree's code. All trees share the installed packages."""
 
     def holds(self, file: str) -> bool:
-        """Whether a module's file is in this tree."""
         return Path(file).is_relative_to(self.root) and not INSTALLED & {*Path(file).parts}
 
 
@@ -87,7 +86,6 @@ def _import_roots(root: Path) -> list[Path]:
 
 
 def _folder_of(package: str) -> Path | None:
-    """The folder that has a top-level package or module; None without a file."""
     spec = find_spec(package)
     places = [*(spec.submodule_search_locations or ()), spec.origin or ""] if spec else [""]
     return Path(places[0]).resolve().parent if places[0] else None

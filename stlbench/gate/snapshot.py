@@ -58,7 +58,6 @@ class Snapshot:
 
 
 def sample(result: Result) -> Sample:
-    """A few numbers of a result."""
     columns = numbers(result.measurement) if result.measurement else {}
     names = ("robustness_mean", "satisfaction", "training_cpu_seconds", "reward_nanoseconds")
     measured = {name: columns.get(name) for name in names}

@@ -40,9 +40,6 @@ def write(folder: Path, title: str, judgement: Judgement, base: Named, new: Name
         outputs.write(folder / name, content)
 
 
-# ------------------------------------------------------------------------------------------------------------- JSON
-
-
 def facts(judgement: Judgement, base: Named, new: Named) -> dict[str, Any]:
     """The whole verdict as JSON values. Changes: robustness relative, satisfaction absolute, times as a ratio."""
     base_facts, new_facts = (
@@ -80,9 +77,6 @@ def _record(comparison: Comparison) -> dict[str, Any]:
         "verdict": comparison.verdict,
         **({"turns": [metric.change(gain) for gain in comparison.gains]} if comparison.gains else {}),
     }
-
-
-# --------------------------------------------------------------------------------------------------------- Markdown
 
 
 def markdown(title: str, judgement: Judgement, base: Named, new: Named) -> str:
@@ -149,7 +143,6 @@ def _comparison_row(comparison: Comparison) -> tuple[Value, ...]:
 
 
 def _settings(judgement: Judgement) -> Table:
-    """One row per setting, one column per metric."""
     compared = {(comparison.setting, comparison.metric.name): comparison for comparison in judgement.comparisons}
     names = [metric.name for metric in METRICS]
     titles = ("task", "method", "agent", "budget", "track", "pairs", *names)
@@ -178,9 +171,6 @@ def _change(comparison: Comparison) -> str:
     if comparison.gain == comparison.low == comparison.high == 0:
         return f"{comparison.new:.3f} (same)"
     return f"{comparison.base:.3f} to {comparison.new:.3f} ({change})"
-
-
-# -------------------------------------------------------------------------------------------------------------- JUnit
 
 
 def junit(title: str, judgement: Judgement) -> str:

@@ -13,8 +13,6 @@ TRACES, POLICIES, LOGS = "traces", "policies", "logs"
 
 
 class CellFiles(NamedTuple):
-    """The files of one cell, whether they exist or not."""
-
     traces: Path
     """See `saved_traces`."""
     policies: Path

@@ -32,8 +32,6 @@ class Ledger(Records):
         super().__init__(path, create=create)
         self._is_writing, self._own = False, (0, 0)
 
-    # ----------------------------------------------------------------------------------------------------- writing
-
     def plan(self, cells: Mapping[str, CellId]) -> None:
         """Write the cells of a study, by key, in place of earlier plans for the same settings."""
         settings = {
@@ -97,8 +95,6 @@ class Ledger(Records):
         ((version,),) = self._database.execute("PRAGMA data_version")
         return version, self.path.stat().st_ino if self.path.exists() else 0
 
-    # ----------------------------------------------------------------------------------------------------- reading
-
     def finished(self, keys: Iterable[str], retry: Collection[Status] = (), attempts: int | None = None) -> set[str]:
         """The keys of which the next run measures no cell.
 
@@ -152,11 +148,8 @@ class Ledger(Records):
         planned = self.planned()
         return {row.cell: row for row in sorted(rows, key=lambda row: (row.key in planned, row.number))}.values()
 
-    # ----------------------------------------------------------------------------------------------------- opening
-
     @contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
-        """A transaction; a missing file is made."""
         if not self._is_writing:
             self.close()
             self._database = open_to_write(self.path)

@@ -65,12 +65,10 @@ class Records:
         self.close()
 
     def close(self) -> None:
-        """Close the file. All that was recorded is there already."""
         if self._database is not None:
             self._database.close()
 
     def planned(self) -> dict[str, CellId]:
-        """The cells that were planned, by key."""
         if self._database is None:
             return {}
         salvaged, planned = salvage(self._database, "planned", f"key, {_IDENTITY}"), dict[str, CellId]()
@@ -183,12 +181,7 @@ def _has_content(path: Path) -> bool:
     return path.is_file() and path.stat().st_size > 0
 
 
-# ----------------------------------------------------------------------------------------- tables with damaged pages
-
-
 class Salvaged(NamedTuple):
-    """The readable part of a table."""
-
     rows: list[tuple[Any, ...]]
     """The row's number, and the columns of the query."""
     lost: dict[int, str]
@@ -249,7 +242,6 @@ def _keys(database: sqlite3.Connection, table: str) -> dict[int, str]:
 
 
 def _bound(database: sqlite3.Connection, table: str) -> int:
-    """A bound of the rows' numbers."""
     most = _size(database) // _BYTES
     try:
         return min(_first(database.execute(f"SELECT max(rowid) FROM {table}")), most + _AGAIN)  # noqa: S608
@@ -258,7 +250,6 @@ def _bound(database: sqlite3.Connection, table: str) -> int:
 
 
 def _size(database: sqlite3.Connection) -> int:
-    """Bytes of the file."""
     pages, size = (_first(database.execute(f"PRAGMA {name}")) for name in ("page_count", "page_size"))
     return pages * size
 

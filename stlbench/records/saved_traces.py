@@ -48,7 +48,6 @@ class SavedTraces(NamedTuple):
 
 
 def save(path: Path, assessment: Assessment, signals: tuple[str, ...]) -> None:
-    """Write what the referee recorded of a policy."""
     robustness = assessment.scores[MAIN].robustness
     extremes = np.array([np.argmax(robustness), np.argmin(robustness)])
     named = {"traces": assessment.traces, "signals": np.array(signals)}

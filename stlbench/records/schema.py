@@ -139,9 +139,6 @@ def _make(database: sqlite3.Connection) -> None:
         database.execute(f"PRAGMA user_version = {VERSION}")
 
 
-# ----------------------------------------------------------------------------------------------------------- guarding
-
-
 def _guarded(uri: str) -> sqlite3.Connection:
     """A connection on which a file from a stranger can cost only so much memory and time.
 
@@ -155,7 +152,6 @@ def _guarded(uri: str) -> sqlite3.Connection:
 
 
 def _allow(database: sqlite3.Connection, steps: int) -> None:
-    """So many from now on, of SQLite's machine."""
     left = iter(range(steps // _LOOK))
     database.set_progress_handler(lambda: next(left, None) is None, _LOOK)
 
@@ -194,7 +190,6 @@ def _strange(database: sqlite3.Connection) -> str | None:
 
 @cache
 def _expected() -> tuple[dict[str, set[str]], set[tuple[str, str | None]]]:
-    """The columns of each table, and the indices, of a ledger."""
     with closing(sqlite3.connect(":memory:", isolation_level=None)) as empty:
         _make(empty)
         named = empty.execute("SELECT type, name, sql FROM sqlite_schema").fetchall()
@@ -211,8 +206,6 @@ _NUMBERS = ("robustness_mean", "satisfaction", "training_cpu_seconds", "training
 
 
 class Row(NamedTuple):
-    """A row without its result."""
-
     number: int
     """Rows that were recorded later have greater numbers."""
     key: str
@@ -271,14 +264,12 @@ def values(result: Result, folder: Path, failures: int) -> dict[str, str | int |
 
 
 def result_of(text: Any, checksum: Any) -> Result:
-    """The result in a row. Raises `ValueError` if it is damaged."""
     if checksum != checksum_of(text):
         raise ValueError("it does not have the checksum that was recorded with it")
     return from_json(text)
 
 
 def checksum_of(text: Any) -> str:
-    """The checksum of a text: 32 hex digits."""
     return hashlib.sha256(text if isinstance(text, bytes) else str(text).encode()).hexdigest()[:32]
 
 

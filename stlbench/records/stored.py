@@ -116,8 +116,6 @@ def lines(results: Iterable[Result], planned: Mapping[str, CellId] | None = None
 
 @dataclass(frozen=True)
 class _Planned:
-    """A line of a cell without a result."""
-
     cell: CellId
     key: str
 
@@ -168,7 +166,6 @@ def _read_lines(path: Path) -> Iterator[Result]:
 
 
 def _texts(path: Path) -> Iterator[tuple[str, str]]:
-    """The lines of a file, each with its place."""
     try:
         with path.open(encoding="utf-8") as file:
             for number, text in enumerate(iter(partial(file.readline, LONGEST + 1), ""), 1):

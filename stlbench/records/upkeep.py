@@ -61,7 +61,6 @@ def _pattern(name: str, known: Collection[str]) -> re.Pattern[str]:
 
 
 def remove(folder: Path, cells: Iterable[CellId]) -> None:
-    """Take cells out of a folder's ledger, with all that is recorded of them, their traces, policies and logs."""
     with writing(folder), Ledger(folder / FILE, create=False) as ledger:
         for cell in cells:
             take_out(folder, ledger, cell)
@@ -139,7 +138,6 @@ def _agree(result: Result, before: Result) -> bool:
 
 
 def _damaged(source: Path) -> set[tuple[str, str]]:
-    """Key and kind of the files that differ from their checksums."""
     return {(damage.key, damage.what) for damage in verify(source).damages}
 
 

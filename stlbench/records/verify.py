@@ -22,8 +22,6 @@ DAMAGED = FILE + ".damaged"
 
 
 class Damage(NamedTuple):
-    """A row or a file that differs from what was recorded."""
-
     key: str
     """Of the cell."""
     cell: CellId | None
@@ -36,13 +34,10 @@ class Damage(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The cell for people."""
         return f"the cell with key {self.key}" if self.cell is None else f"{self.cell.name} {self.cell.budget}"
 
 
 class Verified(NamedTuple):
-    """The outcome of a check."""
-
     rows: int
     """How many were checked."""
     files: int
@@ -57,7 +52,6 @@ class Verified(NamedTuple):
 
     @property
     def is_whole(self) -> bool:
-        """Nothing is damaged or missing."""
         return not (self.structure or self.damages or self.strays)
 
 
@@ -106,9 +100,6 @@ def _changed(folder: Path, checksums: Mapping[str, str], result: Result) -> Iter
         if what in checksums and there.get(what) != checksums[what]:
             problem = "is not as it was recorded" if what in there else "is missing"
             yield Damage(result.key, result.id, what, f"{path} {problem}")
-
-
-# ------------------------------------------------------------------------------------------------------------- repair
 
 
 def repair(folder: Path) -> Verified:

@@ -40,9 +40,6 @@ class Choice:
         return f"{self.name}[{inside}]" if inside else self.name
 
 
-# ---------------------------------------------------------------------------------------------------------- reading
-
-
 def parse_choices(text: str) -> tuple[Choice, ...]:
     """A comma list, "funnel,funnel[variant=code,ginf=0.02],flag", without repetitions. Raises `UsageError`."""
     return tuple(dict.fromkeys(parse_choice(item) for item in split(text)))
@@ -120,9 +117,6 @@ def _item(text: str, start: int, end: int) -> str:
     if not text[start:end].strip():
         raise UsageError(f"empty item at column {start + 1} of '{text}'; separate names by single commas")
     return text[start:end]
-
-
-# --------------------------------------------------------------------------------------------------------- checking
 
 
 @dataclass(frozen=True)

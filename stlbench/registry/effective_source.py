@@ -27,8 +27,6 @@ _ALIAS = re.compile(rb"(?:^|\s)\*\w")
 
 
 class _Source(NamedTuple):
-    """Of one file."""
-
     digest: str
     """16 hex digits."""
     imports: tuple[str, ...] = ()
@@ -67,9 +65,6 @@ def _without_words(content: bytes) -> bytes:
         return json.dumps(parts, default=str).encode()
     except (yaml.YAMLError, AttributeError, TypeError, ValueError, RecursionError):
         return content
-
-
-# ----------------------------------------------------------------------------------------------------------- Python
 
 
 def _of_python(content: bytes, module: str, is_package: bool) -> _Source:

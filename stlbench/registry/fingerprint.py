@@ -36,7 +36,6 @@ class Code:
     """Name and version of each installed distribution that is imported; sorted."""
 
     def __or__(self, other: Code) -> Code:
-        """Both together."""
         files, packages = {*self.files, *other.files}, {*self.packages, *other.packages}
         return Code(tuple(sorted(files)), tuple(sorted(packages)))
 
@@ -58,7 +57,6 @@ class Code:
 
 
 def fingerprint(module: str) -> str:
-    """The digest (32 hex digits) of the files of `code_of`."""
     return code_of(module).digest
 
 
@@ -99,9 +97,6 @@ def _above(module: str) -> tuple[str, ...]:
     return (package,) if package else ()
 
 
-# ---------------------------------------------------------------------------------------------------------- finding
-
-
 def _file(module: str) -> Path | None:
     """The source file, found without running the packages above it, which `find_spec("a.b")` would do."""
     top, *rest = module.split(".")
@@ -117,7 +112,6 @@ def _file(module: str) -> Path | None:
 
 
 def _place(top: str) -> tuple[str | None, tuple[str, ...]]:
-    """The file and the folders of a top-level module."""
     try:
         spec = find_spec(top)
     except (ImportError, ValueError):
@@ -126,7 +120,6 @@ def _place(top: str) -> tuple[str | None, tuple[str, ...]]:
 
 
 def _path(name: str) -> Path | None:
-    """The file of a name of `Code`, where it is there."""
     package, slash, rest = name.partition("/")
     if not slash:
         return _file(name)
@@ -141,7 +134,6 @@ def _digest(path: Path, name: str) -> str | None:
 
 
 def _data(module: str) -> dict[str, str]:
-    """Name -> digest of the files of data of a package, which a module may be."""
     top, *rest = module.split(".")
     names = dict[str, str]()
     for root in _place(top)[1]:
@@ -153,7 +145,6 @@ def _data(module: str) -> dict[str, str]:
 
 
 def _data_files(folder: Path) -> Iterator[Path]:
-    """Those in a folder, and in folders below it that are no packages."""
     try:
         entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
     except OSError:
@@ -168,9 +159,6 @@ def _data_files(folder: Path) -> Iterator[Path]:
             yield from () if Path(entry.path, "__init__.py").is_file() else _data_files(Path(entry.path))
         elif not entry.name.endswith(_NO_DATA):
             yield Path(entry.path)
-
-
-# --------------------------------------------------------------------------------------------------------- installed
 
 
 def _versions(top: str, packages: bool) -> dict[str, str] | None:

@@ -29,8 +29,6 @@ _FILE, _MODULE = "task.yaml", "system"
 
 @dataclass(frozen=True)
 class FolderTask(plugins.Plugin):
-    """A folder as a plugin of the kind `tasks`."""
-
     folder: Path
     """Absolute."""
 
@@ -51,7 +49,6 @@ class FolderTask(plugins.Plugin):
 
 
 def _tasks(module: ModuleType) -> list[type]:
-    """Those that a module defines itself, without the bases of others."""
     bases = System, GymTask, WorldTask
     own = [
         kind
@@ -59,9 +56,6 @@ def _tasks(module: ModuleType) -> list[type]:
         if inspect.isclass(kind) and issubclass(kind, bases) and kind.__module__ == module.__name__
     ]
     return [kind for kind in dict.fromkeys(own) if not any(kind in other.__mro__[1:] for other in own)]
-
-
-# ---------------------------------------------------------------------------------------------------------- reading
 
 
 def is_path(name: str) -> bool:
@@ -79,16 +73,12 @@ def parse_task(text: str) -> Choice:
 
 
 def parse_tasks(text: str) -> tuple[Choice, ...]:
-    """A comma list of tasks, as `choices.parse_choices` reads lists of names."""
     return tuple(dict.fromkeys(parse_task(item) for item in split(text)))
 
 
 def task_of(value: Choice | str) -> Choice:
     """The task that a caller means, by value or by text, as `choices.choice_of`."""
     return parse_task(value) if isinstance(value, str) else value
-
-
-# ---------------------------------------------------------------------------------------------------------- knowing
 
 
 def know(path: Path) -> FolderTask:

@@ -167,7 +167,6 @@ def _warn(message: str) -> None:
 
 
 def find(kind: str, name: str) -> Plugin:
-    """The plugin of that name. Raises `UsageError` that says what there is."""
     known = available(kind)
     if name not in known:
         meant = [] if kind != "executors" else _about(kind, name)

@@ -41,5 +41,4 @@ def condense(results: Iterable[Result], missing: Iterable[CellId] = ()) -> tuple
 
 
 def only(groups: Iterable[Group], cells: Container[CellId]) -> tuple[Group, ...]:
-    """The groups without other cells than these."""
     return group(row for group in groups for row in group.rows if row.id in cells)

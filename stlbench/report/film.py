@@ -62,8 +62,6 @@ class Pace(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """A figure, how to move it to a sample, and a remark for the viewer."""
-
     figure: Figure
     update: Update
     moving: Sequence[Artist]
@@ -97,7 +95,6 @@ def write(
 
 
 def _frames(task: Task, shown: Scene, title: str) -> Iterator[Pixels]:
-    """The pictures of the film: the figure at each sample, then its end for a while."""
     figure = shown.figure
     samples, speed = pace(task.file.steps, task.file.sampling_time)
     heading = figure.suptitle(_heading(title, task, 0, speed), fontsize=10)
@@ -217,13 +214,9 @@ def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
 
 
 def _show(axes: Axes, signal: Signal, values: Array) -> None:
-    """The range of a signal in the task file, extended to the values of the traces."""
     low, high = min(signal.low, values.min()), max(signal.high, values.max())
     margin = 0.04 * (high - low)
     axes.set_ylim(low - margin, high + margin)
-
-
-# -------------------------------------------------------------------------------------------------------------- files
 
 
 def check_format(form: Format) -> None:

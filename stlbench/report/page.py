@@ -48,8 +48,6 @@ Part = dict[str, Any]
 
 
 class Picture(NamedTuple):
-    """A figure on the page."""
-
     label: str
     """What it shows, for those who cannot see it."""
     data: str
@@ -89,8 +87,6 @@ def write_page(
 
 @dataclass(frozen=True)
 class _Page:
-    """What the page is made from: the arguments of `write_page`."""
-
     report: Report
     results: Mapping[CellId, Result]
     folder: Path
@@ -102,7 +98,6 @@ class _Page:
         return colours_of(self.report.groups)
 
     def text(self, tell: Tell) -> str:
-        """The HTML."""
         report = self.report
         drawings = drawings_of_tasks(report.learned, self.colours, self.load)
         parts, done = list[Part](), 0
@@ -217,9 +212,6 @@ def _facts(task: Task) -> Facts:
     ]
 
 
-# -------------------------------------------------------------------------------------------------------------- tables
-
-
 def _overview(table: Table) -> Table:
     """The columns of the table of robustness that a wide screen shows."""
     shown = (i for i, column in enumerate(table.columns) if column.drop <= 2 and not column.below)
@@ -253,11 +245,7 @@ def _of_task(report: Report, choice: Choice) -> list[Table]:
     return tables
 
 
-# --------------------------------------------------------------------------------------------------------------- cells
-
-
 def cells_shown(groups: Sequence[Group]) -> tuple[list[Row], Table]:
-    """The cells that the page has one by one, and their table."""
     rows, notes = [row for group in groups for row in group.rows], list[str]()
     if len(rows) > MOST:
         seeds = max(1, MOST // len(groups))

@@ -50,7 +50,6 @@ class Report:
 
     @cached_property
     def pairs(self) -> tuple[Comparison, ...]:
-        """Each two methods on each task."""
         return compare(self.learned, self._known)
 
     @cached_property
@@ -60,12 +59,10 @@ class Report:
 
     @cached_property
     def overview(self) -> Table:
-        """One row for each task, one column for each method."""
         return overview(self.learned, self._known, advice(self.pairs))
 
     @cached_property
     def robustness(self) -> Table:
-        """One row for each task, method, agent, budget and track."""
         untrained = [
             each for each in outside(self._recorded) if each.setting.task in self._tasks or each in self.groups
         ]
@@ -73,7 +70,6 @@ class Report:
 
     @cached_property
     def comparisons(self) -> Table:
-        """One row for each pair of methods on a task."""
         return comparisons_table(self.pairs)
 
     @cached_property
@@ -100,7 +96,6 @@ class Report:
 
     @property
     def circumstances(self) -> Table:
-        """Machine, versions and time of what was trained."""
         return circumstances(trained(self.groups))
 
     @property
@@ -113,7 +108,6 @@ class Report:
 
     @cached_property
     def _known(self) -> Known:
-        """What is known of the tasks that were learned."""
         best = best_known(self._recorded, self.standards)
         return Known(self.standards, {task: value for task, value in best.items() if task in self._tasks})
 

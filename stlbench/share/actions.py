@@ -161,7 +161,6 @@ class ActionTable:
         return ActionGrid(("action",), (tuple(map(float, range(len(self.vectors)))),))
 
     def chosen(self, indices: Any) -> Array:
-        """The actions (N, axes) of numbers (N,)."""
         vectors: Array = self.vectors[indices]
         return vectors
 

@@ -29,8 +29,6 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 class Packed(NamedTuple):
-    """What went into a bundle."""
-
     cells: int
     policies: int
     """Cells whose policies are in it."""
@@ -75,7 +73,6 @@ def _write(archive: zipfile.ZipFile, path: str, data: bytes) -> None:
 def _contents(
     folder: Path, results: Results, kept: list[Result], about: About, traces: bool
 ) -> Iterator[tuple[str, bytes]]:
-    """Paths inside the bundle, and their content."""
     yield stored.LINES, stored.lines(results, stored.missing_by_key(folder)).encode()
     for path in sorted(path for path in folder.iterdir() if path.suffix in _TABLES and path.is_file()):
         yield path.name, path.read_bytes()
@@ -111,8 +108,6 @@ _SOFTWARE = "#stlbench"
 
 @dataclass(frozen=True)
 class About:
-    """The description of a bundle."""
-
     title: str
     description: str
     authors: tuple[str, ...]
@@ -123,8 +118,6 @@ class About:
 
 
 class Content(NamedTuple):
-    """The checksum and size of a file."""
-
     sha256: str
     size: int
     """Bytes."""

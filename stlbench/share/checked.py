@@ -32,8 +32,6 @@ _DAMAGED = (OSError, zipfile.BadZipFile, zlib.error, NotImplementedError, Runtim
 
 
 class Checked(NamedTuple):
-    """The result of a check."""
-
     cells: int
     """0 if its results cannot be read."""
     policies: int
@@ -72,7 +70,6 @@ def _file(folder: Path, result: Result) -> Path:
 
 
 def _policies(folder: Path, result: Result) -> Iterator[str]:
-    """What is wrong with the stored policies of a cell."""
     try:
         if npz.unpacked_size(_file(folder, result)) > LARGEST_POLICIES:
             yield f"{result.id.name}: its policies would be more than {LARGEST_POLICIES >> 20} MiB in memory"

@@ -76,8 +76,6 @@ _ROUNDING = 1e-6
 
 
 class Exported(NamedTuple):
-    """What was written, and how it compares with the policy itself."""
-
     observations: int
     """Of the report's episodes: all that the policy saw there."""
     same: float
@@ -134,8 +132,6 @@ def _complete(content: bytes, kept: LoadedPolicy, facts: dict[str, str]) -> byte
 
 
 class _Seen(Policy):
-    """A policy, and all observations that it was given."""
-
     def __init__(self, policy: Policy) -> None:
         self.policy, self.observations = policy, list[Array]()
 

@@ -25,8 +25,6 @@ from stlbench.task import Task, load_task
 
 
 class Entry(NamedTuple):
-    """What becomes a row."""
-
     result: Result
     scored: Scored
     signals: tuple[str, ...]

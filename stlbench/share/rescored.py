@@ -95,7 +95,6 @@ class Again(NamedTuple):
 
     @property
     def said(self) -> str:
-        """In words."""
         words = {True: "as recorded", False: "not as recorded", None: "another task than its own"}
         return words[self.as_recorded]
 

@@ -67,7 +67,6 @@ def load_sb3(path: Path, actions: Actions, shown: Observation, declared: bool = 
 
 
 def _read(path: Path) -> tuple[Mapping[str, Any], Mapping[str, Weights]]:
-    """The file's texts, and its weights by name."""
     try:
         with zipfile.ZipFile(path) as file:
             data = json.loads(file.read("data"))
@@ -134,7 +133,6 @@ def _meaning_of_outputs(
 
 
 def _index(actions: ActionGrid, places: list[Any]) -> Integers:
-    """Indices of the grid from places (N,) along each axis."""
     index: Integers = np.ravel_multi_index([place.astype(np.int64) for place in places], actions.shape)
     return index
 

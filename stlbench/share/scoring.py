@@ -56,8 +56,6 @@ class Shown:
 
 
 class Scored(NamedTuple):
-    """What the referee says of a policy from outside."""
-
     measurement: Measurement
     """With what is known of it: scores, and nothing of a training."""
     traces: Array
@@ -138,7 +136,6 @@ def _method(task: Task, choice: Choice) -> RewardMethod:
 
 
 def _states(task: Task) -> Observation:
-    """The states of a system, as they are."""
     if not isinstance(task.dynamics, System):
         raise UsageError(f"--on state: task {task.name} is no system, its states are not to be had")
     names = task.dynamics.state
@@ -167,7 +164,6 @@ def _observed(task: Task, method: RewardMethod) -> Observed:
 def _function(
     task: Task, source: Source, table: ActionTable | None, observation: Observation, shown: Shown
 ) -> Callable[[Array], Any]:
-    """Of such observations."""
     actions = task.actions if table is None else table.numbers
     match source.kind:
         case "function":

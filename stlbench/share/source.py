@@ -31,8 +31,6 @@ _CELL = re.compile(r"[^/]+/[^/]+/[^/]+/[0-9]+(/[a-z]+)?")
 
 @dataclass(frozen=True)
 class Source:
-    """Where a policy comes from."""
-
     kind: Kind
     text: str
     """As the user named it."""
@@ -43,7 +41,6 @@ class Source:
 
     @property
     def path(self) -> Path:
-        """Of a file."""
         return Path(self.text)
 
     @property

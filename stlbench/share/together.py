@@ -28,8 +28,6 @@ Tell = Callable[[str, str], None]
 
 @dataclass(frozen=True)
 class Bundle:
-    """A bundle as it was read."""
-
     path: Path
     about: About | None = None
     """None where the bundle is refused."""

@@ -184,7 +184,6 @@ def _does_more(path: Path, name: str) -> UsageError:
 
 
 def _operators(block: Any) -> Iterator[str]:
-    """Of a graph, and of all that is nested in it."""
     for node in block.nodes():
         yield node.kind()
         for inner in node.blocks():

@@ -64,7 +64,6 @@ def _arrays(path: Path, task: Task) -> Array:
 
 
 def _columns(path: Path, names: tuple[str, ...], task: Task) -> list[int]:
-    """Where the task's signals are."""
     for signal in task.signals:
         if signal not in names:
             raise UsageError(f"{path} has no signal '{signal}'{did_you_mean(signal, names)}")

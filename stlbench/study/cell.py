@@ -49,7 +49,6 @@ class Cell:
     def ended(
         self, status: Status, reason: str = "", details: str = "", measurement: Measurement | None = None
     ) -> Result:
-        """The result of this cell, without provenance."""
         return Result(self.id, self.key, status, reason, details, measurement)
 
 
@@ -107,14 +106,12 @@ class Ingredients:
 
     @cached_property
     def parts(self) -> tuple[tuple[str, str], ...]:
-        """Name and hash of each part."""
         plugged = (self.task, self.method, self.agent)
         packages = sorted({package for part in plugged for package in part.code.packages})
         hashes = (self.harness.digest, *(part.digest for part in plugged), digest(packages))
         return tuple(zip(PARTS, hashes, strict=True))
 
     def key(self, track: str, seed: int) -> str:
-        """The key of a cell of these."""
         return digest([track, *self.parts, seed])
 
 
@@ -150,7 +147,6 @@ def _modules(task: Task) -> tuple[str, ...]:
 
 
 def method_part(choice: Choice) -> Part:
-    """A method with the parameters that the user set."""
     return _part("methods", choice.name, [str(choice)])
 
 

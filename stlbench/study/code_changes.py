@@ -63,9 +63,6 @@ def key_without_code(cell: Cell) -> str:
     return digest([cell.key, "changed"])
 
 
-# ---------------------------------------------------------------------------------------------- outdated results
-
-
 def outdated(missing: Iterable[Cell], ledger: Ledger) -> dict[str, Cell]:
     """Those of the cells that have a result under another key, which was no accident: that key -> the cell."""
     counted = ledger.counted(accidents=False)

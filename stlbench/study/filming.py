@@ -25,8 +25,6 @@ Form = Literal["gif", "webp", "mp4", "png"]
 
 
 class Filmed(NamedTuple):
-    """What was written."""
-
     paths: tuple[Path, ...]
     remarks: tuple[str, ...]
     """What is not as one would expect, in a line each."""
@@ -70,7 +68,6 @@ class Filming:
 
     @property
     def _options(self) -> list[str]:
-        """What the user chose."""
         chosen: list[str] = [] if self.which == "selected" else [self.which]
         if self.start.point is not None:
             return [*chosen, "start-" + ",".join(repr(number).removesuffix(".0") for number in self.start.point)]

@@ -35,8 +35,6 @@ _BARS = 20
 
 @dataclass(frozen=True)
 class Running:
-    """A cell that runs."""
-
     name: str
     budget: str
     of: int
@@ -55,7 +53,6 @@ class Running:
 
     @property
     def id(self) -> CellId:
-        """Which cell. Raises `UsageError` where the name is none."""
         return CellId.parse(self.name, self.budget)
 
     @property
@@ -71,7 +68,6 @@ class Notice:
         self._path, self._now, self._spent, self._written = path, now, 0.0, 0.0
 
     def begin(self) -> None:
-        """The cell has begun."""
         self._write()
 
     def at(self, steps: int, glance: Glance | None = None) -> None:
@@ -142,9 +138,6 @@ def running(folder: Path) -> list[Running]:
             if isinstance(one.of, int) and isinstance(one.steps, int) and one.began + one.told and one.id:
                 cells.append(one)
     return sorted(cells, key=lambda one: (one.began, one.name))
-
-
-# ------------------------------------------------------------------------------------------------------- in words
 
 
 def line_of(one: Running, now: float, *, drawn: bool = False) -> str:

@@ -40,7 +40,6 @@ _LOGGED = {
 
 
 def build_logs(choices: Iterable[Choice]) -> dict[str, RunLog]:
-    """The chosen logs, by the text of each. Raises `UsageError`."""
     return {str(choice): _built(choice) for choice in choices}
 
 
@@ -56,7 +55,6 @@ def _built(choice: Choice) -> RunLog:
 
 
 def logged(result: Result) -> LoggedCell:
-    """What a log is told of a result."""
     measured, name = result.measurement, result.id.name
     if measured is None:
         return LoggedCell(name, result.id.budget, result.status, result.reason)
@@ -83,14 +81,12 @@ class _Thread:
         self._thread.start()
 
     def tell(self, call: Callable[[], None], now: float) -> None:
-        """Call this later; nothing where the log is turned off."""
         if self.since is not None and now - self.since > _MOST_SECONDS:
             self.fault = self.fault or f"one call takes more than {_MOST_SECONDS:g} s"
         if not self.fault:
             self._calls.put(call)
 
     def close(self, seconds: float) -> None:
-        """Wait so long for what is left."""
         if not self.fault:
             self._calls.put(None)
             self._thread.join(seconds)
@@ -129,7 +125,6 @@ class Logged:
         self._faults()
 
     def begin(self, missing: Sequence[CellId], done: int) -> None:
-        """See `Progress.begin`."""
         self._told.begin(missing, done)
         folder, cells = self._folder.absolute(), tuple(cell.name for cell in missing)
         self._begun = True
@@ -138,11 +133,9 @@ class Logged:
             threading.Thread(target=self._watch, daemon=True).start()
 
     def note(self, text: str) -> None:
-        """See `Progress.note`."""
         self._told.note(text)
 
     def ended(self, result: Result) -> None:
-        """See `Progress.ended`."""
         self._told.ended(result)
         cell = logged(result)
         with self._lock:  # no checkpoint comes after the end of its cell

@@ -55,8 +55,6 @@ def plan_cells(
 
 @dataclass(frozen=True)
 class _Planned:
-    """One task's share of a study."""
-
     task: Task
     agents: Sequence[Choice]
     seeds: Sequence[int]
@@ -73,7 +71,6 @@ class _Planned:
         return Cell(cell, within.key(self.track, seed), deadline, recipe, place, within.parts, within.code)
 
     def _ingredients(self, part: Part, agent: Choice, recipe: Recipe | None) -> Ingredients:
-        """What is in the keys of its cells."""
         setting = agent, None if recipe is None else (tuple(recipe.agent.items()), recipe.hold)
         if setting not in self._known:
             task = on_track(self.task, agent, self.track, recipe)

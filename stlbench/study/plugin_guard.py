@@ -33,8 +33,6 @@ LONG = 3600.0
 
 @dataclass(frozen=True)
 class _Call:
-    """What another process is told."""
-
     question: Question[Any]
     folders: tuple[Path, ...]
     """Of those of its tasks that are folders."""
@@ -42,8 +40,6 @@ class _Call:
 
 @dataclass(frozen=True)
 class _Answer:
-    """What it says."""
-
     answer: Any
     warnings: tuple[str, ...]
 

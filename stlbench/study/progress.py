@@ -41,7 +41,6 @@ class Tally:
         """The other seeds of these end at once as well."""
 
     def add(self, result: Result) -> None:
-        """Count a cell that has ended."""
         self._ended[result.status] += 1
         if result.measurement is not None:
             self._times.setdefault(result.id.setting, []).append(result.measurement.wall_seconds)
@@ -49,7 +48,6 @@ class Tally:
             self._unfit.add(result.id.setting)
 
     def remove(self, cell: CellId) -> None:
-        """The cell is not missing any more."""
         self._missing[cell.setting] -= 1
 
     def left(self, cells: Sequence[Running], now: float) -> str:
@@ -114,7 +112,6 @@ class Progress:
             self.bar.stop()
 
     def begin(self, missing: Sequence[CellId], done: int) -> None:
-        """Say how many cells there are, and show the bar."""
         total = done + len(missing)
         earlier = f", {done} of them done before" if done else ""
         self.note(f"{total} {'cell' if total == 1 else 'cells'}{earlier}")
@@ -122,7 +119,6 @@ class Progress:
         self.start(total, done)
 
     def start(self, total: int, done: int) -> None:
-        """Show the bar where a cell is missing."""
         self.total, self.done = total, done
         if done < total:
             self.bar = _bar(self.console, total, done, self._below)
@@ -131,11 +127,9 @@ class Progress:
                 threading.Thread(target=self._each_minute, daemon=True).start()
 
     def note(self, text: str) -> None:
-        """Print a line."""
         self.console.print(Text(text))
 
     def ended(self, result: Result) -> None:
-        """Say how a cell ended."""
         self.done += 1
         self.tally.remove(result.id)
         self.tally.add(result)

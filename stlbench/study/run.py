@@ -71,7 +71,6 @@ class _Calling(_Silent):
 
 @contextmanager
 def _progress(wanted: Progress | Callback | bool | None, folder: Path) -> Iterator[Progress]:
-    """What the user means by the argument `progress`."""
     if wanted is True:
         from stlbench.study.progress import Progress as Lines
 
@@ -100,7 +99,6 @@ def build_executor(choice: Choice | str = "local", jobs: int | None = None, memo
 
 @contextmanager
 def _refusals() -> Iterator[None]:
-    """An executor that cannot run here says so in a line."""
     try:
         yield
     except Unsuitable as error:
@@ -227,7 +225,6 @@ def _given_up(cells: Sequence[CellId], attempts: int) -> str:
 
 
 def _missing(cells: Iterable[Cell], ledger: Ledger, retry: Collection[Status], attempts: int | None) -> list[Cell]:
-    """Those of the cells that are to be run, each once."""
     known = {cell.key: cell for cell in cells}
     finished = ledger.finished(known, retry, attempts)
     return [cell for key, cell in known.items() if key not in finished]

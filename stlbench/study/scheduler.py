@@ -67,9 +67,6 @@ class _Shown:
         return repr(self._value)
 
 
-# ---------------------------------------------------------------------------------------------- executors that fail
-
-
 def outcomes(
     executor: Executor, function: Callable[[Any], Any], items: Sequence[Any], deadlines: Sequence[float]
 ) -> Generator[Outcome]:

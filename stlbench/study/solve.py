@@ -133,7 +133,6 @@ def _refuse_unplannable(cells: Sequence[Cell]) -> None:
 
 
 def _planners(maximise: str) -> list[str]:
-    """The installed agents that plan for it."""
     kinds, _ = plugins.loadable("agents")
     return [name for name, kind in kinds.items() if getattr(kind, "plans", None) == maximise]
 

@@ -38,8 +38,6 @@ _Found = Mapping[str, Mapping[str, Mapping[str, Recipe]]]
 
 @dataclass(frozen=True)
 class Recipes:
-    """The recipes of the track `tuned`."""
-
     found: _Found
     source: str
     """The file, for messages."""
@@ -115,6 +113,5 @@ def write_recipes(path: Path, recipes: _Found, facts: Mapping[str, Any]) -> None
 
 
 def _written(recipe: Recipe) -> dict[str, Any]:
-    """What it says, and nothing that it does not."""
     agent = {"agent": dict(recipe.agent)} if recipe.agent else {}
     return agent if recipe.hold is None else {**agent, "hold": recipe.hold}

@@ -35,8 +35,6 @@ class Clock:
 
 
 class Checkpoint(NamedTuple):
-    """A checkpoint, frozen."""
-
     policy: Policy | StatePolicy
     steps: int
     cpu_seconds: float
@@ -44,8 +42,6 @@ class Checkpoint(NamedTuple):
 
 
 class Trained(NamedTuple):
-    """What came of a training."""
-
     final: Policy | StatePolicy
     checkpoints: list[Checkpoint]
     """At least one: where an agent reported none, its final policy."""
@@ -144,7 +140,6 @@ class StepCounter:
         self._agent, self._budget, self._process = agent, math.inf, os.getpid()
 
     def begin(self, budget: int) -> None:
-        """What was taken until now does not count; from now on, this is the most that may be taken."""
         self.taken, self._budget = 0, budget
 
     def add(self, steps: int) -> None:
@@ -178,13 +173,10 @@ class StepCounter:
 
 
 class CountedEnvironment(BatchEnvironment):
-    """An environment whose steps are counted."""
-
     def __init__(self, task: Task, method: RewardMethod, count: int, seed: int, meter: StepCounter) -> None:
         super().__init__(task, method, count, seed)
         self._meter = meter
 
     def step(self, action: Integers | Array) -> Transition:
-        """See `BatchEnvironment.step`."""
         self._meter.add(self.count * self.hold)
         return super().step(action)

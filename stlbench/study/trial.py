@@ -58,8 +58,6 @@ def run_cell(cell: Cell, folder: Path | None = None) -> Result:
 
 
 class Measured(NamedTuple):
-    """What came of a cell."""
-
     numbers: Measurement
     assessment: Assessment
     """The selected policy's report."""
@@ -130,7 +128,6 @@ def _checkpoint_notice(notice: Notice | None, referee: Referee) -> Callable[[Pol
 
 
 def _choose(referee: Referee, reported: Sequence[Checkpoint]) -> tuple[Checkpoint, tuple[CurvePoint, ...]]:
-    """The best of the checkpoints, and the learning curve of all."""
     choice = referee.choose([checkpoint.policy for checkpoint in reported])
     scores = zip(choice.satisfaction.tolist(), choice.robustness_mean.tolist(), choice.starts.tolist(), strict=True)
     curve = [CurvePoint(at.steps, at.cpu_seconds, *score) for at, score in zip(reported, scores, strict=True)]

@@ -45,8 +45,6 @@ Values = Mapping[str, Value]
 
 
 class Trial(NamedTuple):
-    """One set of values, and what came of it."""
-
     values: Values
     status: str
     """`done` where all of its seeds are, else how the first ended that is not."""
@@ -77,7 +75,6 @@ class Entrant:
 
     @property
     def best(self) -> Trial | None:
-        """The first of the best; None where nothing was finished."""
         done = [trial for trial in self.trials if trial.status == "done"]
         return max(done, key=lambda trial: trial.rank, default=None)
 
@@ -93,7 +90,6 @@ class Entrant:
         return Recipe(changed, None if hold is None else int(hold))
 
     def cells(self, values: Values, study: Study) -> tuple[Cell, ...]:
-        """Those of a trial, one for each seed."""
         changed = {name: str(value) for name, value in self._changed(values).items()}
         hold = [(HOLD, changed.pop(HOLD))] if HOLD in changed else []
         task = Choice(self.task.name, (*self.task.parameters, *hold))
@@ -137,7 +133,6 @@ def _of_agent(task: Task, agent: Choice, methods: Sequence[Choice]) -> Iterator[
 
 
 def _shared(task: Task, agent: Choice, name: str) -> Value:
-    """The value that the shared recipe has."""
     if name == HOLD:
         return task.file.hold
     known = plugins.parameters(plugins.find("agents", agent.name))
@@ -158,9 +153,6 @@ def _holds(task: Task, steps: int) -> bool:
     except ValueError:
         return False
     return True
-
-
-# ----------------------------------------------------------------------------------------------------------- search
 
 
 def search(
@@ -195,13 +187,11 @@ class _Search:
         self.study.enqueue_trial(dict(entrant.shared))
 
     def ask(self, study: Study) -> tuple[optuna.trial.Trial, tuple[Cell, ...]]:
-        """The next trial, and its cells."""
         trial = self.study.ask()
         values = {name: trial.suggest_categorical(name, among) for name, among in self.entrant.space.items()}
         return trial, self.entrant.cells(cast(Values, values), study)
 
     def tell(self, trial: optuna.trial.Trial, results: Sequence[Result]) -> None:
-        """What came of it."""
         ended = _ended(cast(Values, trial.params), results)
         self.entrant.trials.append(ended)
         if ended.satisfaction is None or ended.robustness is None:

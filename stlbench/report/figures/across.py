@@ -133,7 +133,6 @@ def ticks(lowest: float, highest: float = _BEST) -> list[tuple[float, str]]:
 
 
 def _scores(axes: Axes, label: str, lowest: float, highest: float) -> None:
-    """Ticks and limits of an axis of scores."""
     places, texts = zip(*ticks(lowest, highest), strict=True)
     axes.set_xticks(places, texts)
     axes.set_xlim(places[0] - 0.05, places[-1] + 0.05)
@@ -142,7 +141,6 @@ def _scores(axes: Axes, label: str, lowest: float, highest: float) -> None:
 
 
 def _label(entry: Entry) -> str:
-    """The method, and how many of the tasks it fits unless it fits all."""
     return entry.method if all(entry.scores) else f"{entry.method}\n(fits {entry.coverage})"
 
 

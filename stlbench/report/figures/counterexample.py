@@ -38,8 +38,6 @@ _CLOSE = 8
 
 
 class Place(NamedTuple):
-    """The origin of a robustness."""
-
     step: int
     text: str
     """The margin and the step, in words."""
@@ -113,7 +111,6 @@ def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: Place) -> lis
 
 
 def _margin(axes: Axes, task: Task, trace: Array, here: Place) -> None:
-    """Draw the row of the predicate's margin, and mark the step that decides."""
     assert here.witness is not None
     predicate, step, margin = here.witness.predicate, here.step, here.witness.margin
     margins = margins_of(task, predicate, trace)
@@ -139,20 +136,14 @@ def margins_of(task: Task, predicate: stl.Predicate | stl.TrueFormula, trace: Ar
 
 
 def _plane(axes: Axes, task: Task, trace: Array, here: Place) -> tuple[int, ...]:
-    """Draw the plane; the parts of the formula that have a region there."""
     view = plane.lay_out(axes, task, trace[None])
     plane.draw_traces(axes, task, view, trace[None])
     axes.plot(*trace[here.step, list(view.columns)], "o", color=MARK, markersize=6, zorder=8, clip_on=False)
     return view.drawn
 
 
-# ------------------------------------------------------------------------------------------------- stories of a group
-
-
 @dataclass(frozen=True)
 class Story:
-    """What the selected policies of all seeds of a group did."""
-
     recording: Recording
     """All traces."""
     picks: tuple[int, ...]
@@ -199,7 +190,6 @@ def tell_story(task: Task, results: Sequence[Result], folder: Path) -> Story | N
 
 
 def figures_of(task: Task, story: Story, bands: Sequence[Band], name: str, colour: str) -> list[tuple[str, Figure]]:
-    """The figures of a story, each with what it shows."""
     picked = replace(story.recording, traces=story.recording.traces[list(story.picks)])
     in_time = robustness_in_time(task, story.recording, bands, name, colour=colour)
     why = counterexample(
@@ -213,7 +203,6 @@ def figures_of(task: Task, story: Story, bands: Sequence[Band], name: str, colou
 
 
 def worst_table(stories: Mapping[Setting, Story]) -> Table:
-    """Which part of the formula failed, when, by how much."""
     columns: dict[Column, Callable[[tuple[Setting, Story]], Value]] = {
         Column("method", right=False): lambda row: str(row[0].method),
         Column("agent", right=False, shared=True): lambda row: str(row[0].agent),

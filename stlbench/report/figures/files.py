@@ -51,8 +51,6 @@ def file_name(*parts: str) -> str:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure of a report, not drawn yet."""
-
     name: str
     """Of its files."""
     label: str
@@ -63,7 +61,6 @@ class Drawing:
     """The function's arguments: what it is drawn from."""
 
     def draw(self) -> Figure:
-        """Draw it."""
         module, name = self.function
         figure: Figure = getattr(import_module(f"{__package__}.{module}"), name)(*self.values)
         return figure
@@ -141,14 +138,11 @@ def _svg(figure: Figure, settings: Mapping[str, str] | None = None, source: str 
     return file.getvalue()
 
 
-# -------------------------------------------------------------------------------------------------- figures of a report
-
 ROWS_PER_FIGURE = 24
 """Groups that have a row each."""
 
 
 def write_figures(report: Report, folder: Path, load: Load, width: Width) -> list[Path]:
-    """Draw what has changed of a report's figures; the paths of all files."""
     colours = colours_of(report.groups)
     with fitting(width):
         of_tasks = drawings_of_tasks(report.learned, colours, load).values()
@@ -198,7 +192,6 @@ def drawings_of_learning(groups: Sequence[Group], colours: Colours, scale: Scale
 
 
 def drawings_across(fields: Sequence[Field], colours: Colours) -> list[Drawing]:
-    """One figure over all tasks of each budget and track."""
     label = (
         "Interquartile means of the methods over all tasks, and the share of runs above each score; the table "
         "across tasks has the numbers"

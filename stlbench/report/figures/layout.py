@@ -45,17 +45,14 @@ def finish(figure: Figure, title: str, keys: Sequence[Artist], columns: int, siz
 
 
 def key_of(label: str, **style: Any) -> Line2D:
-    """The entry of a legend for a line or a mark of this style."""
     return Line2D([], [], label=label, **style)
 
 
 def level_key(label: str) -> Line2D:
-    """The entry of a legend for the line at robustness 0."""
     return key_of(label, color=LEVEL, linewidth=0.9)
 
 
 def patch(colour: str, label: str, alpha: float | None = None) -> Patch:
-    """A filled box of a legend."""
     return Patch(facecolor=colour, alpha=alpha, linewidth=0, label=label)
 
 
@@ -68,9 +65,6 @@ def term_patch(i: int, label: str) -> Patch:
     """The box of a legend for the region of term i, filled and framed as the region is."""
     colour, hatch = term_style(i)
     return Patch(facecolor=to_rgba(colour, REGION_ALPHA), edgecolor=colour, hatch=hatch, linewidth=1.3, label=label)
-
-
-# ------------------------------------------------------------------------------------------------- ends with an arrow
 
 
 _NEAR, _FAR = 5.0, 10.0
@@ -90,14 +84,11 @@ _PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}
 
 
 class Window(NamedTuple):
-    """The visible part of an axis."""
-
     low: float
     high: float
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Both ends, with a margin."""
         margin = _MARGIN * (self.high - self.low) or 1.0
         return self.low - margin, self.high + margin
 
@@ -146,11 +137,8 @@ def arrows_below(axes: Axes, texts: Sequence[tuple[str, str]]) -> None:
 
 
 def beyond_key(marker: str, text: str) -> Line2D:
-    """The entry of a legend for arrows."""
     return key_of(text, linestyle="", marker=marker, color="0.3", markersize=5)
 
-
-# -------------------------------------------------------------------------------------------------- symmetric logarithm
 
 _LINEAR_ENOUGH = 10.0
 """If the largest value is at most that many times the smaller one, a linear axis shows both well."""

@@ -92,9 +92,6 @@ def _points(axes: Axes, place: int, values: Sequence[float], shown: layout.Windo
         layout.arrow_at_left(axes, place + 0.2, [(f"median {layout.number(centre)}{interval}", colour)])
 
 
-# ----------------------------------------------------------------------------------------------------- learning curves
-
-
 @styled
 def learning_curves(groups: Sequence[Group], scale: Scale, colours: Colours) -> Figure:
     """Satisfaction and mean robustness of the checkpoints: a line for each group of one task, the mean over its seeds.
@@ -166,9 +163,6 @@ def _limit(axes: Axes, lines: Sequence[tuple[MeanCurve, GroupStyle]]) -> tuple[f
         axes.set_ylim(low - margin, high + margin)
     low -= margin
     return low, [(layout.number(line.mean[-1]), style.colour) for line, style in lines if line.mean[-1] < low]
-
-
-# ------------------------------------------------------------------------------------------------------------ overview
 
 
 @styled

@@ -35,8 +35,6 @@ _START, _END, _LEAVES = tuple[dict[str, Any], ...](
 
 
 class View(NamedTuple):
-    """The part of the signals' space that a plane shows."""
-
     columns: tuple[int, int]
     """Of the signals across and up."""
     low: Array

@@ -117,8 +117,6 @@ def region(task: Task, psi: Formula, axes: Sequence[Array], names: Sequence[str]
     return margin, truth
 
 
-# --------------------------------------------------------------------------------------------------------------- units
-
 NO_UNIT = "-"
 """If the task file names none."""
 UNKNOWN = "unit of the predicates"
@@ -127,12 +125,10 @@ _SAME_UNIT = ("abs", "min", "max", "norm", "norminf")
 
 
 def signal_label(task: Task, name: str) -> str:
-    """The signal with its unit: x [m]."""
     return f"{name} [{task.file.signals[name].unit or NO_UNIT}]"
 
 
 def time_label(task: Task) -> str:
-    """The label of the time axis."""
     return f"time [steps of {task.file.sampling_time:g} s]"
 
 
@@ -176,8 +172,6 @@ def _unit(task: Task, expression: stl.Expression) -> str | None:
 
 
 class Scale(NamedTuple):
-    """What an axis of a task's robustness says."""
-
     unit: str
     most: float
     """No trace within the signals' ranges has more robustness; inf if nothing is known."""

@@ -21,8 +21,6 @@ SINGLE, DOUBLE = 3.5, 7.16
 
 
 class Format(NamedTuple):
-    """How wide figures are, and how large their text is."""
-
     width: float
     """Inches."""
     text: float
@@ -48,27 +46,22 @@ def fitting(wanted: Width) -> Iterator[None]:
 
 
 def format_now() -> Format:
-    """The current format."""
     return _now.get()
 
 
 def width() -> float:
-    """Inches of a figure."""
     return _now.get().width
 
 
 def small() -> float:
-    """Points of ticks and legends."""
     return _now.get().small
 
 
 def tiny() -> float:
-    """Points of long texts."""
     return _now.get().tiny
 
 
 def rc() -> dict[Any, Any]:
-    """The settings of matplotlib for the current format."""
     sizes = _now.get()
     return {
         "font.family": ["DejaVu Sans"],  # comes with matplotlib, so that figures are the same on every machine
@@ -137,8 +130,6 @@ HATCHES = ("", "///", "...", "xxx")
 
 
 class GroupStyle(NamedTuple):
-    """The look of one group in every figure of its task."""
-
     label: str
     """The method, with agent and budget if they differ, and how many seeds finished: "flag: 4 of 5 seeds"."""
     colour: str
@@ -146,8 +137,6 @@ class GroupStyle(NamedTuple):
 
 
 class TermStyle(NamedTuple):
-    """How the region of one term of a task is filled."""
-
     colour: str
     hatch: str
     """Empty for the first terms; further terms have a colour and a hatch."""

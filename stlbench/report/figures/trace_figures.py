@@ -118,7 +118,6 @@ def _task(choice: Choice, job: Job) -> Task | None:
 
 
 def _traces(task: Task, results: Sequence[Result], job: Job) -> Recording | None:
-    """The traces of one group's seeds, as far as they are there."""
     recordings = list[Recording]()
     for result in results:
         try:
@@ -136,7 +135,6 @@ def _bands(task: Task | None, groups: Sequence[Group], job: Job) -> Mapping[Choi
 
 
 def _draw_group(task: Task, setting: Setting, recording: Recording, bands: Sequence[Band], job: Job) -> list[Path]:
-    """The figures of one method on one task."""
     track = () if setting.track == "shared" else (setting.track,)
     title = f"{setting.task}, {setting.method} ({', '.join((str(setting.agent), setting.budget, *track))})"
     colour, figures = job.colours[str(setting.method)], dict[str, Figure | None]()
@@ -152,7 +150,6 @@ def _draw_group(task: Task, setting: Setting, recording: Recording, bands: Seque
 
 
 def _draw_overview(task: Task, learned: Sequence[tuple[Group, Array | None]], job: Job) -> Iterator[Path]:
-    """Robustness with trajectories, of a task with a plane and traces."""
     if task.file.plane is not None and "overview" in job.only:
         for end, page in pages(learned, METHODS_PER_OVERVIEW):
             groups, traces = zip(*page, strict=True)

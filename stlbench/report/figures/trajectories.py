@@ -53,8 +53,6 @@ def trajectories(task: Task, recording: Recording, title: str, colour: str = TRA
 
 
 class Plan(NamedTuple):
-    """What one plan led to."""
-
     name: str
     """What was maximised, and in which setting."""
     robustness: float
@@ -66,7 +64,6 @@ class Plan(NamedTuple):
 
     @property
     def title(self) -> str:
-        """The name, and what the referee says."""
         return f"{self.name}\nrobustness {self.robustness:.3g}, satisfies from {100 * self.satisfaction:.0f} %"
 
 
@@ -135,9 +132,6 @@ def part_keys(task: Task, drawn: Sequence[int], letters: int = 72) -> list[Artis
         text = textwrap.shorten(str(part), most, placeholder=" ...")
         keys.append(layout.term_patch(i, text) if i in drawn else layout.absent_patch(f"{text} (has no region here)"))
     return keys
-
-
-# -------------------------------------------------------------------------------------------------- signals in time
 
 
 class Read(NamedTuple):

@@ -33,7 +33,6 @@ class Estimate(NamedTuple):
 
 
 def mean(runs: Runs) -> Estimate:
-    """The mean of all runs."""
     return _single(lambda *drawn, axis: np.concatenate(drawn, axis).mean(axis), runs)
 
 

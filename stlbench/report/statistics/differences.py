@@ -54,7 +54,6 @@ class Pair:
 
     @property
     def samples(self) -> tuple[Sample, Sample]:
-        """What the test compares."""
         learned = self.learned or ([False] * len(self.one), [False] * len(self.other))
         return tuple(zip(self.one, learned[0], strict=True)), tuple(zip(self.other, learned[1], strict=True))
 
@@ -191,8 +190,6 @@ def holm(chances: Sequence[float]) -> list[float]:
         corrected[index] = least
     return corrected
 
-
-# ---------------------------------------------------------------------------------------------------------- exact test
 
 _ALL_DEALS = 200_000
 """Up to so many deals are all computed: up to 10 seeds against 10. Of more, as many as fit into `_HELD` are drawn."""

@@ -27,7 +27,6 @@ class Interval(NamedTuple):
 
 
 def median(values: Sequence[float]) -> float:
-    """The median, with the mean of the middle two of an even number of values."""
     return float(np.median(values))
 
 

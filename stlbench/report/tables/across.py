@@ -50,8 +50,6 @@ class Entry:
 
 
 class Aggregate(NamedTuple):
-    """The numbers of one method over the tasks of a field."""
-
     entry: Entry
     mean: Estimate
     middle: Estimate

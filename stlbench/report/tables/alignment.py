@@ -96,7 +96,6 @@ def setting_text(task: Choice, agent: Choice) -> str:
 
 
 def _own(agent: Choice) -> tuple[tuple[str, str], ...]:
-    """The agent's parameters that change what is maximised."""
     return tuple((key, value) for key, value in agent.parameters if key != RESOLUTION)
 
 

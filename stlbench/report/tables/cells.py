@@ -70,8 +70,6 @@ def unfinished_table(groups: Iterable[Group]) -> Table:
     return Table.of("Cells without a result", rows, columns, ("`stlbench run --retry failed` runs them again.",))
 
 
-# ------------------------------------------------------------------------------------------------------------ one cell
-
 ENDED_EARLY = (
     "Ended early: share of the starts whose episode the environment ended before the formula's horizon. The task's "
     "`terminated` says how such an episode is judged: under `hold` the last sample stays, so an early end can satisfy."
@@ -127,11 +125,7 @@ def scores_and_cost(measurement: Measurement, *, outside: bool) -> list[Table]:
     ]
 
 
-# ---------------------------------------------------------------------------------------------------- time and machine
-
-
 def time_table(groups: Sequence[Group]) -> Table:
-    """What training took: one row for each group."""
     columns: dict[Column, Callable[[Group], Value]] = {
         **SETTING,
         Column("training wall", "train wall", unit="s", digits=1): lambda group: group.mean("training_wall_seconds"),
@@ -163,7 +157,6 @@ def _seconds_interval(values: Sequence[float]) -> Interval | None:
 
 
 def _jobs(group: Group) -> str | None:
-    """How many cells ran at a time."""
     jobs = {row.provenance.get("jobs", "") for row in group.rows if row.numbers}
     return ", ".join(sorted(jobs - {""})) or None
 

@@ -31,7 +31,6 @@ _MARKS = {
 
 
 def contests(groups: Iterable[Group]) -> dict[tuple[Choice, Choice, str, Track], Contest]:
-    """The groups by task, agent, budget and track."""
     by_key = dict[tuple[Choice, Choice, str, Track], list[Group]]()
     for group in groups:
         setting = group.setting
@@ -46,7 +45,6 @@ def mark(group: Group, contest: Contest, known: Known) -> str:
 
 
 def mark_notes(marks: Iterable[str]) -> tuple[str, ...]:
-    """What these marks mean."""
     there = set("".join(marks))
     return tuple(f"Marked {character}: {note}" for character, note in _MARKS.items() if character in there)
 
@@ -90,7 +88,6 @@ def _pair(one: Group, other: Group, known: Known) -> Pair:
 
 
 def comparisons_table(comparisons: Sequence[Comparison]) -> Table:
-    """One row for each pair of methods on a task."""
     tested = sum(each.difference.chance is not None for each in comparisons)
     mixed = any(each.difference.word == "mixed" for each in comparisons)
     notes = (

@@ -40,9 +40,6 @@ _TEXT = 16
 """Characters of a line of text in a column that is no wider than necessary."""
 
 
-# ------------------------------------------------------------------------------------------- Markdown, CSV and records
-
-
 def to_markdown(table: Table) -> str:
     """A section: heading, table with padded columns, notes."""
     columns = table.columns
@@ -77,15 +74,11 @@ def _headings(table: Table) -> list[str]:
 
 
 def _plain(table: Table) -> Iterator[list[Plain]]:
-    """The rows, in which compound values are several plain ones."""
     for row in table.rows:
         values: list[Plain] = []
         for value, column in zip(row, table.columns, strict=True):
             values += value if isinstance(value, tuple) else [value, *[None] * (len(column.headings) - 1)]
         yield values
-
-
-# --------------------------------------------------------------------------------------------------------------- LaTeX
 
 
 def to_latex(table: Table, width: Width = "page") -> str:
@@ -180,9 +173,6 @@ def _latex_text(text: str) -> str:
     return _MINUS.sub("$-$", escaped)
 
 
-# -------------------------------------------------------------------------------------------------------------- screen
-
-
 def to_screen(table: Table, console: Console, *, explain: bool = True) -> None:
     """Print the table as wide as the console. What all rows share goes into the title, long texts go below.
 
@@ -234,12 +224,7 @@ def _laid_out(columns: Sequence[Column], rows: Sequence[Sequence[str]], widths: 
     return laid_out
 
 
-# --------------------------------------------------------------------------------------------------------------- width
-
-
 class _Fit(NamedTuple):
-    """A table as it fits a width."""
-
     title: str
     """With what all rows share."""
     parts: list[dict[int, int]]

@@ -54,12 +54,10 @@ class Numbers:
 
     @property
     def learned(self) -> bool:
-        """Whether the selected policy has learned the task."""
         return self.satisfaction >= LEARNED
 
     @property
     def final_learned(self) -> bool:
-        """The same of the final policy."""
         return self.final_satisfaction >= LEARNED
 
 
@@ -97,7 +95,6 @@ class Group:
         return tuple(getattr(numbers, name) for numbers in self.done)
 
     def mean(self, name: str) -> float | None:
-        """The mean of one of `Numbers`; None if no cell is finished."""
         return mean(self.values(name))
 
     @property
@@ -112,7 +109,6 @@ class Group:
 
     @property
     def seeds(self) -> Seeds:
-        """How many seeds are finished, how many there are, and how the others ended."""
         return Seeds(len(self.done), len(self.rows), unfinished(self.rows) or None)
 
     @property
@@ -138,12 +134,10 @@ def unfinished(rows: Iterable[Row]) -> str:
 
 
 def missing_row(cell: CellId) -> Row:
-    """A cell that was planned and has no result."""
     return Row(cell, NOT_RUN, "", {}, None)
 
 
 def row(result: Result) -> Row:
-    """A result without its values of single starts."""
     return Row(
         id=result.id,
         status=result.status,
@@ -172,7 +166,6 @@ def _numbers(measurement: Measurement) -> Numbers:
 
 
 def group(rows: Iterable[Row]) -> tuple[Group, ...]:
-    """Gather rows by their setting, sorted."""
     gathered: dict[Setting, list[Row]] = {}
     for row in rows:
         gathered.setdefault(row.id.setting, []).append(row)
@@ -182,12 +175,10 @@ def group(rows: Iterable[Row]) -> tuple[Group, ...]:
 
 
 def outside(groups: Iterable[Group]) -> tuple[Group, ...]:
-    """The groups of policies that stlbench did not train."""
     return tuple(group for group in groups if group.outside)
 
 
 def trained(groups: Iterable[Group]) -> tuple[Group, ...]:
-    """The groups of policies that stlbench trained or planned."""
     return tuple(group for group in groups if not group.outside)
 
 
@@ -207,7 +198,6 @@ def maximised(groups: Iterable[Group]) -> dict[str, Maximised]:
 
 
 def _installed(agent: str) -> Maximised | None:
-    """What the agent of that name maximises; None if it learns, or is not installed."""
     try:
         plans: Maximised | None = getattr(plugins.find("agents", agent).load(), "plans", None)
     except UsageError:

@@ -25,8 +25,6 @@ def decimal(value: float | None, digits: int | None = 3) -> str:
 
 
 class Seeds(NamedTuple):
-    """Over how many seeds something is."""
-
     done: int
     planned: int
     unfinished: str | None = None
