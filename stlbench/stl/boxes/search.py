@@ -35,21 +35,13 @@ class Maximum(NamedTuple):
 
 @dataclass(frozen=True)
 class Search:
-    """A box, and the work that may be spent on its extremes.
+    """A box, and the work that may be spent on its extremes."""
 
-    Attributes:
-        ends: of each signal.
-        tolerance: of an extreme, absolute.
-        boxes: how many may be examined for one extreme; fewer where a box takes much work.
-        work: how many interval operations one extreme may take, see `WORK`.
-        proven: ranges of arguments that are known so far, see `enclosure`.
-    """
-
-    ends: dict[str, tuple[float, float]]
-    tolerance: float
-    boxes: int
-    work: int = WORK
-    proven: Proven = field(default_factory=dict)
+    ends: dict[str, tuple[float, float]]  # of each signal
+    tolerance: float  # of an extreme, absolute
+    boxes: int  # how many may be examined for one extreme; fewer where a box takes much work
+    work: int = WORK  # how many interval operations one extreme may take
+    proven: Proven = field(default_factory=dict)  # ranges of arguments that are known so far
 
     def extremes(self, target: Formula | Expression) -> tuple[Maximum, Maximum]:
         """The maximum of the negated margin (value) of `target`, and the maximum of the margin itself."""

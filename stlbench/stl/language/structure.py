@@ -59,12 +59,7 @@ def as_names(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def check_names(formula: Formula | Expression, names: tuple[str, ...], where: str = "trace") -> dict[str, int]:
-    """Column of each name.
-
-    Raises:
-        UnknownSignalError: `formula` uses another signal.
-        ValueError: a name occurs twice.
-    """
+    """Column of each name. Raises UnknownSignalError for another signal in `formula`, ValueError for names alike."""
     index = {name: column for column, name in enumerate(names)}
     if len(index) < len(names):
         raise ValueError(f"signal names must differ, got {', '.join(names)}")

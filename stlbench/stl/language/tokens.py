@@ -35,12 +35,7 @@ class Token(NamedTuple):
 
 
 def tokenize(text: str) -> list[Token]:
-    """Tokens of `text`, ending with one of kind `end`.
-
-    Raises:
-        StlSyntaxError: a character that starts no token, or more than `MAX_LENGTH` characters.
-        TypeError: `text` is no text.
-    """
+    """Tokens of `text`, ending with one of kind `end`."""
     if not isinstance(text, str):
         raise TypeError(f"parse takes a formula's text, got {type(text).__name__} {shorten(repr(text)[:1000])}")
     if len(text) > MAX_LENGTH:

@@ -31,18 +31,12 @@ OfSample: TypeAlias = Callable[[Sample], float]
 
 
 class Written(NamedTuple):
-    """A value as source.
-
-    Attributes:
-        lines, value: statements, and the text of the value after them.
-        signed: whether it is never 0 or NaN; otherwise the caller must test that.
-        columns: of the signals that are read.
-    """
+    """A value as source: statements, and the text of the value after them."""
 
     lines: tuple[str, ...]
     value: str
-    signed: bool
-    columns: tuple[int, ...]
+    signed: bool  # whether it is never 0 or NaN; otherwise the caller must test that
+    columns: tuple[int, ...]  # of the signals that are read
 
 
 def compile_margin(psi: Formula, names: tuple[str, ...]) -> Compiled:

@@ -32,11 +32,7 @@ def zero_side(predicate: Predicate) -> float:
 
 
 def as_array(values: ArrayLike) -> NDArray[Any]:
-    """`values` as an array.
-
-    Raises:
-        TypeError: text, or a masked array, whose mask NumPy would drop without a word.
-    """
+    """`values` as an array. Raises TypeError for text, or a masked array, whose mask NumPy would drop."""
     masked = sys.modules.get("numpy.ma")  # `np.ma` would import it, for every trace and none that is masked
     if masked is not None and isinstance(values, masked.MaskedArray):
         raise TypeError("a masked array has samples without a value; cut them off, or put values in with filled()")

@@ -209,10 +209,8 @@ def _evaluate(
 
 
 def _checked(policy: object) -> ShortTraces:
-    if policy == "strict":
-        return "strict"
-    if policy == "clip":
-        return "clip"
+    if policy == "strict" or policy == "clip":
+        return policy
     hint = "; for bounds call robustness_bounds or satisfaction_bounds" if policy == "interval" else ""
     raise ValueError(f"policy is 'strict' or 'clip', got {policy!r}{hint}")
 

@@ -7,7 +7,6 @@ summaries are sums, or minima, of a function of each value.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, Self, TypeAlias
 
@@ -20,7 +19,7 @@ Floats: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fold(ABC):
+class Fold:
     """A function of any number of values, none of them NaN. Summaries have shape (..., size)."""
 
     size: ClassVar[int] = 1  # numbers in a summary
@@ -60,26 +59,22 @@ class Fold(ABC):
         """The summaries of the first 1, 2, ..., n: (..., n, size) -> (..., n, size)."""
         return np.asarray(self.joins.accumulate(summaries, axis=-2))
 
-    @abstractmethod
-    def _lift(self, values: Floats) -> Floats: ...  # of the minimum
+    def _lift(self, values: Floats) -> Floats:  # of the minimum
+        return values[..., None]
 
-    @abstractmethod
-    def _read(self, summary: Floats) -> Floats: ...  # of the minimum
+    def _read(self, summary: Floats) -> Floats:  # of the minimum
+        return np.asarray(summary[..., 0])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Least(Fold):
+    """The minimum."""
+
     joins: ClassVar[np.ufunc] = np.minimum
     empty: ClassVar[float] = math.inf
 
     def repeat(self, summary: Floats, count: ArrayLike) -> Floats:
         return np.where(np.asarray(count)[..., None] > 0, summary, math.inf)
-
-    def _lift(self, values: Floats) -> Floats:
-        return values[..., None]
-
-    def _read(self, summary: Floats) -> Floats:
-        return np.asarray(summary[..., 0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,8 +154,8 @@ class _Counted(Fold):
         count = summary[..., -1]
         return np.where(count > 0, self._of(summary, np.maximum(count, 1.0)), math.inf)
 
-    @abstractmethod
-    def _of(self, summary: Floats, count: Floats) -> Floats: ...  # of `count` >= 1 values
+    def _of(self, summary: Floats, count: Floats) -> Floats:  # of `count` >= 1 values
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,6 +200,8 @@ class RootLeast(_Counted):
 
 @dataclass(frozen=True, kw_only=True)
 class Mean(_Counted):
+    """The mean."""
+
     size: ClassVar[int] = 2
 
     def _lift(self, values: Floats) -> Floats:
@@ -216,11 +213,7 @@ class Mean(_Counted):
 
 @dataclass(frozen=True, kw_only=True)
 class Total(Fold):
-    def _lift(self, values: Floats) -> Floats:
-        return values[..., None]
-
-    def _read(self, summary: Floats) -> Floats:
-        return np.asarray(summary[..., 0])
+    """The sum."""
 
 
 #: the semantics that there are, see `semantics`
@@ -229,19 +222,16 @@ SemanticsName: TypeAlias = Literal["classic", "lse", "gilpin", "agm", "gmsr"]
 
 @dataclass(frozen=True)
 class Semantics:
-    """A minimum-like and a maximum-like function.
-
-    Attributes:
-        least: for `&` and G.
-        greatest: for `|`.
-        eventually: for F, and the choice of the step in an until.
-        divided: whether it is made for predicates of about [-1, 1]: each predicate is a leaf of its own then.
-    """
+    """A minimum-like and a maximum-like function."""
 
     least: Fold
+    """For `&` and G."""
     greatest: Fold
+    """For `|`."""
     eventually: Fold
+    """For F, and the choice of the step in an until."""
     divided: bool
+    """Whether it is made for predicates of about [-1, 1]: each predicate is a leaf of its own then."""
 
 
 def semantics(name: SemanticsName, sharpness: float = 10.0) -> Semantics:

@@ -36,12 +36,7 @@ def slide(values: Values, width: int, pick: np.ufunc) -> Values:
 def until(left: Values, right: Values, a: int, count: int) -> Values:
     """`left U[a,b] right` at `count` steps t: max over t' in [t+a, t+b] of min(right(t'), min of left on [t, t')).
 
-    Args:
-        left: (..., count + b - 1), from step t = 0 on (unused and of any length if b = 0).
-        right: (..., count + b - a), from step a on; b follows from its length.
-        a: first step of the interval.
-        count: how many steps t, >= 1.
-
+    left (..., count + b - 1) begins at step 0, and is not read if b = 0; right (..., count + b - a) begins at step a.
     Split at a, exactly: left holds on [t, t+a), and from t + a on an until with the interval [0, b - a].
     """
     width = right.shape[-1] - count + 1

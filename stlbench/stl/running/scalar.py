@@ -31,23 +31,15 @@ WRITTEN_OUT = 12  # statements of a predicate that are written into the function
 
 
 class Piece(NamedTuple):
-    """What an operator does at the steps `first`..`last`: statements.
-
-    Attributes:
-        columns: of the signals that are read.
-        read: gives v and w their values, and changes nothing else.
-        quiet: an expression, false where v or w is NaN and wherever `take` would change anything; or nothing.
-        sign: gives v and w the sign of the verdict where they are 0. `read` and `sign` raise UndefinedError.
-        take: takes the values into the state; sets `changed` where the bounds may differ.
-    """
+    """The statements of an operator at the steps `first`..`last`. `read` and `sign` may raise UndefinedError."""
 
     first: int
     last: int
-    columns: set[int]
-    read: list[str]
-    quiet: str
-    sign: list[str]
-    take: list[str]
+    columns: set[int]  # of the signals that are read
+    read: list[str]  # gives v and w their values, and changes nothing else
+    quiet: str  # an expression, false where v or w is NaN and wherever `take` would change anything; or nothing
+    sign: list[str]  # gives v and w the sign of the verdict where they are 0
+    take: list[str]  # takes the values into the state; sets `changed` where the bounds may differ
 
 
 class Operator(Leaf):
@@ -93,14 +85,10 @@ class Operator(Leaf):
 
 
 class Value(NamedTuple):
-    """A formula without temporal operators at a sample (x0, x1, ...).
-
-    `whole` is a function of a sample and its step, for values that the written source cannot work out. It raises
-    UndefinedError with the cause where there is no value.
-    """
+    """A formula without temporal operators at a sample (x0, x1, ...)."""
 
     written: Written
-    whole: Callable[[Sample, int], float]
+    whole: Callable[[Sample, int], float]  # of a sample and its step, for values that the source cannot work out
 
 
 def _value(psi: Formula, names: tuple[str, ...], negated: bool) -> Value:

@@ -27,17 +27,10 @@ class Part(Protocol):
 
 
 class Pointwise(NamedTuple):
-    """A formula without temporal operators, to be read at a sample.
+    """A formula without temporal operators, to be read at a sample."""
 
-    Attributes:
-        psi: the formula, without a negation that `value` has.
-        value: its value at a sample, as the operators of the tree read it; UndefinedError where there is none.
-        unknown: its least and greatest value at a sample that has not come yet.
-    """
-
-    psi: Formula
-    value: Any
-    unknown: tuple[float, float]
+    value: Any  # at a sample, as the operators of the tree read it; UndefinedError where there is none
+    unknown: tuple[float, float]  # the least and the greatest value at a sample that has not come yet
 
 
 class Leaf:
@@ -75,22 +68,14 @@ class Joined:
 
 @dataclass(frozen=True)
 class Kit(Generic[L]):
-    """The operators that a tree is made of.
-
-    Attributes:
-        least, greatest: of a sequence of values.
-        value: (psi, names, negated) -> the value of psi, or of !psi, for psi without temporal operators.
-        until: (left, right, (a, b), flipped) -> left U[a,b] right; F[a,b] right where left is None.
-        nested: (psi, (a, c), (d, e), flipped) -> F[a,c] G[d,e] psi.
-        replayed: (formula, names, negated) -> any temporal formula.
-    """
+    """The operators that a tree is made of; `negated` and `flipped` are the last arguments."""
 
     least: Callable[[Sequence[Any]], Any]
     greatest: Callable[[Sequence[Any]], Any]
-    value: Callable[[Formula, tuple[str, ...], bool], Any]
-    until: Callable[[Pointwise | None, Pointwise, Interval, bool], L]
-    nested: Callable[[Pointwise, Interval, Interval, bool], L]
-    replayed: Callable[[Formula, tuple[str, ...], bool], L]
+    value: Callable[[Formula, tuple[str, ...], bool], Any]  # of psi, or of !psi
+    until: Callable[[Pointwise | None, Pointwise, Interval, bool], L]  # F[a,b] right where left is None
+    nested: Callable[[Pointwise, Interval, Interval, bool], L]  # F[a,c] G[d,e] psi
+    replayed: Callable[[Formula, tuple[str, ...], bool], L]  # any temporal formula
 
 
 class Tree(Generic[L]):
@@ -146,7 +131,7 @@ class Tree(Generic[L]):
     def _pointwise(self, psi: Formula, negated: bool) -> Pointwise:
         whole = Not(psi) if negated else psi
         lower, upper = (unknown(whole, self.names, compile_signed, worst) for worst in (True, False))
-        return Pointwise(psi, self.kit.value(psi, self.names, negated), (lower, upper))
+        return Pointwise(self.kit.value(psi, self.names, negated), (lower, upper))
 
     def _leaf(self, leaf: L) -> L:
         self.leaves.append(leaf)

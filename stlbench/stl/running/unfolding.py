@@ -54,17 +54,11 @@ Floats: TypeAlias = NDArray[np.float64]
 
 
 class State(NamedTuple):
-    """The effect of the decided steps of n traces.
+    """The effect of the decided steps of n traces."""
 
-    Attributes:
-        best: (n,), the value of the until by its decided steps.
-        guard: (n,), the least value of its left operand at the decided steps.
-        before: the value of each past operator without an interval before the samples, see `Traces`.
-    """
-
-    best: Floats
-    guard: Floats
-    before: Mapping[Formula, Floats]
+    best: Floats  # (n,): the value of the until
+    guard: Floats  # (n,): the least value of its left operand
+    before: Mapping[Formula, Floats]  # of past operators without an interval, see `Traces`
 
 
 class Known(NamedTuple):
@@ -127,15 +121,9 @@ class Unfolding:
         return State(np.full(count, -np.inf), np.full(count, np.inf), {})
 
     def read(self, samples: Floats, now: int, state: State) -> Known:
-        """The bounds after the sample at step `now` <= `last`.
+        """The bounds after samples (n, min(now + 1, window), k), the last at step `now` <= `last`, by the state before.
 
-        Args:
-            samples: (n, min(now + 1, window), k), the newest last.
-            now: the step of the newest.
-            state: of the samples before it.
-
-        Raises:
-            UndefinedError: a predicate that is read has no value, with the step and the row.
+        Raises UndefinedError, with the step and the row, where a predicate that is read has no value.
         """
         count, size = samples.shape[:2]
         first = now + 1 - size
