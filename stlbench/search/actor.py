@@ -27,8 +27,6 @@ _NUMBERS = 2**22  # the most numbers in the traces that are simulated at once
 class Unsearchable(UsageError):
     """An actor that cannot be tried; a command goes on with the next one."""
 
-    """An actor that cannot be tried; a command goes on with the next one."""
-
 
 @contextmanager
 def foreign(name: str) -> Iterator[None]:

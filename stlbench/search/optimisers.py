@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import count, pairwise, product
+from operator import itemgetter
 from queue import SimpleQueue
 from threading import Thread
 from typing import Any
@@ -82,8 +83,7 @@ def direct(objective: Objective, seed: int) -> None:
     from scipy import optimize
 
     most = objective.evaluations
-    options: dict[str, Any] = {"maxfun": most, "maxiter": most, "vol_tol": 0.0, "len_tol": 0.0}
-    side_by_side([partial(_bounded, optimize.direct, part, options) for part in _parts(objective)], objective.of_cube)
+    _in_parts(objective, partial(optimize.direct, maxfun=most, maxiter=most, vol_tol=0.0, len_tol=0.0))
 
 
 def shgo(objective: Objective, seed: int) -> None:
@@ -93,14 +93,12 @@ def shgo(objective: Objective, seed: int) -> None:
     """
     from scipy import optimize
 
-    parts = _parts(objective)
-    each = 1 << max(4, (objective.evaluations // (4 * len(parts))).bit_length() - 1)
-    options = {"n": each, "iters": 1, "sampling_method": "sobol"}
-    side_by_side([partial(_bounded, optimize.shgo, part, options) for part in parts], objective.of_cube)
+    each = 1 << max(4, (objective.evaluations // (4 * len(_parts(objective)))).bit_length() - 1)
+    _in_parts(objective, partial(optimize.shgo, n=each, iters=1, sampling_method="sobol"))
 
 
-def _bounded(search: Callable[..., object], bounds: Any, options: dict[str, Any], value: Scalar) -> None:
-    search(value, bounds, **options)
+def _in_parts(objective: Objective, search: Callable[..., object]) -> None:
+    side_by_side([partial(search, bounds=part) for part in _parts(objective)], objective.of_cube)
 
 
 def _parts(objective: Objective) -> list[list[tuple[float, float]]]:
@@ -131,36 +129,7 @@ Scalar = Callable[[Array], float]  # from a point (d,) to its value
 
 
 class _Stopped(Exception):
-    """Ends the thread of a search that gets no further answer."""
-
-
-class _Search:
-    """One search in its own thread: it puts questions into a shared queue, and waits for its own answers."""
-
-    def __init__(self, number: int, search: Callable[[Scalar], object], questions: SimpleQueue[Any]) -> None:
-        self.number, self._search, self._questions = number, search, questions
-        self._answers = SimpleQueue[float | None]()
-        self.thread = Thread(target=self._run, daemon=True)
-        self.thread.start()
-
-    def _run(self) -> None:
-        try:
-            self._search(self._ask)
-            self._questions.put((self.number, None))
-        except _Stopped:
-            pass
-        except BaseException as error:
-            self._questions.put((self.number, error))
-
-    def _ask(self, point: Array) -> float:
-        self._questions.put((self.number, np.array(point, dtype=np.float64)))
-        answer = self._answers.get()
-        if answer is None:
-            raise _Stopped
-        return answer
-
-    def answer(self, value: float | None) -> None:
-        self._answers.put(value)
+    """Ends a search that gets no further answer."""
 
 
 def side_by_side(searches: Sequence[Callable[[Scalar], object]], values: Callable[[Array], Array]) -> None:
@@ -169,23 +138,37 @@ def side_by_side(searches: Sequence[Callable[[Scalar], object]], values: Callabl
     Each is called with a function from a point (d,) to its value. `values` maps points (m, d) to values (m,). An
     exception ends all searches, and is raised here. The points of a search depend on its own answers alone.
     """
-    questions = SimpleQueue[Any]()
-    going = {number: _Search(number, search, questions) for number, search in enumerate(searches)}
-    lines = list(going.values())
+    going, questions = set(range(len(searches))), SimpleQueue[tuple[int, Any]]()
+    answers = [SimpleQueue[float | None]() for _ in searches]
+
+    def run(number: int) -> None:
+        def ask(point: Array) -> float:
+            questions.put((number, np.array(point, dtype=np.float64)))
+            if (answer := answers[number].get()) is None:
+                raise _Stopped
+            return answer
+
+        try:
+            searches[number](ask)
+            questions.put((number, None))
+        except BaseException as error:
+            questions.put((number, error))
+
+    threads = [Thread(target=run, args=(number,), daemon=True) for number in going]
+    for thread in threads:
+        thread.start()
     try:
         while going:
-            points = dict(questions.get() for _ in range(len(going)))
+            points = dict(sorted((questions.get() for _ in going), key=itemgetter(0)))
             for number in [number for number, point in points.items() if not isinstance(point, np.ndarray)]:
-                del going[number]
-                if isinstance(error := points.pop(number), BaseException):
+                going.remove(number)
+                if (error := points.pop(number)) is not None:
                     raise error
             if points:
-                numbers = sorted(points)
-                answers = values(np.stack([points[number] for number in numbers])).tolist()
-                for number, value in zip(numbers, answers, strict=True):
-                    going[number].answer(value)
+                for number, value in zip(points, values(np.stack([*points.values()])).tolist(), strict=True):
+                    answers[number].put(value)
     finally:
-        for line in going.values():
-            line.answer(None)
-        for line in lines:
-            line.thread.join()
+        for number in going:
+            answers[number].put(None)
+        for thread in threads:
+            thread.join()

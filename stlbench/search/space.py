@@ -1,8 +1,10 @@
-"""The space of starts of a search: a box of initial states, or seeds of an environment."""
+"""The space of starts of a search: a box of initial states, or seeds of an environment.
+
+Each of its points (N, n) stands for a start (N, s) of the simulator.
+"""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,27 +18,6 @@ from stlbench.task.starts import SeedStarts, StateStarts
 from stlbench.task.task import Task
 
 
-class Space(ABC):
-    """Points (N, n); each is a start of an episode."""
-
-    @property
-    @abstractmethod
-    def names(self) -> tuple[str, ...]:
-        """Names of the n numbers of a point."""
-
-    @property
-    def single(self) -> bool:
-        return False
-
-    @abstractmethod
-    def draw(self, generator: np.random.Generator, count: int) -> Array:
-        """Points (count, n), uniformly at random."""
-
-    @abstractmethod
-    def starts(self, points: Array) -> Array:
-        """The simulator's starts (N, s) of points (N, n)."""
-
-
 def space_of(task: Task) -> Box | Seeds:
     if isinstance(task.starts, StateStarts):
         return Box(task.starts.initial, task.system)
@@ -44,14 +25,12 @@ def space_of(task: Task) -> Box | Seeds:
 
 
 @dataclass(frozen=True)
-class Seeds(Space):
+class Seeds:
     """Seeds, other than the seeds of training, selection and report. An optimiser cannot search them."""
 
     sets: SeedStarts
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return ("seed",)
+    single = False
+    names = ("seed",)
 
     def draw(self, generator: np.random.Generator, count: int) -> Array:
         return self.sets.fresh(int(generator.integers(2**31)), count)
@@ -61,7 +40,7 @@ class Seeds(Space):
 
 
 @dataclass(frozen=True)
-class Box(Space):
+class Box:
     """A region of a system's initial states; a unit cube spans its `size` free coordinates."""
 
     region: Region
