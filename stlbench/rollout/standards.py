@@ -14,7 +14,7 @@ from stlbench.registry.choices import Choice, parse_choice
 from stlbench.rollout import baselines, controller
 from stlbench.rollout.auto import for_every_method
 from stlbench.rollout.questions import Ask, Question, answers, ask_here
-from stlbench.task import build_method, load_task
+from stlbench.task import Task, build_method, load_task
 from stlbench.task.equal_rewards import Difference, Paid, equal_payments, payments
 from stlbench.task.file import BestKnown
 
@@ -53,7 +53,7 @@ class Known:
 
 
 def about(task: Choice) -> Question[Known]:
-    return _of_task(known, task, "it cannot be loaded")
+    return Question(known, (task,), (("tasks", task.name),), f"task {task}: it cannot be loaded")
 
 
 def known(task: Choice) -> Known:
@@ -62,31 +62,23 @@ def known(task: Choice) -> Known:
 
 
 def by_hand(task: Choice) -> Question[Score | None]:
-    return _of_task(_by_hand, task, "its controller cannot be scored")
-
-
-def _by_hand(task: Choice) -> Score | None:
-    return controller.score(load_task(task))
+    return _of_task(controller.score, task, "its controller cannot be scored")
 
 
 def at_random(task: Choice) -> Question[Score]:
-    return _of_task(_at_random, task, "actions at random cannot be scored")
-
-
-def _at_random(task: Choice) -> Score:
-    return baselines.at_random(load_task(task))
+    return _of_task(baselines.at_random, task, "actions at random cannot be scored")
 
 
 def constant_actions(task: Choice) -> Question[baselines.Constants]:
-    return _of_task(_constants, task, "constant actions cannot be scored")
+    return _of_task(baselines.constants, task, "constant actions cannot be scored")
 
 
-def _constants(task: Choice) -> baselines.Constants:
-    return baselines.constants(load_task(task))
+def _of_task(function: Callable[[Task], _T], task: Choice, problem: str) -> Question[_T]:
+    return Question(_loaded, (function, task), (("tasks", task.name),), f"task {task}: {problem}")
 
 
-def _of_task(function: Callable[[Choice], _T], task: Choice, problem: str) -> Question[_T]:
-    return Question(function, (task,), (("tasks", task.name),), f"task {task}: {problem}")
+def _loaded(function: Callable[[Task], _T], task: Choice) -> _T:
+    return function(load_task(task))
 
 
 def payment(task: Choice, track: Track, method: str) -> Question[Paid | None]:
@@ -117,7 +109,7 @@ def standards(settings: Iterable[Setting], ask: Ask = ask_here) -> dict[str, Sta
     for setting in settings:
         by_task.setdefault(Choice(setting.task.name), []).append(setting)
     facts = answers(list(map(about, by_task)), ask)
-    tasks = [question.arguments[0] for question in facts]
+    tasks = [task for task in by_task if about(task) in facts]
     scores: list[Question[Any]] = [question(task) for task in tasks for question in _OF_SCORES]
     answered = answers(scores, ask)
     alike = _alike(answers([question for task in tasks for question in _payments(by_task[task])], ask))
@@ -165,9 +157,6 @@ def _alike(paid: Mapping[Question[Paid | None], Paid | None]) -> dict[str, dict[
     by_task = dict[str, dict[_Pair, Likeness]]()
     for (task, track), payments_of in by_kind.items():
         for each in equal_payments(payments_of):
-            by_task.setdefault(task.name, {})[task, track, frozenset((each.one, each.other))] = _likeness(each)
+            pair = task, track, frozenset((each.one, each.other))
+            by_task.setdefault(task.name, {})[pair] = "~" if each.constant is None else "="
     return by_task
-
-
-def _likeness(difference: Difference) -> Likeness:
-    return "~" if difference.constant is None else "="
