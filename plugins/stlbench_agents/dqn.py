@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from stlbench.contract import (
     Training,
 )
 from stlbench_agents.compiled_code import CompiledAgent
-from stlbench_agents.recipes import DQNRecipe
+from stlbench_agents.recipes import Count, Head, Positive, Share, ShareBelow1, Whole, Widths
 from stlbench_agents.training import Counterfactuals, cost_of, grid_of, report_rounds
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DQN(DQNRecipe, CompiledAgent):
+class DQN(CompiledAgent):
     """Deep Q-learning with a time-aware input, epsilon-greedy, replay and a target network (Algorithm 2).
 
     Names are those of Stable-Baselines3 where it has the option. The defaults are one recipe for all tasks that come
@@ -40,6 +40,54 @@ class DQN(DQNRecipe, CompiledAgent):
     time scale. The paper's Algorithm 2 to the letter is
     `dqn[double=false,n_steps=1,tau=1,target_update_interval=1000,averaging=0,copies=1]`.
     """
+
+    net_arch: Widths = (64, 64)
+    """widths of the hidden layers"""
+    head: Head = "joint"
+    """`joint`: one output for each action. `additive`: V plus one term for each action axis, 35 outputs where joint
+    has 273; of one axis, a dueling head (Wang et al. 2016)"""
+    copies: Count = 16
+    """environments in lock-step"""
+    batch_size: Count = 128
+    """transitions in an update"""
+    buffer_size: Count = 65536
+    """transitions kept for replay"""
+    gradient_steps: Count = 1
+    """updates after each step of all copies"""
+    learning_rate: Positive = 1e-3
+    """of Adam at the first update"""
+    learning_rate_final: Positive = 3e-5
+    """at the last update; the rate falls geometrically"""
+    gamma: Share = 0.95
+    """discount of a decision, that is, of `hold` steps. Rewards are weighted by 1 - gamma, so that Q keeps the scale of
+    the reward; with gamma = 1 they are not"""
+    n_steps: Count = 3
+    """rewards in a return before it bootstraps"""
+    double: bool = True
+    """the online network chooses the bootstrap action (van Hasselt et al. 2016); without it the target network does, as
+    in the paper"""
+    tau: Share = 0.005
+    """weight of the online network in an update of the target; 1 copies it, as the paper does"""
+    target_update_interval: Count = 1
+    """updates from one such update to the next"""
+    averaging: ShareBelow1 = 0.999
+    """reported policies have an exponential average of the weights, with this weight on the past at each update; 0: the
+    weights themselves. Actions in training are those of the current weights"""
+    exploration_initial_eps: Share = 1.0
+    """probability of a random action at the start"""
+    exploration_final_eps: Share = 0.05
+    """what it falls to, linearly"""
+    exploration_fraction: Share = 0.3
+    """over this share of the budget"""
+    max_grad_norm: Positive = 10.0
+    """the gradient's norm is clipped to this"""
+    reward_scale: Positive = 4.0
+    """factor on rewards, which arrive divided by the method's `scale`"""
+    time_limit: Literal["bootstrap", "terminal"] = "bootstrap"
+    """`bootstrap`: what would follow the time limit has the network's value. `terminal`: it is 0"""
+    counterfactuals: Whole = 1
+    """so many times each transition is stored again with another memory of the method, where the method says which ones
+    there are. They stand alone, as returns of one reward, and take places in the same replay"""
 
     search_space: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {

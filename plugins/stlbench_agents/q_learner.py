@@ -23,10 +23,11 @@ from stlbench_agents.engine import Network, QBuffers, actions, additive_gradient
 from stlbench_agents.kernels import compiled, fixed_types, inlined
 from stlbench_agents.layers import OutputBuffers, layout, size_of, views
 from stlbench_agents.optimizer import Weights, decay, step
-from stlbench_agents.recipes import DQNRecipe, Head
+from stlbench_agents.recipes import Head
 from stlbench_agents.replay import Batch, Memory, Replay, gather
 
 if TYPE_CHECKING:
+    from stlbench_agents.dqn import DQN
     from stlbench_agents.policies import Graph
 
 Single = NDArray[np.float32]
@@ -131,7 +132,7 @@ class Schedule(NamedTuple):
 class QLearner:
     def __init__(
         self,
-        recipe: DQNRecipe,
+        recipe: DQN,
         size: int,
         copies: int,
         grid: ActionGrid,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib import import_module
@@ -70,7 +70,8 @@ class SB3Agent(Agent):
         options = asdict(self)
         del options["copies"]
         options["policy_kwargs"] = {"net_arch": list(options.pop("net_arch"))}
-        options["learning_rate"] = _falling(self.learning_rate, options.pop("learning_rate_final"))
+        first, last = self.learning_rate, options.pop("learning_rate_final")
+        options["learning_rate"] = lambda left: last * (first / last) ** left  # `left` is a share of the training
         return options
 
     def fitted(self, lock_steps: int) -> Self:
@@ -154,8 +155,3 @@ class SB3OffPolicy(SB3Agent):
 
     def options(self, environment: Environment) -> dict[str, Any]:
         return super().options(environment) | {"train_freq": 1}
-
-
-def _falling(first: float, last: float) -> Callable[[float], float]:
-    """SB3's schedule, a function of the share of training that is left: geometric from `first` to `last`."""
-    return lambda left: last * (first / last) ** left

@@ -13,19 +13,61 @@ from typing import ClassVar
 
 import numpy as np
 
-from stlbench.contract import ActionBox, Actions, Array, Arrays, Cost, Policy, Training
+from stlbench.contract import ActionBox, Actions, Arrays, Cost, Policy, Training
 from stlbench_agents.compiled_code import CompiledAgent
 from stlbench_agents.policies import ActorPolicy
-from stlbench_agents.recipes import TD3Recipe
+from stlbench_agents.recipes import Count, NotNegative, Positive, Share, ShareBelow1, Whole, Widths
 from stlbench_agents.training import box_of, cost_of, report_rounds
 
 
 @dataclass(frozen=True, kw_only=True)
-class TD3(TD3Recipe, CompiledAgent):
+class TD3(CompiledAgent):
     """Twin delayed deep deterministic policy gradient with a time-aware input.
 
     Names are those of Stable-Baselines3 where it has the option.
     """
+
+    net_arch: Widths = (64, 64)
+    """widths of the hidden layers of actor and critics"""
+    copies: Count = 8
+    """environments in lock-step"""
+    batch_size: Count = 128
+    """transitions in an update"""
+    buffer_size: Count = 400_000
+    """transitions kept for replay"""
+    gradient_steps: Count = 1
+    """updates after each step of all copies"""
+    learning_rate: Positive = 1e-3
+    """of Adam at the first update"""
+    learning_rate_final: Positive = 1e-4
+    """at the last update; the rate falls geometrically"""
+    gamma: Share = 0.95
+    """discount of a decision, that is, of `hold` steps. Rewards are weighted by 1 - gamma, so that values keep the
+    scale of the reward; with gamma = 1 they are not"""
+    n_steps: Count = 1
+    """rewards in a return before it bootstraps"""
+    tau: Share = 0.01
+    """weight of the online networks in an update of the targets, one for each `policy_delay` updates"""
+    policy_delay: Count = 2
+    """updates of the critics for one of the actor"""
+    averaging: ShareBelow1 = 0.995
+    """reported policies have an exponential average of the actor's weights, with this weight on the past at each update
+    of the actor; 0: the weights themselves. Actions in training are those of the current weights"""
+    target_policy_noise: NotNegative = 0.1
+    """standard deviation of the noise on target actions, which lie in [-1, 1]"""
+    target_noise_clip: NotNegative = 0.25
+    """the most that this noise may be"""
+    exploration_noise: NotNegative = 0.2
+    """standard deviation of the noise on actions in training, which lie in [-1, 1]; it rises from a quarter of this in
+    the first copy to one and three quarters in the last"""
+    exploration_noise_final: NotNegative | None = None
+    """what that falls to, linearly over the budget; it stays where left out"""
+    random_steps: Whole = 100
+    """steps of all copies with random actions at the start, without updates"""
+    action_penalty: NotNegative = 0.005
+    """weight in the actor's loss of its squared output before the tanh, without which actions stick at their ends"""
+    reward_scale: Positive = 10.0
+    """factor on rewards, which arrive divided by the method's `scale`"""
 
     search_space: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
@@ -52,7 +94,9 @@ class TD3(TD3Recipe, CompiledAgent):
         learner = TD3Learner(self, size, box, generator, updates)
         rows = max(self.n_steps + 1, min(rounds, self.buffer_size // self.copies))
         replay = Replay(rows, self.copies, size, self.n_steps, self.gamma, self.reward_scale, axes=len(box.names))
-        noise, shares = self._noise(rounds), np.linspace(0.25, 1.75, self.copies)[:, None]
+        at_first, at_last = self.exploration_noise, self.exploration_noise_final
+        noise = np.linspace(at_first, at_first if at_last is None else at_last, rounds)
+        shares = np.linspace(0.25, 1.75, self.copies)[:, None]
         reports = report_rounds(rounds, training.checkpoints)
         observation = environment.reset()
         for done in range(1, rounds + 1):
@@ -91,7 +135,3 @@ class TD3(TD3Recipe, CompiledAgent):
         from stlbench_agents.td3_learner import TD3Learner
 
         TD3Learner(self, 1, ActionBox(("a",), (-1.0,), (1.0,)), np.random.default_rng(0), 1).compile()
-
-    def _noise(self, rounds: int) -> Array:
-        first, last = self.exploration_noise, self.exploration_noise_final
-        return np.linspace(first, first if last is None else last, rounds)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,10 @@ from stlbench_agents.layers import OutputBuffers, outputs_at, size_of, views
 from stlbench_agents.optimizer import Weights, decay, step
 from stlbench_agents.plain_kernels import Floats, Indices
 from stlbench_agents.policies import ActorPolicy
-from stlbench_agents.recipes import TD3Recipe
 from stlbench_agents.replay import Batch, Memory, Replay, gather
+
+if TYPE_CHECKING:
+    from stlbench_agents.td3 import TD3
 
 
 class Schedule(NamedTuple):
@@ -30,9 +32,7 @@ class Schedule(NamedTuple):
 
 
 class TD3Learner:
-    def __init__(
-        self, recipe: TD3Recipe, inputs: int, box: ActionBox, generator: np.random.Generator, updates: int
-    ) -> None:
+    def __init__(self, recipe: TD3, inputs: int, box: ActionBox, generator: np.random.Generator, updates: int) -> None:
         """Args: `inputs` D; `generator` of the initial weights; `updates` in all, for the learning rate."""
         self.box, self.networks = box, Networks.of(inputs, recipe.net_arch, len(box.names))
         self.actor = Weights.of(_initial(generator, self.networks.actor, last=0.1))

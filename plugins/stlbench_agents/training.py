@@ -58,12 +58,8 @@ def box_of(actions: Actions) -> ActionBox:
     return actions
 
 
-def need_torch() -> None:
-    _need("torch", "PyTorch")
-
-
 def need_sb3() -> None:
-    need_torch()
+    _need("torch", "PyTorch")
     _need("stable_baselines3", "Stable-Baselines3")
 
 

@@ -32,18 +32,18 @@ class Part(NamedTuple):
     active: bytes  # which of the H samples, as bytes of Booleans
     least: bool
 
+    def extreme(self, margins: Array) -> Array:
+        """Of samples (N, H): (N,)."""
+        chosen = margins[:, np.frombuffer(self.active, np.bool_)]
+        extreme: Array = chosen.min(axis=1) if self.least else chosen.max(axis=1)
+        return extreme
+
 
 class Move(NamedTuple):
     """A transition between stages, and the margins that count in it."""
 
     then: int
-    parts: tuple[Part, ...]
-
-
-@dataclass(frozen=True)
-class _Choice:
-    then: int
-    part: Part | None = None
+    parts: tuple[Part, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -82,32 +82,33 @@ class Stages:
             for i, (term, now) in enumerate(zip(self.terms, each, strict=True))
         ]
         for chosen in product(*options):
-            then = int(np.ravel_multi_index([choice.then for choice in chosen], self.sizes))
-            yield Move(then, tuple(choice.part for choice in chosen if choice.part is not None))
+            then = int(np.ravel_multi_index([move.then for move in chosen], self.sizes))
+            yield Move(then, tuple(part for move in chosen for part in move.parts))
 
-    def _choices(self, i: int, term: Term, now: int, decision: int) -> Iterator[_Choice]:
+    def _choices(self, i: int, term: Term, now: int, decision: int) -> Iterator[Move]:
+        """The transitions of one term."""
         t = decision * self.hold + 1 + np.arange(self.hold)
         inside = (term.start <= t) & (t <= term.end)
         if term.kind == "G":
-            yield _Choice(0, Part(i, inside.tobytes(), True) if inside.any() else None)
+            yield Move(0, (Part(i, inside.tobytes(), True),) if inside.any() else ())
         elif term.kind == "F":
             if now == 0 and inside.any():
-                yield _Choice(1, Part(i, inside.tobytes(), False))
+                yield Move(1, (Part(i, inside.tobytes(), False),))
             if now == 1 or t[-1] < term.end:
-                yield _Choice(now)
+                yield Move(now)
         else:
             yield from self._window(i, term, now, int(t[0]))
 
-    def _window(self, i: int, term: Term, now: int, first: int) -> Iterator[_Choice]:
+    def _window(self, i: int, term: Term, now: int, first: int) -> Iterator[Move]:
         """A window begins with a decision: its first sample is that decision's first."""
         last, begins = self._lasts(term), term.start <= first <= term.c1 + term.c2
         if now == last:
-            yield _Choice(last)
+            yield Move(last)
         elif now > 0 or begins:
             left = term.b - term.c2 + 1 - now * self.hold
-            yield _Choice(now + 1, Part(i, (np.arange(self.hold) < left).tobytes(), True))
+            yield Move(now + 1, (Part(i, (np.arange(self.hold) < left).tobytes(), True),))
         if now == 0 and first + self.hold <= term.c1 + term.c2:
-            yield _Choice(0)
+            yield Move(0)
 
     def _lasts(self, term: Term) -> int:
         """Decisions that the window of an F G term lasts."""
@@ -175,7 +176,7 @@ class MaximinPolicy(StatePolicy):
             for move in self.stages.moves(int(now), decision):
                 value = self.grid.read(self.later[decision + 1, move.then], path[-1, mine], -self.most)
                 for part in move.parts:
-                    value = np.minimum(value, _extreme(margins[part.term][mine], part))
+                    value = np.minimum(value, part.extreme(margins[part.term][mine]))
                 better = value > worth[mine] + self._tie
                 places = np.flatnonzero(mine)[better]
                 worth[places], then[places] = value[better], move.then
@@ -235,12 +236,6 @@ def _simpler(term: stl.Term) -> stl.Term:
 
 def _margin(model: Model, term: stl.Term) -> Callable[[Array], Array]:
     return stl.margin(term.psi, model.method.specification.signals)
-
-
-def _extreme(margins: Array, part: Part) -> Array:
-    chosen = margins[:, np.frombuffer(part.active, np.bool_)]
-    extreme: Array = chosen.min(axis=1) if part.least else chosen.max(axis=1)
-    return extreme
 
 
 class _Margins:

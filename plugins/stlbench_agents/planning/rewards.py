@@ -130,14 +130,11 @@ def _signal_grid(model: Model, grid: Grid) -> Grid:
     axes = []
     for j in range(count):
         same = [i for i in range(states.shape[1]) if np.array_equal(states[:, i], signals[:, j])]
-        axes.append(_open(grid.axes[same[0]]) if same else _even(signals[:, j], int(_CELLS ** (1 / count))))
+        column = Axis(grid.axes[same[0]].points) if same else None  # without a period, which a signal need not have
+        axes.append(column or _even(signals[:, j], int(_CELLS ** (1 / count))))
     points = float(np.prod([len(axis) for axis in axes]))
     finer = max(1, int((_CELLS / points) ** (1 / count)))
     return Grid(tuple(axis.finer(finer) for axis in axes))
-
-
-def _open(axis: Axis) -> Axis:
-    return Axis(axis.points)
 
 
 def _even(values: Array, points: int) -> Axis:
