@@ -123,7 +123,7 @@ def _files(kind: Kind, name: str) -> dict[str, str]:
         "kind": kind,
         "a_kind": f"{'An' if kind == 'agent' else 'A'} {kind}",
         "name": name,
-        "class_": _class_of(name) + _WORDS[kind]["suffix"],
+        "class_": "".join(map(str.capitalize, name.split("-"))) + _WORDS[kind]["suffix"],
     }
     words |= {"distribution": f"stlbench-{kind}-{name}", "package": f"stlbench_{kind}_{name.replace('-', '_')}"}
     for key, text in _WORDS[kind].items():
@@ -132,10 +132,6 @@ def _files(kind: Kind, name: str) -> dict[str, str]:
     return {
         Template(path).substitute(words): _text(Template(file).substitute(words), words) for path, file in files.items()
     }
-
-
-def _class_of(name: str) -> str:
-    return "".join(part.capitalize() for part in name.split("-"))
 
 
 def _text(template: str, words: dict[str, str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -70,7 +71,9 @@ def plot(
     )
     figures = out or inside(run / "figures", run)
     colours = colours_of(groups)
-    job = trace_figures.Job(run, figures, _tell, warn, colours, load_guarded, ask, _kinds(only, rewarded))
+    job = trace_figures.Job(
+        run, figures, partial(typer.echo, err=True), warn, colours, load_guarded, ask, _kinds(only, rewarded)
+    )
     with fitting(width):
         for path in trace_figures.draw(chosen, job):
             typer.echo(path)
@@ -95,7 +98,3 @@ def _kinds(text: str | None, rewarded: bool) -> Sequence[str]:
         if kind not in KINDS:
             raise UsageError(f"no kind of figure '{kind}'{did_you_mean(kind, KINDS)}")
     return [*chosen, *(["rewarded"] if rewarded else [])]
-
-
-def _tell(line: str) -> None:
-    typer.echo(line, err=True)

@@ -18,8 +18,8 @@ from typing import Any
 from stlbench.gate.snapshot import NUMBERS, sample
 from stlbench.registry.choices import parse_choice
 from stlbench.study.cell import Cell
-from stlbench.study.plan import plan_cells
-from stlbench.study.trial import run_cell, warm
+from stlbench.study.plan import plan_cells, warm
+from stlbench.study.trial import run_cell
 
 Answer = dict[str, Any]
 

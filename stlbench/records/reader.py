@@ -51,7 +51,7 @@ class Records:
     def __init__(self, path: Path, *, create: bool = True) -> None:
         self.path = path
         self._database: sqlite3.Connection | None = None
-        if (path.exists() and not path.is_file()) or (_has_content(path) and not is_sqlite(path)):
+        if (path.exists() and not path.is_file()) or (path.is_file() and path.stat().st_size and not is_sqlite(path)):
             raise UsageError(f"{path} is no ledger of stlbench; it is left as it is")
         if path.exists():
             self._database = open_to_read(path)
@@ -175,10 +175,6 @@ def _cell(number: int, key: str, *columns: Any) -> CellId | None:
         return Row.of(number, key, *columns).cell
     except ValueError:
         return None
-
-
-def _has_content(path: Path) -> bool:
-    return path.is_file() and path.stat().st_size > 0
 
 
 class Salvaged(NamedTuple):

@@ -76,7 +76,9 @@ def is_sqlite(path: Path) -> bool:
 def _opened(path: Path, *, to_write: bool) -> sqlite3.Connection:
     try:
         with ExitStack() as undone:
-            database = _to_write(path) if to_write else _to_read(path)
+            if to_write:
+                inside(path, path.parent).parent.mkdir(parents=True, exist_ok=True)
+            database = _guarded(f"{path.absolute().as_uri()}?mode=rwc") if to_write else _to_read(path)
             undone.callback(database.close)
             is_new = _check(path, database)
             if to_write:
@@ -91,11 +93,6 @@ def _opened(path: Path, *, to_write: bool) -> sqlite3.Connection:
     except (OSError, sqlite3.Error) as error:
         can = "open" if isinstance(error, OSError | sqlite3.OperationalError) else "read"
         raise unwritable(f"cannot {can} the ledger {path}", error) from error
-
-
-def _to_write(path: Path) -> sqlite3.Connection:
-    inside(path, path.parent).parent.mkdir(parents=True, exist_ok=True)
-    return _guarded(f"{path.absolute().as_uri()}?mode=rwc")
 
 
 def _to_read(path: Path) -> sqlite3.Connection:
@@ -277,9 +274,4 @@ def checksums_beside(folder: Path, result: Result) -> Mapping[str, str]:
     """Name -> SHA-256 (64 hex digits) of the traces and the policies that exist."""
     paths = cell_files(folder, result.id, result.key)
     named = {"traces": paths.traces, "policies": paths.policies}
-    return {name: _sha256(path) for name, path in named.items() if path.is_file()}
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in named.items() if path.is_file()}

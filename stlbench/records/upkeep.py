@@ -101,7 +101,7 @@ def merge(into: Path, source: Path) -> Merged:
     incoming = list(stored.read(source))
     if stored.locate(into) and not (into / FILE).is_file():
         raise UsageError(f"{into} has no {FILE} but {stored.LINES}; merge into a new folder, and export that")
-    damaged = _damaged(source)
+    damaged = {(damage.key, damage.what) for damage in verify(source).damages}
     counts, conflicts, left_out = Counter[str](), list[str](), list[str]()
     with writing(into), Ledger(into / FILE) as ledger:
         present = {result.id: result for result in ledger.results()}
@@ -135,10 +135,6 @@ def _agree(result: Result, before: Result) -> bool:
     if result.key != before.key or one is None or other is None:
         return True
     return (one.selected, one.final) == (other.selected, other.final)
-
-
-def _damaged(source: Path) -> set[tuple[str, str]]:
-    return {(damage.key, damage.what) for damage in verify(source).damages}
 
 
 def _plan(source: Path, ledger: Ledger) -> int:

@@ -80,7 +80,7 @@ def code_of(module: str, *, packages: bool = True) -> Code:
         imported: tuple[str, ...] = ()
         if (path := _file(name)) is not None:
             files[name], imported = effective_digest(path, name)
-        pending |= {*imported, *_above(name)} - seen
+        pending |= {*imported, name.rpartition(".")[0]} - {*seen, ""}
     return Code(tuple(sorted(files.items())), tuple(sorted(installed.items())))
 
 
@@ -89,12 +89,6 @@ def own_code(modules: Iterable[str]) -> Code:
     installed editable, so that its source can change while its version does not."""
     own = (name for name in modules if _versions(name.partition(".")[0], True) is None)
     return reduce(Code.__or__, map(code_of, own), Code())
-
-
-def _above(module: str) -> tuple[str, ...]:
-    """The package that it is in, which runs before it does."""
-    package = module.rpartition(".")[0]
-    return (package,) if package else ()
 
 
 def _file(module: str) -> Path | None:

@@ -81,6 +81,11 @@ class Plugin:
         lines = (inspect.getdoc(self.load()) or "").splitlines()
         return one_line(lines[0]) if lines else ""
 
+    @property
+    def is_own(self) -> bool:
+        """Whether it comes with stlbench."""
+        return self.distribution == OWN
+
     def _error(self, problem: str) -> PluginError:
         return PluginError(f"{self} ({self.entry_point.value}): {one_line(problem)}")
 

@@ -108,7 +108,9 @@ class _Page:
             done += len(groups)
             tell(done, len(report.groups))
         over_all = (*drawings_across(report.fields, self.colours), *drawings_of_alignment(report.aligned, self.load))
-        overview = _overview(report.tables["robustness"])
+        table = report.tables["robustness"]
+        wide = (i for i, column in enumerate(table.columns) if column.drop <= 2 and not column.below)
+        overview = _trimmed(table.select(wide, "Overview"))
         across = [*report.first, *(report.tables[name] for name in ("aggregates", "improvement"))]
         across = [_trimmed(table) for table in across if table.rows]
         rows, cells = cells_shown(report.groups)
@@ -210,12 +212,6 @@ def _facts(task: Task) -> Facts:
         ("source", file.source),
         *([("notes", " ".join(file.notes.split()))] if file.notes else []),
     ]
-
-
-def _overview(table: Table) -> Table:
-    """The columns of the table of robustness that a wide screen shows."""
-    shown = (i for i, column in enumerate(table.columns) if column.drop <= 2 and not column.below)
-    return _trimmed(table.select(shown, "Overview"))
 
 
 def _trimmed(table: Table, *, folded: bool = False) -> Table:

@@ -146,12 +146,11 @@ def document(about: About, files: Mapping[str, Content], version: str) -> str:
         "about": {"@id": "./"},
     }
     software = {"@id": _SOFTWARE, "@type": "SoftwareApplication", "name": "stlbench", "version": version}
-    entries = [itself, root, *authors, software, *(_entry(path, files[path]) for path in sorted(files))]
+    entries = [itself, root, *authors, software]
+    for path, content in sorted(files.items()):
+        size = str(content.size)
+        entries.append({"@id": path, "@type": "File", "sha256": content.sha256, "contentSize": size})
     return json.dumps({"@context": f"{_VERSION}/context", "@graph": entries}, indent=1, ensure_ascii=False) + "\n"
-
-
-def _entry(path: str, content: Content) -> dict[str, str]:
-    return {"@id": path, "@type": "File", "sha256": content.sha256, "contentSize": str(content.size)}
 
 
 def listed(text: str) -> dict[str, Content]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stlbench.errors import UsageError
-from stlbench.records.identity import CellId
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
 from stlbench.report import Column, Table
@@ -75,13 +74,11 @@ def _read(path: Path, rescore: bool, tell: Tell) -> Bundle:
                 tell(result.id.name, rescored.verdict)
                 if result.measurement is not None and rescored.found is not None:
                     result = replace(result, measurement=replace(result.measurement, selected=rescored.found))
-            results.append(replace(result, id=_named(result.id, path.stem)))
+            method = result.id.method
+            method = Choice(method.name, (*method.parameters, ("bundle", path.stem)))
+            results.append(replace(result, id=replace(result.id, method=method)))
         facts = about((folder / METADATA).read_text(encoding="utf-8"))
     return Bundle(path, facts, tuple(results), next((word for word in _VERDICTS if word in verdicts), None))
-
-
-def _named(cell: CellId, bundle: str) -> CellId:
-    return replace(cell, method=Choice(cell.method.name, (*cell.method.parameters, ("bundle", bundle))))
 
 
 def bundles_table(bundles: Iterable[Bundle]) -> Table:

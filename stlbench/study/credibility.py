@@ -180,7 +180,7 @@ class Examiner:
 def _is_foreign(cell: Cell) -> bool:
     named = (("methods", cell.id.method.name), ("agents", cell.id.agent.name))
     installed = (plugins.available(kind).get(name) for kind, name in named)
-    return any(plugin is not None and plugin.distribution != plugins.OWN for plugin in installed)
+    return any(plugin is not None and not plugin.is_own for plugin in installed)
 
 
 def serve(descriptor: int) -> None:

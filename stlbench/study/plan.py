@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from typing import Any
+
+import numpy as np
 
 from stlbench.contract import Unsuitable, cause
 from stlbench.errors import UsageError, one_line
 from stlbench.records.identity import CellId, Track
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
+from stlbench.rollout.environment import BatchEnvironment
 from stlbench.study.cell import Cell, Ingredients, Part, agent_part, harness, method_part, task_part
+from stlbench.study.code_changes import changed
+from stlbench.study.provenance import here
 from stlbench.study.tracks import Recipe, Recipes, on_track, own_agent_on
-from stlbench.task import build_agent, load_task
+from stlbench.task import build_agent, build_method, load_task
 from stlbench.task.task import Task
 
 
@@ -128,3 +134,38 @@ def _check_agent(task: Task, agent: Choice) -> None:
     except Exception as error:
         message = one_line(error) if isinstance(error, Unsuitable) else cause(error)
         raise UsageError(f"agent {agent}: {message}") from error
+
+
+def examples(cells: Iterable[Cell]) -> tuple[Cell, ...]:
+    """A few of the cells, with each task, method and agent at least once."""
+    seen, chosen = set[tuple[str, str]](), list[Cell]()
+    for cell in cells:
+        if parts := set(_parts(cell).items()) - seen:
+            seen |= parts
+            chosen.append(cell)
+    return tuple(chosen)
+
+
+def _parts(cell: Cell) -> dict[str, str]:
+    return {"tasks": str(cell.id.task), "methods": str(cell.id.method), "agents": str(cell.id.agent)}
+
+
+def warm(cells: Sequence[Cell]) -> None:
+    """Load what these cells need, as far as it comes with stlbench; what cannot be loaded is passed over."""
+    here()
+    for cell in cells:
+        with suppress(Exception):
+            changed(cell)  # reads its files, so that its own look at them finds them read
+        if plugins.find("tasks", cell.id.task.name).is_own:
+            with suppress(Exception):
+                _warm(cell.load_task(), cell)
+
+
+def _warm(task: Task, cell: Cell) -> None:
+    if plugins.find("methods", cell.id.method.name).is_own:
+        with suppress(Exception):  # a method that does not fit
+            environment = BatchEnvironment(task, build_method(task, cell.id.method), 2, 0)
+            environment.reset()
+            environment.step(np.tile(environment.actions.low, (2, 1)))
+    if plugins.find("agents", cell.id.agent.name).is_own:
+        build_agent(task, cell.id.agent).preload()

@@ -98,7 +98,7 @@ def _places(question: Question[Any]) -> tuple[Path, ...]:
 
 def _is_own(kind: str, name: str) -> bool:
     try:
-        return kind in plugins.KINDS and plugins.find(kind, name).distribution == plugins.OWN
+        return kind in plugins.KINDS and plugins.find(kind, name).is_own
     except UsageError:  # it is not installed, which is said where it is asked
         return True
 

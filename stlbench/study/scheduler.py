@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
-from typing import Any, NoReturn
+from typing import Any
 
 from stlbench.contract import Executor, Outcome, Unsuitable, cause
 from stlbench.errors import DiskFull, UsageError, one_line
@@ -16,6 +16,8 @@ from stlbench.registry import plugins
 from stlbench.study.cell import Cell
 from stlbench.study.code_changes import NoSpace, key_without_code
 from stlbench.study.provenance import elsewhere, of_cell
+
+_OVER = object()
 
 
 def run(
@@ -49,22 +51,12 @@ def _result(cell: Cell, outcome: Outcome) -> Result:
     if isinstance(outcome.value, NoSpace):
         raise DiskFull(f"cannot store what {cell.id.name} gave: {outcome.value.reason}")
     if not (isinstance(outcome.value, Result) and outcome.value.key in (cell.key, key_without_code(cell))):
-        text = one_line(_Shown(outcome.value))[:200]
-        return cell.ended("raised", f"the cell's function returned no result of this cell but {text}")
+        kind = one_line(type(outcome.value).__name__)
+        return cell.ended("raised", f"the cell's function returned no result of this cell but a value of type {kind}")
     try:
         return from_json(to_json(outcome.value))
     except (TypeError, ValueError) as error:  # a plugin's value of a wrong type somewhere in it
         return cell.ended("raised", f"the cell's result cannot be written: {cause(error)}")
-
-
-class _Shown:
-    """Something of a plugin, whose text is its `repr`."""
-
-    def __init__(self, value: object) -> None:
-        self._value = value
-
-    def __str__(self) -> str:
-        return repr(self._value)
 
 
 def outcomes(
@@ -74,23 +66,29 @@ def outcomes(
 
     Raises `UsageError` if it raises anything but `Unsuitable`, or gives no generator with an outcome for each item.
     """
-    left = set(range(len(items)))
+    left, rule = (
+        set(range(len(items))),
+        f"its run should be a generator with one outcome for each of {len(items)} items",
+    )
     with failing(executor):
-        outcomes_of_run = executor.run(function, items, deadlines)
-    if not isinstance(outcomes_of_run, Generator):
-        _refuse(executor, f"its run should be a generator of outcomes, it gives {type(outcomes_of_run).__name__}")
+        ended = executor.run(function, items, deadlines)
+    if not isinstance(ended, Generator):
+        raise UsageError(f"{_name(executor)}: {rule}, it gives {type(ended).__name__}")
     try:
-        for outcome in _each(executor, outcomes_of_run):
+        while True:
+            with failing(executor):  # an error of who takes an outcome is none of the executor's
+                outcome = next(ended, _OVER)
+            if outcome is _OVER:
+                break
             if not (isinstance(outcome, Outcome) and outcome.index in left):
-                rule = f"its run should give one outcome for each of {len(items)} items"
-                _refuse(executor, f"{rule}, it gives {one_line(repr(outcome))}")
+                raise UsageError(f"{_name(executor)}: {rule}, it gives {one_line(repr(outcome))}")
             left.remove(outcome.index)
             yield outcome
         if left:
-            _refuse(executor, f"its run ended without the outcomes of {len(left)} of {len(items)} items")
+            raise UsageError(f"{_name(executor)}: {rule}; {len(left)} of them are missing")
     finally:
         with failing(executor):
-            outcomes_of_run.close()
+            ended.close()
 
 
 @contextmanager
@@ -102,21 +100,6 @@ def failing(executor: Executor | str) -> Iterator[None]:
         raise
     except (Exception, SystemExit) as error:
         raise UsageError(f"{_name(executor)} failed: {cause(error)}") from error
-
-
-def _refuse(executor: Executor, what: str) -> NoReturn:
-    raise UsageError(f"{_name(executor)}: {what}")
-
-
-def _each(executor: Executor, outcomes_of_run: Generator[Any]) -> Iterator[Any]:
-    """All that it yields; what is raised by who takes it is none of its errors."""
-    while True:
-        with failing(executor):
-            try:
-                outcome = next(outcomes_of_run)
-            except StopIteration:
-                return
-        yield outcome
 
 
 def _name(executor: Executor | str) -> str:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,16 +18,12 @@ from stlbench.records.cell_files import cell_files
 from stlbench.records.outputs import inside
 from stlbench.records.result import CurvePoint, Measurement, Planned, Result, StoredPolicies
 from stlbench.records.saved_traces import Assessment
-from stlbench.registry import plugins
 from stlbench.rollout.cost import refuse_dear
-from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.observing import observation_of
 from stlbench.rollout.referee import Referee
 from stlbench.rollout.worlds import make_world
 from stlbench.study.cell import Cell
-from stlbench.study.code_changes import changed
 from stlbench.study.live_cells import Notice, announce
-from stlbench.study.provenance import here
 from stlbench.study.tracks import Recipe
 from stlbench.study.training import Checkpoint, Clock, train
 from stlbench.task import Task, build_agent, build_method
@@ -159,42 +154,3 @@ def _repeated(along: Callable[[Array], tuple[Array, Array]], memory: Array, repe
     for _ in range(repeats):
         _, memory = along(memory)
     return time.process_time_ns() - begin
-
-
-def examples(cells: Iterable[Cell]) -> tuple[Cell, ...]:
-    """A few of the cells, with each task, method and agent at least once."""
-    seen, chosen = set[tuple[str, str]](), list[Cell]()
-    for cell in cells:
-        if parts := set(_parts(cell).items()) - seen:
-            seen |= parts
-            chosen.append(cell)
-    return tuple(chosen)
-
-
-def _parts(cell: Cell) -> dict[str, str]:
-    return {"tasks": str(cell.id.task), "methods": str(cell.id.method), "agents": str(cell.id.agent)}
-
-
-def warm(cells: Sequence[Cell]) -> None:
-    """Load what these cells need, as far as it comes with stlbench; what cannot be loaded is passed over."""
-    here()
-    for cell in cells:
-        with suppress(Exception):
-            changed(cell)  # reads its files, so that its own look at them finds them read
-        if _is_own("tasks", cell.id.task.name):
-            with suppress(Exception):
-                _warm(cell.load_task(), cell)
-
-
-def _warm(task: Task, cell: Cell) -> None:
-    if _is_own("methods", cell.id.method.name):
-        with suppress(Exception):  # a method that does not fit
-            environment = BatchEnvironment(task, build_method(task, cell.id.method), 2, 0)
-            environment.reset()
-            environment.step(np.tile(environment.actions.low, (2, 1)))
-    if _is_own("agents", cell.id.agent.name):
-        build_agent(task, cell.id.agent).preload()
-
-
-def _is_own(kind: str, name: str) -> bool:
-    return plugins.find(kind, name).distribution == plugins.OWN

@@ -17,7 +17,8 @@ class Broken(Here):
         outcomes = super().run(function, items, deadlines)
         {body}
 '''
-ITEMS = "its run should give one outcome for each of 2 items, it gives"
+RULE = "its run should be a generator with one outcome for each of 2 items"
+ITEMS = f"{RULE}, it gives"
 
 
 @pytest.mark.parametrize(
@@ -26,13 +27,13 @@ ITEMS = "its run should give one outcome for each of 2 items, it gives"
         ('raise OSError("no cluster")', " failed: OSError: no cluster", 0),
         ("raise SystemExit(0)", " failed: SystemExit: 0", 0),
         ('yield next(outcomes); raise RuntimeError("the\\ncluster has gone")', " failed: RuntimeError: the cluster", 1),
-        ("return None", ": its run should be a generator of outcomes, it gives NoneType", 0),
-        ("return iter(list(outcomes))", ": its run should be a generator of outcomes, it gives list_iterator", 0),
+        ("return None", f": {ITEMS} NoneType", 0),
+        ("return iter(list(outcomes))", f": {ITEMS} list_iterator", 0),
         ("yield next(outcomes); yield 3", f": {ITEMS} 3", 1),
         ("yield next(outcomes); yield None", f": {ITEMS} None", 1),
         ("first = next(outcomes); yield first; yield first", f": {ITEMS} Outcome(index=0, status='done'", 1),
         ("yield Outcome(2, 'killed')", f": {ITEMS} Outcome(index=2, status='killed'", 0),
-        ("yield next(outcomes)", ": its run ended without the outcomes of 1 of 2 items", 1),
+        ("yield next(outcomes)", f": {RULE}; 1 of them are missing", 1),
     ],
 )
 def test_it_is_told_with_its_name(say, toy, body, message, kept):

@@ -12,8 +12,8 @@ from stlbench.records.status import ACCIDENTS
 from stlbench.registry.choices import choice_of
 from stlbench.study import run, trial
 from stlbench.study.code_changes import run_checked
+from stlbench.study.plan import warm
 from stlbench.study.run import build_executor, run_cells
-from stlbench.study.trial import warm
 
 
 class Here(Executor):

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from stlbench.registry.choices import parse_choices
-from stlbench.study import trial as module
-from stlbench.study.plan import plan_cells
-from stlbench.study.trial import examples, warm
+from stlbench.study import plan as module
+from stlbench.study.plan import examples, plan_cells, warm
 from stlbench_agents.dqn import DQN
 
 

@@ -91,17 +91,21 @@ def scores_table(policies: Mapping[str, Mapping[str, Score]]) -> Table:
         Column("mean robustness", "mean", digits=3): of_score(lambda score: score.mean),
         Column("worst start", digits=3): of_score(lambda score: score.minimum),
         Column("satisfied", unit="%", digits=1): of_score(lambda score: 100 * score.satisfaction),
-        **({Column("ended early", unit="%", digits=1): of_score(_ended_early)} if early else {}),
+        **(
+            {
+                Column("ended early", unit="%", digits=1): of_score(
+                    lambda score: None if score.ended_early is None else 100 * score.ended_early
+                )
+            }
+            if early
+            else {}
+        ),
         Column("starts", digits=0): of_score(lambda score: score.starts),
         Column("failed first", right=False): of_score(
             lambda score: "\n".join(f"{formula}: {count}" for formula, count in score.first_failed.items()) or None
         ),
     }
     return Table.of("Scores", rows, columns, (ENDED_EARLY,) if early else ())
-
-
-def _ended_early(score: Score) -> float | None:
-    return None if score.ended_early is None else 100 * score.ended_early
 
 
 def scores_and_cost(measurement: Measurement, *, outside: bool) -> list[Table]:
