@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
@@ -10,9 +11,9 @@ from pydantic import Field
 from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Truth
 from stlbench_methods.progress import Known, certain, outer_windows
-from stlbench_methods.running_window import Outer
+from stlbench_methods.running_window import Outer, Window
 from stlbench_methods.values import Margins, Sharpness, Truths, Values
-from stlbench_methods.windows import from_first_read
+from stlbench_methods.windows import scaled
 
 Reading: TypeAlias = Literal["classic", "lse", "gilpin", "agm", "gmsr", "filtering", "filtering-sum"]
 _SHORT = 2  # a block of so many samples, or fewer, is paid nothing
@@ -72,16 +73,16 @@ class Bhnr(RewardMethod):
         return np.concatenate([part.begin(signals) for part in self._parts], axis=1)
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        cuts = np.cumsum([part.size for part in self._parts])[:-1]
-        split = zip(self._parts, np.split(memory, cuts, axis=1), strict=True)
-        paths = [part.path(samples[1:], own) for part, own in split]
+        paths = [part.path(samples[1:], own) for part, own in self._split(memory)]
         rewards = np.stack([self._paid(paths, i, t + i) for i in range(1, len(samples))])
         return rewards, np.concatenate([path[:, -self._window :].reshape(len(t), -1) for path in paths], axis=1)
 
     def inputs(self, memory: Array) -> Array:
+        return np.concatenate([part.inputs(own) for part, own in self._split(memory)], axis=1)
+
+    def _split(self, memory: Array) -> Iterator[tuple[NewestSamples, Array]]:
         cuts = np.cumsum([part.size for part in self._parts])[:-1]
-        split = zip(self._parts, np.split(memory, cuts, axis=1), strict=True)
-        return np.concatenate([part.inputs(own) for part, own in split], axis=1)
+        return zip(self._parts, np.split(memory, cuts, axis=1), strict=True)
 
     def _paid(self, paths: list[Array], i: int, t: Integers) -> Array:
         """What is paid at the i-th new sample, at steps t (N,)."""
@@ -104,49 +105,35 @@ def _values(specification: Specification, semantics: Reading, sharpness: float) 
     return Margins(specification, stl.semantics(semantics, sharpness))
 
 
-class NewestSamples:
+class NewestSamples(Window):
     """The value of F phi or G phi on some of the last `count` samples, whose leaves are the memory (N, size).
 
-    Args:
-        outer: the operator. It counts at the steps which it observes.
-        specification: of the task.
-        values: what the leaves of phi are worth, and how they are combined.
-        count: samples.
+    It counts at the steps which it observes.
     """
 
     def __init__(self, outer: Outer, specification: Specification, values: Values, count: int) -> None:
-        shift, phi = from_first_read(outer.phi) if stl.is_temporal(outer.phi) else (0, outer.phi)
-        self._phi = stl.Quantity(phi, specification.signals, values.semantics, values.of)
-        self._fold, self._count = outer.fold, count
-        self._first, self._last = outer.steps[0] + shift, outer.steps[1] + shift + self._phi.horizon
-        self._bounds = np.array([values.range(leaf) for leaf in self._phi.leaves]).T
-        always = np.repeat(self._bounds[:, None], self._phi.horizon + 1, axis=1)
-        self._phi_ends: tuple[float, float] = tuple(self._phi.values(always)[:, 0])
-        once = self._fold.lift(np.array(self._phi_ends))
-        few, many = (self._fold.read(self._fold.repeat(once, [n, n])) for n in (1, count))
+        super().__init__(outer, specification, values)
+        self._count, self.size = count, count * len(self.phi.leaves)
+        few, many = self.ends_of(1), self.ends_of(count)
         self.ends = float(min(few[0], many[0])), float(max(few[1], many[1]))
-        """The least and the greatest value over the box of the signals."""
-        self.size = count * len(self._phi.leaves)
 
     def begin(self, signals: Array) -> Array:
-        return np.tile(self._phi.read(signals), self._count)
+        return np.tile(self.phi.read(signals), self._count)
 
     def path(self, samples: Array, memory: Array) -> Array:
         """The leaves of the memory and of h more samples (h, N, k), in order of time: (N, count + h, J)."""
         known = memory.reshape(len(memory), self._count, -1)
-        return np.concatenate([known, self._phi.read(samples).transpose(1, 0, 2)], axis=1)
+        return np.concatenate([known, self.phi.read(samples).transpose(1, 0, 2)], axis=1)
 
     def known(self, leaves: Array, t: Integers, begin: Integers) -> Known:
         """The value of the samples at steps `begin` (N,) to t (N,), given the leaves of the last (N, count, J)."""
-        values = self._phi.clipped(leaves, self._phi_ends)
+        values = self.phi.clipped(leaves, self.phi_ends)
         steps = t[:, None] - np.arange(self._count)[::-1]
-        read: Truth = steps >= np.maximum(begin, self._first)[:, None]
-        lifted = np.where(read[..., None], self._fold.lift(values), self._fold.empty)
-        counts: Truth = (t >= self._first) & (t <= self._last) & (begin <= t)
-        value = self._fold.read(self._fold.merged(lifted))
+        read: Truth = steps >= np.maximum(begin, self.first)[:, None]
+        lifted = np.where(read[..., None], self.fold.lift(values), self.fold.empty)
+        counts: Truth = (t >= self.first) & (t <= self.last + self.ahead) & (begin <= t)
+        value = self.fold.read(self.fold.merged(lifted))
         return Known(np.where(counts, value, 0.0), counts)
 
     def inputs(self, memory: Array) -> Array:
-        low, high = np.tile(self._bounds, self._count)
-        scaled: Array = (memory - (low + high) / 2) / (np.maximum(high - low, 1e-9) / 2)
-        return scaled
+        return scaled(memory, *np.tile(self.bounds, self._count))

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from stlbench import stl
 from stlbench.contract import Array, Integers, RewardMethod, Specification, Unsuitable
-from stlbench_methods.windows import bounded_range
+from stlbench_methods.windows import bounded_range, scaled
 
 
 class Causation(RewardMethod):
@@ -74,9 +74,7 @@ class Causation(RewardMethod):
         if not self.memory_size:
             return memory
         counts = [part.width + 1 for part in self._parts if part.width]
-        low, high = np.repeat(np.array(self._ranges), counts, axis=0).T
-        scaled: Array = (memory - (low + high) / 2) / ((high - low) / 2)
-        return scaled
+        return scaled(memory, *np.repeat(np.array(self._ranges), counts, axis=0).T)
 
     def describe(self) -> Mapping[str, Any]:
         return {"parts": [f"{part} at steps 0 to {part.last}" for part in self._parts]}

@@ -45,7 +45,7 @@ class Flag(RewardMethod):
         self._flags: Flags = (
             WindowFlags(nested, specification, beta) if windowed else AbsoluteFlags(specification, beta)
         )
-        self.memory_size, self.scale = len(self._flags.full), self._flags.scale
+        self.memory_size, self.scale = self._flags.size, self._flags.scale
         self.extension = self._flags.extension
 
     @property
@@ -54,14 +54,13 @@ class Flag(RewardMethod):
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
         """The flags after the first sample, (N, m); they were 0 before it (1 for the absolute G), whenever it is."""
-        before = np.tile(self._flags.initial, (len(signals), 1))
-        return self._flags.along(signals[None], t, before)[1]
+        return self._flags.begin(signals, t)
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
         return self._flags.along(samples[1:], t + 1, memory)
 
     def inputs(self, memory: Array) -> Array:
-        return memory / self._flags.full
+        return self._flags.inputs(memory)
 
     def describe(self) -> Mapping[str, Any]:
         return {"form": self._flags.form, "flags": [int(value) for value in self._flags.full]}
@@ -76,6 +75,17 @@ class Flags(ABC):
     floor: float  # the least that can be paid at a sample
     scale: float = 1.0
     extension: str = ""
+
+    @property
+    def size(self) -> int:
+        return len(self.full)
+
+    def inputs(self, memory: Array) -> Array:
+        return memory / self.full
+
+    def begin(self, signals: Array, t: Integers) -> Array:
+        """The flags after a first sample (N, k), (N, m)."""
+        return self.along(signals[None], t, np.tile(self.initial, (len(signals), 1)))[1]
 
     @abstractmethod
     def along(self, samples: Array, t: Integers, flags: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import Array, Integers, Specification, Truth
 from stlbench_methods.values import Values
-from stlbench_methods.windows import from_first_read
+from stlbench_methods.windows import from_first_read, scaled
 
 
 class Outer(NamedTuple):
@@ -24,10 +24,8 @@ class Outer(NamedTuple):
     fold: stl.Fold
 
 
-class RunningWindow:
-    """The value of a window, as far as it is known after the sample at step t.
-
-    Memories are (N, size): the summary, and the values of the leaves at steps t - ahead to t, oldest first.
+class Window:
+    """F phi or G phi at the steps from `first` to `last`, and the bounds of phi over the box of the signals.
 
     Args:
         outer: the window.
@@ -40,15 +38,26 @@ class RunningWindow:
         self.fold, self.first, self.last = outer.fold, outer.steps[0] + shift, outer.steps[1] + shift
         self.phi = stl.Quantity(phi, specification.signals, values.semantics, values.of)
         self.ahead = self.phi.horizon
-        self.bounds = np.array([values.range(leaf) for leaf in self.phi.leaves]).T
-        """Of the leaves, (2, J)."""
+        self.bounds = np.array([values.range(leaf) for leaf in self.phi.leaves]).T  # of the leaves, (2, J)
         always = np.repeat(self.bounds[:, None], self.ahead + 1, axis=1)
         self.phi_ends: tuple[float, float] = tuple(self.phi.values(always)[:, 0])
-        """The least and the greatest value of phi over the box of the signals."""
-        once = self.fold.lift(np.array(self.phi_ends))
-        self.ends: tuple[float, float] = tuple(self.fold.read(self.fold.repeat(once, [self.last - self.first + 1] * 2)))
-        """The same of the window."""
-        self._nothing = once[0 if self.fold.sign < 0 else 1]  # an empty F is as bad as can be, an empty G as good
+
+    def ends_of(self, count: int) -> tuple[float, float]:
+        """The least and the greatest value that so many steps can have."""
+        return tuple(self.fold.read(self.fold.repeat(self.fold.lift(np.array(self.phi_ends)), [count] * 2)))
+
+
+class RunningWindow(Window):
+    """The value of a window, as far as it is known after the sample at step t.
+
+    Memories are (N, size): the summary, and the values of the leaves at steps t - ahead to t, oldest first.
+    """
+
+    def __init__(self, outer: Outer, specification: Specification, values: Values) -> None:
+        super().__init__(outer, specification, values)
+        self.ends = self.ends_of(self.last - self.first + 1)
+        empty = self.phi_ends[0 if self.fold.sign < 0 else 1]  # an empty F is as bad as can be, an empty G as good
+        self._nothing = self.fold.lift(np.array(empty))
         history = (self.ahead + 1) * len(self.phi.leaves) if self.ahead else 0
         self.size, self.input_size = self.fold.size + history, 1 + history
 
@@ -92,10 +101,10 @@ class RunningWindow:
         return self.fold.read(self.fold.merge(known, to_come))
 
     def inputs(self, memory: Array) -> Array:
-        value = _scaled(self.fold.read(memory[:, : self.fold.size])[:, None], *self.ends)
+        value = scaled(self.fold.read(memory[:, : self.fold.size])[:, None], *self.ends)
         if not self.ahead:
             return value
-        history = _scaled(self._history(memory), *self.bounds)
+        history = scaled(self._history(memory), *self.bounds)
         return np.concatenate([value, history.reshape(len(memory), -1)], axis=1)
 
     def _with(self, values: Array, memory: Array, t: Integers, last: Integers) -> Array:
@@ -115,9 +124,3 @@ class RunningWindow:
 
     def _joined(self, summary: Array, history: Array) -> Array:
         return np.concatenate([summary, history.reshape(len(history), -1)], axis=1) if self.ahead else summary
-
-
-def _scaled(values: Array, low: Array | float, high: Array | float) -> Array:
-    half = np.maximum(np.asarray(high) - low, 1e-9) / 2
-    scaled: Array = (values - (np.asarray(high) + low) / 2) / half
-    return scaled

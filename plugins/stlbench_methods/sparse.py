@@ -32,74 +32,36 @@ class Sparse(RewardMethod):
     def __init__(self, specification: Specification, *, pays: Literal["success", "failure"] = "success") -> None:
         super().__init__(specification)
         self._offset = 0.0 if pays == "success" else -1.0
-        self._verdict: _Verdict
+        self._known: AbsoluteFlags | Progress
         try:
-            self._verdict = _ByFlags(specification)
+            self._known = AbsoluteFlags(specification, 1.0)
         except Unsuitable:
-            self._verdict = _ByProgress(specification)
-        self.memory_size = self._verdict.size
+            self._known = Progress(specification, Truths(specification, stl.semantics("classic")))
+        self.memory_size = self._known.size
 
     @property
     def input_size(self) -> int:
-        return self._verdict.input_size
+        return self._known.input_size if isinstance(self._known, Progress) else self._known.size
 
     @property
     def floor(self) -> float:
         return self._offset
 
     def initial_memory(self, signals: Array, t: Integers) -> Array:
-        return self._verdict.begin(signals, t)
+        return self._known.begin(signals, t)
 
     def along(self, samples: Array, action: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
-        memory = self._verdict.after(samples[1:], t + 1, memory)
+        *_, memory = self._known.along(samples[1:], t + 1, memory)
         rewards, end = np.zeros((len(samples) - 1, len(t))), t + len(samples) - 1
         if (over := end == self.specification.steps).any():
-            rewards[-1, over] = self._verdict.satisfied(memory[over], end[over]) + self._offset
+            rewards[-1, over] = self._satisfied(memory[over], end[over]) + self._offset
         return rewards, memory
 
     def inputs(self, memory: Array) -> Array:
-        return self._verdict.inputs(memory)
+        return self._known.inputs(memory)
 
-
-class _ByFlags:
-    """The flags of the method `flag`, by absolute intervals."""
-
-    def __init__(self, specification: Specification) -> None:
-        self._flags = AbsoluteFlags(specification, 1.0)
-        self.size = self.input_size = len(self._flags.full)
-
-    def begin(self, signals: Array, t: Integers) -> Array:
-        return self._flags.along(signals[None], t, np.tile(self._flags.initial, (len(signals), 1)))[1]
-
-    def after(self, samples: Array, t: Integers, memory: Array) -> Array:
-        return self._flags.along(samples, t, memory)[1]
-
-    def satisfied(self, memory: Array, t: Integers) -> Truth:
-        held: Truth = (memory[:, self._flags.columns] == 1).all(axis=1)
-        return held
-
-    def inputs(self, memory: Array) -> Array:
-        return memory / self._flags.full
-
-
-class _ByProgress:
-    """Any other formula."""
-
-    def __init__(self, specification: Specification) -> None:
-        self._progress = Progress(specification, Truths(specification, stl.semantics("classic")))
-        self.size, self.input_size = self._progress.size, self._progress.input_size
-
-    def begin(self, signals: Array, t: Integers) -> Array:
-        return self._progress.begin(signals, t)
-
-    def after(self, samples: Array, t: Integers, memory: Array) -> Array:
-        return self._progress.along(samples, t, memory)[-1]
-
-    def satisfied(self, memory: Array, t: Integers) -> Truth:
-        return self._progress.so_far(memory, t) > 0.5
-
-    def inputs(self, memory: Array) -> Array:
-        return self._progress.inputs(memory)
-
-
-_Verdict = _ByFlags | _ByProgress
+    def _satisfied(self, memory: Array, t: Integers) -> Truth:
+        if isinstance(self._known, Progress):
+            return self._known.so_far(memory, t) > 0.5
+        satisfied: Truth = (memory[:, self._known.columns] == 1).all(axis=1)
+        return satisfied

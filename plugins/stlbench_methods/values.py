@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import isfinite
-from typing import Annotated, Literal, Protocol, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -14,18 +14,6 @@ from stlbench.contract import Array, Specification, Unsuitable
 
 SemanticsName: TypeAlias = Literal["classic", "lse", "gilpin", "agm", "gmsr"]
 Sharpness: TypeAlias = Annotated[float, Field(gt=0, le=100)]
-
-
-class Values(Protocol):
-    """The values of leaves, and what combines them."""
-
-    semantics: stl.Semantics
-
-    def of(self, leaf: stl.Formula) -> Callable[[Array], Array]:
-        """The value of a leaf: signals (..., k) -> (...)."""
-
-    def range(self, leaf: stl.Formula) -> tuple[float, float]:
-        """Its least and greatest value over the box of the signals."""
 
 
 class Margins:
@@ -54,6 +42,8 @@ class Margins:
 
 
 class Truths:
+    """1 where a leaf holds, else 0."""
+
     def __init__(self, specification: Specification, semantics: stl.Semantics) -> None:
         self.specification, self.semantics = specification, semantics
 
@@ -63,3 +53,6 @@ class Truths:
 
     def range(self, leaf: stl.Formula) -> tuple[float, float]:
         return 0.0, 1.0
+
+
+Values: TypeAlias = Margins | Truths  # of leaves, and what combines them

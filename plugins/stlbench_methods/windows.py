@@ -77,6 +77,13 @@ def truths(predicates: Sequence[Callable[[Array], Truth]], samples: Array) -> Tr
     return found
 
 
+def scaled(values: Array, low: Array | float, high: Array | float) -> Array:
+    """Values from low to high, as numbers from -1 to 1."""
+    half = np.maximum(np.asarray(high) - low, 1e-9) / 2
+    scaled: Array = (values - (np.asarray(high) + low) / 2) / half
+    return scaled
+
+
 F, G, FG = 0, 1, 2  # kinds of terms, for compiled code
 KINDS = {"F": F, "G": G, "FG": FG}
 
