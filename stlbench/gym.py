@@ -2,11 +2,11 @@
 
 >>> import gymnasium
 >>> import stlbench.gym  # registers stlbench/<task>-v0 for every task that is installed
->>> env = gymnasium.make("stlbench/hold-disc-v0", method="funnel[variant=code]")
->>> envs = gymnasium.make_vec("stlbench/hold-disc-v0", num_envs=8, method="funnel")
+>>> env = gymnasium.make("stlbench/reach-stay-v0", method="funnel[variant=code]")
+>>> envs = gymnasium.make_vec("stlbench/reach-stay-v0", num_envs=8, method="funnel")
 
 Gymnasium 1.x looks for no plugins by itself. Without the second import, the module goes into the name:
-`gymnasium.make("stlbench.gym:stlbench/hold-disc-v0", method="funnel")`.
+`gymnasium.make("stlbench.gym:stlbench/reach-stay-v0", method="funnel")`.
 
 Actions are indices into the task's grid, or vectors where a task's actions are continuous. Observations are what every
 agent of stlbench sees, as float32, unbounded though about in [-1, 1]. An episode has a fixed length and is truncated at

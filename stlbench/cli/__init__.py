@@ -88,8 +88,8 @@ def stlbench(
 
     \b
     Examples:
-      stlbench run --tasks hold-disc --methods funnel,flag --seeds 3
-      stlbench show task hold-disc
+      stlbench run --tasks reach-stay --methods funnel,flag --seeds 3
+      stlbench show task reach-stay
       stlbench monitor "G[0,10] x > 0" trace.csv
     """
     if context.invoked_subcommand is None:

@@ -53,7 +53,7 @@ def advise(
     Examples:
       stlbench advise reach-stay
       stlbench advise robot-nav --methods "tau-mdp,tau-mdp[every=10],hprs[later=target]"
-      stlbench advise hold-disc --results results/reference --json
+      stlbench advise reach-stay --results results/reference --json
     """
     from stlbench.registry import plugins
     from stlbench.registry.choices import parse_choices

@@ -44,8 +44,8 @@ def certify(
 
     \b
     Examples:
-      stlbench certify hold-disc/funnel/dqn/0 --confidence .99
-      stlbench certify hold-disc/funnel/dqn/0 --at-least .95
+      stlbench certify reach-stay/funnel/dqn/0 --confidence .99
+      stlbench certify reach-stay/funnel/dqn/0 --at-least .95
       stlbench certify --controller robot-nav --until .02
     """
     from stlbench.search import certify as search

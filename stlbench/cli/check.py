@@ -35,7 +35,7 @@ def check(
     \b
     Examples:
       stlbench check funnel
-      stlbench check "verdict[pay=end]" --task hold-disc
+      stlbench check "verdict[pay=end]" --task reach-stay
       stlbench check ./my-task
     """
     from stlbench import testing

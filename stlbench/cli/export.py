@@ -92,7 +92,7 @@ def export_policy(
 
     \b
     Example:
-      stlbench export-policy hold-disc/funnel/dqn/0 policy.onnx
+      stlbench export-policy reach-stay/funnel/dqn/0 policy.onnx
     """
     from stlbench.rollout.questions import Question, plugins_of
     from stlbench.share import onnx

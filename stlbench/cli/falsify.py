@@ -54,9 +54,9 @@ def falsify(
 
     \b
     Examples:
-      stlbench falsify hold-disc/funnel/dqn/0
+      stlbench falsify reach-stay/funnel/dqn/0
       stlbench falsify --all --results study --evaluations 2000
-      stlbench falsify --controller hold-disc,robot-nav --least
+      stlbench falsify --controller reach-stay,robot-nav --least
       stlbench falsify --task pendulum my_controllers:energy --on state
     """
     from stlbench.records.outputs import inside

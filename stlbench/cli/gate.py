@@ -96,7 +96,7 @@ def gate(
     Examples:
       stlbench gate results/gate-reference --budget smoke
       stlbench gate results/gate-reference --against origin/main
-      stlbench gate reference --update --tasks hold-disc --methods funnel,flag --seeds 10
+      stlbench gate reference --update --tasks reach-stay --methods funnel,flag --seeds 10
     """
     from stlbench.gate.judge import judge
     from stlbench.gate.measure import Selection, cells_of, select
@@ -115,7 +115,7 @@ def gate(
         if selection.is_everything:
             cells = cells_of(select(reference, selection))
         else:
-            chosen = {"tasks": tasks or "hold-disc", "methods": methods or "funnel,flag", "seeds": seeds or SEEDS}
+            chosen = {"tasks": tasks or "reach-stay", "methods": methods or "funnel,flag", "seeds": seeds or SEEDS}
             cells = Study.of({**chosen, "agents": agents, "budget": budget}).cells()
         _update(reference, _measured(cells, results, place), as_json)
         return

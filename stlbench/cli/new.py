@@ -32,7 +32,7 @@ _WORDS: dict[Kind, dict[str, str]] = {
         "module": "method",
         "suffix": "Reward",
         "edit": "Change the reward in `src/$package/method.py`.",
-        "use": "stlbench run --tasks hold-disc --methods $name,funnel --budget smoke",
+        "use": "stlbench run --tasks reach-stay --methods $name,funnel --budget smoke",
     },
     "task": {
         "module": "system",
@@ -44,7 +44,7 @@ _WORDS: dict[Kind, dict[str, str]] = {
         "module": "agent",
         "suffix": "Agent",
         "edit": "Change the training in `src/$package/agent.py`.",
-        "use": "stlbench run --tasks hold-disc --agents $name --budget smoke",
+        "use": "stlbench run --tasks reach-stay --agents $name --budget smoke",
     },
 }
 

@@ -44,8 +44,8 @@ def render(
 
     \b
     Examples:
-      stlbench render results hold-disc/funnel/dqn/0
-      stlbench render results hold-disc/funnel/dqn/0 --start 0.3,1.2
+      stlbench render results reach-stay/funnel/dqn/0
+      stlbench render results reach-stay/funnel/dqn/0 --start 0.3,1.2
       stlbench render results "robot-nav/funnel[variant=code]/dqn/0" --format mp4 --out films
     """
     from stlbench.records.outputs import inside

@@ -47,8 +47,8 @@ def remove(
 
     \b
     Examples:
-      stlbench results remove results hold-disc/funnel/dqn/0
-      stlbench results remove results "hold-disc/*" --status raised --status timeout --yes
+      stlbench results remove results reach-stay/funnel/dqn/0
+      stlbench results remove results "reach-stay/*" --status raised --status timeout --yes
     """
     from stlbench.errors import UsageError
     from stlbench.records import upkeep

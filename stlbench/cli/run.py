@@ -47,7 +47,7 @@ def run(
 
     \b
     Examples:
-      stlbench run --tasks hold-disc --methods funnel,flag --seeds 3 --jobs 2
+      stlbench run --tasks reach-stay --methods funnel,flag --seeds 3 --jobs 2
       stlbench run --methods "funnel,funnel[variant=code],flag[beta=10]" --budget paper --results study
       stlbench run study.yaml --seeds 10
     """
@@ -138,7 +138,7 @@ def plan(
     \b
     Examples:
       stlbench plan overlap --methods raw,funnel --resolution 0.6
-      stlbench plan hold-disc --settings "recipe,gamma=1,without=cuts gamma=1"
+      stlbench plan reach-stay --settings "recipe,gamma=1,without=cuts gamma=1"
     """
     from stlbench.records.status import accidents_of
     from stlbench.registry.folders import task_of

@@ -79,10 +79,10 @@ def score(
     \b
     Examples:
       stlbench score pendulum my_controllers:energy --on state
-      stlbench score hold-disc model.zip --name sb3-ppo --seed 1
+      stlbench score reach-stay model.zip --name sb3-ppo --seed 1
       stlbench score lunar-lander model.zip --on environment
-      stlbench score hold-disc-coarse q.pt --architecture "mlp[6,64,64,189;relu]"
-      stlbench score hold-disc hold-disc/funnel/dqn/0
+      stlbench score reach-stay q.pt --architecture "mlp[6,64,64,273;relu]"
+      stlbench score reach-stay reach-stay/funnel/dqn/0
     """
     from stlbench.records.cell_files import cell_files
     from stlbench.registry.folders import task_of

@@ -33,7 +33,7 @@ def show() -> None:
 
     \b
     Example:
-      stlbench show task hold-disc
+      stlbench show task reach-stay
     """
 
 
@@ -52,7 +52,7 @@ def cell(
 
     \b
     Examples:
-      stlbench show cell hold-disc/funnel/dqn/0
+      stlbench show cell reach-stay/funnel/dqn/0
       stlbench show cell "overlap[without=cuts]/funnel/dqn/1" results/ablation --json
     """
     from stlbench.records.cell_files import cell_files

@@ -35,7 +35,7 @@ def task(
 
     \b
     Examples:
-      stlbench show task hold-disc
+      stlbench show task reach-stay
       stlbench show task robot-nav --track auto
       stlbench show task ./my-task --json
     """

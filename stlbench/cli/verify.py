@@ -178,7 +178,7 @@ def bundle(
 
     \b
     Examples:
-      stlbench bundle results --author "Ada Lovelace" --title "Funnels on hold-disc"
+      stlbench bundle results --author "Ada Lovelace" --title "Funnels on reach-stay"
       stlbench bundle results submission.zip --license CC0-1.0
     """
     from datetime import UTC, datetime

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from helpers.synthetic_results import measurement
@@ -11,6 +13,7 @@ from helpers.synthetic_results import measurement
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.result import CurvePoint, Result
+from stlbench.registry import plugins
 from stlbench.study.cell import Cell
 from stlbench.study.study import Study
 from stlbench.study.tracks import Recipe
@@ -155,3 +158,11 @@ def test_what_the_user_fixes_is_not_tuned() -> None:
 def test_bad_input_is_refused(words: dict[str, str], message: str) -> None:
     with pytest.raises(UsageError, match=message):
         entrants(study(**words))
+
+
+def test_the_range_of_discounts_is_wider_than_that_of_the_committed_search() -> None:
+    """Its best discounts were at the end of the range; the pages state that nobody tuned again."""
+    with (Path(__file__).parents[2] / "results/tuning/trials.csv").open(newline="") as file:
+        tried = {float(row["gamma"]) for row in csv.DictReader(file) if row["gamma"]}
+    space = plugins.find("agents", "dqn").load().search_space  # type: ignore[attr-defined]
+    assert min(space["gamma"]) < min(tried) == 0.8
