@@ -56,6 +56,10 @@ def test_three_tasks_are_trivial_and_the_default_of_a_run_is_none_of_them() -> N
     assert DEFAULTS["tasks"] in set(OWN) - trivial
 
 
+def test_what_was_found_by_search_is_there_to_replay() -> None:
+    assert KEPT == ["annulus", "formation", "overlap", "reach-stay", "robot-nav"]
+
+
 @pytest.mark.parametrize("name", KEPT)
 def test_what_was_found_by_search_can_be_replayed(name: str) -> None:
     task = load_task(name)
