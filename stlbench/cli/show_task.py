@@ -27,8 +27,13 @@ def task(
         typer.Argument(metavar="NAME", help="A name, or the path of a task's folder.", autocompletion=names("tasks")),
     ],
     track: Annotated[
-        Literal["auto", "shared", "plain"], typer.Option(metavar="NAME", help="As `stlbench run --track` trains it.")
-    ] = "shared",
+        Literal["auto", "shared", "plain"] | None,
+        typer.Option(
+            metavar="NAME",
+            help="As `stlbench run --track` trains it.",
+            show_default="shared; auto for a task without a recipe",
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Show a task: formula, signals, actions, training, budgets, controller and baselines, what methods make of it.
@@ -45,11 +50,10 @@ def task(
     from stlbench.task import load_task
 
     loaded = load_task(name)
-    loaded = on_track(loaded, Choice(own_agent_on(loaded, track)), track)
+    on = track or loaded.own_track
+    loaded = on_track(loaded, Choice(own_agent_on(loaded, on)), on)
     plugin = plugins.find("tasks", loaded.choice.name)
-    facts = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | _facts(
-        loaded, track
-    )
+    facts = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | _facts(loaded, on)
     show(as_json, facts, task_text(facts))
 
 

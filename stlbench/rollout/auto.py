@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import ActionBox, Actions, Array, System
+from stlbench.contract import Array, System
 from stlbench.errors import UsageError
 from stlbench.records.identity import Track
 from stlbench.rollout.worlds import make_world
@@ -30,6 +30,7 @@ from stlbench.task.windows import windows
 _SHARED: Mapping[str, Any] = {"net_arch": [128, 128], "gamma": 0.95}
 _DQN: Mapping[str, Any] = {
     **_SHARED,
+    "gamma": 0.9,
     "head": "additive",
     "copies": 64,
     "gradient_steps": 4,
@@ -51,7 +52,7 @@ RECIPES: Mapping[str, Mapping[str, Any]] = {
     "dqn": _DQN,
     "dqn-per-robot": _DQN,
     "td3": _TD3,
-    "sb3-dqn": {**_SHARED, "n_steps": 5, "buffer_size": 131072},
+    "sb3-dqn": {**_SHARED, "gamma": 0.9, "n_steps": 5, "buffer_size": 131072},
     "sb3-td3": {**_SHARED, "gradient_steps": 4, "n_steps": 3},
     "sb3-sac": {**_SHARED, "gradient_steps": 4, "n_steps": 3},
     "sb3-ppo": _SHARED,
@@ -66,13 +67,6 @@ LENGTH = 40
 """Decisions after which such an episode is broken off, on average; at most half of the task's."""
 _FEW = 8
 """Copies of an environment whose first samples are looked at; of a system eight times as many."""
-
-
-def own_agent(actions: Actions) -> str:
-    """The agent that the rules train with: by the kind of the actions, and by the number of robots."""
-    if isinstance(actions, ActionBox):
-        return "td3"
-    return "dqn-per-robot" if len(actions.robots) > 1 else "dqn"
 
 
 def for_every_method(task: Task, agent: str, track: Track) -> Task:
@@ -115,7 +109,7 @@ def automatic(task: Task, agent: str) -> Task:
 def recipe(agent: str, task: Task) -> dict[str, Any]:
     """The agent's parameters; its defaults where there are no rules for it.
 
-    With G F p, the discount reaches over the longest window of F: 1 - 1 / (2.5 W) for W decisions, at least .95.
+    With G F p, the discount reaches over the longest window of F, of W decisions: it is at least 1 - 1 / (2.5 W).
     """
     parameters = dict(RECIPES.get(agent, {}))
     if "gamma" in parameters:

@@ -31,13 +31,14 @@ def plan_cells(
     agents: Iterable[Choice] | None,
     seeds: Sequence[int] | None,
     budget: str,
-    track: Track = "shared",
+    track: Track | None = None,
     recipes: Recipes | None = None,
 ) -> tuple[Cell, ...]:
     """All cells of a study, the first seed of everything first.
 
     No method or agent is imported, so that a study that is already done is answered at once; see `check_cells`. Without
-    agents, each task is trained by the first that it has a recipe for. Without seeds, the task's budget says how many.
+    agents, each task is trained by its own (`Task.own_agent`); without a track, on its own (`Task.own_track`). Without
+    seeds, the task's budget says how many.
     Raises `UsageError` for an unknown name or budget, a task with errors, no seed, or a missing recipe.
     """
     if seeds is not None and (not seeds or min(seeds) < 0):
@@ -48,8 +49,9 @@ def plan_cells(
     chosen = None if agents is None else tuple(agents)
     code, planned = harness(), list[_Planned]()
     for task in map(load_task, dict.fromkeys(tasks)):
-        trained_by = chosen or (Choice(own_agent_on(task, track)),)
-        planned.append(_Planned(task, trained_by, seeds or range(task.budget(budget).seeds), budget, track, code))
+        on = track or task.own_track
+        trained_by = chosen or (Choice(own_agent_on(task, on)),)
+        planned.append(_Planned(task, trained_by, seeds or range(task.budget(budget).seeds), budget, on, code))
     every_seed = sorted(set().union(*(task.seeds for task in planned)))
     return tuple(
         task.cell(method, agent, seed, part, recipes)

@@ -122,8 +122,10 @@ class Study(BaseModel):
     budget: Annotated[str, Option("NAME")] = Field(
         "quick", description="How much training; `stlbench show task NAME` lists budgets."
     )
-    track: Annotated[Literal["auto", "shared", "plain", "tuned"], Option("NAME")] = Field(
-        "shared",
+    track: Annotated[
+        Literal["auto", "shared", "plain", "tuned"] | None, Option("NAME", "shared; auto for a task without a recipe")
+    ] = Field(
+        None,
         description="By which rules: auto, help derived from the formula; shared, one recipe per task; plain, no help; "
         "tuned, a recipe per method.",
     )

@@ -14,9 +14,9 @@ from stlbench.errors import UsageError, in_words, one_line
 from stlbench.records.identity import CellId, Track
 from stlbench.records.outputs import write
 from stlbench.registry.choices import Choice
-from stlbench.rollout.auto import for_every_method, own_agent
+from stlbench.rollout.auto import for_every_method
 from stlbench.task.entry import Count
-from stlbench.task.task import Task, load_task
+from stlbench.task.task import Task, agent_for, load_task
 from stlbench.task.yaml_text import load_yaml
 
 
@@ -92,7 +92,7 @@ def on_track(task: Task, agent: Choice, track: Track, recipe: Recipe | None = No
 
 def own_agent_on(task: Task, track: Track) -> str:
     """The agent that a task is trained with on a track unless another is named."""
-    return own_agent(task.actions) if track == "auto" else task.own_agent
+    return agent_for(task.actions) if track == "auto" else task.own_agent
 
 
 def write_recipes(path: Path, recipes: _Found, facts: Mapping[str, Any]) -> None:

@@ -108,7 +108,7 @@ def entrants(study: Study) -> tuple[Entrant, ...]:
     """
     if study.seeds is None or min(study.seeds) < FIRST_SEED:
         raise UsageError(f"seeds below {FIRST_SEED} are reported and not tuned with; say --seeds 100-101")
-    if study.track != "shared":
+    if study.track not in (None, "shared"):
         raise UsageError("what is tuned is the shared recipe; a track is said to `stlbench run`")
     return tuple(
         entrant

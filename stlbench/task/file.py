@@ -225,8 +225,9 @@ class TaskFile(Entry):
     starts: Count = 64
     """Initial states on the report grid; as many others are kept for the selection of checkpoints."""
     protocols: dict[str, Protocol] = Field(default_factory=dict)
-    agents: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
-    """Agent -> recipe, the same for every method. The first is the task's own agent."""
+    agents: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    """Agent -> recipe, the same for every method. The first is the task's own agent. A task without any recipe is
+    trained on the track `auto` unless another track is named."""
     budgets: Annotated[dict[str, Budget], Field(min_length=1)]
 
     @property

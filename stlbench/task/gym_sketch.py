@@ -13,7 +13,7 @@ from gymnasium.spaces import Box, Dict, Space
 from stlbench.contract import Array, cause
 from stlbench.errors import UsageError
 from stlbench.task.gym_make import Gym, made
-from stlbench.task.gym_spaces import LARGE, Names, action_axes, entries_of
+from stlbench.task.gym_spaces import LARGE, Names, entries_of
 
 _STEPS, _SECONDS = 200, 0.05
 """Where the environment says nothing: steps of an episode, seconds of a step."""
@@ -62,7 +62,6 @@ def sketch(identifier: str) -> dict[str, Any]:
         "sampling_time": round(_seconds(env), 6),
         "steps": steps,
         "signals": {name: {"low": low, "high": high} for name, (low, high) in ends.items()},
-        "agents": {"dqn" if all(axis.values for axis in action_axes(env.action_space)) else "td3": {}},
         "budgets": {
             "smoke": {"steps": 16 * steps, "seeds": 1, "deadline": 300, "checkpoints": 2, "random_starts": 20},
             "quick": {"steps": 100_000, "seeds": 3, "deadline": 900, "random_starts": 100},

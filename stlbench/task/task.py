@@ -23,6 +23,7 @@ from stlbench.contract import (
     WorldTask,
 )
 from stlbench.errors import UsageError, did_you_mean
+from stlbench.records.identity import Track
 from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
 from stlbench.task.checks import check_regions, check_system, check_world
@@ -133,8 +134,16 @@ class Task:
 
     @property
     def own_agent(self) -> str:
-        """The agent that the task is trained with unless another is named: the first that it has a recipe for."""
-        return next(iter(self.file.agents))
+        """The agent that the task is trained with unless another is named: the first that it has a recipe for.
+
+        Of a task without recipes, the kind of its actions says which, and the number of its robots.
+        """
+        return next(iter(self.file.agents), agent_for(self.actions))
+
+    @property
+    def own_track(self) -> Track:
+        """The track on which the task is trained unless another is named."""
+        return "shared" if self.file.agents else "auto"
 
     def budget(self, name: str) -> Budget:
         """The named budget."""
@@ -145,6 +154,13 @@ class Task:
     def recipe(self, agent: str) -> Mapping[str, Any]:
         """The task's parameters for an agent, by the agent's name without parameters; none where it has no recipe."""
         return self.file.agents.get(agent, {})
+
+
+def agent_for(actions: Actions) -> str:
+    """The agent that a task without recipes is trained with, by the kind of its actions and the number of robots."""
+    if isinstance(actions, ActionBox):
+        return "td3"
+    return "dqn-per-robot" if len(actions.robots) > 1 else "dqn"
 
 
 def load_task(choice: Choice | str) -> Task:

@@ -10,6 +10,7 @@ from stlbench.errors import UsageError, one_line
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.rollout import baselines
+from stlbench.rollout.auto import for_every_method
 from stlbench.rollout.controller import Unpaid
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.rehearsal import rehearse
@@ -68,7 +69,8 @@ def _check_recipes(task: Task) -> None:
 
 
 def _check_agent(task: Task, rules: Rules) -> None:
-    """Let the task's own agent train for a moment, without a reward."""
+    """Let the task's own agent train for a moment, on the task's own track and without a reward."""
+    task = for_every_method(task, task.own_agent, task.own_track)
     rule = f"the task's own agent, {task.own_agent}, can act and train on it"
     try:
         agent = build_agent(task, task.own_agent)

@@ -8,13 +8,14 @@ from helpers.line_task import line
 
 from stlbench.contract import ActionBox, ActionGrid
 from stlbench.registry.choices import Choice
-from stlbench.rollout.auto import cuts, own_agent
+from stlbench.rollout.auto import cuts
 from stlbench.rollout.environment import BatchEnvironment
 from stlbench.rollout.observing import observation_of
 from stlbench.stl import parse
 from stlbench.study.tracks import on_track, own_agent_on
 from stlbench.task import build_method, load_task
 from stlbench.task.starts import sample
+from stlbench.task.task import agent_for
 
 
 @pytest.mark.parametrize(
@@ -31,9 +32,9 @@ def test_returns_are_cut_where_the_next_goal_changes(formula: str, hold: int, ex
 
 
 def test_the_agent_follows_from_the_actions() -> None:
-    assert own_agent(ActionBox(("u",), (-1.0,), (1.0,))) == "td3"
-    assert own_agent(ActionGrid(("u", "v"), ((0.0, 1.0), (0.0, 1.0)))) == "dqn"
-    assert own_agent(ActionGrid(("u", "v"), ((0.0, 1.0), (0.0, 1.0)), (1, 1))) == "dqn-per-robot"
+    assert agent_for(ActionBox(("u",), (-1.0,), (1.0,))) == "td3"
+    assert agent_for(ActionGrid(("u", "v"), ((0.0, 1.0), (0.0, 1.0)))) == "dqn"
+    assert agent_for(ActionGrid(("u", "v"), ((0.0, 1.0), (0.0, 1.0)), (1, 1))) == "dqn-per-robot"
 
 
 @pytest.mark.parametrize("name", ["overlap", "pendulum", "formation", "patrol", "cartpole-steady"])

@@ -5,6 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
+from helpers.line_task import FILE as LINE
+from helpers.line_task import SYSTEM
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
@@ -129,3 +132,13 @@ def test_a_task_may_be_held_otherwise(hold, message) -> None:
     assert load_task("robot-nav[hold=20]").file.hold == 20
     with pytest.raises(UsageError, match=message):
         load_task(f"robot-nav[hold={hold}]")
+
+
+def test_a_task_without_a_recipe_has_the_track_auto_unless_another_is_named(tmp_path: Path) -> None:
+    (tmp_path / "system.py").write_text(SYSTEM)
+    (tmp_path / "task.yaml").write_text(yaml.safe_dump({key: LINE[key] for key in LINE if key != "agents"}))
+    choices = [Choice(str(tmp_path)), Choice("robot-nav")]
+    own = plan_cells(choices, [RAW], None, [0], "smoke")
+    assert [(cell.id.agent.name, cell.id.track) for cell in own] == [("dqn", "auto"), ("dqn", "shared")]
+    named = plan_cells(choices[:1], [RAW], None, [0], "smoke", "plain")
+    assert [cell.id.track for cell in named] == ["plain"]
