@@ -11,6 +11,7 @@ from helpers.line_task import SYSTEM
 
 from stlbench.errors import UsageError
 from stlbench.registry.choices import Choice
+from stlbench.registry.folders import parse_task
 from stlbench.study.plan import check_cells, plan_cells
 from stlbench.study.tracks import Recipe, on_track, read_recipes
 from stlbench.task import load_task
@@ -135,9 +136,10 @@ def test_a_task_may_be_held_otherwise(hold, message) -> None:
 
 
 def test_a_task_without_a_recipe_has_the_track_auto_unless_another_is_named(tmp_path: Path) -> None:
-    (tmp_path / "system.py").write_text(SYSTEM)
-    (tmp_path / "task.yaml").write_text(yaml.safe_dump({key: LINE[key] for key in LINE if key != "agents"}))
-    choices = [Choice(str(tmp_path)), Choice("robot-nav")]
+    (folder := tmp_path / "zz-bare").mkdir()
+    (folder / "system.py").write_text(SYSTEM)
+    (folder / "task.yaml").write_text(yaml.safe_dump({key: LINE[key] for key in LINE if key != "agents"}))
+    choices = [parse_task(str(folder)), Choice("robot-nav")]
     own = plan_cells(choices, [RAW], None, [0], "smoke")
     assert [(cell.id.agent.name, cell.id.track) for cell in own] == [("dqn", "auto"), ("dqn", "shared")]
     named = plan_cells(choices[:1], [RAW], None, [0], "smoke", "plain")
