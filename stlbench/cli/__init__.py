@@ -31,7 +31,6 @@ from stlbench.cli.watch import watch
 from stlbench.errors import foreign
 
 __all__ = ["app", "main"]
-
 app = typer.Typer(
     name="stlbench",
     cls=Commands,

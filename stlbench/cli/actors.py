@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from stlbench.cli.common import warn
-from stlbench.cli.options import declare
+from stlbench.cli.options import Budget, Which, declare
 from stlbench.errors import UsageError, one_line
 
 if TYPE_CHECKING:
@@ -44,12 +44,8 @@ class Chosen:
     controller: Annotated[
         str | None, typer.Option(metavar="LIST", help="Tasks whose controllers by hand are searched, a comma list.")
     ] = None
-    budget: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Budget of the cells.", show_default="the only one in DIR")
-    ] = None
-    which: Annotated[Literal["selected", "final"], typer.Option("--policy", help="Which of a cell's two policies.")] = (
-        "selected"
-    )
+    budget: Budget = None
+    which: Which = "selected"
     task: Annotated[
         str | None,
         typer.Option(metavar="TASK", help="Search policies from outside on it, named as in `stlbench score`."),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from stlbench.cli.common import Json, show, warn
-from stlbench.cli.completion import names
+from stlbench.cli.options import TaskName
 from stlbench.errors import UsageError, cause, one_line
 
 if TYPE_CHECKING:
@@ -30,10 +30,7 @@ _ASK = "Parameters can be asked for: --methods 'hprs[later=target],tau-mdp[every
 
 
 def advise(
-    name: Annotated[
-        str,
-        typer.Argument(metavar="TASK", help="A name, or the path of a task's folder.", autocompletion=names("tasks")),
-    ],
+    name: TaskName,
     methods: Annotated[
         str | None,
         typer.Option("--methods", metavar="LIST", help="Methods to ask about.", show_default="all that are installed"),

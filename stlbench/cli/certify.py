@@ -9,7 +9,7 @@ import typer
 
 from stlbench.cli.actors import Chosen, one_by_one, takes_actors
 from stlbench.cli.common import Json, show
-from stlbench.cli.options import TaskFolders
+from stlbench.cli.options import Seed, TaskFolders
 
 if TYPE_CHECKING:
     from stlbench.report import Table
@@ -31,7 +31,7 @@ def certify(
     until: Annotated[
         float | None, typer.Option(metavar="WIDTH", help="Stop when the interval is no wider than this.")
     ] = None,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the random starts.")] = 0,
+    seed: Seed = 0,
     task_folders: TaskFolders = None,
     as_json: Json = False,
 ) -> None:

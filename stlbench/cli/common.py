@@ -30,10 +30,7 @@ if TYPE_CHECKING:
 
 DISK_FULL = 74
 """The exit code if the disk is full: an input/output error in sysexits.h."""
-
-
 _COLOUR = re.compile("\x1b\\[[0-9;]*m")
-
 _OF_PATHS = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM)
 """Errors of a user's path, raised even by a test whether it exists."""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from stlbench.cli.common import Json, show
-from stlbench.cli.options import TaskFolders
+from stlbench.cli.options import Budget, Cell, Folder, TaskFolders, Which
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ TABLES = ("cells", "robustness", "curves")
 
 
 def export(
-    folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `stlbench run` wrote.")],
+    folder: Folder,
     form: Annotated[
         Literal["csv", "parquet", "jsonl"],
         typer.Option("--format", help="Tables as CSV or Parquet, or all that is recorded, as lines of JSON."),
@@ -71,17 +71,13 @@ def _write(results: Results, folder: Path, form: Literal["csv", "parquet"]) -> l
 
 
 def export_policy(
-    cell: Annotated[str, typer.Argument(metavar="CELL", help="task/method/agent/seed, as the run's lines name it.")],
+    cell: Cell,
     out: Annotated[Path, typer.Argument(metavar="FILE", help="What is written; its ending is .onnx.")],
     results: Annotated[Path, typer.Option(metavar="DIR", help="Folder of results that has the cell.")] = Path(
         "results"
     ),
-    budget: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Budget of the cell.", show_default="the only one in DIR")
-    ] = None,
-    which: Annotated[
-        Literal["selected", "final"], typer.Option("--policy", help="Which of a cell's two policies.")
-    ] = "selected",
+    budget: Budget = None,
+    which: Which = "selected",
     task_folders: TaskFolders = None,
     as_json: Json = False,
 ) -> None:

@@ -10,7 +10,7 @@ import typer
 
 from stlbench.cli.actors import Chosen, one_by_one, takes_actors
 from stlbench.cli.common import Json, show
-from stlbench.cli.options import TaskFolders
+from stlbench.cli.options import Seed, TaskFolders
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,7 +38,7 @@ def falsify(
     least: Annotated[
         bool, typer.Option("--least", help="Go on after a counterexample, for the least robustness.")
     ] = False,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the search.")] = 0,
+    seed: Seed = 0,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of the files.", show_default="DIR of --results/falsified")
     ] = None,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stlbench.cli.common import Json, show
-from stlbench.cli.options import names, study_options, tasks_of
+from stlbench.cli.options import Listed, names, study_options, tasks_of
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -62,15 +62,9 @@ def gate(
         typer.Option(metavar="REV", help="Also compare costs: train by turns with the code of this git revision."),
     ] = None,
     budget: Annotated[str, typer.Option(metavar="NAME", help="Budget of the cells.")] = "smoke",
-    tasks: Annotated[
-        str | None, typer.Option(metavar="LIST", help="Tasks, a comma list.", show_default="all in the reference")
-    ] = None,
-    methods: Annotated[
-        str | None, typer.Option(metavar="LIST", help="Methods, a comma list.", show_default="all in the reference")
-    ] = None,
-    agents: Annotated[
-        str | None, typer.Option(metavar="LIST", help="Agents, a comma list.", show_default="all in the reference")
-    ] = None,
+    tasks: Listed = None,
+    methods: Listed = None,
+    agents: Listed = None,
     seeds: Annotated[
         str | None, typer.Option(metavar="SEEDS", help="As in `stlbench run`.", show_default="all in the reference")
     ] = None,

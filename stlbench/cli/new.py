@@ -13,10 +13,8 @@ import typer
 from stlbench.errors import UsageError
 
 Kind = Literal["method", "task", "agent"]
-
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 """More strict than a plugin's name need be, as distributions, packages and classes are named by it."""
-
 _SHARED = {
     "pyproject.toml": "pyproject",
     "README.md": "readme",
@@ -26,7 +24,6 @@ _SHARED = {
     "tests/test_$module.py": "${kind}_test",
 }
 """File -> the template that it is made of, a text file beside this module."""
-
 _WORDS: dict[Kind, dict[str, str]] = {
     "method": {
         "module": "method",
@@ -47,8 +44,6 @@ _WORDS: dict[Kind, dict[str, str]] = {
         "use": "stlbench run --tasks reach-stay --agents $name --budget smoke",
     },
 }
-
-
 _SEEN = """\
 # The environment gives some entries no ends. Twenty episodes of random actions found their magnitudes, rounded up to
 # `scale`; an entry that hardly moved has a tenth of the median. The ranges of signals are twice as wide. A trained

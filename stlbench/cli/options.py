@@ -103,3 +103,17 @@ def tasks_of(text: str | None) -> tuple[Choice, ...] | None:
     from stlbench.registry.folders import parse_tasks
 
     return None if text is None else parse_tasks(text)
+
+
+Folder = Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `stlbench run` wrote.")]
+Cell = Annotated[str, typer.Argument(metavar="CELL", help="task/method/agent/seed, as the run's lines name it.")]
+Budget = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Budget of the cell.", show_default="the only one there")
+]
+Which = Annotated[Literal["selected", "final"], typer.Option("--policy", help="Which of a cell's two policies.")]
+Listed = Annotated[str | None, typer.Option(metavar="LIST", help="A comma list.", show_default="all that are there")]
+Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Of what is drawn at random.")]
+TaskName = Annotated[
+    str,
+    typer.Argument(metavar="TASK", help="A name, or the path of a task's folder.", autocompletion=completed("tasks")),
+]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stlbench.cli.common import warn
-from stlbench.cli.options import Fitting, TaskFolders
+from stlbench.cli.options import Fitting, Folder, Listed, TaskFolders
 from stlbench.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
@@ -19,15 +19,11 @@ if TYPE_CHECKING:
 
 
 def plot(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A folder that `stlbench run` wrote.")],
-    tasks: Annotated[
-        str | None, typer.Option(metavar="LIST", help="Tasks, a comma list.", show_default="all in RUN")
-    ] = None,
-    methods: Annotated[
-        str | None, typer.Option(metavar="LIST", help="Methods, a comma list.", show_default="all in RUN")
-    ] = None,
+    run: Folder,
+    tasks: Listed = None,
+    methods: Listed = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of the figures.", show_default="RUN/figures")
+        Path | None, typer.Option(metavar="DIR", help="Folder of the figures.", show_default="RESULTS/figures")
     ] = None,
     rewarded: Annotated[
         bool, typer.Option("--rewarded", help="Draw the robustness of the tasks' rewarded form against time, too.")

@@ -8,26 +8,22 @@ from typing import Annotated, Literal
 import typer
 
 from stlbench.cli.common import warn
-from stlbench.cli.options import TaskFolders
+from stlbench.cli.options import Budget, Cell, Folder, TaskFolders, Which
 from stlbench.errors import UsageError
 
 
 def render(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A folder that `stlbench run` wrote.")],
-    cell: Annotated[str, typer.Argument(metavar="CELL", help="task/method/agent/seed, as the run's lines name it.")],
-    budget: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Budget of the cell.", show_default="the only one in RUN")
-    ] = None,
+    run: Folder,
+    cell: Cell,
+    budget: Budget = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of the files.", show_default="RUN/films")
+        Path | None, typer.Option(metavar="DIR", help="Folder of the files.", show_default="RESULTS/films")
     ] = None,
     form: Annotated[
         Literal["gif", "webp", "mp4", "png"],
         typer.Option("--format", help="webp is small; mp4 needs ffmpeg; png: still pictures, as vectors too."),
     ] = "gif",
-    which: Annotated[
-        Literal["selected", "final"], typer.Option("--policy", help="Which of the cell's two policies.")
-    ] = "selected",
+    which: Which = "selected",
     start: Annotated[
         str | None, typer.Option(metavar="X,Y,...", help="Where the stored policy starts, as the task's initial box.")
     ] = None,

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from stlbench.report import Group, Report, Width
     from stlbench.rollout.standards import Standard
 
+_FEW = 3
+"""Settings that a warning names."""
+
 
 def report(
     paths: Annotated[
@@ -157,10 +160,6 @@ def _warn_of_early_ends(groups: Sequence[Group]) -> None:
     if early:
         shown = ", ".join(early[:_FEW]) + (f" and {len(early) - _FEW} more" if len(early) > _FEW else "")
         warn(f"the environment ended episodes before the formula's horizon: {shown}; --explain says what that means")
-
-
-_FEW = 3
-"""Settings that a warning names."""
 
 
 def _write(report: Report, folder: Path, width: Width) -> bool:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stlbench.cli.common import Json, show, warn
+from stlbench.cli.options import Folder
 
 if TYPE_CHECKING:
     from stlbench.records.upkeep import Merged
@@ -28,7 +29,7 @@ def results() -> None:
 
 @app.command("remove")
 def remove(
-    folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `stlbench run` wrote.")],
+    folder: Folder,
     cells: Annotated[
         list[str] | None,
         typer.Argument(metavar="[CELL]...", help="Names, task/method/agent/seed; '*' stands for any characters."),

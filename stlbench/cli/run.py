@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from stlbench.cli.common import DISK_FULL, refuse
-from stlbench.cli.completion import names
-from stlbench.cli.options import Explain, study_options
+from stlbench.cli.options import Explain, TaskName, study_options
 from stlbench.cli.options import names as choices
 from stlbench.cli.report import show_report
 from stlbench.errors import DiskFull, UsageError
@@ -109,10 +108,7 @@ _RESULTS = "results/plan"
 
 @study_options("methods", "jobs", "results", "executor", "retry", methods=("", "all that fit"), results=("", _RESULTS))
 def plan(
-    task: Annotated[
-        str,
-        typer.Argument(metavar="TASK", help="A name, or the path of a task's folder.", autocompletion=names("tasks")),
-    ],
+    task: TaskName,
     *,
     settings: Annotated[
         str | None,

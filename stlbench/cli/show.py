@@ -14,6 +14,7 @@ import typer
 from stlbench.cli import common
 from stlbench.cli.common import Json, warn
 from stlbench.cli.completion import names
+from stlbench.cli.options import Budget, Cell, Folder
 from stlbench.cli.show_task import task
 from stlbench.errors import UsageError, did_you_mean
 
@@ -39,13 +40,9 @@ def show() -> None:
 
 @app.command("cell")
 def cell(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="task/method/agent/seed, as the run's lines name it.")],
-    folder: Annotated[Path, typer.Argument(metavar="[RESULTS]", help="A folder that `stlbench run` wrote.")] = Path(
-        "results"
-    ),
-    budget: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Budget of the cell.", show_default="the only one in RESULTS")
-    ] = None,
+    name: Cell,
+    folder: Folder = Path("results"),
+    budget: Budget = None,
     as_json: Json = False,
 ) -> None:
     """Show one cell of a folder of results: status, reason and traceback, provenance, scores, cost.

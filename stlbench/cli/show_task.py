@@ -8,7 +8,7 @@ import typer
 
 from stlbench.cli.advise import fit
 from stlbench.cli.common import Json, show, warn
-from stlbench.cli.completion import names
+from stlbench.cli.options import TaskName
 from stlbench.cli.show_task_text import task_text
 from stlbench.errors import cause, one_line
 
@@ -22,10 +22,7 @@ _T = TypeVar("_T")
 
 
 def task(
-    name: Annotated[
-        str,
-        typer.Argument(metavar="NAME", help="A name, or the path of a task's folder.", autocompletion=names("tasks")),
-    ],
+    name: TaskName,
     track: Annotated[
         Literal["auto", "shared", "plain"] | None,
         typer.Option(

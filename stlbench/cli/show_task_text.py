@@ -13,7 +13,6 @@ _TRAINING_NOTES = (
     "Exploring: this share of the episodes begins at a random time and lasts about length decisions, or to the end.",
     "Of these, the share kept begins in the state in which the last episode ended, the others in states, or as all do.",
 )
-
 _NO_RECIPE = "An agent without a recipe trains with its defaults."
 _EARLY = (
     "Where a training episode ends early, a function of time pays for ending sooner, or later; else it changes nothing."

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stlbench.cli.common import Json, show
+from stlbench.cli.options import Folder
 from stlbench.errors import UsageError
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ def _bundle_text(path: Path, checked: Checked, scored: list[Rescored]) -> Iterat
 
 
 def bundle(
-    folder: Annotated[Path, typer.Argument(metavar="RESULTS", help="A folder that `stlbench run` wrote.")],
+    folder: Folder,
     target: Annotated[
         Path | None, typer.Argument(metavar="[FILE]", help="The bundle.", show_default="RESULTS.zip")
     ] = None,

@@ -30,10 +30,8 @@ from stlbench.report.statistics.differences import holm
 
 Floats = NDArray[np.float64]
 Verdict = Literal["no worse", "worse", "cannot tell", "missing", "not judged"]
-
 EXIT: dict[Verdict, int] = {"no worse": 0, "not judged": 0, "worse": 1, "cannot tell": 3, "missing": 4}
 """Exit code of each verdict. Where several are found, the whole has the first of: worse, missing, cannot tell."""
-
 ALPHA = 0.01
 """Probability that anything is called worse by chance (Holm's correction)."""
 LEVEL = 0.95
@@ -91,14 +89,12 @@ QUALITIES = (
     Metric("satisfaction", lambda sample: sample.satisfaction, absolute, 0.05, "{:+.3f}"),
 )
 """The same code gives the same bits."""
-
 COSTS = (
     Metric("CPU", lambda sample: sample.training_cpu_seconds, speed, math.log(1.3) / 2, "x{:.2f}"),
     Metric("reward", lambda sample: sample.reward_nanoseconds, speed, math.log(1.5), "x{:.2f}"),
 )
 """CPU: seconds of training; reward: nanoseconds of the method's reward per step. A limit in the middle between no loss
 and the loss to be found makes both errors equally rare: 1.3 times for the CPU, and 2.25 for the much noisier reward."""
-
 METRICS = QUALITIES + COSTS
 
 

@@ -18,10 +18,8 @@ Track = Literal["auto", "shared", "plain", "tuned", "outside"]
 one recipe for all methods. `plain`: on the state and the time alone, without any part of the task that is there to
 help, with the agent's defaults. `tuned`: by a recipe that was found for this method, with the same budget of tuning for
 each. `outside`: stlbench did not train it, and scored it."""
-
 OUTSIDE: Literal["outside"] = "outside"
 """The track of what stlbench did not train (`stlbench score`): no comparison and no statistic has it."""
-
 _Chosen = Annotated[Choice, BeforeValidator(choice_of), PlainSerializer(str)]
 """A choice, which JSON and tables write as its text."""
 

@@ -17,7 +17,6 @@ from stlbench.records.status import ACCIDENTS, Status
 
 FILE = "ledger.sqlite"
 """Its name in a folder of results."""
-
 _IDENTITY = ", ".join(IDENTITY)
 
 

@@ -16,7 +16,6 @@ from stlbench.records.outputs import inside
 
 FILE = ".lock"
 """Its name in a folder of results. It stays there; what counts is whether a process holds it."""
-
 _PATIENCE = 0.5
 """Seconds for which a lock is tried."""
 

@@ -15,10 +15,8 @@ from stlbench.errors import UsageError, one_line
 
 KEY = "stlbench_observation"
 """Under which a file of a policy, or a space of Gymnasium, has the record."""
-
 MOST = 1000
 """Numbers of an environment that a record describes one by one. Of pictures, which have more, it has the size."""
-
 _NAMED = 12
 """Numbers that a message names."""
 

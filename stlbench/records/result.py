@@ -22,7 +22,6 @@ LEARNED = 0.95
 """A policy that satisfies the formula from this share of the starts has learned the task."""
 MAIN = "formula"
 """Name of the protocol that every task has: the task's own formula, from the grid of starts that figures show."""
-
 RANDOM = "random"
 """Name of the protocol that budgets may ask for: the task's own formula, from many starts drawn at random."""
 

@@ -9,13 +9,10 @@ from stlbench.errors import UsageError, did_you_mean
 
 Status = Literal["done", "raised", "timeout", "killed", "intractable", "unsuitable"]
 """How a cell ended. `intractable` and `unsuitable` are findings about a method; the three before them are accidents."""
-
 NOT_RUN: Literal["not run"] = "not run"
 """In tables, in the place of a status: the cell was planned and has no result."""
-
 ACCIDENTS: tuple[Status, ...] = ("raised", "timeout", "killed")
 """What a retry may run."""
-
 FAILED = "failed"
 """The word for all accidents."""
 

@@ -17,7 +17,6 @@ from stlbench.errors import UsageError, did_you_mean, in_words
 
 NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
 """What a plugin may be called. Names become keys, paths and column heads, so nothing else is let in."""
-
 _KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _VALUE = re.compile(r"[A-Za-z0-9._+-]+")
 _PLACE = re.compile(r"[A-Za-z0-9._+:/~@%-]+")

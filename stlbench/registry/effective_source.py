@@ -16,13 +16,10 @@ import yaml
 
 TASK_FILE = "task.yaml"
 """The name that a task's file always has."""
-
 WORDS = ("title", "source", "notes", "plane", "best_known", "baselines")
 """What it says for people, tables and pictures alone."""
-
 _TEXT = r"\"\"\"(?:\\.|(?!\"\"\").)*\"\"\"|'''(?:\\.|(?!''').)*'''|\"(?:\\.|[^\"\\\n])*\"|'(?:\\.|[^'\\\n])*'"
 _TEXT_OR_END = re.compile(rf"({_TEXT})|(?:[ \t]*(?:#[^\n]*)?\n)+", re.DOTALL)
-
 _ALIAS = re.compile(rb"(?:^|\s)\*\w")
 
 

@@ -27,10 +27,8 @@ _CONTRACTS: Mapping[str, tuple[type, ...]] = {
     "executors": (contract.Executor,),
     "logs": (contract.RunLog,),
 }
-
 KINDS = tuple(_CONTRACTS)
 """The kinds of plugin; the entry-point group of a kind is "stlbench.<kind>"."""
-
 OWN = DISTRIBUTION
 """The distribution whose names nobody can take over."""
 

@@ -35,7 +35,6 @@ from stlbench.task.file import Signal
 from stlbench.task.task import Task
 
 Format = Literal["gif", "webp", "mp4"]
-
 FRAMES_A_SECOND = 12.5
 """GIF counts in hundredths of a second: 8 of them a frame."""
 SHORTEST, LONGEST = 4.0, 12.0
@@ -47,7 +46,6 @@ _ENTRY = 0.21
 """Inches of one entry of the legend."""
 _PAUSE = 8
 """Frames for which the end is held."""
-
 Update = Callable[[int], None]
 """Shows the sample of that index."""
 Pictures = Callable[[int], Sequence[Pixels]]

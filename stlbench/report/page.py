@@ -39,7 +39,6 @@ FILE = "report.html"
 MOST = 2000
 """Cells that a page has one by one. Its tables and figures are of all cells."""
 _LOG_LINES = 60
-
 Tell = Callable[[int, int], None]
 """Is called with the number of groups that are read, and of all."""
 Facts = list[tuple[str, str]]

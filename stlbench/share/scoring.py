@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
 UNKNOWN = Choice("unknown")
 """In the place of a method: nobody said which reward the policy was trained by, and it is shown no inputs of one."""
-
 On = Literal["observation", "state", "environment"]
 
 

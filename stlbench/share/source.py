@@ -16,7 +16,6 @@ from stlbench.errors import UsageError, cause, did_you_mean
 from stlbench.registry.fingerprint import fingerprint
 
 Kind = Literal["cell", "function", "sb3", "onnx", "torch", "traces"]
-
 _ENDINGS: dict[str, Kind] = {
     ".csv": "traces",
     ".npz": "traces",

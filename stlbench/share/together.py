@@ -20,7 +20,6 @@ _NAME = re.compile(r"[A-Za-z0-9._+-]+")
 """Names of files that can be parameters of a method."""
 _VERDICTS = ("claims more", "not scored", "within rounding", "as recorded")
 """What is said of a policy that was scored again, the worst first."""
-
 Tell = Callable[[str, str], None]
 """Is told a cell's name and the verdict on it."""
 

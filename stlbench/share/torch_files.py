@@ -17,7 +17,6 @@ from stlbench.contract import Array
 from stlbench.errors import UsageError, cause, did_you_mean
 
 Weights = NDArray[np.floating[Any]]
-
 ACTIVATIONS: Mapping[str, Callable[[Weights], Weights]] = {
     "relu": lambda x: np.maximum(x, 0),
     "tanh": np.tanh,
@@ -129,7 +128,6 @@ def _matched(
 
 _FORBIDDEN = frozenset({"aten::save", "aten::from_file", "prim::CallFunction", "prim::CallMethod", "prim::fork"})
 """What reads and writes files, and calls that cannot be looked into."""
-
 _AT_LOADING = b"__setstate__"
 """The method that is run while a file is loaded, before anybody could look at it."""
 

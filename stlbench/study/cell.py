@@ -69,16 +69,12 @@ def derive_seed(*parts: str | int) -> int:
 PARTS = ("harness", "task", "method", "agent", "packages")
 """Their names: stlbench's own code, the task, the method, the agent with its recipe, and the versions of the installed
 distributions that the plugins import."""
-
 _NO_PART: dict[str, Any] = dict.fromkeys((*WORDS, "agents", "budgets"), True) | {"environment": {"drawn"}}
 """What a task file says that changes no result, or is in the key of a cell by itself."""
 _NO_SYSTEM: dict[str, Any] = {"environment": True, "terminated": True, "signals": {"__all__": {"expression"}}}
 """What it says of environments alone."""
-
-
 _OF_BUDGET = {"steps", "checkpoints", "patience", "random_starts"}
 """What of a budget changes a result."""
-
 _NO_CODE = Code()
 
 

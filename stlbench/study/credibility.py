@@ -31,11 +31,8 @@ from stlbench.task import Task
 
 _CLOSE = 1e-9
 """Relative and absolute difference that is none: of the sums of several versions of a library."""
-
-
 APART = True
 """Whether results of cells with plugins of others are looked at in another process."""
-
 _DEADLINE = 300.0
 """Seconds for an answer: a task of others has to be loaded."""
 

@@ -20,10 +20,8 @@ if TYPE_CHECKING:
 
 FOLDER = "running"
 """Name of the folder, in a folder of results. It has a file for each cell that runs."""
-
 Glance = Callable[[], tuple[float, float]]
 """Scores a checkpoint from a few starts: the share that satisfies, in [0, 1], and the mean robustness."""
-
 _SHARE = 0.02
 """Of its time, a cell may spend so much on scores that only someone who watches needs."""
 _SECONDS = 0.2

@@ -27,8 +27,6 @@ _MOST_SECONDS = 30.0
 """That one call of a log may take."""
 _END_SECONDS = 60.0
 """That logs may take for what is left, when the run has ended."""
-
-
 _LOGGED = {
     "satisfaction": "satisfaction",
     "robustness": "robustness_mean",

@@ -23,7 +23,6 @@ from stlbench.study.run import build_executor
 from stlbench.task import Task, load_task
 
 _T = TypeVar("_T")
-
 EXECUTOR = "local"
 DEADLINE = 120.0
 """Seconds for what takes milliseconds, or some seconds on a MuJoCo model."""

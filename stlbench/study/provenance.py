@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 CODE = "code"
 """Beside them: of which code a cell is, as the first digits of the hash of each part of its key (`keys.PARTS`)."""
-
 PACKAGES = ("gymnasium", "mujoco", "numba", "numpy", "scipy", "stable-baselines3", "stlbench-rl", "torch")
 
 

@@ -30,16 +30,12 @@ if TYPE_CHECKING:
 
 FIRST_SEED = 100
 """Of tuning. Those below are reported."""
-
 HOLD = "hold"
 """In a search space, the steps for which the task holds an action; everything else is a parameter of the agent."""
-
 _AT_ONCE = 2
 """Trials of one entrant that are chosen before the results of either are known, so that two cores have work."""
-
 _AT_RANDOM = 6
 """Trials before the search begins to choose by what came of them."""
-
 Value = float | int | str | bool
 Values = Mapping[str, Value]
 

@@ -22,8 +22,6 @@ _POINTS = 150
 """Points of a trace, each with a colour of its own."""
 _GRID = 201
 _PAD = 0.06
-
-
 _START, _END, _LEAVES = tuple[dict[str, Any], ...](
     {"linestyle": "", "marker": marker, "color": colour, "markeredgecolor": edge, "markeredgewidth": 0.7, "ms": size}
     for marker, colour, edge, size in (

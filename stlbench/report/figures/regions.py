@@ -18,7 +18,6 @@ from stlbench.task.task import Task
 
 Load = Callable[[Choice | str], Task]
 """Loads a task; raises `UsageError` if that is not possible."""
-
 _SAMPLES, _MOST_VALUES, _MOST_OTHERS = 2_000_000, 801, 4
 """At most, in a picture: computed points, values of each signal that it leaves out, and such signals."""
 

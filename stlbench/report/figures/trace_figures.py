@@ -29,7 +29,6 @@ from stlbench.rollout.traces import Recording, gather, load
 from stlbench.task.task import Task
 
 Tell = Callable[[str], None]
-
 USUAL = ("learning", "overview", "planned", "time", "trajectories")
 """The kinds of figures that are drawn where none is named."""
 KINDS = (*USUAL, "rewarded")

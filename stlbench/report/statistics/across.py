@@ -17,7 +17,6 @@ from stlbench.report.statistics.intervals import LEVEL, Interval
 Array = NDArray[np.float64]
 Runs = Sequence[Array]
 """One array (n,) per task."""
-
 RESAMPLES, FEWEST_RESAMPLES = 9999, 999
 _DRAWN = 50_000_000
 """Runs that all resamples of a bootstrap draw together, about. More than 5,000 runs have fewer resamples."""

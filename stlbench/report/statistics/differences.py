@@ -26,9 +26,7 @@ from stlbench.report.statistics.intervals import LEVEL, Interval
 Array = NDArray[np.float64]
 Sample = tuple[tuple[float, bool], ...]
 """For each seed its value, which is finite, and whether it learned the task."""
-
 Word = Literal["better", "worse", "mixed", "no difference found", "cannot tell", "="]
-
 ALPHA = 0.05
 """Probability that any pair of one comparison is called better, worse or mixed by chance (Holm)."""
 POWER = 0.8

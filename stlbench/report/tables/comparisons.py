@@ -16,12 +16,10 @@ from stlbench.report.tables.table import Column, Table
 
 Contest = tuple[Group, ...]
 """Groups that differ in the method alone, in the order of their names."""
-
 MATTERS = 0.05
 """Share of the best known robustness. A smaller difference does not matter."""
 _ADVICE = 5
 """Lines of advice at most."""
-
 _MARKS = {
     "*": "the task is outside the form that the method's source was published for: there it is our extension.",
     "=": "pays the same as another method there, up to a constant: a difference between the two is chance.",

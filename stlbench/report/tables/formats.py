@@ -29,7 +29,6 @@ _LATEX = {
     "[": "{[}",
     "]": "{]}",
 } | {character: "\\" + character for character in "&%$#_{}"}
-
 _CHARACTERS: Mapping[Width, int] = {"column": 64, "page": 130}
 """Of 3.95 points, as 8-point text takes them with the space between columns.
 

@@ -17,7 +17,6 @@ from stlbench.report.statistics.intervals import mean
 from stlbench.report.tables.table import Column, FirstFailed, Seeds, Value
 
 _T = TypeVar("_T")
-
 CurveRow = tuple[int, float, float]
 """One checkpoint: environment steps, satisfaction in [0, 1], mean robustness, on the starts for selection."""
 

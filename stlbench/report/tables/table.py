@@ -11,7 +11,6 @@ from stlbench.report.statistics.intervals import Interval
 
 Width = Literal["column", "page"]
 """What a table or a figure of a paper fits: one column of two (3.5 inches), or the page (7.16 inches)."""
-
 NOTHING = "-"
 """What is shown where there is nothing to show."""
 
@@ -56,10 +55,8 @@ class Learned(NamedTuple):
 
 Plain = float | int | str | None
 """What CSV and JSON have."""
-
 Compound = Interval | Seeds | FirstFailed | Learned
 """Shown as one, and in CSV and JSON one column for each part."""
-
 Value = Plain | Compound
 _T = TypeVar("_T")
 
