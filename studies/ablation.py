@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from recorded import Seeds, by_hand, number, recorded
 
 from stlbench.report.figures.files import save_svg
-from stlbench.report.figures.style import COLOURS, styled, width
+from stlbench.report.figures.style import COLOURS, now, styled
 from stlbench.report.statistics.differences import Difference, Pair, differences
 from stlbench.report.statistics.intervals import median
 from stlbench.report.tables.comparisons import MATTERS
@@ -103,7 +103,7 @@ def draw(found: Sequence[Ablation]) -> Figure:
     parts = [part for part in PARTS if any(each.part == part for each in found)]
     columns = [[each for each in found if each.part == part] for part in parts]
     heights = [len({each.task for each in column}) for column in columns]
-    figure = Figure(figsize=(width(), 0.9 + 0.27 * sum(heights) / 2 + 1.2), layout="constrained")
+    figure = Figure(figsize=(now().width, 0.9 + 0.27 * sum(heights) / 2 + 1.2), layout="constrained")
     for axes, part, column in zip(_panels(figure, heights), parts, columns, strict=True):
         _panel(axes, part, column)
     figure.legend(handles=_keys(), loc="outside lower center", ncols=5)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
-from stlbench_logs.packages import require
+from stlbench_logs import require
 
 _SECONDS = 5
 """Between two writings at most."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from stlbench.contract import LoggedCell, LoggedCheckpoint, RunLog
-from stlbench_logs.packages import require
+from stlbench_logs import require
 
 
 @dataclass(kw_only=True)

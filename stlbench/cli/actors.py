@@ -102,7 +102,7 @@ class Chosen:
         from stlbench.registry.choices import parse_choice
         from stlbench.registry.folders import task_of
         from stlbench.search.actor import foreign, of_policy
-        from stlbench.share.scoring import UNKNOWN, Shown, acting
+        from stlbench.share.scoring import UNKNOWN, Shown, play
         from stlbench.share.source import find_source
         from stlbench.task import load_task
 
@@ -120,7 +120,7 @@ class Chosen:
                 raise UsageError(f"{policy} is recorded traces, which cannot act")
             name = f"{task.name}, {source.shown}"
             with foreign(name):
-                actors.append(of_policy(name, (task.name, source.name), task, *acting(task, source, shown)))
+                actors.append(of_policy(name, (task.name, source.name), task, *play(task, source, shown)[:2]))
         return actors
 
     def _stored(self) -> list[Actor]:

@@ -47,7 +47,7 @@ def render(
     from stlbench.records.outputs import inside
     from stlbench.report.film import check_format
     from stlbench.rollout.questions import Question, plugins_of
-    from stlbench.study.filming import Filming
+    from stlbench.study.filming import film_cell
     from stlbench.study.plugin_guard import ask_one
     from stlbench.study.policies import Start, parse_start
     from stlbench.study.results import Results
@@ -61,8 +61,8 @@ def render(
     if result.measurement is None:
         reason = f": {result.reason}" if result.reason else ""
         raise UsageError(f"{result.id.name} has no policy to film: {result.status}{reason}")
-    film = Filming(run, result, which, chosen, form, out or inside(run / "films", run))
-    filmed = ask_one(Question(film.write, (), plugins_of(result.id), f"{result.id.name} cannot be filmed"))
+    arguments = (run, result, which, chosen, form, out or inside(run / "films", run))
+    filmed = ask_one(Question(film_cell, arguments, plugins_of(result.id), f"{result.id.name} cannot be filmed"))
     for remark in filmed.remarks:
         warn(remark)
     for path in filmed.paths:

@@ -85,7 +85,7 @@ def report(
         raise UsageError(f"{stored.locate(folder)} holds no result yet")
     content = Report(groups, standards_of(groups))
     if html:
-        with stored.OneByOne(folder) as results:
+        with stored.one_by_one(folder) as results:
             _write_page(content, results, folder if folder.is_dir() else folder.parent, out, as_json)
     elif as_json:
         _write(content, folder, width)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
@@ -16,7 +17,7 @@ from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.outputs import write
 from stlbench.records.result import TASK_FOLDER, Result, from_json, plain, to_json
-from stlbench.records.schema import LONGEST
+from stlbench.records.schema import LONGEST, Row
 from stlbench.records.status import NOT_RUN
 
 _T = TypeVar("_T")
@@ -47,39 +48,34 @@ def read(path: Path) -> Iterator[Result]:
         yield from ledger.results()
 
 
-class OneByOne(Mapping[CellId, Result]):
-    """The results of `read`, each read on access: of a ledger no more than one is in memory.
+@contextmanager
+def one_by_one(path: Path) -> Iterator[Mapping[CellId, Result]]:
+    """The results of `read`, each read on access: of a ledger no more than one is in memory. A damaged row is missing,
+    with a `LedgerWarning`."""
+    file = _existing(path)
+    if file.suffix == SUFFIX:
+        yield {result.id: result for result in _read_lines(file)}
+        return
+    with Ledger(file, create=False) as ledger:
+        yield _OfLedger(ledger, ledger.present())
 
-    A context manager. Raises `UsageError` as `read`. A damaged row is missing, with a `LedgerWarning`.
-    """
 
-    def __init__(self, path: Path) -> None:
-        file = _existing(path)
-        self._lines = {result.id: result for result in _read_lines(file)} if file.suffix == SUFFIX else None
-        self._ledger = None if self._lines is not None else Ledger(file, create=False)
-        self._rows = self._ledger.present() if self._ledger else {}
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *raised: object) -> None:
-        if self._ledger is not None:
-            self._ledger.close()
+@dataclass(frozen=True)
+class _OfLedger(Mapping[CellId, Result]):
+    ledger: Ledger
+    rows: Mapping[CellId, Row]
 
     def __getitem__(self, cell: CellId) -> Result:
-        if self._lines is not None:
-            return self._lines[cell]
-        assert self._ledger is not None
-        result = self._ledger.read(self._rows[cell])
+        result = self.ledger.read(self.rows[cell])
         if result is None:
             raise KeyError(cell)
         return result
 
     def __iter__(self) -> Iterator[CellId]:
-        return iter(self._rows if self._lines is None else self._lines)
+        return iter(self.rows)
 
     def __len__(self) -> int:
-        return len(self._rows if self._lines is None else self._lines)
+        return len(self.rows)
 
 
 def missing(path: Path) -> list[CellId]:

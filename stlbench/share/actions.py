@@ -55,8 +55,8 @@ class OnObservation(Policy):
     actions: Actions
     source: str
     """For messages."""
-    table: ActionTable | None = None
-    """The policy's own actions, if it answers with their numbers."""
+    table: Array | None = None
+    """The policy's own actions (A, axes), in the task's units, if it answers with their numbers."""
     moved: Moved = field(default_factory=Moved)
 
     def act(self, observation: Array) -> Integers | Array:
@@ -71,7 +71,7 @@ class OnState(StatePolicy):
     function: Callable[[Array, Integers], Any]
     actions: Actions
     source: str
-    table: ActionTable | None = None
+    table: Array | None = None
     moved: Moved = field(default_factory=Moved)
 
     def episode(self) -> Callable[[Array, Integers, Array], Integers | Array]:
@@ -91,7 +91,7 @@ def _actions(policy: OnObservation | OnState, count: int, call: Callable[[], Any
         raise UsageError(f"{policy.source} failed: {cause(error)}") from error
     if policy.table is not None:
         rounded = Moved()
-        chosen = policy.table.chosen(actions_of(answer, policy.table.numbers, count, policy.source, rounded))
+        chosen: Array = policy.table[actions_of(answer, numbers_of(policy.table), count, policy.source, rounded)]
         if rounded.moved:
             raise UsageError(f"{policy.source}: its answers are no whole numbers of the rows of its table of actions")
         return chosen
@@ -148,24 +148,12 @@ def _vectors(array: Array, actions: Actions, source: str) -> Array:
     return np.clip(array, actions.low, actions.high)
 
 
-@dataclass(frozen=True)
-class ActionTable:
-    """Actions by number. The simulator takes them as they are, on a grid of the task or beside it."""
-
-    vectors: Array
-    """(A, axes), in the task's units."""
-
-    @property
-    def numbers(self) -> ActionGrid:
-        """The numbers of the actions, as a grid: what a policy chooses from."""
-        return ActionGrid(("action",), (tuple(map(float, range(len(self.vectors)))),))
-
-    def chosen(self, indices: Any) -> Array:
-        vectors: Array = self.vectors[indices]
-        return vectors
+def numbers_of(table: Array) -> ActionGrid:
+    """The numbers of the actions in a table (A, axes), as a grid."""
+    return ActionGrid(("action",), (tuple(map(float, range(len(table)))),))
 
 
-def read_actions(path: Path, actions: Actions) -> ActionTable:
+def read_actions(path: Path, actions: Actions) -> Array:
     """A table of text: a column for each axis of the task's actions, a row for each action, in the network's order.
 
     Raises `UsageError` if it has other columns, or an action beyond the ends of the task's.
@@ -179,4 +167,5 @@ def read_actions(path: Path, actions: Actions) -> ActionTable:
     vectors = np.column_stack([table.column(name) for name in actions.names])
     if wrong := out_of_range(actions, vectors):
         raise UsageError(f"{path}: {wrong}")
-    return ActionTable(np.clip(vectors, actions.low, actions.high))
+    clipped: Array = np.clip(vectors, actions.low, actions.high)
+    return clipped

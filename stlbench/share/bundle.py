@@ -153,25 +153,27 @@ def document(about: About, files: Mapping[str, Content], version: str) -> str:
     return json.dumps({"@context": f"{_VERSION}/context", "@graph": entries}, indent=1, ensure_ascii=False) + "\n"
 
 
-def listed(text: str) -> dict[str, Content]:
-    """The files that metadata list, by path. Raises `UsageError` if these are no metadata of a bundle."""
-    try:
-        graph: list[dict[str, Any]] = json.loads(text)["@graph"]
-        files = [entry for entry in graph if entry["@type"] == "File"]
-        return {str(entry["@id"]): Content(str(entry["sha256"]), int(entry["contentSize"])) for entry in files}
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise UsageError(f"{METADATA} is not that of a bundle of stlbench: {type(error).__name__} {error}") from error
+class Metadata(NamedTuple):
+    """What a bundle says of itself."""
+
+    about: About
+    files: Mapping[str, Content]
+    """By path."""
 
 
-def about(text: str) -> About:
-    """The description in a bundle's metadata, one line each. Raises `UsageError` if these are no such metadata."""
+def read_metadata(text: str) -> Metadata:
+    """The metadata of a bundle; each text is one line. Raises `UsageError` if these are none."""
     try:
         entries: dict[str, dict[str, Any]] = {str(entry["@id"]): entry for entry in json.loads(text)["@graph"]}
+        files = {
+            path: Content(str(entry["sha256"]), int(entry["contentSize"]))
+            for path, entry in entries.items()
+            if entry["@type"] == "File"
+        }
         root = entries["./"]
-        authors = [entries[str(author["@id"])].get("name", "") for author in root.get("author", [])]
+        authors = tuple(one_line(entries[str(author["@id"])].get("name", "")) for author in root.get("author", []))
         license = str(root.get("license", {}).get("@id", "")).rpartition("/")[2]
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise UsageError(f"{METADATA} is not that of a bundle of stlbench: {type(error).__name__} {error}") from error
-    texts = (root.get("name", ""), root.get("description", ""), license, root.get("datePublished", ""))
-    title, description, license, date = map(one_line, texts)
-    return About(title, description, tuple(map(one_line, authors)), license, date)
+    title, description, date = (one_line(root.get(name, "")) for name in ("name", "description", "datePublished"))
+    return Metadata(About(title, description, authors, one_line(license), date), files)

@@ -16,7 +16,7 @@ from stlbench.errors import UsageError, one_line
 from stlbench.records import npz, saved_policies, stored
 from stlbench.records.cell_files import cell_files
 from stlbench.records.result import Result
-from stlbench.share.bundle import METADATA, Content, listed, may_hold
+from stlbench.share.bundle import METADATA, Content, may_hold, read_metadata
 from stlbench.study.results import Results
 
 LARGEST = 8 * 2**30
@@ -108,7 +108,7 @@ def _unpack(archive: zipfile.ZipFile, folder: Path) -> Iterator[str]:
         raise UsageError(f"{archive.filename} would be more than {LARGEST >> 20} MiB unpacked, or its list of files is")
     text = archive.read(METADATA)
     (folder / METADATA).write_bytes(text)
-    wanted = listed(text.decode())
+    wanted = read_metadata(text.decode()).files
     if len(members) < len(archive.infolist()):
         yield "a name is in the zip more than once"
     yield from (f"{name}: not in the list of {METADATA}" for name in sorted(members.keys() - wanted - {METADATA}))

@@ -13,9 +13,7 @@ from stlbench.contract import (
     GymTask,
     Integers,
     Intractable,
-    Policy,
     RewardMethod,
-    StatePolicy,
     System,
     Unsuitable,
 )
@@ -26,7 +24,7 @@ from stlbench.registry.choices import Choice
 from stlbench.rollout import referee
 from stlbench.rollout.controller import Unpaid
 from stlbench.rollout.observing import observation_of
-from stlbench.share.actions import ActionTable, OnObservation, OnState, read_actions
+from stlbench.share.actions import OnObservation, OnState, numbers_of, read_actions
 from stlbench.share.onnx import load_onnx
 from stlbench.share.sb3 import load_sb3
 from stlbench.share.source import Source, load_function
@@ -86,34 +84,30 @@ def score(task: Task, source: Source, shown: Shown, random_starts: int) -> Score
             raise UsageError(f"{source.text}: {error}") from error
         starts = "the report's starts" if from_the_reports_starts(traces, task) else "starts of its own"
         return Scored(_measured(scores, begun), traces, None, starts)
-    played = _played(task, source, shown)
+    played = play(task, source, shown)
     found = referee.Referee(task, played.method, random_starts).assess(played.policy)
     measured = _measured(found.scores, begun, played.method.input_size)
     moved = played.policy.moved.text({name: axis.unit for name, axis in task.file.actions.items()}, task.actions.names)
     return Scored(measured, found.traces, found.states, "the report's starts", played.observation, moved)
 
 
-class _Played(NamedTuple):
+class Played(NamedTuple):
+    """What the referee needs to let a policy act."""
+
     method: RewardMethod
     policy: OnObservation | OnState
     observation: str
     """What it is shown, in words."""
 
 
-def acting(task: Task, source: Source, shown: Shown) -> tuple[RewardMethod, Policy | StatePolicy]:
-    """What the referee needs to let it act, `record(task, method, policy, starts)`. Raises `UsageError` as `score`."""
-    played = _played(task, source, shown)
-    return played.method, played.policy
-
-
-def _played(task: Task, source: Source, shown: Shown) -> _Played:
+def play(task: Task, source: Source, shown: Shown) -> Played:
     method = _method(task, shown.method)
     table = None if source.table is None else read_actions(Path(source.table), task.actions)
     if shown.on == "state":
         states = _states(task)
         act = _on_state(task, source, table, states, shown)
         step = " and the step" if source.kind == "function" else ""
-        return _Played(method, OnState(act, task.actions, source.text, table), f"{states}{step}")
+        return Played(method, OnState(act, task.actions, source.text, table), f"{states}{step}")
     observation = observation_of(task, method, "" if shown.method == UNKNOWN else str(shown.method))
     if shown.on == "environment":
         observed, observation = _observed(task, method), observation.unscaled
@@ -122,7 +116,7 @@ def _played(task: Task, source: Source, shown: Shown) -> _Played:
         policy = OnObservation(lambda seen: own(observed.own(seen[:, :size])), task.actions, source.text, table)
     else:
         policy = OnObservation(_function(task, source, table, observation, shown), task.actions, source.text, table)
-    return _Played(method, policy, str(observation))
+    return Played(method, policy, str(observation))
 
 
 def _method(task: Task, choice: Choice) -> RewardMethod:
@@ -142,7 +136,7 @@ def _states(task: Task) -> Observation:
 
 
 def _on_state(
-    task: Task, source: Source, table: ActionTable | None, states: Observation, shown: Shown
+    task: Task, source: Source, table: Array | None, states: Observation, shown: Shown
 ) -> Callable[[Array, Integers], Any]:
     """A function of states and steps; a network sees the states alone."""
     if source.kind == "function":
@@ -161,9 +155,9 @@ def _observed(task: Task, method: RewardMethod) -> Observed:
 
 
 def _function(
-    task: Task, source: Source, table: ActionTable | None, observation: Observation, shown: Shown
+    task: Task, source: Source, table: Array | None, observation: Observation, shown: Shown
 ) -> Callable[[Array], Any]:
-    actions = task.actions if table is None else table.numbers
+    actions = task.actions if table is None else numbers_of(table)
     match source.kind:
         case "function":
             return load_function(source.text)

@@ -12,7 +12,7 @@ from stlbench.errors import UsageError
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
 from stlbench.report import Column, Table
-from stlbench.share.bundle import METADATA, About, about
+from stlbench.share.bundle import METADATA, About, read_metadata
 from stlbench.share.checked import check, results_in, unpacked
 from stlbench.share.rescored import score_cell
 
@@ -76,7 +76,7 @@ def _read(path: Path, rescore: bool, tell: Tell) -> Bundle:
             method = result.id.method
             method = Choice(method.name, (*method.parameters, ("bundle", path.stem)))
             results.append(replace(result, id=replace(result.id, method=method)))
-        facts = about((folder / METADATA).read_text(encoding="utf-8"))
+        facts = read_metadata((folder / METADATA).read_text(encoding="utf-8")).about
     return Bundle(path, facts, tuple(results), next((word for word in _VERDICTS if word in verdicts), None))
 
 

@@ -70,8 +70,9 @@ def test_another_folder(tmp_path: Path) -> None:
 
 
 def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    from stlbench_logs import packages, tensorboard
+    import stlbench_logs
+    from stlbench_logs import tensorboard
 
-    monkeypatch.setattr(packages, "find_spec", lambda name: None)
+    monkeypatch.setattr(stlbench_logs, "find_spec", lambda name: None)
     with pytest.raises(Unsuitable, match=r'pip install "stlbench-rl\[tensorboard\]"'):
         tensorboard.TensorBoard()

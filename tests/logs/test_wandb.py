@@ -88,9 +88,10 @@ def test_a_cell_that_failed_is_a_run_that_failed(tmp_path: Path, runs: list[Run]
 
 
 def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    from stlbench_logs import packages, wandb
+    import stlbench_logs
+    from stlbench_logs import wandb
 
-    monkeypatch.setattr(packages, "find_spec", lambda name: None)
+    monkeypatch.setattr(stlbench_logs, "find_spec", lambda name: None)
     with pytest.raises(Unsuitable, match=r'pip install "stlbench-rl\[wandb\]"'):
         wandb.WandB()
 

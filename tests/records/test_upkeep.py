@@ -188,7 +188,7 @@ def test_results_one_by_one_are_the_same_as_all_at_once(tmp_path):
             ledger.record(entry)
     stored.write_lines(entries, tmp_path / "other" / stored.LINES)
     for folder in (tmp_path, tmp_path / "other"):
-        with stored.OneByOne(folder) as found:
+        with stored.one_by_one(folder) as found:
             assert dict(found) == {entry.id: entry for entry in stored.read(folder)}
             assert len(found) == 3
             with pytest.raises(KeyError):

@@ -21,11 +21,9 @@ from stlbench.report.figures.style import (
     TRACE,
     Colours,
     lines_of,
+    now,
     pages,
-    small,
     styled,
-    tiny,
-    width,
 )
 from stlbench.report.statistics.across import Estimate, profile
 from stlbench.report.tables.across import Entry, Field
@@ -58,7 +56,7 @@ def across_tasks(fields: Sequence[Field], colours: Colours) -> Figure:
     first = fields[0]
     parts = [part for _, part in pages(range(len(first.entries)))]
     heights = 1.1 + 0.25 * len(first.entries), 0.3 + 2.3 * len(parts)
-    side_by_side = width() > 2 * SINGLE
+    side_by_side = now().width > 2 * SINGLE
     figure = layout.figure_of(0.5 + (max(heights) if side_by_side else sum(heights)))
     if side_by_side:
         left, right = figure.subfigures(1, 2, squeeze=False)[0]
@@ -118,7 +116,7 @@ def _profiles(axes: Axes, field: Field, rows: Sequence[int], colours: Colours) -
             axes.fill_between(places, 100 * np.array(low), 100 * np.array(high), color=colour, alpha=0.15, lw=0)
     axes.set(ylabel="runs with a higher score [%]", ylim=(-3, 103))
     axes.grid(alpha=0.3)
-    axes.legend(loc="lower left", fontsize=tiny())
+    axes.legend(loc="lower left", fontsize=now().tiny)
 
 
 def ticks(lowest: float, highest: float = _BEST) -> list[tuple[float, str]]:
@@ -136,7 +134,7 @@ def _scores(axes: Axes, label: str, lowest: float, highest: float) -> None:
     places, texts = zip(*ticks(lowest, highest), strict=True)
     axes.set_xticks(places, texts)
     axes.set_xlim(places[0] - 0.05, places[-1] + 0.05)
-    axes.set_xlabel("\n".join([label, *SCALE]), fontsize=small())
+    axes.set_xlabel("\n".join([label, *SCALE]), fontsize=now().small)
     axes.grid(alpha=0.3)
 
 
@@ -165,10 +163,10 @@ def alignment(rows: Sequence[Aligned], units: Mapping[str, str]) -> Figure:
         units: of the robustness, by task.
     """
     panels = [(task, list(members)) for task, members in groupby(rows, key=lambda row: row.task)]
-    columns = min(int(width() / SINGLE), len(panels))
+    columns = min(int(now().width / SINGLE), len(panels))
     lines = [panels[at : at + columns] for at in range(0, len(panels), columns)]
     heights = [_AROUND + _ROW * max(len(members) for _, members in line) for line in lines]
-    figure = layout.figure_of(sum(heights) + (_KEYS if width() > 2 * SINGLE else _NARROW_KEYS))
+    figure = layout.figure_of(sum(heights) + (_KEYS if now().width > 2 * SINGLE else _NARROW_KEYS))
     cut = False
     grid = figure.add_gridspec(len(lines), columns, height_ratios=heights)
     for i, (task, members) in enumerate(panels):
@@ -187,12 +185,12 @@ def _panel(axes: Axes, task: str, rows: Sequence[Aligned], unit: str) -> bool:
     for place, row in enumerate(rows):
         _marks(axes, place, row, shown)
     axes.axvline(0, color=layout.LEVEL, linewidth=0.7, zorder=1)
-    axes.set_yticks(range(len(rows)), [f"{row.method}, {row.setting}" for row in rows], fontsize=tiny())
+    axes.set_yticks(range(len(rows)), [f"{row.method}, {row.setting}" for row in rows], fontsize=now().tiny)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.grid(axis="x", alpha=0.3)
     axes.set_title(task)
-    axes.set_xlabel(f"mean robustness [{unit}]", fontsize=tiny())
-    axes.tick_params(axis="x", labelsize=tiny())
+    axes.set_xlabel(f"mean robustness [{unit}]", fontsize=now().tiny)
+    axes.tick_params(axis="x", labelsize=now().tiny)
     if shown is not None:
         axes.set_xlim(shown.limits)
     return shown is not None

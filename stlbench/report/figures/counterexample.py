@@ -20,7 +20,7 @@ from stlbench.records.result import MAIN, Result
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.margins import robustness_in_time
 from stlbench.report.figures.regions import parts, robustness_unit, signal_label, time_label
-from stlbench.report.figures.style import MARK, SINGLE, TRACE, small, styled, width
+from stlbench.report.figures.style import MARK, SINGLE, TRACE, now, styled
 from stlbench.report.figures.trajectories import signals_in_time, trajectories
 from stlbench.report.tables.table import Column, Table, Value
 from stlbench.rollout.reasons import Loss, first_loss, last_step, reason
@@ -61,7 +61,7 @@ def counterexample(task: Task, trace: Array, witness: stl.Witness | None, title:
     """
     here, wide = place_of(task, trace, witness), task.file.plane is not None
     rows = len(task.signals) + (here.predicate is not None)
-    side_by_side = wide and width() > 2 * SINGLE
+    side_by_side = wide and now().width > 2 * SINGLE
     figure = layout.figure_of(max(3.2, 1.2 + 1.1 * rows) + (_PLANE if wide and not side_by_side else 0.0))
     if side_by_side or not wide:
         grid = figure.add_gridspec(rows, 2 if wide else 1)
@@ -120,12 +120,12 @@ def _margin(axes: Axes, task: Task, trace: Array, here: Place) -> None:
     axes.plot(step, margin, "o", color=MARK, markersize=5, zorder=6)
     early = step < task.file.steps / 2
     text = axes.annotate(here.text, (step, margin), (6 if early else -6, 6), textcoords="offset points")
-    text.set(ha="left" if early else "right", color=MARK, fontsize=small(), bbox=_PAPER, zorder=7)
+    text.set(ha="left" if early else "right", color=MARK, fontsize=now().small, bbox=_PAPER, zorder=7)
     axes.margins(y=0.25)
     if 0 < _CLOSE * abs(margin) < np.abs(margins).max():
         axes.set_ylim(-_CLOSE * abs(margin), _CLOSE * abs(margin))
     axes.grid(alpha=0.25)
-    axes.set_title(f"margin of {predicate}", fontsize=small(), loc="left", family="monospace")
+    axes.set_title(f"margin of {predicate}", fontsize=now().small, loc="left", family="monospace")
     axes.set_ylabel(f"margin\n[{robustness_unit(task, predicate)}]")
 
 

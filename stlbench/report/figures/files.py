@@ -21,7 +21,7 @@ from stlbench.errors import UsageError
 from stlbench.records.outputs import write
 from stlbench.registry.choices import Choice
 from stlbench.report.figures.regions import Load, Scale, scale_of_task
-from stlbench.report.figures.style import Colours, colours_of, fitting, format_now, pages, rc
+from stlbench.report.figures.style import Colours, colours_of, fitting, now, pages, rc
 from stlbench.report.tables.across import Field
 from stlbench.report.tables.alignment import Aligned
 from stlbench.report.tables.rows import Group
@@ -70,7 +70,7 @@ class Drawing:
 
         A PDF has no digest within its first bytes; it is written before the others, which have it.
         """
-        source = sha256(repr((_code(), format_now(), self.name, self.values)).encode()).hexdigest()
+        source = sha256(repr((_code(), now(), self.name, self.values)).encode()).hexdigest()
         png, svg, pdf = paths = [folder / f"{self.name}.{end}" for end in _ENDS]
         if pdf.is_file() and all(source.encode() in _head(path) for path in (png, svg)):
             return paths

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from stlbench.report.figures.style import INK, small, term_style, tiny, width
+from stlbench.report.figures.style import INK, now, term_style
 
 LEVEL = INK
 """The grey of the line at robustness 0."""
@@ -28,13 +28,13 @@ _LETTER, _KEY = 0.56, 6
 
 def figure_of(height: float) -> Figure:
     """An empty figure as wide as the current format, so many inches high."""
-    return Figure(figsize=(width(), height), layout="constrained")
+    return Figure(figsize=(now().width, height), layout="constrained")
 
 
 def finish(figure: Figure, title: str, keys: Sequence[Artist], columns: int, size: float | None = None) -> Figure:
     """Add the title, on as many lines as the width takes, and the legend below, in at most so many columns."""
     figure.suptitle(textwrap.fill(title, int(_LETTERS_PER_INCH * figure.get_figwidth())))
-    points = size or small()
+    points = size or now().small
     letters = 72 * figure.get_figwidth() / (_LETTER * points)
     for key in keys:
         key.set_label(textwrap.fill(str(key.get_label()), int(letters) - _KEY))
@@ -122,8 +122,8 @@ def arrow_at_left(axes: Axes, place: float, texts: Sequence[tuple[str, str]]) ->
     axes.plot([0.0], [place], "<", color=texts[0][1], markersize=4.5, transform=where, clip_on=False, zorder=6)
     for text, colour in texts:
         words = axes.annotate(text, (0.0, place), (shift, 0), xycoords=where, textcoords="offset points")
-        words.set(ha="left", va="center", color=colour, fontsize=tiny(), bbox=_PAPER, zorder=7)
-        shift += 0.62 * tiny() * len(text) + 5
+        words.set(ha="left", va="center", color=colour, fontsize=now().tiny, bbox=_PAPER, zorder=7)
+        shift += 0.62 * now().tiny * len(text) + 5
 
 
 def arrows_below(axes: Axes, texts: Sequence[tuple[str, str]]) -> None:
@@ -133,7 +133,7 @@ def arrows_below(axes: Axes, texts: Sequence[tuple[str, str]]) -> None:
         place = _FROM + (1 - _FROM) * (i + 1) / (len(texts) + 1)
         axes.plot([place], [0.0], "v", color=colour, markersize=4.5, transform=where, clip_on=False, zorder=6)
         words = axes.annotate(text, (place, 0.0), (0, 5), xycoords=where, textcoords="offset points", rotation=90)
-        words.set(ha="center", va="bottom", color=colour, fontsize=tiny(), bbox=_PAPER, zorder=7)
+        words.set(ha="center", va="bottom", color=colour, fontsize=now().tiny, bbox=_PAPER, zorder=7)
 
 
 def beyond_key(marker: str, text: str) -> Line2D:

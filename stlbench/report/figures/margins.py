@@ -15,7 +15,7 @@ from stlbench.contract.presentation import Band, Banded
 from stlbench.registry.choices import Choice
 from stlbench.report.figures import layout
 from stlbench.report.figures.regions import rewarded_terms, robustness_unit, terms, time_label
-from stlbench.report.figures.style import BOUNDS, SINGLE, TRACE, small, styled, width
+from stlbench.report.figures.style import BOUNDS, SINGLE, TRACE, now, styled
 from stlbench.rollout.questions import Ask, Question, answers
 from stlbench.rollout.traces import Recording
 from stlbench.stl import Term
@@ -47,7 +47,7 @@ def robustness_in_time(
     rows = rewarded_terms(task) if rewarded else terms(task)
     if not rows:
         return None
-    figure = layout.figure_of(1.0 + (1.6 if width() > 2 * SINGLE else 2.4) * len(rows))
+    figure = layout.figure_of(1.0 + (1.6 if now().width > 2 * SINGLE else 2.4) * len(rows))
     by_term = {band.term: band for band in bands} if rewarded or task.file.rewarded is None else {}
     for axes, term in zip(figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0], rows, strict=True):
         unit = "rewarded form, no unit" if rewarded else robustness_unit(task, term.psi)
@@ -74,10 +74,10 @@ def _row(axes: Axes, task: Task, term: Term, traces: Array, band: Band | None, u
     if threshold is not None:
         label += f"\n{layout.set_symlog(axes, threshold, low, high)}"
     axes.set_title(
-        textwrap.fill(str(term.formula), int(14.6 * width())), fontsize=small(), loc="left", family="monospace"
+        textwrap.fill(str(term.formula), int(14.6 * now().width)), fontsize=now().small, loc="left", family="monospace"
     )
     axes.set_xlim(0, task.file.steps)
-    axes.set_ylabel(label, fontsize=small())
+    axes.set_ylabel(label, fontsize=now().small)
 
 
 def _traces(axes: Axes, margins: Array, term: Term, colour: str) -> None:

@@ -15,7 +15,7 @@ from matplotlib.ticker import EngFormatter
 from stlbench.contract import Array
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.regions import Scale, parts, robustness_unit, time_label
-from stlbench.report.figures.style import SINGLE, Colours, GroupStyle, small, styled, styles, tiny, width
+from stlbench.report.figures.style import SINGLE, Colours, GroupStyle, now, styled, styles
 from stlbench.report.figures.trajectories import part_keys
 from stlbench.report.statistics.intervals import MeanCurve, mean_curve, median, median_interval
 from stlbench.report.tables.rows import Group
@@ -35,7 +35,7 @@ _LETTERS = 62
 @styled
 def robustness_by_method(groups: Sequence[Group], scale: Scale, colours: Colours) -> Figure:
     """A point for each seed, the median with its interval under it; groups of one task."""
-    figure = layout.figure_of(1.1 + _ROW * small() * len(groups))
+    figure = layout.figure_of(1.1 + _ROW * now().small * len(groups))
     keys = _robustness(figure.subplots(), groups, scale.unit, colours)
     return layout.finish(figure, f"{groups[0].setting.task}: robustness by method", keys, 4)
 
@@ -100,7 +100,7 @@ def learning_curves(groups: Sequence[Group], scale: Scale, colours: Colours) -> 
     starts, and the scale's largest robustness. The legend says how many seeds finished, also of groups without a line.
     If lines end orders of magnitude below the others, the axis ends before them, and arrows have their last means.
     """
-    panels = int(width() / SINGLE)
+    panels = int(now().width / SINGLE)
     figure = layout.figure_of(0.5 + 2.2 * (3 - panels) + 0.15 * math.ceil((len(groups) + 3) / panels))
     left, right = figure.subplots(3 - panels, panels)
     looks = styles(groups, colours)
@@ -176,9 +176,9 @@ def overview(task: Task, groups: Sequence[Group], traces: Sequence[Array | None]
         for style, group, shown in zip(styles(groups, colours), groups, traces, strict=True)
         if shown is not None
     ]
-    columns = min(3, int(width() / _PANEL))
+    columns = min(3, int(now().width / _PANEL))
     rows = math.ceil(len(panels) / columns)
-    heights = [0.45 + _ROW * small() * len(groups), *[2.2] * rows]
+    heights = [0.45 + _ROW * now().small * len(groups), *[2.2] * rows]
     figure = layout.figure_of(sum(heights) + 0.7 + 0.11 * len(parts(task)))
     grid = figure.add_gridspec(1 + rows, columns, height_ratios=heights)
     keys = _robustness(figure.add_subplot(grid[0, :]), groups, robustness_unit(task, task.formula), colours)
@@ -190,8 +190,8 @@ def overview(task: Task, groups: Sequence[Group], traces: Sequence[Array | None]
         away = plane.leaving(view, shown).sum()
         text = f"{name}\nsatisfies from {100 * np.mean(group.values('satisfaction')):.0f} % of the starts"
         text += f"\nleaving the picture: {away} of {len(shown)} traces" if away else ""
-        axes.set_title(text, fontsize=tiny() + 1)
+        axes.set_title(text, fontsize=now().tiny + 1)
     keys += [*part_keys(task, view.drawn, _LETTERS), *plane.mark_keys(plane.leaving(view, every))]
     side = "right" if columns > 1 else "bottom"
     figure.colorbar(lines, ax=below, label=time_label(task), aspect=30, location=side)
-    return layout.finish(figure, f"{task.name}: {task.file.title}", keys, 2, tiny())
+    return layout.finish(figure, f"{task.name}: {task.file.title}", keys, 2, now().tiny)

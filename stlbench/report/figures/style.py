@@ -45,20 +45,8 @@ def fitting(wanted: Width) -> Iterator[None]:
         _now.reset(before)
 
 
-def format_now() -> Format:
+def now() -> Format:
     return _now.get()
-
-
-def width() -> float:
-    return _now.get().width
-
-
-def small() -> float:
-    return _now.get().small
-
-
-def tiny() -> float:
-    return _now.get().tiny
 
 
 def rc() -> dict[Any, Any]:

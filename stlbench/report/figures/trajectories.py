@@ -19,7 +19,7 @@ from stlbench import stl
 from stlbench.contract import Array, Truth
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.regions import parts, region, signal_label, time_label
-from stlbench.report.figures.style import TRACE, small, styled, term_style, tiny, width
+from stlbench.report.figures.style import TRACE, now, styled, term_style
 from stlbench.rollout.traces import Recording
 from stlbench.task.task import Task
 
@@ -41,7 +41,7 @@ def trajectories(task: Task, recording: Recording, title: str, colour: str = TRA
     """
     traces = recording.evenly(TRACES_PER_PANEL)
     if task.file.plane:
-        inches = min(_PLANE, width())
+        inches = min(_PLANE, now().width)
         figure = Figure(figsize=(inches, inches - 0.3 + 0.16 * len(parts(task))), layout="constrained")
         keys = _in_plane(figure, [figure.subplots()], task, [traces], shrink=0.8)
     else:
@@ -70,10 +70,10 @@ class Plan(NamedTuple):
 @styled
 def planned(task: Task, plans: Sequence[Plan]) -> Figure:
     """Draw at most `PLANS_PER_FIGURE` plans of one task: in its plane, or each signal against time."""
-    columns = min(int(width() / _PANEL), 3, len(plans))
+    columns = min(int(now().width / _PANEL), 3, len(plans))
     bands, signals = math.ceil(len(plans) / columns), len(task.signals)
     figure = layout.figure_of(2.6 * bands + 0.9 if task.file.plane else 0.8 + 1.2 * bands * signals)
-    figure.set_figwidth(max(width() * max(columns, 2) / 3, min(width(), 2 * _PANEL)))
+    figure.set_figwidth(max(now().width * max(columns, 2) / 3, min(now().width, 2 * _PANEL)))
     if task.file.plane:
         tops = [figure.add_subplot(bands, columns, i + 1) for i in range(len(plans))]
         keys = _in_plane(figure, tops, task, [plan.traces for plan in plans], aspect=30)
@@ -86,8 +86,8 @@ def planned(task: Task, plans: Sequence[Plan]) -> Figure:
             axes.set_visible(False)
         tops, keys = [rows[0] for rows in panels], _time_keys(task, drawn, TRACE, "steps at which a part is read")
     for axes, plan in zip(tops, plans, strict=True):
-        axes.set_title(plan.title, fontsize=small())
-    return layout.finish(figure, f"{task.name}: what is asked for by the formula, and by rewards", keys, 1, tiny())
+        axes.set_title(plan.title, fontsize=now().small)
+    return layout.finish(figure, f"{task.name}: what is asked for by the formula, and by rewards", keys, 1, now().tiny)
 
 
 def _same_limits(grid: NDArray[Any]) -> None:
