@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from stlbench.stl.boxes.enclosure import Boxes, Proven, enclosure
 from stlbench.stl.language.expressions import Expression, Number
 from stlbench.stl.language.syntax import Formula, Predicate
-from stlbench.stl.predicates import compile_margin
+from stlbench.stl.predicates import compile_arrays
 
 Floats: TypeAlias = NDArray[np.float64]
 #: boxes split at once: enough to hide the interpreter, few enough to stay close to best-first order
@@ -46,7 +46,7 @@ class Search:
     def extremes(self, target: Formula | Expression) -> tuple[Maximum, Maximum]:
         """The maximum of the negated margin (value) of `target`, and the maximum of the margin itself."""
         psi = target if isinstance(target, Formula) else Predicate(">=", target, Number(0.0))
-        compiled = compile_margin(psi, tuple(self.ends))
+        compiled = compile_arrays(psi, tuple(self.ends), "margin")
 
         def at(points: Floats) -> Floats:
             values = compiled(points) if callable(compiled) else compiled

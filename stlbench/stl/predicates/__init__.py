@@ -39,14 +39,13 @@ class Written(NamedTuple):
     columns: tuple[int, ...]  # of the signals that are read
 
 
-def compile_margin(psi: Formula, names: tuple[str, ...]) -> Compiled:
-    """The robustness of `psi` as a constant or a function of samples (..., k)."""
-    return _of_arrays(psi, names, Reading.MARGIN)
-
-
-def compile_signed(psi: Formula, names: tuple[str, ...]) -> Compiled:
-    """The signed margin of `psi` likewise, which is never 0: see `dialect`."""
-    return _of_arrays(psi, names, Reading.SIGNED)
+@lru_cache(maxsize=512)
+def compile_arrays(psi: Formula, names: tuple[str, ...], reading: Reading, negated: bool = False) -> Compiled:
+    """The value of `psi` (of `!psi` if `negated`) as a constant or a function of samples (..., k)."""
+    body = FormulaWriter(_columns(psi, names), ARRAYS, reading).statements(psi, negated)
+    if not isinstance(body, list):
+        return body
+    return _predicate(body, ARRAYS.namespace)
 
 
 @lru_cache(maxsize=256)
@@ -56,7 +55,7 @@ def compile_sample(psi: Formula, names: tuple[str, ...], negated: bool = False) 
     The function raises UndefinedError where a predicate has no value; where Python alone has none, as for exp(1000),
     NumPy's counts.
     """
-    body = FormulaWriter(_columns(psi, names), FLOATS, Reading.SIGNED).statements(psi, negated)
+    body = FormulaWriter(_columns(psi, names), FLOATS, "signed").statements(psi, negated)
     if not isinstance(body, list):
         return lambda sample: body
     tried = ["try:", *indented(body), "except (ArithmeticError, ValueError): return in_arrays(sample)"]
@@ -70,7 +69,7 @@ def write_sample(psi: Formula, names: tuple[str, ...], negated: bool = False) ->
     predicate it is the margin, which may be 0 or NaN.
     """
     alone = isinstance(psi.arg if isinstance(psi, Not) else psi, Predicate) and bool(signals(psi))
-    writer = FormulaWriter(_columns(psi, names), FLOATS, Reading.MARGIN if alone else Reading.SIGNED)
+    writer = FormulaWriter(_columns(psi, names), FLOATS, "margin" if alone else "signed")
     value = writer.formula(psi, negated, 0)
     return Written(tuple(writer.lines), value.text, not alone, tuple(writer.used))
 
@@ -80,20 +79,12 @@ def _in_arrays(psi: Formula, names: tuple[str, ...], negated: bool) -> OfSample:
 
     def run(sample: Sample) -> float:
         with np.errstate(all="ignore"):
-            value = float(_of_arrays(psi, names, Reading.SIGNED, negated)(np.array(sample, dtype=float)))  # type: ignore[operator]
+            value = float(compile_arrays(psi, names, "signed", negated)(np.array(sample, dtype=float)))  # type: ignore[operator]
         if value != value:
             raise UndefinedError(f"{shorten(str(psi))} has no value") from None
         return value
 
     return run
-
-
-@lru_cache(maxsize=512)
-def _of_arrays(psi: Formula, names: tuple[str, ...], reading: Reading, negated: bool = False) -> Compiled:
-    body = FormulaWriter(_columns(psi, names), ARRAYS, reading).statements(psi, negated)
-    if not isinstance(body, list):
-        return body
-    return _predicate(body, ARRAYS.namespace)
 
 
 def _predicate(body: Sequence[str], namespace: Mapping[str, Any]) -> Callable[[Any], Any]:
@@ -124,7 +115,7 @@ def margin(psi: Formula, names: Sequence[str]) -> Callable[[Samples], Samples]:
         ValueError: psi has temporal operators, or a name occurs twice.
     """
     require_formula(psi)
-    return _per_sample(psi, as_names(names), Reading.MARGIN, float)
+    return _per_sample(psi, as_names(names), "margin", float)
 
 
 def holds(psi: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.bool_]]:
@@ -133,7 +124,7 @@ def holds(psi: Formula, names: Sequence[str]) -> Callable[[Samples], NDArray[np.
     Arguments, errors and shapes as `margin`; the function returns bool (...,). NaN margins count as false.
     """
     require_formula(psi)
-    return _per_sample(psi, as_names(names), Reading.HOLDS, bool)
+    return _per_sample(psi, as_names(names), "holds", bool)
 
 
 def values(expressions: Sequence[Expression], names: Sequence[str]) -> Callable[[Samples], Samples]:
@@ -154,7 +145,7 @@ def values(expressions: Sequence[Expression], names: Sequence[str]) -> Callable[
 
 @lru_cache(maxsize=512)
 def _per_sample(psi: Formula, names: tuple[str, ...], reading: Reading, dtype: type) -> OfSamples:
-    return _filled(_of_arrays(psi, names, reading), dtype)
+    return _filled(compile_arrays(psi, names, reading), dtype)
 
 
 def _compile_expression(node: Expression, names: tuple[str, ...]) -> Compiled:

@@ -11,8 +11,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from enum import Enum, auto
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -22,6 +21,8 @@ from stlbench.stl.language.expressions import Binary, Call, Expression, Negative
 from stlbench.stl.language.syntax import And, Formula, Implies, Not, Or, Predicate, TrueFormula
 from stlbench.stl.predicates.dialect import Dialect, zero_side
 
+#: the value of a formula: its margin, its signed margin (see `dialect`), or its verdict
+Reading: TypeAlias = Literal["margin", "signed", "holds"]
 #: deepest nesting of parentheses
 DEPTH = 8
 #: most operands of min, max, norm and norminf that are written out; a call would cost as much as all the rest
@@ -153,14 +154,6 @@ def _folded(op: str, values: Sequence[float | bool], node: Expression | Predicat
     return value
 
 
-class Reading(Enum):
-    """The value to write of a formula: its margin, its signed margin, or its verdict."""
-
-    MARGIN = auto()
-    SIGNED = auto()
-    HOLDS = auto()
-
-
 class FormulaWriter(ExpressionWriter):
     def __init__(self, columns: Mapping[str, int], dialect: Dialect, reading: Reading) -> None:
         super().__init__(columns, dialect)
@@ -183,7 +176,7 @@ class FormulaWriter(ExpressionWriter):
             case Implies(left, right):
                 return self.joined([(left, not negated), (right, negated)], negated, base)
             case TrueFormula():
-                verdict = self.reading is Reading.HOLDS
+                verdict = self.reading == "holds"
                 return constant(not negated if verdict else -math.inf if negated else math.inf, base)
             case _:
                 raise ValueError(f"expected a formula without temporal operators, got {node}")
@@ -205,10 +198,10 @@ class FormulaWriter(ExpressionWriter):
 
     def predicate(self, node: Predicate, negated: bool, base: int) -> Part:
         falls = node.op in ("<=", "<")
-        if self.reading is Reading.HOLDS:
+        if self.reading == "holds":
             return self.verdict(node, self.difference(node, falls, base), negated)
         h = self.difference(node, falls is not negated, base)
-        if self.reading is Reading.MARGIN:
+        if self.reading == "margin":
             return h
         side = -zero_side(node) if negated else zero_side(node)
         if h.value is not None:

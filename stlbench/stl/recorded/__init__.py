@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from stlbench.stl.errors import ShortTraceError, UndefinedError
 from stlbench.stl.language.structure import as_names, check_names, lookahead, lookbehind, require_formula, unbounded
 from stlbench.stl.language.syntax import Formula
-from stlbench.stl.predicates import compile_margin, compile_signed
 from stlbench.stl.predicates.dialect import as_array
-from stlbench.stl.recorded.evaluator import Compile, End, Evaluator, Traces, evaluator
+from stlbench.stl.predicates.writer import Reading
+from stlbench.stl.recorded.evaluator import End, Evaluator, Traces, evaluator
 
 Floats: TypeAlias = NDArray[np.float64]
 Bools: TypeAlias = NDArray[np.bool_]
@@ -63,47 +63,47 @@ def robustness(formula: Formula, trace: ArrayLike, names: Sequence[str], policy:
         TypeError: the formula is no formula, `names` is text, or the trace is a masked array.
         ValueError: shapes, names or policy do not fit.
     """
-    return _evaluate(compile_margin, formula, trace, names, _checked(policy), full=False)[0]
+    return _evaluate("margin", formula, trace, names, _checked(policy), full=False)[0]
 
 
 def robustness_trace(
     formula: Formula, trace: ArrayLike, names: Sequence[str], policy: ShortTraces = "strict"
 ) -> Floats:
     """Robustness at every t: (..., T+1-horizon) under `strict`, (..., T+1) under `clip`; else as `robustness`."""
-    return _evaluate(compile_margin, formula, trace, names, _checked(policy), full=True)[0]
+    return _evaluate("margin", formula, trace, names, _checked(policy), full=True)[0]
 
 
 def satisfied(formula: Formula, trace: ArrayLike, names: Sequence[str], policy: ShortTraces = "strict") -> Bools:
     """Whether the trace satisfies `formula` at t = 0, bool (...,), by the Boolean semantics; else as `robustness`."""
-    return _evaluate(compile_signed, formula, trace, names, _checked(policy), full=False)[0] > 0.0
+    return _evaluate("signed", formula, trace, names, _checked(policy), full=False)[0] > 0.0
 
 
 def satisfied_trace(formula: Formula, trace: ArrayLike, names: Sequence[str], policy: ShortTraces = "strict") -> Bools:
     """Satisfaction at every t, shapes as `robustness_trace`."""
-    return _evaluate(compile_signed, formula, trace, names, _checked(policy), full=True)[0] > 0.0
+    return _evaluate("signed", formula, trace, names, _checked(policy), full=True)[0] > 0.0
 
 
 def robustness_bounds(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> RobustnessBounds:
     """Bounds (...,) of the robustness at t = 0 over all continuations of the trace; else as `robustness`."""
-    lower, upper = _evaluate(compile_margin, formula, trace, names, "interval", full=False)
+    lower, upper = _evaluate("margin", formula, trace, names, "interval", full=False)
     return RobustnessBounds(lower, upper)
 
 
 def robustness_bounds_trace(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> RobustnessBounds:
     """The bounds at every t of the trace, (..., T+1)."""
-    lower, upper = _evaluate(compile_margin, formula, trace, names, "interval", full=True)
+    lower, upper = _evaluate("margin", formula, trace, names, "interval", full=True)
     return RobustnessBounds(lower, upper)
 
 
 def satisfaction_bounds(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> SatisfactionBounds:
     """Whether all continuations of the trace satisfy `formula` at t = 0, and whether some may, bool (...,)."""
-    lower, upper = _evaluate(compile_signed, formula, trace, names, "interval", full=False)
+    lower, upper = _evaluate("signed", formula, trace, names, "interval", full=False)
     return SatisfactionBounds(lower > 0.0, upper > 0.0)
 
 
 def satisfaction_bounds_trace(formula: Formula, trace: ArrayLike, names: Sequence[str]) -> SatisfactionBounds:
     """The same at every t of the trace, (..., T+1)."""
-    lower, upper = _evaluate(compile_signed, formula, trace, names, "interval", full=True)
+    lower, upper = _evaluate("signed", formula, trace, names, "interval", full=True)
     return SatisfactionBounds(lower > 0.0, upper > 0.0)
 
 
@@ -124,18 +124,18 @@ def margin_trace(formula: Formula, names: Sequence[str]) -> Callable[[Floats], F
         UnknownSignalError: the formula uses a signal that is not in `names`.
         ValueError: a name occurs twice.
     """
-    return _compiled(formula, names, compile_margin)
+    return _compiled(formula, names, "margin")
 
 
 def holds_trace(formula: Formula, names: Sequence[str]) -> Callable[[Floats], Bools]:
     """Compile the Boolean verdict of `formula` likewise, bool (n, T+1-horizon)."""
-    signed = _compiled(formula, names, compile_signed)
+    signed = _compiled(formula, names, "signed")
     return lambda samples: signed(samples) > 0.0
 
 
-def _compiled(formula: Formula, names: Sequence[str], compile_: Compile) -> Callable[[Floats], Floats]:
+def _compiled(formula: Formula, names: Sequence[str], reading: Reading) -> Callable[[Floats], Floats]:
     require_formula(formula)
-    program = _program(formula, as_names(names), compile_)
+    program = _program(formula, as_names(names), reading)
 
     def run(samples: Floats) -> Floats:
         last = samples.shape[1] - 1
@@ -156,7 +156,7 @@ class _Program:
 
     formula: Formula
     names: tuple[str, ...]
-    compile: Compile
+    reading: Reading
     ahead: int
     behind: int
     to_the_end: bool
@@ -167,7 +167,7 @@ class _Program:
         with np.errstate(all="ignore"):
             values = self.evaluator(traces, 0, hi, worst)
             if np.isnan(values).any():
-                evaluator(self.formula, self.names, self.compile, checked=True)(traces, 0, hi, worst)
+                evaluator(self.formula, self.names, self.reading, checked=True)(traces, 0, hi, worst)
                 raise UndefinedError("the robustness has no value (inf - inf)")  # pragma: no cover - raised above
         return values
 
@@ -183,18 +183,18 @@ class _Program:
 
 
 @lru_cache(maxsize=128)
-def _program(formula: Formula, names: tuple[str, ...], compile_: Compile) -> _Program:
+def _program(formula: Formula, names: tuple[str, ...], reading: Reading) -> _Program:
     check_names(formula, names)
     ahead, behind, to_the_end = lookahead(formula), lookbehind(formula), unbounded(formula) is not None
-    return _Program(formula, names, compile_, ahead, behind, to_the_end, evaluator(formula, names, compile_))
+    return _Program(formula, names, reading, ahead, behind, to_the_end, evaluator(formula, names, reading))
 
 
 def _evaluate(
-    compile_: Compile, formula: Formula, trace: ArrayLike, names: Sequence[str], end: End, full: bool
+    reading: Reading, formula: Formula, trace: ArrayLike, names: Sequence[str], end: End, full: bool
 ) -> list[Floats]:
     """The values of `formula` at t = 0 or (`full`) at every t; under `interval` their lower and upper bounds."""
     require_formula(formula)
-    program, samples = _program(formula, as_names(names), compile_), as_array(trace)
+    program, samples = _program(formula, as_names(names), reading), as_array(trace)
     _check_shape(program, samples, end)
     steps = samples.shape[-2]
     count = 1 if not full else steps - program.ahead if end == "strict" else steps

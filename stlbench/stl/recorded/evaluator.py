@@ -34,13 +34,12 @@ from stlbench.stl.language.syntax import (
     TrueFormula,
     Until,
 )
-from stlbench.stl.predicates import Compiled, compile_signed
+from stlbench.stl.predicates import compile_arrays
+from stlbench.stl.predicates.writer import Reading
 from stlbench.stl.recorded.windows import Values, slide, until
 
 #: how a trace that ends before the horizon is read; "interval": its end is unknown, and values are bounds
 End: TypeAlias = Literal["strict", "clip", "interval"]
-#: a formula without temporal operators to a function of samples, or to a constant: `compile_margin`, `compile_signed`
-Compile: TypeAlias = Callable[[Formula, tuple[str, ...]], Compiled]
 
 
 class Traces(NamedTuple):
@@ -66,16 +65,16 @@ Evaluator: TypeAlias = Callable[[Traces, int, int, bool], Values]
 
 
 @lru_cache(maxsize=128)
-def evaluator(formula: Formula, names: tuple[str, ...], compile_: Compile, checked: bool = False) -> Evaluator:
+def evaluator(formula: Formula, names: tuple[str, ...], reading: Reading, checked: bool = False) -> Evaluator:
     """The evaluator of `formula` on traces of the signals `names`.
 
     Where a predicate has no value at a sample that is read the values are NaN; `checked` raises UndefinedError there.
     """
     if not is_temporal(formula):
-        return _pointwise(formula, names, compile_, checked)
+        return _pointwise(formula, names, reading, checked)
 
     def of(operand: Formula) -> Evaluator:
-        return evaluator(operand, names, compile_, checked)
+        return evaluator(operand, names, reading, checked)
 
     match formula:
         case Not(arg):
@@ -105,8 +104,8 @@ _EXTREMES: dict[type, tuple[np.ufunc, float]] = {
 }
 
 
-def _pointwise(psi: Formula, names: tuple[str, ...], compile_: Compile, checked: bool) -> Evaluator:
-    compiled = compile_(psi, names)
+def _pointwise(psi: Formula, names: tuple[str, ...], reading: Reading, checked: bool) -> Evaluator:
+    compiled = compile_arrays(psi, names, reading)
 
     def run(traces: Traces, lo: int, hi: int, worst: bool) -> Values:
         known = traces.samples[:, lo : hi + 1]
@@ -118,7 +117,7 @@ def _pointwise(psi: Formula, names: tuple[str, ...], compile_: Compile, checked:
             raise UndefinedError(cause(psi, names, known[trace, step]), int(lo + step), int(traces.first + trace))
         if hi < traces.samples.shape[1]:
             return values
-        return _pad(values, hi - lo + 1 - known.shape[1], unknown(psi, names, compile_, worst))
+        return _pad(values, hi - lo + 1 - known.shape[1], unknown(psi, names, reading, worst))
 
     return run
 
@@ -127,7 +126,7 @@ def cause(psi: Formula, names: tuple[str, ...], sample: NDArray[np.float64]) -> 
     """Why `psi`, without temporal operators, has no value at `sample` (k,), by the first predicate that has none."""
     with np.errstate(all="ignore"):
         for node in walk(psi):
-            margin = compile_signed(node, names) if isinstance(node, Predicate) else None
+            margin = compile_arrays(node, names, "signed") if isinstance(node, Predicate) else None
             if isinstance(node, Predicate) and callable(margin) and np.isnan(margin(sample[np.newaxis])).any():
                 psi = node
                 break
@@ -140,23 +139,23 @@ def cause(psi: Formula, names: tuple[str, ...], sample: NDArray[np.float64]) -> 
 
 
 @lru_cache(maxsize=512)
-def unknown(psi: Formula, names: tuple[str, ...], compile_: Compile, worst: bool) -> float:
+def unknown(psi: Formula, names: tuple[str, ...], reading: Reading, worst: bool) -> float:
     """The least (`worst`) or greatest value of `psi` at a sample that is not known yet: infinite unless constant."""
     match psi:
         case Not(arg):
-            return -unknown(arg, names, compile_, not worst)
+            return -unknown(arg, names, reading, not worst)
         case And(args):
-            return min(unknown(arg, names, compile_, worst) for arg in args)
+            return min(unknown(arg, names, reading, worst) for arg in args)
         case Or(args):
-            return max(unknown(arg, names, compile_, worst) for arg in args)
+            return max(unknown(arg, names, reading, worst) for arg in args)
         case Implies(left, right):
-            return max(-unknown(left, names, compile_, not worst), unknown(right, names, compile_, worst))
+            return max(-unknown(left, names, reading, not worst), unknown(right, names, reading, worst))
         case TrueFormula():
             return math.inf
         case _:
             if signals(psi):
                 return -math.inf if worst else math.inf
-            constant = compile_(psi, names)
+            constant = compile_arrays(psi, names, reading)
             assert not callable(constant)
             return float(constant)
 

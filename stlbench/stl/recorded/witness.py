@@ -29,7 +29,7 @@ from stlbench.stl.language.syntax import (
     TrueFormula,
     Until,
 )
-from stlbench.stl.predicates import compile_signed, margin
+from stlbench.stl.predicates import margin
 from stlbench.stl.predicates.dialect import as_array
 from stlbench.stl.recorded import robustness
 from stlbench.stl.recorded.evaluator import Traces, evaluator
@@ -120,7 +120,7 @@ class _Search(NamedTuple):
     def values(self, formula: Formula, first: int, last: int) -> NDArray[np.float64]:
         """Signed values at steps first..last, (last - first + 1,)."""
         with np.errstate(all="ignore"):
-            rows = evaluator(formula, self.names, compile_signed)(self.traces, first, last, True)
+            rows = evaluator(formula, self.names, "signed")(self.traces, first, last, True)
         return np.asarray(rows[0])
 
     def below(self, formula: Formula, t: int) -> tuple[Link, int]:

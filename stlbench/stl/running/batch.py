@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from stlbench.stl.errors import UndefinedError, shorten
 from stlbench.stl.language.structure import as_names, check_names, require_formula
-from stlbench.stl.language.syntax import Formula, Not
-from stlbench.stl.predicates import compile_signed
+from stlbench.stl.language.syntax import Formula
+from stlbench.stl.predicates import compile_arrays
 from stlbench.stl.predicates.dialect import SIDE, as_array
 from stlbench.stl.recorded.evaluator import cause
 from stlbench.stl.running.tree import Ends, Interval, Kit, Leaf, Pointwise, Tree, last_step
@@ -284,7 +284,7 @@ def many(count: int) -> Kit[Operator]:
 
 def _value(psi: Formula, names: tuple[str, ...], negated: bool) -> Callable[[Floats, Mask], Floats]:
     """(samples (n, k), the traces that must have a value) -> signed margins (n,)."""
-    compiled = compile_signed(Not(psi) if negated else psi, names)
+    compiled = compile_arrays(psi, names, "signed", negated)
     if not callable(compiled):
         return lambda samples, needed: np.full(len(samples), compiled)
 

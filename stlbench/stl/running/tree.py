@@ -12,7 +12,6 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 from stlbench.stl.language.expressions import MAX_DEPTH
 from stlbench.stl.language.structure import horizon, is_temporal, unbounded
 from stlbench.stl.language.syntax import END, Always, And, Eventually, Formula, Implies, Not, Or, Release, Until
-from stlbench.stl.predicates import compile_signed
 from stlbench.stl.recorded.evaluator import unknown
 
 #: least and greatest value, as floats or as arrays
@@ -130,7 +129,7 @@ class Tree(Generic[L]):
 
     def _pointwise(self, psi: Formula, negated: bool) -> Pointwise:
         whole = Not(psi) if negated else psi
-        lower, upper = (unknown(whole, self.names, compile_signed, worst) for worst in (True, False))
+        lower, upper = (unknown(whole, self.names, "signed", worst) for worst in (True, False))
         return Pointwise(self.kit.value(psi, self.names, negated), (lower, upper))
 
     def _leaf(self, leaf: L) -> L:

@@ -47,7 +47,6 @@ from stlbench.stl.language.syntax import (
     TrueFormula,
     Until,
 )
-from stlbench.stl.predicates import compile_signed
 from stlbench.stl.recorded.evaluator import Evaluator, Traces, evaluator
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -167,7 +166,7 @@ class Unfolding:
         return Known(ends[0], ends[1], state)
 
     def _evaluator(self, formula: Formula, checked: bool = False) -> Evaluator:
-        return evaluator(formula, self.names, compile_signed, checked)
+        return evaluator(formula, self.names, "signed", checked)
 
 
 def _first(goal: Floats, guard: Floats, start: int) -> Floats:
@@ -248,7 +247,7 @@ def _varies(formula: Formula) -> bool:
 def _to_come(formula: Formula, names: tuple[str, ...], worst: bool) -> float:
     """The least or the greatest value of a formula without past operators at a step to come."""
     nothing = Traces(np.empty((1, 0, len(names))), "interval", 0)
-    return float(evaluator(formula, names, compile_signed)(nothing, 0, 0, worst)[0, 0])
+    return float(evaluator(formula, names, "signed")(nothing, 0, 0, worst)[0, 0])
 
 
 def _stays_open(formula: Formula, names: tuple[str, ...], worst: bool) -> bool:

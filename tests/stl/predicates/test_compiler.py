@@ -35,8 +35,8 @@ from stlbench.stl import (
     robustness,
     satisfied,
 )
-from stlbench.stl.predicates import compile_margin, compile_sample, compile_signed
-from stlbench.stl.predicates.dialect import ARRAYS, FLOATS
+from stlbench.stl.predicates import compile_arrays, compile_sample
+from stlbench.stl.predicates.dialect import ARRAYS, FLOATS, Dialect
 from stlbench.stl.predicates.writer import FormulaWriter, Reading
 
 
@@ -83,7 +83,7 @@ def test_floats_and_arrays_are_the_definition_to_the_bit(
 ) -> None:
     asked = Not(psi) if negated else psi
     try:
-        signed, margins = compile_signed(asked, NAMES), compile_margin(asked, NAMES)
+        signed, margins = compile_arrays(asked, NAMES, "signed"), compile_arrays(asked, NAMES, "margin")
     except UndefinedError as error:  # a constant without a value
         with pytest.raises(UndefinedError, match=re.escape(str(error))):
             compile_sample(psi, NAMES, negated)
@@ -110,7 +110,7 @@ def test_floats_and_arrays_are_the_definition_to_the_bit(
 def test_the_other_functions_agree_within_rounding(text: str, samples: list[tuple[float, float]]) -> None:
     psi = parse(f"{text} >= 0")
     with np.errstate(all="ignore"):
-        batch = compile_signed(psi, ("x", "y"))(np.array(samples))  # type: ignore[operator]
+        batch = compile_arrays(psi, ("x", "y"), "signed")(np.array(samples))  # type: ignore[operator]
     for sample, expected in zip(samples, batch.tolist(), strict=True):
         try:
             actual = compile_sample(psi, ("x", "y"))(sample)
@@ -183,13 +183,18 @@ def test_atan2_does_not_look_at_the_sign_of_zero() -> None:
     for y in (0.0, -0.0):
         for x, expected in ((-1.0, math.pi), (1.0, 2.0**-1022), (0.0, 2.0**-1022), (-0.0, 2.0**-1022)):
             assert compile_sample(psi, ("x", "y"))((x, y)) == expected
-            assert compile_signed(psi, ("x", "y"))(np.array([x, y])) == expected  # type: ignore[operator]
+            assert compile_arrays(psi, ("x", "y"), "signed")(np.array([x, y])) == expected  # type: ignore[operator]
 
 
 # --- what is compiled
 
 
-READINGS = {"floats": (FLOATS, Reading.SIGNED)} | {reading.name: (ARRAYS, reading) for reading in Reading}
+READINGS: dict[str, tuple[Dialect, Reading]] = {
+    "floats": (FLOATS, "signed"),
+    "margin": (ARRAYS, "margin"),
+    "signed": (ARRAYS, "signed"),
+    "holds": (ARRAYS, "holds"),
+}
 
 
 def statements(psi: Formula, names: Sequence[str], reading: str) -> str:
@@ -282,7 +287,7 @@ def test_deep_and_wide_formulas(text: str) -> None:
 
 def test_few_arrays_are_alive_however_long_the_formula() -> None:
     psi = parse(" & ".join(f"norm(x - {i}, y) <= {i}" for i in range(1, 200)))
-    source = statements(psi, ["x", "y"], "MARGIN")
+    source = statements(psi, ["x", "y"], "margin")
     assert len(set(re.findall(r"\bt\d+\b", source))) <= 4
 
 
