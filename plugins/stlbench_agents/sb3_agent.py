@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 from stlbench.contract import ActionGrid, Actions, Agent, Arrays, Cost, Environment, Policy, Training
 from stlbench_agents.policies import ActorPolicy
 from stlbench_agents.recipes import Count, Positive, Share, Whole, Widths
-from stlbench_agents.training import box_of, cost_of, need_sb3, report_rounds
+from stlbench_agents.training import box_of, cost_of, grid_of, need_sb3, report_rounds
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -52,6 +52,8 @@ class SB3Agent(Agent):
         need_sb3()
 
     algorithm_name: ClassVar[str]
+    takes_grid: ClassVar[bool] = False
+    """Whether it takes a grid of actions, or else continuous ones."""
 
     def algorithm(self) -> type[BaseAlgorithm]:
         """SB3's class. Imports SB3, which takes seconds."""
@@ -66,7 +68,8 @@ class SB3Agent(Agent):
         return ActorPolicy.of(arrays, box_of(actions))
 
     def options(self, environment: Environment) -> dict[str, Any]:
-        """The keyword arguments of SB3's class: the parameters, but for those that SB3 lacks or says otherwise."""
+        """The keyword arguments of SB3's class. Raises `Unsuitable` where the task's actions are of the other kind."""
+        (grid_of if self.takes_grid else box_of)(environment.actions)
         options = asdict(self)
         del options["copies"]
         options["policy_kwargs"] = {"net_arch": list(options.pop("net_arch"))}
@@ -154,4 +157,4 @@ class SB3OffPolicy(SB3Agent):
         return self.buffer_size
 
     def options(self, environment: Environment) -> dict[str, Any]:
-        return super().options(environment) | {"train_freq": 1}
+        return super().options(environment) | {"train_freq": 1}  # an update after each step of all copies

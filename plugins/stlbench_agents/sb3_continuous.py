@@ -54,7 +54,6 @@ class SB3SAC(SB3OffPolicy):
     """the entropy coefficient at the start; SB3's own 1 is large beside rewards of at most 1"""
 
     def options(self, environment: Environment) -> dict[str, Any]:
-        box_of(environment.actions)
         options = super().options(environment)
         return options | {"ent_coef": f"auto_{options.pop('ent_coef_initial')}"}
 
@@ -100,10 +99,6 @@ class SB3PPO(SB3Agent):
             whole = self.batch_size // math.gcd(self.batch_size, self.copies)
             rollout = lock_steps // whole * whole or lock_steps
         return replace(self, n_steps=rollout, batch_size=min(self.batch_size, rollout * self.copies))
-
-    def options(self, environment: Environment) -> dict[str, Any]:
-        box_of(environment.actions)
-        return super().options(environment)
 
     def exported(self, model: PPO, environment: Environment) -> Policy:
         layers = linear_layers([*model.policy.mlp_extractor.policy_net.children(), model.policy.action_net])

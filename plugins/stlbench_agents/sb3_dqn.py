@@ -25,6 +25,7 @@ class SB3DQN(SB3OffPolicy):
     """
 
     algorithm_name = "DQN"
+    takes_grid = True
 
     copies: Count = 16
     buffer_size: Count = 65536
@@ -50,7 +51,6 @@ class SB3DQN(SB3OffPolicy):
         return GreedyPolicy.of(arrays, grid_of(actions).shape)
 
     def options(self, environment: Environment) -> dict[str, Any]:
-        grid_of(environment.actions)
         rounded_up = max(self.target_update_interval, self.copies)  # SB3 does so too, but with a warning
         return super().options(environment) | {"target_update_interval": rounded_up}
 

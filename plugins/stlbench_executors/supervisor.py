@@ -186,7 +186,10 @@ class Log:
                 return True
             if not data:
                 return False
-            self._append(data)
+            room = max(0, PART - self._length)
+            self._length += len(data)
+            self._write(data[:room])
+            self._tail = (self._tail + data[room:])[-PART:]
         return True
 
     def close(self) -> None:
@@ -198,12 +201,6 @@ class Log:
         if left_out > 0:
             self._write(f"\n... {left_out} bytes left out ...\n".encode())
         self._write(bytes(self._tail))
-
-    def _append(self, data: bytes) -> None:
-        room = max(0, PART - self._length)
-        self._length += len(data)
-        self._write(data[:room])
-        self._tail = (self._tail + data[room:])[-PART:]
 
     def _write(self, data: bytes) -> None:
         if data:

@@ -12,6 +12,8 @@ from contextlib import closing
 from functools import partial
 from typing import Any, NamedTuple, cast
 
+import psutil
+
 from stlbench.contract import Executor, Outcome, Work
 from stlbench.registry import plugins
 from stlbench.registry.choices import executor_of
@@ -135,16 +137,8 @@ def _check_changes(executor: Executor, rules: Rules) -> None:
 def _check_left(executor: Executor, rules: Rules) -> None:
     (outcome,) = _run(executor, [_Item("leave")])
     host, process = outcome.value
-    over = host != socket.gethostname() or _has_ended(process)
+    over = host != socket.gethostname() or not psutil.pid_exists(process)
     rules.keep(over, "a process that an item has started ends with it", f"process {process} goes on")
-
-
-def _has_ended(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return True
-    return False
 
 
 def _check_accidents(executor: Executor, rules: Rules) -> None:
