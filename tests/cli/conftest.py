@@ -11,6 +11,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from stlbench.cli import app
+from stlbench.records.outputs import write
+from stlbench.report.figures.files import Drawing
 
 ENTRIES = """
 [stlbench.methods]
@@ -126,6 +128,22 @@ class Here(Executor):
             except Exception as error:
                 yield Outcome(index, "raised", reason=f"{type(error).__name__}: {error}")
 '''
+
+
+@pytest.fixture
+def drawn() -> None:
+    """Let commands draw figures."""
+
+
+@pytest.fixture(autouse=True)
+def undrawn(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Write empty files as figures, unless a test asks for `drawn`: drawing takes most of the time of a run."""
+    if "drawn" not in request.fixturenames:
+        monkeypatch.setattr(Drawing, "write", _placeholders)
+
+
+def _placeholders(drawing: Drawing, folder: Path) -> list[Path]:
+    return [write(folder / f"{drawing.name}.{end}", b"") for end in ("png", "svg", "pdf")]
 
 
 @pytest.fixture

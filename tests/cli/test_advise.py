@@ -30,14 +30,6 @@ def test_what_fits_and_why_the_others_do_not(say, toy):
     assert not set(fitting) & set(refused)
 
 
-def test_methods_can_be_asked_for_with_parameters(say):
-    found = advice(say, "robot-nav", "--methods", "tau-mdp,tau-mdp[every=10],hprs,hprs[later=target]")
-    assert [row["method"] for row in found["fit"]] == ["hprs[later=target]", "tau-mdp[every=10]"]
-    (dear, targetless) = found["do_not_fit"]
-    assert (dear["method"], dear["status"]) == ("tau-mdp", "intractable")
-    assert "hprs[later=target]" in targetless["reason"]
-
-
 def test_results_put_the_best_first(say, toy, tmp_path):
     run = say("run", "--tasks", "toy-line", "--methods", "toy-raw[weight=2],toy-raw", "--results", str(tmp_path))
     assert run.exit_code == 0, run.stderr
@@ -55,13 +47,6 @@ def test_the_forms_that_methods_see(say):
     assert "as windows: G[0,190] G[0,10] norm(x - 2, y - 2) <= 1" in shown
     assert "as methods see it" not in shown
     assert "as methods see it: G[400,700] (min(20 *" in say("advise", "pendulum", "--methods", "raw").stdout
-
-
-def test_on_a_screen(say, toy):
-    shown = say("advise", "toy-line").stdout
-    assert "Methods that fit" in shown
-    assert "Methods that do not" in shown
-    assert "needs 6003 inputs" in shown
 
 
 @pytest.mark.parametrize(

@@ -16,14 +16,7 @@ from stlbench.cli.common import console
 GROUPS = ("Train", "Look", "Policies", "Share", "Develop")
 
 
-def test_version(say):
-    done = say("--version")
-    assert (done.exit_code, done.stdout) == (0, f"stlbench {__version__}\n")
-
-
-@pytest.mark.parametrize(
-    "words", [[], ["run"], ["list"], ["show"], ["show", "task"], ["show", "cell"], ["export"], ["report"], ["monitor"]]
-)
+@pytest.mark.parametrize("words", [[], ["show", "task"], *([name] for name in get_command(app).commands)])
 def test_help_has_an_example(say, words):
     done = say(*words, "--help")
     assert done.exit_code == 0
@@ -50,7 +43,7 @@ def test_python_m_stlbench_is_the_command_line():
     assert (done.returncode, done.stdout) == (0, f"stlbench {__version__}\n")
 
 
-@pytest.mark.parametrize(("said", "wide"), [("80", 80), ("200", 200), ("0", 120), ("wide", 120), (None, 120)])
+@pytest.mark.parametrize(("said", "wide"), [("200", 200), ("wide", 120), (None, 120)])
 def test_in_a_pipe_tables_are_as_wide_as_columns_says(monkeypatch, said, wide):
     monkeypatch.delenv("COLUMNS", raising=False)
     if said is not None:
@@ -62,9 +55,8 @@ def test_in_a_pipe_tables_are_as_wide_as_columns_says(monkeypatch, said, wide):
     ("words", "message"),
     [
         (["rnu"], "error: No such command 'rnu'. Did you mean 'run'? (see 'stlbench --help')\n"),
-        (["--colour"], "error: No such option: --colour (see 'stlbench --help')\n"),
-        (["show"], "error: Missing command. (see 'stlbench show --help')\n"),
-        (["show", "task"], "error: Missing argument 'TASK'. (see 'stlbench show task --help')\n"),
+        (["show", "task"], "error: Missing argument 'TASK'. (see 'stlbench show task --help')
+"),
     ],
 )
 def test_wrong_words_are_one_line_on_stderr(say, words, message):
@@ -82,10 +74,8 @@ def test_a_bug_is_not_hidden(monkeypatch, tmp_path):
     "words",
     [
         ["--help"],
-        ["--version"],
         ["monitor", "x > 0", "trace.csv", "--json"],
         *(["list", kind] for kind in ("methods", "tasks", "agents", "executors", "logs")),
-        ["show", "task", "hold-disc"],
         ["show", "method", "flag"],
     ],
 )
@@ -96,7 +86,7 @@ def test_starts_without_the_heavy_packages(tmp_path, words):
     assert not HEAVY & packages
 
 
-@pytest.mark.parametrize("words", [("report",), ("plot",), ("verify",), ("run", "--tasks", "hold-disc", "--results")])
+@pytest.mark.parametrize("words", [("report",), ("run", "--tasks", "hold-disc", "--results")])
 def test_a_name_that_no_file_can_have_is_refused_in_one_line(say, words):
     done = say(*words, "x" * 300)
     assert (done.exit_code, done.stdout) == (2, "")

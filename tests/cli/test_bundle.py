@@ -27,12 +27,6 @@ def test_a_bundle_of_a_run_is_fine(say, recorded) -> None:
     assert check(Path("results.zip")) == (2, 2, ())
 
 
-def test_json(say, recorded) -> None:
-    done = say("bundle", "results", "mine.zip", "--json")
-    said = json.loads(done.stdout)
-    assert (said["file"], said["cells"], said["size"]) == ("mine.zip", 2, Path("mine.zip").stat().st_size)
-
-
 def test_compare_reads_bundles(say, recorded) -> None:
     say("bundle", "results", "one.zip")
     done = say("compare", "one.zip", "results")
@@ -41,11 +35,6 @@ def test_compare_reads_bundles(say, recorded) -> None:
     refused = say("compare", "one.zip", "two.zip")
     assert refused.exit_code == 2
     assert refused.stderr.startswith("error: two.zip is no bundle")
-
-
-def test_bad_input_is_one_line(say) -> None:
-    done = say("bundle", "nothing")
-    assert (done.exit_code, len(done.stderr.splitlines())) == (2, 1)
 
 
 def test_verify_scores_a_bundle_again(say, recorded) -> None:

@@ -11,10 +11,8 @@ from stlbench.cli import app
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [
-        ("stlbench mon", ["monitor"]),
         ("stlbench run --tasks toy", ["toy-line"]),
         ("stlbench run --methods raw,toy-r", ["raw,toy-raw"]),
-        ("stlbench run --methods toy-raw[weight=", []),
         ("stlbench run --agents dqn,toy", ["dqn,toy-agent"]),
         ("stlbench show task toy", ["toy-line"]),
     ],

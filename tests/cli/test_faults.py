@@ -97,21 +97,9 @@ class Leaks(Raw):
         os._exit(0)
 '''
 
+NAMES = ["mutes", "bytes", "escapes", "refuses", "unfit", "extended", "typed", "eats"]
 ENTRIES = "[stlbench.methods]\nbad-leaks = bad_plugins.leaks:Leaks\n" + "".join(
-    f"bad-{name} = bad_plugins.methods:{name.capitalize()}\n"
-    for name in (
-        "mutes",
-        "bytes",
-        "escapes",
-        "refuses",
-        "unfit",
-        "extended",
-        "typed",
-        "eats",
-        "bribes",
-        "confuses",
-        "hurries",
-    )
+    f"bad-{name} = bad_plugins.methods:{name.capitalize()}\n" for name in NAMES
 )
 
 SAID = {
@@ -185,11 +173,12 @@ class Hurries(Raw):
             BRIBES.format(satisfied=True),
             "it says robustness 99, satisfied 100 %; by the recorded traces and the formula of toy-line it is ",
         ),
-        (
+        pytest.param(
             BRIBES.format(satisfied=False),
             "the selected policy's score by the protocol formula cannot be: robustness 99 from start 0, which is not",
+            marks=pytest.mark.slow,
         ),
-        (HURRIES, "its clocks cannot be right: training and all took "),
+        pytest.param(HURRIES, "its clocks cannot be right: training and all took ", marks=pytest.mark.slow),
     ],
 )
 def test_a_method_that_changes_the_referee_or_the_clock_has_no_score(site, toy, tmp_path, monkeypatch, text, said):
@@ -236,19 +225,8 @@ def test_what_a_method_does_to_its_process_is_not_in_the_results_of_another(bad,
 
 @pytest.mark.slow
 def test_a_cell_that_takes_too_much_memory_is_killed_and_its_reason_says_so(bad, say):
-    done = say(
-        "run",
-        "--tasks",
-        "toy-line",
-        "--agents",
-        "toy-agent",
-        "--seeds",
-        1,
-        "--methods",
-        "toy-raw,bad-eats",
-        "--memory",
-        "600M",
-    )
+    words = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--seeds", 1, "--methods", "toy-raw,bad-eats")
+    done = say(*words, "--memory", "600M")
     assert done.exit_code == 1
     assert re.search(r"toy-line/bad-eats/toy-agent/0 killed: it took .* of memory, its limit is 600 MiB", done.stderr)
     assert "toy-line/toy-raw/toy-agent/0 done" in done.stderr

@@ -62,14 +62,6 @@ def test_update_writes_a_reference(reference):
     assert sorted(path.name for path in Path("reference").iterdir()) == ["cells.csv", "provenance.json"]
 
 
-def test_update_alone_measures_what_it_holds(reference, say):
-    reference()
-    before = rows()
-    done = say(*GATE, "--update", "--results", "another", "--json")
-    assert (done.exit_code, json.loads(done.stdout)) == (0, {"reference": "reference", "cells": 3})
-    assert [row["robustness_mean"] for row in rows()] == [row["robustness_mean"] for row in before]
-
-
 def test_update_writes_no_reference_of_cells_that_failed(say, toy):
     done = say("gate", "reference", "--update", *TOY, *HERE, "--methods", "toy-raw,toy-wrong", "--seeds", "1")
     assert done.exit_code == 1
@@ -98,12 +90,6 @@ def test_equal_code_is_no_worse(reference, say):
         ("satisfaction", 3, 0.0),
     ]
     assert (found["base"]["path"], found["base"]["cells"]) == ("reference", 6)
-
-
-def test_it_goes_on_where_it_was(reference, say, monkeypatch):
-    reference()
-    monkeypatch.setattr("stlbench.study.trial.run_cell", lambda *_, **__: pytest.fail("ran a cell again"))
-    assert say(*GATE).exit_code == 0
 
 
 def test_a_cost_beside_a_reference_is_information(reference, say):
@@ -150,15 +136,6 @@ def test_a_cell_that_crashes_now_is_worse_with_its_reason(reference, say, method
     found = json.loads(Path("other/gate.json").read_text())
     assert [entry["verdict"] for entry in found["findings"]] == ["worse"] * 3
     monkeypatch.undo()
-
-
-def test_a_crashed_cell_is_tried_again(reference, say, methods, monkeypatch):
-    reference()
-    along = methods.Raw.along
-    monkeypatch.setattr(methods.Raw, "along", methods.Wrong.along)
-    assert say(*GATE, "--results", "other").exit_code == 1
-    monkeypatch.setattr(methods.Raw, "along", along)
-    assert say(*GATE, "--results", "other").exit_code == 0
 
 
 def test_too_few_seeds_are_exit_code_3(reference, say, monkeypatch):

@@ -31,16 +31,6 @@ def test_a_broken_plugin_is_a_warning_that_names_its_distribution(say, toy):
     assert line.startswith("warning: method 'toy-broken' of toy-plugins 1.2")
 
 
-@pytest.mark.parametrize(("kind", "name"), [("tasks", "toy-line"), ("agents", "toy-agent"), ("executors", "toy-here")])
-def test_the_other_kinds(say, toy, kind, name):
-    assert entry(say("list", kind, "--json"), name)["distribution"] == "toy-plugins"
-
-
-def test_an_unknown_kind(say):
-    done = say("list", "method")
-    assert (done.exit_code, done.stderr) == (2, "error: no kind of plugin 'method'; did you mean 'methods'?\n")
-
-
 def test_a_task_in_full(say, toy):
     found = json.loads(say("show", "task", "toy-line", "--json").stdout)
     assert (found["title"], found["source"]) == ("Stay on a line", "made up")
@@ -190,11 +180,6 @@ def test_robots_and_training_on_screen(say, richer):
         assert shown in lines
     first = lines.index("Recipes, the task's own agent first") + 3
     assert lines[first : first + 2] == ["z-first rate: 0.5", "toy-agent action: 1"]
-
-
-def test_an_unknown_task(say, toy):
-    done = say("show", "task", "toy-lin")
-    assert (done.exit_code, done.stderr) == (2, "error: no task 'toy-lin'; did you mean 'toy-line'?\n")
 
 
 TORN = """

@@ -28,7 +28,7 @@ def new(*words: object) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["method", pytest.param("task", marks=pytest.mark.slow), "agent"])
 def test_its_own_tests_pass_where_it_is_installed(kind: str, tmp_path: Path, site: Callable[..., Path]) -> None:
     listed = new(kind, "zz-two-words", "--into", tmp_path / "made").splitlines()
     folder = tmp_path / "made" / "zz-two-words"
@@ -77,20 +77,6 @@ def test_its_annotations_hold(made: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_what_is_to_be_installed_is_no_folder_of_a_task(made: Path) -> None:
-    done = CliRunner().invoke(app, ["check", str(made / "zz-task")])
-    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
-    assert f"`pip install -e {made / 'zz-task'}`" in done.stderr
-
-
-def test_the_workflow_runs_all_checks_on_all_versions(made: Path) -> None:
-    (job,) = yaml.safe_load((made / "zz-task" / ".github" / "workflows" / "test.yml").read_text())["jobs"].values()
-    assert job["strategy"]["matrix"]["python"] == ["3.11", "3.12", "3.13"]
-    assert job["steps"][1]["with"] == {"python-version": "${{ matrix.python }}"}
-    said = [step["run"] for step in job["steps"] if "run" in step]
-    assert said == ['pip install -e ".[dev]"', "ruff check .", "ruff format --check .", "mypy", "pytest"]
-
-
 def test_nothing_is_overwritten(made: Path) -> None:
     before = {path: path.stat().st_mtime_ns for path in made.rglob("*")}
     done = CliRunner().invoke(app, ["new", "agent", "zz-method", "--into", str(made)])
@@ -104,9 +90,6 @@ def test_nothing_is_overwritten(made: Path) -> None:
     [
         ("method", "funnel", "the name 'funnel' is taken by method 'funnel' of stlbench-rl "),
         ("task", "../x", "'../x': a name begins with a-z and has a-z and 0-9, with single - between them"),
-        ("agent", "a--b", "'a--b': a name begins with a-z"),
-        ("agent", "3d", "'3d': a name begins with a-z"),
-        ("executor", "x", "Invalid value for 'KIND': 'executor' is not one of 'method', 'task', 'agent'."),
     ],
 )
 def test_a_bad_name_is_one_line(tmp_path: Path, kind: str, name: str, said: str) -> None:
@@ -190,13 +173,7 @@ def test_what_hardly_moves_at_random_is_scaled_by_what_does(tmp_path: Path, monk
     ("words", "said"),
     [
         (("task", "zz-made", "--environment", "CartPoel-v1"), "no environment 'CartPoel-v1'; did you mean"),
-        (("task", "zz-made", "--environment", "FrozenLake-v1"), "its observation is no Box, nor a Dict with one"),
         (("task", "zz-made", "--environment", "CarRacing-v3"), "its observation has 27648 numbers, more than the 500"),
-        (
-            ("task", "zz-made", "--environment", "Qwertz-v0"),
-            "no environment 'Qwertz-v0'; `gymnasium.pprint_",
-        ),
-        (("task", "zz-made", "--environment", "mpe2.simple_v3"), "no environment 'mpe2.simple_v3'; a module with"),
         (("agent", "zz-made", "--environment", "CartPole-v1"), "--environment is for a task; agent was asked for"),
     ],
 )
@@ -207,10 +184,3 @@ def test_what_is_no_environment_for_a_task_is_said(words: tuple[str, ...], said:
     assert line.startswith(f"error: {said}")
     assert len(line) < 250
     assert not list(tmp_path.iterdir())
-
-
-def test_a_warning_of_gymnasium_has_no_colour(tmp_path: Path) -> None:
-    command = ["new", "task", "zz-made", "--environment", "CartPole-v0", "--into", str(tmp_path)]
-    done = CliRunner().invoke(app, command)
-    assert done.stderr.startswith("warning: WARN: The environment CartPole-v0 is out of date.")
-    assert "x1b" not in done.stderr

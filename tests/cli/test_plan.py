@@ -120,13 +120,6 @@ def test_which_methods_pay_for_the_same_is_said(plan):
     ]
 
 
-def test_the_resolution_is_that_of_all_agents(plan):
-    plan("--settings", "recipe", "--resolution", "0.5")
-    assert {row["resolution"] for row in rows()} == {"0.5"}
-    plan("--settings", "recipe", "--methods", "toy-light")
-    assert [(row["resolution"], row["disagreement"]) for row in rows()] == [("1.0", "0.0"), ("0.5", ""), ("1.0", "0.0")]
-
-
 def test_what_cannot_be_planned_is_a_row_with_its_reason(plan):
     done = plan("--methods", "toy-light,toy-heavy", "--settings", "recipe", "--results", "other")
     assert done.exit_code == 0
@@ -152,11 +145,6 @@ def test_what_is_wrong_is_one_line_and_nothing_is_written(plan, words, message):
     assert done.stderr.startswith(f"error: {message}")
     assert done.stderr.count("\n") == 1
     assert not Path("results").exists()
-
-
-def test_an_unknown_task(say, toy):
-    done = say("plan", "toy-lines")
-    assert (done.exit_code, done.stderr) == (2, "error: no task 'toy-lines'; did you mean 'toy-line'?\n")
 
 
 def test_an_interrupt_says_how_to_go_on(plan, monkeypatch):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from helpers.pages import Page
@@ -24,12 +23,6 @@ def test_writes_one_file_and_says_where(say, toy):
     assert "toy-line/toy-raw/toy-agent/1, start" in page.text or "toy-line/toy-raw/toy-agent/0, start" in page.text
     assert "policies/toy-line_toy-raw_toy-agent_0" in page.text
     assert "ValueError: no [such] luck" in page.text
-
-
-def test_json_says_path_and_size(say, toy):
-    say(*TOY, "--methods", "toy-raw")
-    said = json.loads(say("report", "results", "--html", "--json").stdout)
-    assert said == {"path": "results/report.html", "bytes": Path("results/report.html").stat().st_size}
 
 
 def test_of_a_folder_that_cannot_be_written_the_page_goes_elsewhere(say, toy):

@@ -19,7 +19,6 @@ from helpers.synthetic_results import result
 from stlbench.errors import UsageError
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.registry import plugins
-from stlbench.study.provenance import PACKAGES
 from stlbench.study.study import Study, parse_seeds
 
 TOY = ("run", "--tasks", "toy-line", "--agents", "toy-agent", "--executor", "toy-here")
@@ -92,18 +91,6 @@ def test_the_files_have_all_cells_and_the_screen_those_of_this_command(run, say)
     assert Path("results/report.md").read_text() == report
 
 
-def test_the_exit_code_is_that_of_the_cells_of_this_command(run):
-    assert run("toy-wrong").exit_code == 1
-    assert run("toy-raw").exit_code == 0
-
-
-def test_a_method_that_does_not_fit_is_a_row_and_no_failure(run):
-    done = run("toy-raw,toy-large")
-    assert done.exit_code == 0
-    assert "toy-large" in done.stdout
-    assert "intractable: needs 6003 inputs, limit 512" in " ".join(done.stdout.split())
-
-
 def test_an_accident_is_a_row_and_exit_code_1(run):
     done = run("toy-wrong,toy-raw")
     assert done.exit_code == 1
@@ -137,14 +124,6 @@ def test_ctrl_c_keeps_what_is_done_says_what_is_missing_and_the_next_run_goes_on
     monkeypatch.setattr(importlib.import_module("toy_plugins.agents"), "interrupt_after", None)
     assert run("toy-raw", "--seeds", "5").stderr.splitlines()[0] == "5 cells, 3 of them done before"
     assert len(cells()) == 5
-
-
-def test_results_say_what_ran_beside_them(run):
-    run("toy-raw", "--jobs", "3")
-    with Ledger(Path("results/ledger.sqlite"), create=False) as ledger:
-        (provenance,) = {tuple(sorted(result.provenance.items())) for result in ledger.results()}
-    assert dict(provenance)["jobs"] == "3"
-    assert set(dict(provenance)) == {"python", "machine", "jobs", "time", "code", *PACKAGES}
 
 
 def test_numbers_are_those_of_the_task(run):
@@ -191,13 +170,6 @@ def test_the_controller_is_scored_once_however_many_cells_there_are(run, say, do
     assert "## Controllers and baselines" in Path("results/report.md").read_text()
 
 
-def test_of_a_task_without_a_controller_the_table_has_the_baselines(run):
-    assert "Controllers and baselines" in run("toy-raw").stdout
-    (row,) = json_report()["controllers"]
-    assert {"zero action", "best constant action", "at random"} < set(row)
-    assert "mean robustness" not in row
-
-
 def test_a_ledger_whose_tasks_are_unknown_is_reported_without_controllers(run, say, down, monkeypatch):
     run("toy-raw")
     monkeypatch.setattr(plugins, "available", lambda kind: {})
@@ -230,15 +202,6 @@ def test_a_folder_that_cannot_be_written_is_reported_on_the_screen(run, say):
     assert json.loads(say("report", "results", "--json").stdout)["cells"]
 
 
-def test_report_says_where_it_looked(say):
-    done = say("report", "nowhere")
-    assert (done.exit_code, done.stderr) == (
-        2,
-        "error: there is neither nowhere/ledger.sqlite nor cells.jsonl; "
-        "`stlbench run` writes the one, `stlbench export` the other\n",
-    )
-
-
 def test_report_of_an_empty_ledger(say):
     with Ledger(Path("results/ledger.sqlite")) as ledger:
         ledger.plan({})
@@ -248,11 +211,7 @@ def test_report_of_an_empty_ledger(say):
 @pytest.mark.parametrize(
     ("text", "seeds"),
     [
-        ("3", (0, 1, 2)),
-        ("1", (0,)),
         ("3,7", (3, 7)),
-        ("7-7", (7,)),
-        ("0-4", (0, 1, 2, 3, 4)),
         ("7, 0-2,1", (0, 1, 2, 7)),
     ],
 )
@@ -260,7 +219,7 @@ def test_seeds(text, seeds):
     assert parse_seeds(text) == seeds
 
 
-@pytest.mark.parametrize("text", ["", "0", "-1", "x", "1.5", "3-1", "1,,2", "7,", "0-99999", "123456"])
+@pytest.mark.parametrize("text", ["", "0", "3-1", "1,,2", "0-99999", "123456"])
 def test_seeds_that_mean_nothing(text):
     with pytest.raises(UsageError, match="seed"):
         parse_seeds(text)
@@ -271,16 +230,9 @@ def test_seeds_that_mean_nothing(text):
     [
         (["--methods", "toy-rwa"], "no method 'toy-rwa'; did you mean 'toy-raw'?"),
         (["--methods", "toy-raw[wieght=2]"], "toy-raw[wieght=2]: no parameter 'wieght'; did you mean 'weight'?"),
-        (["--methods", "toy-raw[weight=x]"], "toy-raw[weight=x]: weight should be a number, got 'x'"),
-        (
-            ["--tasks", "toy-line[a=1]"],
-            "toy-line[a=1]: a task has no parameter 'a', only without, as in without=cuts+hold",
-        ),
         (["--tasks", "toy-line[without=hold]"], "toy-line[without=hold]: the task is without hold as it is"),
-        (["--budget", "quik"], "did you mean 'quick'?"),
         (["--seeds", "0"], "seeds: '0': at least one seed"),
         (["--results", "file"], "cannot write results in file: "),
-        (["--xyzzy"], "No such option: --xyzzy (see 'stlbench run --help')"),
     ],
 )
 def test_bad_input_exits_2_with_one_line(run, words, message):

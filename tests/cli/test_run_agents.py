@@ -57,14 +57,9 @@ def test_without_a_recipe_it_trains_with_its_defaults_and_says_so(run):
     assert run("toy-fields[action=1]").exit_code == 0
 
 
-def test_show_says_what_an_agent_without_a_recipe_has(say, toy):
-    assert "An agent without a recipe trains with its defaults." in say("show", "task", "toy-line").stdout
-
-
 @pytest.mark.parametrize(
     ("agent", "message"),
     [
-        ("toy-picky", "error: agent toy-picky: it needs numbers: pip install 'toy'\n"),
         ("toy-picky[library=abc]", "error: agent toy-picky[library=abc]: it needs abc: pip install 'toy'\n"),
         ("toy-clumsy", "error: agent toy-clumsy: KeyError: 'x'\n"),
     ],

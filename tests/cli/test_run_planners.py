@@ -123,14 +123,9 @@ def test_the_same_twice_and_nothing_is_left_to_run(run):
     [
         (("toy-wide", "toy-below", "planner"), "a state of 5 dimensions; a grid has at most 4"),
         (
-            ("toy-hidden", "toy-below", "planner"),
-            "the state's a is no signal, so it has no range; give it one: grid: {a:",
-        ),
-        (
             ("toy-line", "toy-below", "planner[resolution=100000]"),
             "an axis x of 200000001 points; it may have 10000000",
         ),
-        (("toy-line", "toy-history", "planner"), "a memory of 22 numbers that takes more than 64 values; a planner"),
         (("toy-until", "toy-below", "best-possible"), "until at"),
     ],
 )
@@ -147,7 +142,6 @@ def test_what_does_not_fit_is_a_row_with_the_reason(run, words, reason):
 @pytest.mark.parametrize(
     ("method", "agent", "reason"),
     [
-        ("tau-mdp", "planner[resolution=0.1]", "a memory of "),
         ("raw", "planner[resolution=4]", "a grid of 241 x 241 x 145 points with 25 actions of 1 samples needs "),
     ],
 )

@@ -6,7 +6,6 @@ On toy-line x' = x + v / 2 for 4 steps, v in -1, 0, 1; the formula is G[0,4] x <
 from __future__ import annotations
 
 import json
-import shutil
 import sys
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from PIL import Image
 
 from stlbench.gate.snapshot import load
 from stlbench.records.lock import writing
-from stlbench.registry import plugins
 from stlbench.study.results import Results
 from stlbench.task import load_task
 
@@ -68,13 +66,6 @@ def refused(done):
     assert (done.exit_code, done.stdout) == (2, "")
     (line,) = done.stderr.splitlines()
     return line
-
-
-@pytest.mark.parametrize("command", ["score", "export-policy", "render"])
-def test_help_has_an_example(say, command):
-    done = say(command, "--help")
-    assert done.exit_code == 0
-    assert f"stlbench {command} " in done.stdout.partition("Example")[2]
 
 
 class TestOutside:
@@ -157,14 +148,6 @@ class TestOutside:
         line = refused(say("falsify", "toy-line/unknown/home/0/outside"))
         assert line.endswith("falsify and certify take it as --task toy-line zz_functions:home")
 
-    def test_of_a_task_that_is_a_folder_the_way_to_search_it_names_the_folder(self, say, mine, toy, monkeypatch):
-        monkeypatch.setitem(plugins._ADDED, "tasks", {})
-        folder = toy / "elsewhere" / "zz-line"
-        shutil.copytree(toy / "toy_plugins" / "line", folder)
-        assert say("score", folder, "zz_functions:home", "--on", "state", "--name", "home").exit_code == 0
-        line = refused(say("falsify", f"{folder.name}/unknown/home/0/outside"))
-        assert line.endswith(f"falsify and certify take it as --task {folder} zz_functions:home")
-
     def test_a_row_of_the_same_name_is_replaced(self, say, mine):
         say("score", "toy-line", "zz_functions:down", "--name", "mine")
         Path("one.csv").write_text("x\n0\n0\n-1\n0\n0\n")
@@ -197,12 +180,6 @@ class TestOutside:
         assert "results is written by process" in line
         assert say("score", "toy-line", "zz_functions:down").exit_code == 0
 
-    def test_the_only_budget_of_a_task_need_not_be_said(self, say, mine, toy):
-        path = toy / "toy_plugins/line/task.yaml"
-        path.write_text(path.read_text().replace("  quick: {", "  smoke: {"))
-        done = say("score", "toy-line", "zz_functions:down", "--json")
-        assert (done.exit_code, json.loads(done.stdout)["budget"]) == (0, "smoke")
-
     @pytest.mark.parametrize(
         ("words", "message"),
         [
@@ -210,27 +187,16 @@ class TestOutside:
                 ["zz_functions:bad"],
                 r"its actions are float64 (16, 2); expected are whole numbers (16,), values (16, 3), or (16, 1) for v",
             ),
-            (
-                ["zz_functions:up"],
-                "zz_functions:up failed: TypeError: up() missing 1 required positional argument: 't'",
-            ),
             (["zz_functions:down", "--policy", "selected"], "zz_functions:down is no stored cell; leave --policy out"),
-            (["zz_functions:dwon"], "has no 'dwon'; did you mean 'down'"),
-            (["nothing.zip"], "there is no file nothing.zip"),
             (["short.csv"], "short.csv has 2 rows; an episode of toy-line has 5, one at the start and one after each"),
-            (["other.csv"], "other.csv has no signal 'x'"),
             (
                 ["junk.npz"],
                 "cannot read junk.npz as traces of stlbench: it is no file of arrays (.npz), or has",
             ),
-            (["slow.csv"], "row 3 has time 1, 0.5 is expected with a sampling time of 0.5 s"),
             (["short.csv", "--on", "state"], "short.csv has traces, which are shown nothing"),
             (["zz_functions:down", "--name", "Mine"], "--name Mine: a name consists of a-z"),
-            (["zz_functions:down", "--budget", "nope"], "task toy-line has no budget 'nope'"),
-            (["zz_functions:down", "--method", "nope"], "no method 'nope'"),
             (["zz_functions:down", "--architecture", "mlp[2,3;relu]"], "--architecture is for a state_dict of PyTorch"),
             (["zz_functions:down", "--actions", "other.csv"], "other.csv: there is no column 'v'; the task's actions"),
-            (["zz_functions:down", "--method", "toy-large"], "method toy-large on task toy-line: needs 6003 inputs"),
         ],
     )
     def test_bad_input_is_one_line_and_writes_nothing(self, say, mine, words, message):
@@ -278,12 +244,6 @@ class TestStored:
             line = refused(say("score", "toy-line", CELL, option, value))
             assert line == f"error: {CELL} is a stored cell; leave {option} out"
         assert "leave --method and --seed out" in refused(say("score", "toy-line", CELL, *words[1], *words[3]))
-
-    def test_the_scores_are_in_the_form_of_the_recorded_ones(self, say, toy):
-        say(*RUN)
-        again = json.loads(say("score", "toy-line", CELL, "--json").stdout)
-        recorded = json.loads(say("show", "cell", CELL, "--json").stdout)["measurement"]["selected"]
-        assert (again["as_recorded"], again["scores"]) == (True, recorded)
 
     def test_a_file_that_was_changed_is_refused(self, say, toy):
         say(*RUN)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -66,10 +65,3 @@ def test_every_example_is_shown(say: Callable[..., Result], toy: Path, name: str
     shown = say("show", "task", ROOT / "examples" / name)
     assert shown.exit_code == 0
     assert part in shown.stdout
-
-
-def test_what_policies_see_of_an_environment_is_its_observation(
-    say: Callable[..., Result], toy: Path, pole: Path
-) -> None:
-    assert "seen:     the whole observation\n" in say("show", "task", pole).stdout
-    assert json.loads(say("show", "task", pole, "--json").stdout)["features"] == "observation"

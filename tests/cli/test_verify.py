@@ -59,12 +59,6 @@ def test_as_json(folder):
     assert [(one["cell"], one["what"]) for one in found["damages"]] == [("hold-disc/funnel/dqn/1 quick", "row")]
 
 
-def test_no_results(tmp_path):
-    done = say(tmp_path / "nowhere")
-    said = f"error: there is no ledger at {tmp_path}/nowhere/{FILE}; `stlbench run` writes one\n"
-    assert (done.exit_code, done.stderr) == (2, said)
-
-
 def test_a_full_disk_has_a_code_of_its_own(folder, monkeypatch):
     def full(place):
         raise DiskFull("cannot write")

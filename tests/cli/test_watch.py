@@ -23,12 +23,6 @@ def test_it_ends_when_nobody_writes(tmp_path, say):
     assert say("watch", tmp_path).stdout == "2 of 3 cells, 1 done, 1 raised, nobody writes here\n"
 
 
-def test_a_folder_without_a_ledger_is_one_line(tmp_path, say):
-    said = say("watch", tmp_path / "nowhere")
-    assert (said.exit_code, said.stdout, said.stderr.count("\n")) == (2, "", 1)
-    assert "there is no ledger in" in said.stderr
-
-
 def test_who_writes(tmp_path):
     assert writer(tmp_path) is None
     with writing(tmp_path):
