@@ -40,11 +40,8 @@ def actor(activation: str, squashed: bool) -> ActorPolicy:
     "policy",
     [
         network((7,), "joint"),
-        network((3, 4), "joint"),
         network((3, 4), "additive"),
-        network((6,), "additive"),
         TeamPolicy([network((3,), "joint"), network((2, 2), "additive")], [3, 4]),
-        actor("relu", True),
         actor("tanh", False),
     ],
     ids=["joint", "joint of two axes", "additive", "dueling", "team", "squashed", "clipped"],
@@ -78,13 +75,6 @@ def model(path: Path, shape: list[Any], kind: int = TensorProto.FLOAT, outputs: 
 def test_one_by_one_or_together_in_single_or_double_precision(tmp_path: Path, shape: list[Any], kind: int) -> None:
     found = load_onnx(model(tmp_path / "m.onnx", shape, kind), Observation(2))(np.array([[0.5, 1], [2, 3]]))
     assert found.tolist() == [[1.5, 2], [3, 4]]
-
-
-def test_of_several_outputs_the_action_counts(tmp_path: Path) -> None:
-    path = model(tmp_path / "m.onnx", ["N", 1], outputs=("value", "index", "action"))
-    assert load_onnx(path, Observation(1))(np.zeros((1, 1))).tolist() == [[3]]
-    path = model(tmp_path / "n.onnx", ["N", 1], outputs=("first", "second"))
-    assert load_onnx(path, Observation(1))(np.zeros((1, 1))).tolist() == [[1]]
 
 
 @pytest.mark.parametrize(
