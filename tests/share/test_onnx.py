@@ -40,8 +40,11 @@ def actor(activation: str, squashed: bool) -> ActorPolicy:
     "policy",
     [
         network((7,), "joint"),
+        network((3, 4), "joint"),
         network((3, 4), "additive"),
+        network((6,), "additive"),
         TeamPolicy([network((3,), "joint"), network((2, 2), "additive")], [3, 4]),
+        actor("relu", True),
         actor("tanh", False),
     ],
     ids=["joint", "joint of two axes", "additive", "dueling", "team", "squashed", "clipped"],
