@@ -84,7 +84,10 @@ def test_a_budget_of_less_than_a_rollout_is_one_rollout(steps: int, taken: int) 
     assert trained.reports == [(trained.policy, taken)]
 
 
-@pytest.mark.parametrize("agent", AGENTS, ids=name)
+FIRST = [AGENTS[0], *(pytest.param(agent, marks=pytest.mark.slow) for agent in AGENTS[1:])]
+
+
+@pytest.mark.parametrize("agent", FIRST, ids=name)
 def test_the_same_seed_gives_the_same_policy_bit_for_bit(agent: SB3Agent) -> None:
     def weights(seed: int) -> bytes:
         policy = Trained(agent, 300, seed).policy
@@ -95,6 +98,7 @@ def test_the_same_seed_gives_the_same_policy_bit_for_bit(agent: SB3Agent) -> Non
     assert weights(5) != weights(6)
 
 
+@pytest.mark.slow
 def test_it_learns_to_go_to_a_point_and_stay() -> None:
     """A random actor satisfies the formula from about a tenth of the starts."""
     trained = Trained(SB3TD3(copies=4, gamma=0.8), 4000)

@@ -103,6 +103,7 @@ def test_no_command_imports_what_results_name(evil: Callable[[str], Path], tmp_p
         assert not (tmp_path / "marker").exists(), command
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("named", ["results/zz-evil", "results/../results/zz-evil", "./results/zz-evil"])
 def test_nor_where_the_path_is_relative(evil: Callable[[str], Path], tmp_path: Path, named: str) -> None:
     told(f"render DIR {CELL} --start-index 0", evil(named))

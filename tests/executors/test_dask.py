@@ -56,6 +56,7 @@ def test_it_keeps_the_rules_of_executors_without_a_cluster() -> None:
     assert rules.kept[-1] == "closing the iterator stops what runs"
 
 
+@pytest.mark.slow
 def test_it_keeps_them_on_a_cluster(two: Cluster) -> None:
     class OnCluster(DaskExecutor):
         def __init__(self, *, jobs: int) -> None:
@@ -72,6 +73,7 @@ def test_it_says_where_an_item_ran_however_that_ended(two: Cluster) -> None:
     assert str(os.getpid()) not in said
 
 
+@pytest.mark.slow
 def test_a_cell_has_the_same_bits_as_on_this_machine(two: Cluster, tmp_path: Path) -> None:
     cells = plan_cells(parse_choices("integrator-or"), parse_choices("raw,funnel"), None, [0], "smoke")
     found = []
@@ -84,6 +86,7 @@ def test_a_cell_has_the_same_bits_as_on_this_machine(two: Cluster, tmp_path: Pat
     assert found[0] == found[1]
 
 
+@pytest.mark.slow
 def test_an_item_whose_worker_is_lost_is_offered_once_more_and_the_others_go_on(tmp_path: Path) -> None:
     (tmp_path / "there").write_text("")
     items = [tmp_path / name for name in ("there", "lost", "there", "there")]

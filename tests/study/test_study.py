@@ -99,9 +99,9 @@ def test_a_plugin_in_place_of_a_file_is_given_its_option(name: str, option: str)
     assert str(caught.value) == f"cannot read the study {name}: No such file or directory; {rule}"
 
 
-def test_the_committed_studies_are_studies():
-    files = sorted((Path(__file__).parents[2] / "studies").glob("*.yaml"))
-    assert files
-    for file in files:
-        study = Study.of({}, file)
-        assert study.cells()
+STUDIES = sorted((Path(__file__).parents[2] / "studies").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("file", [STUDIES[0], *(pytest.param(file, marks=pytest.mark.slow) for file in STUDIES[1:])])
+def test_the_committed_studies_are_studies(file):
+    assert Study.of({}, file).cells()

@@ -47,6 +47,7 @@ def test_a_task_cannot_leave_the_folder(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_groups_that_do_not_fit_into_one_figure_go_into_the_next(tmp_path: Path) -> None:
     results = [result(f"method-{i:02}", curve=CURVE) for i in range(ROWS_PER_FIGURE + 1)]
     names = {path.stem for path in draw_figures(condense(results), tmp_path)}
