@@ -93,27 +93,27 @@ def gate(
       stlbench gate reference --update --tasks reach-stay --methods funnel,flag --seeds 10
     """
     from stlbench.gate.judge import judge
-    from stlbench.gate.measure import Selection, cells_of, select
+    from stlbench.gate.measure import cells_of, select
     from stlbench.study.run import build_executor
     from stlbench.study.study import Study, parse_seeds
 
     if results.resolve() == reference.resolve():
         raise UsageError(f"--results {results} is the reference itself; what is measured now needs another folder")
-    selected_seeds = None if seeds is None else parse_seeds(seeds)
-    selection = Selection(budget, tasks_of(tasks), names(methods), names(agents), selected_seeds)
+    chosen = {"task": tasks_of(tasks), "method": names(methods), "agent": names(agents)}
+    numbers = None if seeds is None else parse_seeds(seeds)
     executor = options.get("executor", "local")
     place = build_executor(executor, options.get("jobs"))
     if against is not None and (update or executor != "local"):
         raise UsageError("--against trains here and writes no reference: leave out --update and --executor")
     if update:
-        if selection.is_everything:
-            cells = cells_of(select(reference, selection))
+        if tasks is methods is agents is seeds is None:
+            cells = cells_of(select(reference, budget=[budget]))
         else:
-            chosen = {"tasks": tasks or "reach-stay", "methods": methods or "funnel,flag", "seeds": seeds or SEEDS}
-            cells = Study.of({**chosen, "agents": agents, "budget": budget}).cells()
+            named = {"tasks": tasks or "reach-stay", "methods": methods or "funnel,flag", "seeds": seeds or SEEDS}
+            cells = Study.of({**named, "agents": agents, "budget": budget}).cells()
         _update(reference, _measured(cells, results, place), as_json)
         return
-    base = select(reference, selection)
+    base = select(reference, budget=[budget], **chosen, seed=numbers)
     cells = cells_of(base)
     if against is None:
         new = _measured(cells, results, place)

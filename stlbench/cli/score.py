@@ -85,8 +85,12 @@ def score(
       stlbench score reach-stay reach-stay/funnel/dqn/0
     """
     from stlbench.records.cell_files import cell_files
+    from stlbench.registry.choices import parse_choice
     from stlbench.registry.folders import task_of
+    from stlbench.share.record import outside_question, record
+    from stlbench.share.scoring import UNKNOWN, Shown
     from stlbench.share.source import find_source
+    from stlbench.study.plugin_guard import ask_one
 
     source, choice = find_source(policy, architecture, actions), task_of(task)
     if source.kind == "cell":
@@ -94,7 +98,12 @@ def score(
         _score_cell(choice, source, results, budget, which or "selected", as_json)
         return
     _refuse_options({"--policy": which}, "is no stored cell", policy)
-    result = _score_outside(choice, source, results, budget or _usual(results, choice), method, on, name, seed or 0)
+    shown = Shown(on, UNKNOWN if method is None else parse_choice(method))
+    question = outside_question(choice, source, shown, budget or _usual(results, choice), name, seed or 0)
+    entry = ask_one(question)
+    result, before = entry.result, record(results, entry)
+    if before is not None and before.provenance.get("sha256") != result.provenance["sha256"]:
+        typer.echo(f"in place of another policy of that name, {before.provenance.get('source')}", err=True)
     facts = cell_facts(result, cell_files(results, result.id, result.key).log)
     show(as_json, facts, _text(result, results))
 
@@ -114,16 +123,20 @@ def _score_cell(
     from stlbench.study.plugin_guard import ask_one
     from stlbench.study.results import Results
 
-    question = score_question(task, Results.load(results).cell(source.text, budget), results, which)
-    again = ask_one(question)
-    facts = {"cell": again.cell.name, "policy": which, "task": str(task), "as_recorded": again.as_recorded}
+    result = Results.load(results).cell(source.text, budget)
+    scores = ask_one(score_question(task, result, results, which))
+    assert result.measurement is not None
+    recorded = result.measurement.selected if which == "selected" else result.measurement.final
+    as_recorded = scores == recorded if task == result.id.task else None
+    words = {True: "as recorded", False: "not as recorded", None: "another task than its own"}
+    facts = {"cell": result.id.name, "policy": which, "task": str(task), "as_recorded": as_recorded}
 
     def text() -> Iterator[str | Table]:
-        yield f"{again.cell.name}, {which} policy, on {task}: {again.said}"
-        yield scores_table({"": again.scores})
-        _warn_of_ends(again.scores)
+        yield f"{result.id.name}, {which} policy, on {task}: {words[as_recorded]}"
+        yield scores_table({"": scores})
+        _warn_of_ends(scores)
 
-    show(as_json, facts | {"scores": plain_scores(again.scores)}, text())
+    show(as_json, facts | {"scores": plain_scores(scores)}, text())
 
 
 def _usual(results: Path, task: Choice) -> str | None:
@@ -136,29 +149,6 @@ def _usual(results: Path, task: Choice) -> str | None:
     cells = (result.id for result in stored.read(results))
     budgets = {cell.budget for cell in cells if cell.task == task and cell.track != OUTSIDE}
     return budgets.pop() if len(budgets) == 1 else None
-
-
-def _score_outside(
-    task: Choice,
-    source: Source,
-    results: Path,
-    budget: str | None,
-    method: str | None,
-    on: Literal["observation", "state", "environment"] | None,
-    name: str | None,
-    seed: int,
-) -> Result:
-    from stlbench.registry.choices import parse_choice
-    from stlbench.share.record import outside_question, record
-    from stlbench.share.scoring import UNKNOWN, Shown
-    from stlbench.study.plugin_guard import ask_one
-
-    shown = Shown(on, UNKNOWN if method is None else parse_choice(method))
-    entry = ask_one(outside_question(task, source, shown, budget, name, seed))
-    result, before = entry.result, record(results, entry)
-    if before is not None and before.provenance.get("sha256") != result.provenance["sha256"]:
-        typer.echo(f"in place of another policy of that name, {before.provenance.get('source')}", err=True)
-    return result
 
 
 def _warn_of_ends(scores: Mapping[str, Score]) -> None:

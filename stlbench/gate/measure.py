@@ -9,7 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any, Self
@@ -22,40 +22,20 @@ from stlbench.gate.snapshot import Sample, Snapshot, gather, load
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.status import ACCIDENTS
-from stlbench.registry.choices import Choice
 from stlbench.study.cell import Cell
 from stlbench.study.plan import plan_cells
 from stlbench.study.run import Progress, run_cells
 
 
-@dataclass(frozen=True)
-class Selection:
-    """Cells of one budget, and of these tasks, methods, agents and seeds; None means all."""
+def select(reference: Path, **chosen: Collection[object] | None) -> Snapshot:
+    """The cells of a reference whose parts (task, method, ...) are among the chosen; None means all.
 
-    budget: str
-    tasks: Collection[Choice] | None = None
-    methods: Collection[Choice] | None = None
-    agents: Collection[Choice] | None = None
-    seeds: Collection[int] | None = None
-
-    @property
-    def is_everything(self) -> bool:
-        return all(part is None for part in (self.tasks, self.methods, self.agents, self.seeds))
-
-
-def select(reference: Path, selection: Selection) -> Snapshot:
-    """The selected cells of a reference. Raises `UsageError` without a reference, or if it has no cell of a name."""
+    Raises `UsageError` without a reference, or if it has no cell of a name.
+    """
     if not reference.exists():
         raise UsageError(f"there is no reference at {reference}; --update with --tasks and --methods makes one")
     snapshot = load(reference)
     cells = set(snapshot.samples)
-    chosen: dict[str, Collection[object] | None] = {
-        "budget": [selection.budget],
-        "task": selection.tasks,
-        "method": selection.methods,
-        "agent": selection.agents,
-        "seed": selection.seeds,
-    }
     for part, values in chosen.items():
         if values is None:
             continue

@@ -16,7 +16,7 @@ from stlbench.rollout.referee import Referee
 from stlbench.share.checked import results_in, unpacked
 from stlbench.study.plugin_guard import LONG, ask
 from stlbench.study.policies import load_policy
-from stlbench.task import Task, load_task
+from stlbench.task import load_task
 
 MORE = 0.01
 """The share of robustness and of starts that a bundle may claim beyond the referee's score. Another processor rounds
@@ -82,44 +82,18 @@ def _score_cells(results: Sequence[Result], folder: Path) -> Iterator[Rescored]:
         if isinstance(again, Unanswered):
             yield Rescored(result.id, recorded, None, again.reason)
         else:
-            yield Rescored(result.id, recorded, again.scores)
+            yield Rescored(result.id, recorded, again)
 
 
-class Again(NamedTuple):
-    """What the referee says of a stored policy now."""
-
-    cell: CellId
-    scores: Mapping[str, Score]
-    as_recorded: bool | None
-    """Whether that is what it said when the cell was trained, exactly; None on another task."""
-
-    @property
-    def said(self) -> str:
-        words = {True: "as recorded", False: "not as recorded", None: "another task than its own"}
-        return words[self.as_recorded]
-
-
-def score_question(task: Choice, result: Result, folder: Path, which: Which) -> Question[Again]:
-    """A question for `score_again` on the task with this name."""
+def score_question(task: Choice, result: Result, folder: Path, which: Which) -> Question[Mapping[str, Score]]:
+    """Asks for the scores of a cell's stored policy on its own task, or on another with the same observation and
+    actions."""
     plugins = ("tasks", task.name), *plugins_of(result.id)
-    return Question(_on, (task, result, folder, which), plugins, f"{result.id.name} cannot be scored on {task}")
+    return Question(score_again, (task, result, folder, which), plugins, f"{result.id.name} cannot be scored on {task}")
 
 
-def _on(task: Choice, result: Result, folder: Path, which: Which) -> Again:
-    return score_again(load_task(task), result, folder, which)
-
-
-def score_again(task: Task, result: Result, folder: Path, which: Which) -> Again:
-    """Score a cell's policy on its own task, or on another with the same observation and actions.
-
-    Raises `UsageError` if it cannot be used there.
-    """
-    own = task.choice == result.id.task
-    kept = load_policy(folder, result, which, on=None if own else task)
-    starts = kept.task.file.budgets[result.id.budget].random_starts if result.id.budget in kept.task.file.budgets else 0
-    scores = Referee(kept.task, kept.method, starts).assess(kept.policy).scores
-    if not own:
-        return Again(result.id, scores, None)
-    assert result.measurement is not None
-    recorded = result.measurement.selected if which == "selected" else result.measurement.final
-    return Again(result.id, scores, scores == recorded)
+def score_again(choice: Choice, result: Result, folder: Path, which: Which) -> Mapping[str, Score]:
+    """The answer. Raises `UsageError` if the policy cannot be used on that task."""
+    kept = load_policy(folder, result, which, on=None if choice == result.id.task else load_task(choice))
+    budget = kept.task.file.budgets.get(result.id.budget)
+    return Referee(kept.task, kept.method, budget.random_starts if budget else 0).assess(kept.policy).scores

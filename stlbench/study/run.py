@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, cast, runtime_checkable
 
-from stlbench.contract import Executor, Unsuitable, Work
-from stlbench.errors import UsageError, one_line
+from stlbench.contract import Executor, Work
+from stlbench.errors import UsageError
 from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
@@ -90,18 +90,10 @@ def build_executor(choice: Choice | str = "local", jobs: int | None = None, memo
     if memory is not None:
         chosen = Choice(text.name, tuple({"memory": memory, **dict(text.parameters)}.items()))
     try:
-        with _refusals(), failing(chosen.name):
+        with failing(chosen.name):
             return cast(Executor, plugins.build("executors", chosen, defaults={} if jobs is None else {"jobs": jobs}))
     except UsageError as error:
         raise UsageError(str(error).replace(str(chosen), str(text))) from error  # by the name that the user gave it
-
-
-@contextmanager
-def _refusals() -> Iterator[None]:
-    try:
-        yield
-    except Unsuitable as error:
-        raise UsageError(one_line(error)) from error
 
 
 def run_study(
@@ -196,7 +188,6 @@ def run_cells(
         in_folder = partial(run_checked, run_cell=run_cell or trial.run_cell, folder=place)
         work_on = Work(in_folder, partial(warm, examples(missing)), partial(_log_of, place), here)
         with (
-            _refusals(),
             Examiner(missing, place) as examined,
             closing(scheduler.run(missing, ledger, executor, work_on, provenance, examined)) as results,
         ):

@@ -64,7 +64,7 @@ def outcomes(
 ) -> Generator[Outcome]:
     """Yield what `executor.run` yields: one outcome per item, as they end.
 
-    Raises `UsageError` if it raises anything but `Unsuitable`, or gives no generator with an outcome for each item.
+    Raises `UsageError` if it raises anything, or gives no generator with an outcome for each item.
     """
     left, rule = (
         set(range(len(items))),
@@ -93,11 +93,13 @@ def outcomes(
 
 @contextmanager
 def failing(executor: Executor | str) -> Iterator[None]:
-    """What an executor raises, or one of that name, is a `UsageError`; `Unsuitable` stays so: it cannot run here."""
+    """What an executor raises, or one of that name, is a `UsageError`."""
     try:
         yield
-    except (Unsuitable, UsageError):
+    except UsageError:
         raise
+    except Unsuitable as error:  # it cannot run here
+        raise UsageError(one_line(error)) from error
     except (Exception, SystemExit) as error:
         raise UsageError(f"{_name(executor)} failed: {cause(error)}") from error
 

@@ -64,11 +64,11 @@ def test_a_report_of_bundles_has_the_scores_that_are_found_and_not_the_claimed(b
 
 
 def test_a_task_that_is_not_installed_is_said(bundle, monkeypatch) -> None:
-    def nowhere(_):
+    def nowhere(*_):
         raise UsageError("there is no task 'zz-line'")
 
     here(monkeypatch)
-    monkeypatch.setattr("stlbench.share.rescored.load_task", nowhere)
+    monkeypatch.setattr("stlbench.study.policies.own_task", nowhere)
     (found,) = rescore(bundle)
     assert (found.found, found.verdict, found.why) == (None, "not scored", "there is no task 'zz-line'")
 
