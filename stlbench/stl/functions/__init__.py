@@ -7,6 +7,7 @@ use the C library and arrays NumPy, so that exp, log, tan and the like may diffe
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -50,46 +51,38 @@ class Function:
         return {1: "one argument", 2: "two arguments"}[self.arity] if self.arity else "one or more arguments"
 
 
-def _first(of_one: Callable[[Range], Range]) -> Callable[[Ranges], Range]:
-    return lambda ranges: of_one(ranges[0])
+def _each(interval: Callable[..., Range]) -> Callable[[Ranges], Range]:
+    return lambda ranges: interval(*ranges)
 
 
-def _least(*values: float) -> float:
-    """NaN if any is, as NumPy's."""
-    return reduce(lambda a, b: a if a <= b else b if b < a else math.nan, values)
+def _lower(a: float, b: float) -> float:
+    """NaN if either is, as NumPy's."""
+    return a if a <= b else b if b < a else math.nan
 
 
-def _greatest(*values: float) -> float:
-    return reduce(lambda a, b: a if a >= b else b if b > a else math.nan, values)
+def _higher(a: float, b: float) -> float:
+    return a if a >= b else b if b > a else math.nan
 
 
-def _largest(*values: float) -> float:
-    return _greatest(*map(abs, values))
+def _of_all(pick: Callable[[Any, Any], Any]) -> Callable[..., Any]:
+    return lambda *values: reduce(pick, values)
 
 
-def _largests(*values: Any) -> Any:
-    return reduce(np.maximum, map(np.abs, values))
+def _of_sizes(pick: Callable[[Any, Any], Any]) -> Callable[..., Any]:
+    return lambda *values: reduce(pick, map(abs, values))
 
 
-def _norm(*values: float) -> float:
-    return math.sqrt(reduce(lambda total, value: total + value, [value * value for value in values]))
-
-
-def _norms(*values: Any) -> Any:
-    return np.sqrt(reduce(np.add, [value * value for value in values]))
+def _norm(root: Callable[[Any], Any]) -> Callable[..., Any]:
+    return lambda *values: root(reduce(operator.add, [value * value for value in values]))
 
 
 def _log(values: Any) -> Any:
     return np.log(np.where(values > 0.0, values, math.nan))
 
 
-def _atan2(y: float, x: float) -> float:
+def _polar(atan2: Callable[[Any, Any], Any]) -> Callable[..., Any]:
     """The sign of a zero does not count: (-pi, pi], and pi at y = 0, x < 0."""
-    return math.atan2(y + 0.0, x + 0.0)
-
-
-def _atan2s(y: Any, x: Any) -> Any:
-    return np.arctan2(y + 0.0, x + 0.0)
+    return lambda y, x: atan2(y + 0.0, x + 0.0)
 
 
 def _may_contain_pole(low: float, high: float) -> bool:
@@ -101,18 +94,18 @@ _ABOVE_0 = Domain("above 0", lambda low, high: low <= 0)
 _NO_POLE = Domain("no odd multiple of pi / 2", _may_contain_pole)
 
 _ROWS = (
-    Function("abs", 1, abs, np.abs, _first(interval.absolute), derivative.of_absolute),
-    Function("sqrt", 1, math.sqrt, np.sqrt, _first(interval.root), derivative.of_root, _AT_LEAST_0),
-    Function("exp", 1, math.exp, np.exp, _first(interval.exponential), derivative.of_exponential),
-    Function("log", 1, math.log, _log, _first(interval.logarithm), derivative.of_logarithm, _ABOVE_0),
-    Function("sin", 1, math.sin, np.sin, _first(interval.sine), derivative.of_sine),
-    Function("cos", 1, math.cos, np.cos, _first(interval.cosine), derivative.of_cosine),
-    Function("tan", 1, math.tan, np.tan, _first(interval.tangent), derivative.of_tangent, _NO_POLE),
-    Function("tanh", 1, math.tanh, np.tanh, _first(interval.hyperbolic_tangent), derivative.of_hyperbolic_tangent),
-    Function("atan2", 2, _atan2, _atan2s, lambda args: interval.direction(*args), derivative.of_direction),
-    Function("min", None, _least, lambda *v: reduce(np.minimum, v), interval.least, derivative.of_least),
-    Function("max", None, _greatest, lambda *v: reduce(np.maximum, v), interval.greatest, derivative.of_greatest),
-    Function("norm", None, _norm, _norms, interval.norm, derivative.of_norm),
-    Function("norminf", None, _largest, _largests, interval.largest, derivative.of_largest),
+    Function("abs", 1, abs, np.abs, _each(interval.absolute), derivative.of_absolute),
+    Function("sqrt", 1, math.sqrt, np.sqrt, _each(interval.root), derivative.of_root, _AT_LEAST_0),
+    Function("exp", 1, math.exp, np.exp, _each(interval.exponential), derivative.of_exponential),
+    Function("log", 1, math.log, _log, _each(interval.logarithm), derivative.of_logarithm, _ABOVE_0),
+    Function("sin", 1, math.sin, np.sin, _each(interval.sine), derivative.of_sine),
+    Function("cos", 1, math.cos, np.cos, _each(interval.cosine), derivative.of_cosine),
+    Function("tan", 1, math.tan, np.tan, _each(interval.tangent), derivative.of_tangent, _NO_POLE),
+    Function("tanh", 1, math.tanh, np.tanh, _each(interval.hyperbolic_tangent), derivative.of_hyperbolic_tangent),
+    Function("atan2", 2, _polar(math.atan2), _polar(np.arctan2), _each(interval.direction), derivative.of_direction),
+    Function("min", None, _of_all(_lower), _of_all(np.minimum), interval.least, derivative.of_least),
+    Function("max", None, _of_all(_higher), _of_all(np.maximum), interval.greatest, derivative.of_greatest),
+    Function("norm", None, _norm(math.sqrt), _norm(np.sqrt), interval.norm, derivative.of_norm),
+    Function("norminf", None, _of_sizes(_higher), _of_sizes(np.maximum), interval.largest, derivative.of_largest),
 )
 FUNCTIONS: dict[str, Function] = {row.name: row for row in _ROWS}
