@@ -43,7 +43,7 @@ def check(
     from stlbench.rollout.faults import PluginFault
     from stlbench.testing import RuleBroken, Rules
 
-    plugin, rules = _found(name, kind), Rules()
+    plugin, rules = _plugin_of(name, kind), Rules()
     if task is not None and plugin.kind != "methods":
         raise UsageError(f"--task is for a method, and {plugin} is none")
     broken = ""
@@ -69,7 +69,7 @@ def check(
         raise typer.Exit(1)
 
 
-def _found(name: str, kind: Kind | None) -> Plugin:
+def _plugin_of(name: str, kind: Kind | None) -> Plugin:
     from stlbench.registry import folders, plugins
     from stlbench.registry.choices import executor_of
 
@@ -80,10 +80,10 @@ def _found(name: str, kind: Kind | None) -> Plugin:
     alone = executor_of(name).name
     if kind is not None:
         return plugins.find(f"{kind}s", alone)
-    found = [plugins.find(each, alone) for each in plugins.KINDS if alone in plugins.available(each)]
-    if len(found) > 1:
-        raise UsageError(f"'{alone}' is {' and '.join(map(str, found))}; say which by --kind")
-    return found[0] if found else plugins.find(_nearest(alone), alone)
+    candidates = [plugins.find(each, alone) for each in plugins.KINDS if alone in plugins.available(each)]
+    if len(candidates) > 1:
+        raise UsageError(f"'{alone}' is {' and '.join(map(str, candidates))}; say which by --kind")
+    return candidates[0] if candidates else plugins.find(_nearest(alone), alone)
 
 
 def _nearest(name: str) -> str:

@@ -237,5 +237,5 @@ def console() -> Console:
 
 
 def _columns() -> int:
-    said = os.environ.get("COLUMNS", "")
-    return int(said) if re.fullmatch("[1-9][0-9]{0,4}", said) else 120
+    columns = os.environ.get("COLUMNS", "")
+    return int(columns) if re.fullmatch("[1-9][0-9]{0,4}", columns) else 120

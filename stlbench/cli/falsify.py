@@ -68,8 +68,8 @@ def falsify(
     actors, place = chosen.load(), out or inside(chosen.results / "falsified", chosen.results)
 
     def work(actor: Actor, progress: Callable[[int, float], None]) -> _Written:
-        found = search.falsify(actor, how, progress)
-        return found, write(found, place) if found.found or found.open or least else []
+        result = search.falsify(actor, how, progress)
+        return result, write(result, place) if result.found or result.open or least else []
 
     one_by_one(
         actors,

@@ -162,15 +162,15 @@ def _judge(
 
     from stlbench.rollout.early_ends import last_steps
 
-    last, found = last_steps(traces.samples), dict[int, Verdict]()
+    last, by_place = last_steps(traces.samples), dict[int, Verdict]()
     for end in np.unique(last):
         which = np.flatnonzero(last == end).tolist()
         alike = traces._replace(samples=traces.samples[which, : end + 1])
         early = end + 1 < traces.samples.shape[1]
         at = f"start {starts[which[0]]}: the episode ended early; the formula " if early else ""
         verdicts = _judge_alike(source, formula, alike, [starts[i] for i in which], policy, at)
-        found |= dict(zip(which, verdicts, strict=True))
-    return [found[i] for i in range(len(starts))]
+        by_place |= dict(zip(which, verdicts, strict=True))
+    return [by_place[i] for i in range(len(starts))]
 
 
 def _judge_alike(
@@ -202,6 +202,6 @@ def _warn_of_early_ends(traces: SavedTraces, starts: list[int | None]) -> None:
 
     rows, length = last_steps(traces.samples) + 1, traces.samples.shape[1]
     if early := [f"start {start} has {count}" for start, count in zip(starts, rows, strict=True) if count < length]:
-        said = ", ".join(early[:3]) + (", ..." if len(early) > 3 else "")
+        examples = ", ".join(early[:3]) + (", ..." if len(early) > 3 else "")
         rule = "each is judged by the rows that it has; `stlbench score` judges it as the task says"
-        warn(f"{len(early)} of {len(starts)} traces ended before their {length} rows ({said}): {rule}")
+        warn(f"{len(early)} of {len(starts)} traces ended before their {length} rows ({examples}): {rule}")

@@ -84,7 +84,7 @@ def score(
       stlbench score reach-stay q.pt --architecture "mlp[6,64,64,273;relu]"
       stlbench score reach-stay reach-stay/funnel/dqn/0
     """
-    from stlbench.records.cell_files import cell_files
+    from stlbench.records.outputs import cell_files
     from stlbench.registry.choices import parse_choice
     from stlbench.registry.folders import task_of
     from stlbench.share.record import outside_question, record

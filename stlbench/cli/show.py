@@ -52,7 +52,7 @@ def cell(
       stlbench show cell reach-stay/funnel/dqn/0
       stlbench show cell "overlap[without=cuts]/funnel/dqn/1" results/ablation --json
     """
-    from stlbench.records.cell_files import cell_files
+    from stlbench.records.outputs import cell_files
     from stlbench.study.results import Results
 
     results = Results.load(folder)
@@ -70,8 +70,8 @@ def cell_facts(result: Result, log: Path) -> dict[str, Any]:
 
 
 def _cell_text(result: Result, log: Path) -> Iterator[str | Table]:
-    from stlbench.records.cell_files import end_of_log
     from stlbench.records.identity import OUTSIDE
+    from stlbench.records.outputs import end_of_log
     from stlbench.records.status import ACCIDENTS
     from stlbench.report.tables.cells import scores_and_cost
 

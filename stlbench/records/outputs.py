@@ -1,6 +1,7 @@
-"""The files that stlbench writes: each is replaced as a whole, and none is written through a link.
+"""The files that stlbench writes: where those of a cell are, and how a file is replaced as a whole.
 
-A folder of results may come from a stranger. A link in it would lead what is written to any file of the user.
+None is written through a link. A folder of results may come from a stranger. A link in it would lead what is written to
+any file of the user.
 """
 
 from __future__ import annotations
@@ -9,9 +10,10 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
-from stlbench.errors import UsageError, unwritable
+from stlbench.errors import UsageError, printable, unwritable
+from stlbench.records.identity import CellId
 
 
 def inside(path: Path, folder: Path) -> Path:
@@ -63,3 +65,38 @@ def opened(path: Path, folder: Path | None = None) -> Iterator[BinaryIO]:
 
 def _without_links(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NOFOLLOW | getattr(os, "O_CLOEXEC", 0), 0o666)
+
+
+TRACES, POLICIES, LOGS = "traces", "policies", "logs"
+"""Names of the folders in a folder of results."""
+
+
+class CellFiles(NamedTuple):
+    traces: Path
+    """See `saved_traces`."""
+    policies: Path
+    """See `saved_policies`."""
+    log: Path
+    """What the cell wrote to standard output and error."""
+
+
+def cell_files(folder: Path, cell: CellId, key: str) -> CellFiles:
+    """The paths in a folder of results. Names consist of the cell and the beginning of its key."""
+    name = cell.name.replace("/", "_") + end_of_name(key)
+    return CellFiles(folder / TRACES / name, folder / POLICIES / name, (folder / LOGS / name).with_suffix(".log"))
+
+
+def end_of_name(key: str) -> str:
+    """How the names of the arrays of a result end. The key of a stranger's result may look like a path."""
+    return f"_{key[:12]}.npz".replace("/", "_")
+
+
+def end_of_log(log: Path, lines: int = 20) -> list[str]:
+    """The last lines of a log, safe to show; none where there is no log."""
+    try:
+        with log.open("rb") as file:
+            file.seek(max(0, log.stat().st_size - 100 * lines))
+            text = file.read().decode(errors="backslashreplace")
+    except OSError:
+        return []
+    return printable(text).splitlines()[-lines:]

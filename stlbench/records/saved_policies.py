@@ -15,8 +15,8 @@ import numpy as np
 from stlbench.contract import Arrays, Policy, StatePolicy
 from stlbench.errors import UsageError
 from stlbench.records import npz
-from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import OUTSIDE
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import TASK_FOLDER, Result
 
 Which = Literal["selected", "final"]

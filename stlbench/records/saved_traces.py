@@ -14,7 +14,7 @@ import numpy as np
 from stlbench.contract import Array, Integers
 from stlbench.errors import UsageError, one_line
 from stlbench.records import npz
-from stlbench.records.cell_files import cell_files
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import MAIN, Result, Score
 
 

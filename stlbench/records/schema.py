@@ -14,9 +14,8 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple, Self, cast, get_args
 
 from stlbench.errors import UsageError, one_line, unwritable
-from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import IDENTITY, CellId, Track
-from stlbench.records.outputs import inside
+from stlbench.records.outputs import cell_files, inside
 from stlbench.records.result import Result, from_json, numbers, to_json
 from stlbench.records.status import Status
 from stlbench.registry.choices import parse_choice

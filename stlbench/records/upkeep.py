@@ -11,11 +11,10 @@ from typing import NamedTuple, get_args
 
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.records import stored
-from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
-from stlbench.records.outputs import inside, opened
+from stlbench.records.outputs import cell_files, inside, opened
 from stlbench.records.result import Result
 from stlbench.records.status import ACCIDENTS, Status
 from stlbench.records.verify import verify

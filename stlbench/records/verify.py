@@ -9,11 +9,10 @@ from typing import NamedTuple
 
 from stlbench.errors import one_line, unwritable
 from stlbench.records import stored
-from stlbench.records.cell_files import POLICIES, TRACES, cell_files, end_of_name
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
-from stlbench.records.outputs import inside
+from stlbench.records.outputs import POLICIES, TRACES, cell_files, end_of_name, inside
 from stlbench.records.result import Result
 from stlbench.records.schema import checksums_beside
 

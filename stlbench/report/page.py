@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from stlbench import stl
 from stlbench.errors import UsageError
-from stlbench.records.cell_files import TRACES, cell_files, end_of_log
 from stlbench.records.identity import OUTSIDE, CellId, Setting
-from stlbench.records.outputs import write
+from stlbench.records.outputs import TRACES, cell_files, end_of_log, write
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
 from stlbench.report.figures.files import drawings_across, drawings_of_alignment, drawings_of_tasks, svg_of

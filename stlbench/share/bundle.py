@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 from stlbench import __version__
 from stlbench.errors import UsageError, one_line
 from stlbench.records import stored
-from stlbench.records.cell_files import POLICIES, TRACES, cell_files
-from stlbench.records.outputs import opened
+from stlbench.records.outputs import POLICIES, TRACES, cell_files, opened
 from stlbench.records.result import Result
 from stlbench.study.results import Results
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from stlbench.errors import UsageError, one_line
 from stlbench.records import npz, saved_policies, stored
-from stlbench.records.cell_files import cell_files
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result
 from stlbench.share.bundle import METADATA, Content, may_hold, read_metadata
 from stlbench.study.results import Results
@@ -43,18 +43,18 @@ class Checked(NamedTuple):
 def check(path: Path) -> Checked:
     """Check a bundle. Raises `UsageError` if the file is none."""
     with unpacked(path) as (folder, problems):
-        found = list(problems)
+        wrong = list(problems)
         if problems and not (folder / stored.LINES).is_file():
             return Checked(0, 0, problems)
         try:
             results = tuple(results_in(folder))
         except UsageError as error:
-            return Checked(0, 0, (*found, _inside(error, folder)))
-        found += [f"{result.id.name}: its key is none" for result in results if not _KEY.fullmatch(result.key)]
+            return Checked(0, 0, (*wrong, _inside(error, folder)))
+        wrong += [f"{result.id.name}: its key is none" for result in results if not _KEY.fullmatch(result.key)]
         kept = [result for result in results if _KEY.fullmatch(result.key) and _file(folder, result).is_file()]
         for result in kept:
-            found += _policies(folder, result)
-        return Checked(len(results), len(kept), tuple(found))
+            wrong += _policies(folder, result)
+        return Checked(len(results), len(kept), tuple(wrong))
 
 
 def results_in(folder: Path) -> Results:
@@ -132,17 +132,17 @@ def _extract(archive: zipfile.ZipFile, member: zipfile.ZipInfo, content: Content
     """Write a file, or say what is wrong with it. A link in the zip becomes a file with a path in it."""
     if member.file_size != content.size:
         return f"{member.file_size} bytes, and {METADATA} says {content.size}"
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with archive.open(member) as source, target.open("wb") as copy:
             while piece := source.read(_PIECE):
-                found.update(piece)
+                digest.update(piece)
                 copy.write(piece)
     except _DAMAGED as error:
         target.unlink(missing_ok=True)
         return f"damaged: {error}"
-    if found.hexdigest() == content.sha256:
+    if digest.hexdigest() == content.sha256:
         return ""
     target.unlink()
     return "its content is another than when it was packed"

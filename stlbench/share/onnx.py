@@ -41,8 +41,8 @@ def load_onnx(path: Path, shown: Observation) -> Callable[[Array], Any]:
     inputs = session.get_inputs()
     given = inputs[0]
     if len(inputs) != 1 or given.type not in _TYPES or len(given.shape) != 2:
-        said = ", ".join(f"{each.name} {each.type} {each.shape}" for each in inputs)
-        raise UsageError(f"{path}: expected is one input of float, (N, {size}); it has {said}")
+        listed = ", ".join(f"{each.name} {each.type} {each.shape}" for each in inputs)
+        raise UsageError(f"{path}: expected is one input of float, (N, {size}); it has {listed}")
     if given.shape[1] is not None and not isinstance(given.shape[1], str):
         check_size(path, given.shape[1], size)
     names = [each.name for each in session.get_outputs()]
@@ -106,9 +106,9 @@ def export(folder: Path, result: Result, which: Which, path: Path) -> Exported:
     with TemporaryDirectory(prefix="stlbench-onnx-") as place:
         tried = Path(place, path.name)
         tried.write_bytes(complete)
-        found = _compared(kept, tried, shown)
+        exported = _compared(kept, tried, shown)
     write(path, complete)
-    return found
+    return exported
 
 
 def _complete(content: bytes, kept: LoadedPolicy, facts: dict[str, str]) -> bytes:
@@ -144,8 +144,8 @@ def _compared(kept: LoadedPolicy, path: Path, shown: Observation) -> Exported:
     seen = _Seen(kept.policy)
     Referee(kept.task, kept.method).assess(seen)
     observations, actions = np.concatenate(seen.observations), kept.task.actions
-    found = load_onnx(path, shown)(observations)
-    own, other = kept.policy.act(observations), actions_of(found, actions, len(observations), str(path))
+    answers = load_onnx(path, shown)(observations)
+    own, other = kept.policy.act(observations), actions_of(answers, actions, len(observations), str(path))
     if isinstance(actions, ActionGrid):
         own, other = actions.vectors[own], actions.vectors[other]
     away = np.abs(own - other) / (np.array(actions.high) - np.array(actions.low))

@@ -7,11 +7,10 @@ from typing import NamedTuple
 
 from stlbench.errors import UsageError
 from stlbench.records import saved_traces, stored, upkeep
-from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import OUTSIDE, CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
-from stlbench.records.outputs import inside
+from stlbench.records.outputs import cell_files, inside
 from stlbench.records.result import TASK_FOLDER, Result
 from stlbench.records.saved_traces import Assessment
 from stlbench.registry import folders
@@ -57,9 +56,9 @@ def row(task: Task, source: Source, shown: Shown, scored: Scored, budget: str, n
     cell = CellId(task.choice, shown.method, Choice(name or source.name), seed, budget, OUTSIDE)
     sha256, more, on = source.digest, source.more, shown.on or "observation"
     key = digest([harness().digest, cell.name, budget, sha256, on, more])
-    said = {"observation": scored.observation, "moved": scored.moved}
+    remarks = {"observation": scored.observation, "moved": scored.moved}
     facts = {"source": source.shown, "sha256": sha256, "on": on, "begun_at": scored.starts, **more}
-    facts |= {name: text for name, text in said.items() if text}
+    facts |= {name: text for name, text in remarks.items() if text}
     folder = folders.place_of(task.choice.name)
     place = {} if folder is None else {TASK_FOLDER: str(folder)}
     return Result(cell, key, "done", measurement=scored.measurement, provenance={**facts, **collect(1), **place})

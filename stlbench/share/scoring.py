@@ -85,10 +85,10 @@ def score(task: Task, source: Source, shown: Shown, random_starts: int) -> Score
         starts = "the report's starts" if from_the_reports_starts(traces, task) else "starts of its own"
         return Scored(_measured(scores, begun), traces, None, starts)
     played = play(task, source, shown)
-    found = referee.Referee(task, played.method, random_starts).assess(played.policy)
-    measured = _measured(found.scores, begun, played.method.input_size)
+    assessment = referee.Referee(task, played.method, random_starts).assess(played.policy)
+    measured = _measured(assessment.scores, begun, played.method.input_size)
     moved = played.policy.moved.text({name: axis.unit for name, axis in task.file.actions.items()}, task.actions.names)
-    return Scored(measured, found.traces, found.states, "the report's starts", played.observation, moved)
+    return Scored(measured, assessment.traces, assessment.states, "the report's starts", played.observation, moved)
 
 
 class Played(NamedTuple):

@@ -63,8 +63,8 @@ class Source:
     @property
     def more(self) -> dict[str, str]:
         """What else it takes to have the same policy, for the provenance. Raises `UsageError`."""
-        found = {} if self.architecture is None else {"architecture": self.architecture}
-        return found if self.table is None else {**found, "actions": _sha256(Path(self.table))}
+        facts = {} if self.architecture is None else {"architecture": self.architecture}
+        return facts if self.table is None else {**facts, "actions": _sha256(Path(self.table))}
 
 
 def _sha256(path: Path) -> str:
@@ -79,15 +79,15 @@ def find_source(text: str, architecture: str | None = None, table: str | None = 
 
     Raises `UsageError` if it names none, or the policy has no use for an architecture or a table.
     """
-    found = _found(text)
-    if architecture is not None and found.kind != "torch":
+    source = _source_of(text)
+    if architecture is not None and source.kind != "torch":
         raise UsageError(f"{text}: --architecture is for a state_dict of PyTorch, .pt or .pth; leave it out")
-    if table is not None and found.kind in ("cell", "traces"):
+    if table is not None and source.kind in ("cell", "traces"):
         raise UsageError(f"{text}: --actions is for a policy from outside that acts; leave it out")
-    return replace(found, architecture=architecture, table=table)
+    return replace(source, architecture=architecture, table=table)
 
 
-def _found(text: str) -> Source:
+def _source_of(text: str) -> Source:
     kind = _ENDINGS.get(Path(text).suffix.lower())
     if kind is not None:
         if not Path(text).is_file():

@@ -89,12 +89,12 @@ def load_state_dict(path: Path, architecture: str, size: int) -> Callable[[Array
 
 
 def _declared(text: str) -> tuple[list[int], str]:
-    found = _FORM.fullmatch(text.strip())
-    if found is None:
+    match = _FORM.fullmatch(text.strip())
+    if match is None:
         raise UsageError(f"--architecture {text}: expected are sizes and an activation, as in '{_EXAMPLE}'")
-    if found[2].lower() not in ACTIVATIONS:
-        raise UsageError(f"--architecture {text}: no activation '{found[2]}'{did_you_mean(found[2], ACTIVATIONS)}")
-    return [int(each) for each in found[1].split(",")], found[2].lower()
+    if match[2].lower() not in ACTIVATIONS:
+        raise UsageError(f"--architecture {text}: no activation '{match[2]}'{did_you_mean(match[2], ACTIVATIONS)}")
+    return [int(each) for each in match[1].split(",")], match[2].lower()
 
 
 def _read(path: Path) -> dict[str, Weights]:
@@ -121,8 +121,8 @@ def _matched(
         raise UsageError(f"{path}: {len(names)} layers, {', '.join(names)}; {architecture} has {len(sizes) - 1}")
     for name, inputs, outputs in zip(names, sizes[:-1], sizes[1:], strict=True):
         for part, shape in (("weight", (outputs, inputs)), ("bias", (outputs,))):
-            if (found := weights[f"{name}{part}"].shape) != shape:
-                raise UsageError(f"{path}: '{name}{part}' has the shape {found}; by {architecture} it is {shape}")
+            if (actual := weights[f"{name}{part}"].shape) != shape:
+                raise UsageError(f"{path}: '{name}{part}' has the shape {actual}; by {architecture} it is {shape}")
     return tuple((weights[f"{name}weight"], weights[f"{name}bias"]) for name in names)
 
 
@@ -158,8 +158,8 @@ def load_torchscript(path: Path) -> Callable[[Array], Any]:
 
     def act(observation: Array) -> Any:
         with torch.no_grad():
-            found = module.forward(torch.as_tensor(observation).to(kind))
-        return np.asarray(found[0] if isinstance(found, tuple | list) else found)
+            outputs = module.forward(torch.as_tensor(observation).to(kind))
+        return np.asarray(outputs[0] if isinstance(outputs, tuple | list) else outputs)
 
     return act
 

@@ -8,9 +8,8 @@ from itertools import islice
 from pathlib import Path
 
 from stlbench.errors import DiskFull, one_line
-from stlbench.records.cell_files import cell_files
 from stlbench.records.ledger import Ledger
-from stlbench.records.outputs import inside
+from stlbench.records.outputs import cell_files, inside
 from stlbench.records.result import Result
 from stlbench.registry import folders
 from stlbench.study.cell import Cell, digest

@@ -21,7 +21,7 @@ import numpy as np
 
 from stlbench.contract import System
 from stlbench.errors import UsageError, cause, one_line
-from stlbench.records.cell_files import cell_files
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import MAIN, Measurement, Result, Score
 from stlbench.records.saved_traces import read_cell
 from stlbench.registry import plugins

@@ -10,10 +10,10 @@ from typing import Any, Protocol, cast, runtime_checkable
 
 from stlbench.contract import Executor, Work
 from stlbench.errors import UsageError
-from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
 from stlbench.records.lock import writing
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result
 from stlbench.records.status import Status
 from stlbench.registry import plugins

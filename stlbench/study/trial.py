@@ -14,8 +14,7 @@ import numpy as np
 from stlbench.contract import Agent, Array, Intractable, Policy, RewardMethod, StatePolicy, Unsuitable
 from stlbench.errors import one_line
 from stlbench.records import saved_policies, saved_traces
-from stlbench.records.cell_files import cell_files
-from stlbench.records.outputs import inside
+from stlbench.records.outputs import cell_files, inside
 from stlbench.records.result import CurvePoint, Measurement, Planned, Result, StoredPolicies
 from stlbench.records.saved_traces import Assessment
 from stlbench.rollout.cost import refuse_dear

@@ -14,8 +14,8 @@ from helpers.kept_policies import trained
 from typer.testing import CliRunner
 
 from stlbench.cli import app
-from stlbench.records.cell_files import cell_files
 from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result
 from stlbench.records.stored import write_lines
 from stlbench.registry import plugins

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from helpers.synthetic_results import result
-from stlbench.records.cell_files import cell_files
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result
 from stlbench.records.saved_traces import save_samples
 

@@ -15,8 +15,8 @@ from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.records import npz, saved_traces, schema, stored
-from stlbench.records.cell_files import cell_files
 from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.outputs import cell_files
 from stlbench.records.reader import LedgerWarning
 from stlbench.records.verify import repair, verify
 from stlbench.study.results import Results

@@ -11,8 +11,8 @@ from helpers import synthetic_results
 
 from stlbench.errors import UsageError
 from stlbench.records import stored
-from stlbench.records.cell_files import cell_files
 from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result
 from stlbench.records.upkeep import Merged, choose, merge, remove
 from stlbench.study.results import Results

@@ -11,8 +11,8 @@ from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.records import stored
-from stlbench.records.cell_files import cell_files
 from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.outputs import cell_files
 from stlbench.records.verify import DAMAGED, repair, verify
 from stlbench.study import run
 

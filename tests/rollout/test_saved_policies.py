@@ -13,7 +13,7 @@ from helpers import synthetic_results
 from stlbench.contract import Array, Arrays, Integers, Policy, StatePolicy
 from stlbench.errors import UsageError
 from stlbench.records import npz
-from stlbench.records.cell_files import cell_files
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import Result, StoredPolicies
 from stlbench.records.saved_policies import digest, read, save
 

@@ -10,7 +10,7 @@ from helpers import synthetic_results
 from helpers.line_task import Probe, Rule, line
 
 from stlbench.errors import UsageError
-from stlbench.records.cell_files import cell_files
+from stlbench.records.outputs import cell_files
 from stlbench.records.saved_traces import read_saved
 from stlbench.rollout.referee import Referee
 from stlbench.rollout.traces import Recording, gather, load

@@ -15,8 +15,8 @@ from helpers import bundles, line_task
 
 from stlbench.errors import UsageError
 from stlbench.records import npz, saved_policies
-from stlbench.records.cell_files import cell_files
 from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import TASK_FOLDER
 from stlbench.share import checked
 from stlbench.share.checked import check, results_in, unpacked

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 from helpers import scripted_cells
 
-from stlbench.records.cell_files import cell_files
 from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.outputs import cell_files
 from stlbench.registry.fingerprint import code_of
 from stlbench.study import run
 from stlbench.study.cell import Cell

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stlbench.records.cell_files import cell_files
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import MAIN, RANDOM, Measurement, Result, Score, Summary
 from stlbench.records.saved_traces import save_samples
 from stlbench.registry.choices import parse_choices

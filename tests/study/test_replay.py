@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from helpers import kept_policies
 
-from stlbench.records.cell_files import cell_files
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import MAIN, Result
 from stlbench.records.saved_traces import read_saved
 from stlbench.study.policies import Start, replay

@@ -14,9 +14,9 @@ from helpers.synthetic_results import result
 
 from stlbench.errors import UsageError
 from stlbench.records import stored
-from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import FILE, Ledger
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import Planned
 from stlbench.study.results import Results
 

@@ -20,8 +20,8 @@ from helpers.line_task import SYSTEM
 from stlbench import stl
 from stlbench.contract import Array, Integers, Policy, Training
 from stlbench.errors import UsageError
-from stlbench.records.cell_files import cell_files
 from stlbench.records.identity import CellId
+from stlbench.records.outputs import cell_files
 from stlbench.records.result import MAIN, Measurement, Planned, Result
 from stlbench.registry.choices import parse_choices
 from stlbench.study import live_cells, trial

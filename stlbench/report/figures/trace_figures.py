@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from stlbench.contract import Array
 from stlbench.contract.presentation import Band
 from stlbench.errors import UsageError
-from stlbench.records.cell_files import TRACES
 from stlbench.records.identity import Setting
+from stlbench.records.outputs import TRACES
 from stlbench.records.result import Result
 from stlbench.registry.choices import Choice
 from stlbench.report.figures.files import drawings_of_learning, file_name, save

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import synthetic_results
 
-from stlbench.records.cell_files import cell_files
+from stlbench.records.outputs import cell_files
 from stlbench.report import condense
 from stlbench.report.figures import trace_figures
 from stlbench.report.figures.style import colours_of
