@@ -47,7 +47,7 @@ def read(path: Path, prefix: str = "") -> dict[str, NDArray[Any]]:
 
 
 def unpacked_size(path: Path) -> int:
-    """Bytes that the arrays of a file have by its own list, which no reader goes beyond. Raises `ValueError`."""
+    """Bytes of a file's arrays by its own list, which no reader exceeds. Raises `ValueError`."""
     try:
         with zipfile.ZipFile(path) as archive:
             return sum(info.file_size for info in archive.infolist())

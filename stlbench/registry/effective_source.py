@@ -111,8 +111,7 @@ def _is_version(statement: ast.stmt) -> bool:
 
 
 def _statements(block: ast.AST) -> Iterator[ast.stmt]:
-    """All below a block, in their order, without what only type checkers see: of expressions, which are most of a tree,
-    none is an import."""
+    """All statements below a block, in their order, without imports for type checkers. Expressions have no imports."""
     for part in ("body", "handlers", "cases", "orelse", "finalbody"):
         if part == "body" and _is_for_checkers(block):
             continue

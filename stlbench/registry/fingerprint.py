@@ -45,7 +45,7 @@ class Code:
 
     @property
     def changed(self) -> str | None:
-        """What is no longer as it was: a file, which may be gone, or a distribution; None where all is as it was."""
+        """The first file or distribution that is no longer the same; None if all are."""
         for name, digest in self.files:
             path = _path(name)
             if path is None or _digest(path, name) != digest:
@@ -154,8 +154,9 @@ def _data_files(folder: Path) -> Iterator[Path]:
 
 
 def _versions(top: str, packages: bool) -> dict[str, str] | None:
-    """The versions of what a top-level module comes from: of nothing, where it is Python's own, the harness, or not
-    there; None where it is no installed distribution, but source to follow."""
+    """The versions behind a top-level module: none for Python's own and the harness; None if its source is to be
+    followed.
+    """
     origin, folders = _place(top)
     if top in sys.stdlib_module_names or top == "stlbench" or not (origin or folders):
         return {}
@@ -168,8 +169,7 @@ def _versions(top: str, packages: bool) -> dict[str, str] | None:
 
 @lru_cache(maxsize=1024)
 def _distributions(top: str, place: Path) -> tuple[str, ...]:
-    """The names of those that have a module that is there. To look through all takes half a second, and most of them
-    have the module's name."""
+    """The distributions that have this module. Most have its name; to search all takes half a second."""
     try:
         named = metadata.distribution(top)
         if place.is_relative_to(str(named.locate_file(top))):

@@ -148,7 +148,7 @@ def _installed(kind: str) -> Iterator[Plugin]:
 
 
 def damaged() -> Iterator[str]:
-    """Where a distribution is whose files nobody can read, and why; libraries that look for plugins fail for all."""
+    """The place and the error of each distribution that cannot be read: then libraries that look for plugins fail."""
     for distribution in distributions():
         try:
             _ = distribution.entry_points
@@ -157,7 +157,7 @@ def damaged() -> Iterator[str]:
 
 
 def _place(distribution: Distribution) -> str:
-    """Its own folder, where it says so; else the one on the path."""
+    """The distribution's own folder, or else the one on the path."""
     return os.path.abspath(getattr(distribution, "_path", None) or str(distribution.locate_file("")))
 
 
@@ -250,7 +250,7 @@ _KEPT: Mapping[type, str] = {contract.RewardMethod: "specification", contract.Sy
 
 
 def not_initialised(made: object) -> str | None:
-    """In a line, that a plugin's constructor has not called that of its base class; None where it has."""
+    """A line that says that a plugin's constructor did not call that of its base class; None if it did."""
     for base, name in _KEPT.items():
         if isinstance(made, base) and not hasattr(made, name):
             given = f"{name}={name}" if base is contract.Executor else name

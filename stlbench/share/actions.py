@@ -131,7 +131,7 @@ def actions_of(answer: Any, actions: Actions, count: int, source: str, moved: Mo
 
 
 def _are_values(array: NDArray[Any], actions: ActionGrid, count: int) -> bool:
-    """Whether there is a number for each action, and not one for each axis."""
+    """Whether there is a number for each action, not for each axis."""
     return array.shape == (count, actions.size) and actions.size != len(actions.names)
 
 

@@ -85,7 +85,7 @@ def _layers(weights: Mapping[str, Weights], form: _Form) -> tuple[tuple[Weights,
 
 
 def _numbers(weights: Mapping[str, Weights], form: _Form) -> list[int]:
-    """Of the layers that a form has; none where the file is of another."""
+    """The numbers of the layers of this form; empty if the file is of another."""
     pattern = re.compile(rf"{re.escape(form.hidden)}(\d+)\.weight")
     return sorted(int(match[1]) for name in weights if (match := pattern.fullmatch(name)))
 

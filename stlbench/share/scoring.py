@@ -138,7 +138,7 @@ def _states(task: Task) -> Observation:
 def _on_state(
     task: Task, source: Source, table: Array | None, states: Observation, shown: Shown
 ) -> Callable[[Array, Integers], Any]:
-    """A function of states and steps; a network sees the states alone."""
+    """A function of states and steps; a network is given the states alone."""
     if source.kind == "function":
         return load_function(source.text)
     network = _function(task, source, table, states, shown)
@@ -146,7 +146,7 @@ def _on_state(
 
 
 def _observed(task: Task, method: RewardMethod) -> Observed:
-    """What the environment of a task shows, beside which there are no inputs of a method."""
+    """The observation of a task's environment, which has no inputs of a method."""
     if not isinstance(task.dynamics, GymTask):
         raise UsageError(f"--on environment: task {task.name} is on no environment of Gymnasium")
     if method.input_size:

@@ -44,12 +44,12 @@ class Source:
 
     @property
     def shown(self) -> str:
-        """For tables: the function, or the file's name; its folder is nobody else's."""
+        """For tables: the function, or the file's name without its folder."""
         return self.text if self.kind == "function" else self.path.name
 
     @property
     def name(self) -> str:
-        """What it is called where the user says no name: my_policy:act is my-policy-act, x/net.onnx is net."""
+        """The name if the user gives none: my_policy:act is my-policy-act, x/net.onnx is net."""
         text = self.text if self.kind == "function" else self.path.stem
         return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-") or "policy"
 
@@ -62,7 +62,7 @@ class Source:
 
     @property
     def more(self) -> dict[str, str]:
-        """What else it takes to have the same policy, for the provenance. Raises `UsageError`."""
+        """Further facts that identify the policy, for the provenance. Raises `UsageError`."""
         facts = {} if self.architecture is None else {"architecture": self.architecture}
         return facts if self.table is None else {**facts, "actions": _sha256(Path(self.table))}
 

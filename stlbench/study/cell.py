@@ -97,7 +97,7 @@ class Ingredients:
 
     @cached_property
     def code(self) -> tuple[Code, ...]:
-        """What has to stay as it is while the cell runs."""
+        """The code that must stay the same while the cell runs."""
         return self.harness.code, self.task.code, self.method.code, self.agent.code
 
     @cached_property
@@ -134,7 +134,7 @@ def task_part(task: Task, budget: str) -> Part:
 
 
 def _modules(task: Task) -> tuple[str, ...]:
-    """Those that define a task's environment, with the one that its id names."""
+    """The modules that define a task's environment, and the one that its id names."""
     entry = task.file.environment
     if entry is None or entry.id is None:
         return task.source.modules

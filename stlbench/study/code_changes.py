@@ -21,7 +21,7 @@ _EXAMINED = 100
 
 @dataclass(frozen=True)
 class NoSpace:
-    """In the place of a result: there was no space to store what the cell gave, and no other cell would have any."""
+    """In place of a result: the disk is full, so no cell can store anything."""
 
     reason: str
 
@@ -53,17 +53,17 @@ def run_checked(cell: Cell, run_cell: Callable[..., Result], folder: Path) -> Re
 
 
 def changed(cell: Cell) -> str | None:
-    """The first file or distribution of the cell's code that is no longer what it was; None where all is."""
+    """The first file or distribution of the cell's code that has changed; None if none has."""
     return next((place for code in cell.code if (place := code.changed) is not None), None)
 
 
 def key_without_code(cell: Cell) -> str:
-    """The key of a failure that is of no known code."""
+    """The key of a failure whose code is not known."""
     return digest([cell.key, "changed"])
 
 
 def outdated(missing: Iterable[Cell], ledger: Ledger) -> dict[str, Cell]:
-    """Those of the cells that have a result under another key, which was no accident: that key -> the cell."""
+    """The cells that have a result of other code, unless it was an accident, by that result's key."""
     counted = ledger.counted(accidents=False)
     return {key: cell for cell in missing if (key := counted.get(cell.id)) is not None and key != cell.key}
 
@@ -99,7 +99,7 @@ def _causes(old: Result, cell: Cell, today: Mapping[str, str]) -> list[str]:
 
 
 def _packages(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    """Those of which the provenance has versions; time and machine have their own names there."""
+    """What changed among the packages whose versions the provenance has."""
     other = ("time", "jobs", "machine")
     moved = [name for name in now if name not in other and then.get(name, now[name]) != now[name]]
     return [f"{name} {then[name]} to {now[name]}" for name in moved] or ["packages that the plugins import"]

@@ -56,7 +56,7 @@ def _of_scores(measured: Measurement) -> Iterator[str]:
 
 
 def _impossible(score: Score) -> Iterator[str]:
-    """By soundness: what is satisfied has a robustness of at least 0, what is not has one of at most 0."""
+    """A formula that is satisfied has a robustness of at least 0, and one that is violated at most 0."""
     of_starts = zip(score.robustness, score.satisfied, strict=True)
     for start, (robustness, satisfied) in enumerate(of_starts):
         if (robustness < 0 and satisfied) or (robustness > 0 and not satisfied):
@@ -74,7 +74,7 @@ def _impossible(score: Score) -> Iterator[str]:
 
 
 def _of_clocks(measured: Measurement, seconds: float) -> Iterator[str]:
-    """Training is a part of the cell, whose wall time the harness has seen; some rounding aside."""
+    """Training is a part of the cell, and the harness has measured the cell's wall time."""
     parts = (
         (measured.training_cpu_seconds, measured.cpu_seconds),
         (measured.training_wall_seconds, measured.wall_seconds),
@@ -132,7 +132,7 @@ class Examiner:
         self._open.close()
 
     def __call__(self, cell: Cell, result: Result, seconds: float) -> Result:
-        """The result, or in its place a failure that says what cannot be; the files of that one are removed."""
+        """The result, or a failure that says why it is impossible; then the cell's files are removed."""
         if result.measurement is None:
             return result
         call = (cell, result, self._folder, seconds)
@@ -181,7 +181,7 @@ def _is_foreign(cell: Cell) -> bool:
 
 
 def serve(descriptor: int) -> None:
-    """Answer what comes from the harness, until it has gone."""
+    """Answer the harness until it has gone."""
     link = Connection(descriptor)
     with suppress(EOFError, OSError):
         sys.path[:] = link.recv()

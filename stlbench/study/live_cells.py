@@ -60,7 +60,7 @@ class Running:
 
 
 class Notice:
-    """Tells how far one cell is; does nothing without a file. What cannot be written is not told."""
+    """Reports how far one cell is; does nothing without a file, and passes over errors of writing."""
 
     def __init__(self, path: Path | None, now: Running) -> None:
         self._path, self._now, self._spent, self._written = path, now, 0.0, 0.0
@@ -69,7 +69,7 @@ class Notice:
         self._write()
 
     def at(self, steps: int, glance: Glance | None = None) -> None:
-        """A checkpoint after so many steps; it is scored where that takes little of the cell's time."""
+        """Report a checkpoint; it is scored if that takes little of the cell's time."""
         if self._path is None or time.time() - self._written < _SECONDS:
             return
         self._now = replace(self._now, steps=steps, told=time.time())
@@ -93,7 +93,7 @@ class Notice:
 
 
 def announce(folder: Path | None, cell: CellId, steps: int) -> Notice:
-    """From now on the cell is among those that run in the folder, until it has `ended`; nowhere without a folder."""
+    """List the cell among those that run in the folder, until it has `ended`; nowhere without a folder."""
     now = time.time()
     path = None if folder is None else _file(folder, cell)
     notice = Notice(path, Running(cell.name, cell.budget, steps, now, told=now))
@@ -106,7 +106,7 @@ def _file(folder: Path, cell: CellId) -> Path:
 
 
 def ended(folder: Path, cell: CellId) -> None:
-    """The cell runs no more, however it ended. Said where its result is recorded, so that it is never neither."""
+    """Take the cell off the list. This follows the record of its result, so that it is never in neither place."""
     with suppress(OSError, UsageError):
         inside(_file(folder, cell), folder).unlink(missing_ok=True)
 
@@ -124,7 +124,7 @@ def clear(folder: Path) -> None:
 
 
 def running(folder: Path) -> list[Running]:
-    """The cells that run, in the order in which they began. Files that say nothing are passed over."""
+    """The cells that run, in the order in which they began. Damaged files are passed over."""
     cells = list[Running]()
     for path in sorted((folder / FOLDER).glob("*.json")):
         with suppress(OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
@@ -150,7 +150,7 @@ def line_of(one: Running, now: float, *, drawn: bool = False) -> str:
 
 
 def sparkline(values: Sequence[float]) -> str:
-    """At most 20 values as bars, the latest, from the least of them to the greatest; a gap where one is no number."""
+    """The latest 20 values as bars, scaled from the least to the greatest; a gap for a value that is no number."""
     shown = values[-_BARS:]
     known = [value for value in shown if math.isfinite(value)]
     low, span = min(known, default=0.0), max(known, default=0.0) - min(known, default=0.0)
@@ -160,7 +160,7 @@ def sparkline(values: Sequence[float]) -> str:
 
 
 def draws(console: Console) -> bool:
-    """Whether bars can be seen: on a terminal, not in a pipe, and in an encoding that has them."""
+    """Whether the console shows bars: it is a terminal, and its encoding has them."""
     return console.is_terminal and console.encoding.lower().startswith("utf")
 
 

@@ -88,7 +88,7 @@ class _Planned:
 
     @cached_property
     def _known(self) -> dict[Any, tuple[Part, Part]]:
-        """The parts of task and agent so far: neither a seed nor, but by its recipe, a method changes them."""
+        """The parts of task and agent so far. No seed changes them, and a method only by its recipe."""
         return {}
 
 
@@ -110,7 +110,7 @@ def check_cells(cells: Iterable[Cell]) -> tuple[str, ...]:
 
 
 def _trainings(cells: Iterable[Cell]) -> Iterator[tuple[Cell, Task]]:
-    """One of the cells that train a task alike, whatever the method and the seed, and its task."""
+    """One cell of those that train a task alike, whatever their method and seed, with its task."""
     alike = {(cell.id.task, cell.id.agent, cell.id.track, str(cell.recipe)): cell for cell in cells}
     for cell in alike.values():
         yield cell, cell.load_task()

@@ -27,7 +27,7 @@ def collect(jobs: int) -> dict[str, str]:
 
 @cache
 def here() -> dict[str, str]:
-    """What of it is of the machine on which this is called. Imports none of the packages that it names."""
+    """The facts of this machine. Imports none of the packages that it names."""
     return {
         "python": platform.python_version(),
         **{name: _version(name) for name in PACKAGES},
@@ -36,12 +36,12 @@ def here() -> dict[str, str]:
 
 
 def elsewhere(provenance: Mapping[str, str], facts: Mapping[str, str]) -> dict[str, str]:
-    """The provenance of a cell of the same run for which `here` said this on another machine."""
+    """The provenance of a cell of the same run on another machine, whose `here` gave these facts."""
     return {**facts, **{name: text for name, text in provenance.items() if name not in here()}}
 
 
 def of_cell(cell: Cell) -> dict[str, str]:
-    """What is beside them in the provenance of one cell."""
+    """The code and the task folder of one cell, for its provenance."""
     from stlbench.records.result import (
         TASK_FOLDER,  # imports NumPy, which `here` is asked for before anything is loaded
     )
@@ -52,7 +52,7 @@ def of_cell(cell: Cell) -> dict[str, str]:
 
 
 def code_of(provenance: Mapping[str, str]) -> dict[str, str]:
-    """Of each part of a key its first digits, from the provenance of a result; of none where that says nothing."""
+    """Part of a key -> the first digits of its hash, from the provenance of a result; empty if it has none."""
     pairs = (part.split(" ") for part in provenance.get(CODE, "").split(", "))
     return {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
 

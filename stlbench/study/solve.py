@@ -34,7 +34,7 @@ class PlanSetting:
 
     @property
     def apart(self) -> bool:
-        """Whether actions are not held, so that what is possible is another."""
+        """Whether actions are not held: then another robustness is possible."""
         return "hold" in self.without.split("+")
 
 

@@ -22,7 +22,7 @@ from stlbench.task.yaml_text import load_yaml
 
 @dataclass(frozen=True)
 class Recipe:
-    """What tuning found for one method on one task, in place of a part of the shared recipe."""
+    """The values that tuning chose for one method on one task, in place of a part of the shared recipe."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
@@ -43,7 +43,7 @@ class Recipes:
     """The file, for messages."""
 
     def of(self, task: Choice, agent: Choice, method: Choice) -> Recipe:
-        """The one that was found. Raises `UsageError` where there is none."""
+        """The recipe of a method. Raises `UsageError` if there is none."""
         try:
             return self.found[str(task)][str(agent)][str(method)]
         except KeyError:

@@ -114,7 +114,7 @@ def _task_of_agent(
 
 @dataclass
 class Patience:
-    """Says when a training gains nothing more (`Budget.patience`)."""
+    """Ends a training that does not improve any more (`Budget.patience`)."""
 
     checkpoints: int
     """Without a better one."""
@@ -124,7 +124,7 @@ class Patience:
     """Checkpoints after it."""
 
     def ends(self, satisfaction: float, robustness: float) -> bool:
-        """Take note of a checkpoint's scores; whether the last of them were no better than one before."""
+        """Note a checkpoint's scores; whether the last checkpoints were no better than one before."""
         if satisfaction == 1 and (self.best is None or robustness > self.best + 0.01 * abs(self.best)):
             self.best, self.since = robustness, 0
         else:
@@ -151,14 +151,14 @@ class StepCounter:
             raise RuntimeError(f"agent {self._agent} took {self.taken} environment steps, its budget is {self._budget}")
 
     def check(self, reported: int) -> None:
-        """Raises `RuntimeError` where a policy is said to be of more steps than were taken."""
+        """Raises `RuntimeError` if a policy claims more steps than were taken."""
         if not 0 <= reported <= self.taken:
             raise RuntimeError(
                 f"agent {self._agent} reports a policy after {reported} environment steps, and had taken {self.taken}"
             )
 
     def check_trained(self) -> None:
-        """Raises `RuntimeError` where no step was taken: such a policy was not trained."""
+        """Raises `RuntimeError` if no step was taken."""
         if self.taken == 0:
             raise RuntimeError(
                 f"agent {self._agent} returned a policy and took no environment step: an agent trains on environments "

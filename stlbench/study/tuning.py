@@ -59,7 +59,7 @@ class Trial(NamedTuple):
 
 @dataclass
 class Entrant:
-    """What is tuned: one method on one task with one agent, what may be chosen for it, and the trials so far."""
+    """One method on one task with one agent: its search space, and its trials so far."""
 
     task: Choice
     agent: Choice
@@ -80,7 +80,7 @@ class Entrant:
         return bool(self.trials) and self.trials[0].status in ("intractable", "unsuitable")
 
     def recipe(self) -> Recipe:
-        """What the best trial has in place of the shared recipe; nothing where no trial was finished."""
+        """The values of the best trial that differ from the shared recipe; empty if no trial was finished."""
         changed = self._changed(self.best.values) if self.best else {}
         hold = changed.pop(HOLD, None)
         return Recipe(changed, None if hold is None else int(hold))

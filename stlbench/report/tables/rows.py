@@ -148,7 +148,7 @@ def row(result: Result) -> Row:
 
 @lru_cache(maxsize=64)
 def _shared(items: tuple[tuple[str, str], ...]) -> Mapping[str, str]:
-    """A mapping of these items, the same object for all the cells of one run."""
+    """The items as a mapping, one object for all cells of a run."""
     return dict(items)
 
 
@@ -185,7 +185,7 @@ Maximised = Literal["reward", "formula"]
 
 
 def maximised(groups: Iterable[Group]) -> dict[str, Maximised]:
-    """Agent that plans -> what it maximises, as its cells say. Without a finished cell the installed agent says it."""
+    """Agent that plans -> what it maximises, by its cells, or else by the installed agent."""
     known, groups = dict[str, Maximised | None](), trained(groups)
     for group in groups:
         plans = next((numbers.planned.maximised for numbers in group.done if numbers.planned), None)
