@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.controlled_traces import trace
-from helpers.mujoco_task import check_no_memory, rollout
+from helpers.mujoco_task import rollout
 
 from stlbench import stl
 from stlbench.contract import Array
@@ -81,10 +81,6 @@ def test_starts_are_the_suites_but_for_the_corners_of_the_cup(monkeypatch: pytes
     assert not touches[:500].any()
     free = points[500:][~touches[500:]]
     assert 0.95 < len(region.keep(free)) / len(free) < 1
-
-
-def test_copies_do_not_disturb_each_other() -> None:
-    check_no_memory(TASK)
 
 
 def test_features_by_hand() -> None:
