@@ -40,6 +40,22 @@ def test_medians_and_reasons_come_into_the_file_and_the_page(tmp_path: Path, fil
     assert (tmp_path / "page.md").read_text() == page
 
 
+def test_merge_keeps_figures_that_were_not_measured_now(tmp_path: Path, files: list[str]) -> None:
+    collect.main([str(measured(tmp_path / "a.json", {"td3_1_vs_jax": [1.0, 2.0, 3.0]}, {"td3_8_vs_jax": 3.0})), *files])
+    part = str(measured(tmp_path / "b.json", {"td3_8_vs_jax": 4.0}))
+    for words, expected in (["--merge"], {"td3_1_vs_jax": 2.0, "td3_8_vs_jax": 4.0}), ([], {"td3_8_vs_jax": 4.0}):
+        collect.main([part, *words, *files])
+        assert {
+            k: v for k, v in json.loads((tmp_path / "bench.json").read_text()).items() if k != "machine"
+        } == expected
+
+
+def test_a_figure_that_two_benchmarks_note(tmp_path: Path, files: list[str]) -> None:
+    path = measured(tmp_path / "a.json", {"td3_vs_sbx": 1.0}, {"td3_vs_sbx": 2.0})
+    with pytest.raises(SystemExit, match="test_1 notes td3_vs_sbx, which another has noted"):
+        collect.main([str(path), *files])
+
+
 def test_the_committed_page_is_made_from_the_committed_figures(tmp_path: Path) -> None:
     root = Path(__file__).parents[1]
     page = tmp_path / "page.md"

@@ -69,6 +69,10 @@ def parsed(words: list[str]) -> dict[str, object]:
         return dict(context.params)
 
 
+def test_there_are_commands() -> None:
+    assert len(set(commands())) >= 20
+
+
 @pytest.mark.parametrize(("page", "line"), sorted(set(commands())), ids=lambda text: text.partition("#")[0].strip())
 def test_a_command_parses(page: str, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(FROM_OTHERS["gym-pendulum"], tmp_path / "my-task")  # what pages call it

@@ -34,3 +34,7 @@ def test_each_film_moves_and_begins_as_a_picture() -> None:
             assert getattr(film, "n_frames", 1) >= 10, path
             assert getattr(still, "n_frames", 1) == 1
             assert film.size == still.size
+
+
+def test_the_gallery_is_small() -> None:
+    assert sum(path.stat().st_size for path in FOLDER.iterdir()) < 4_000_000

@@ -11,6 +11,7 @@ import yaml
 
 ROOT = Path(__file__).parents[1]
 ACTION = ROOT / ".github" / "actions" / "gate"
+GITLAB = yaml.safe_load((ROOT / ".gitlab" / "gate.yml").read_text(encoding="utf-8"))["stlbench-gate"]
 
 
 @pytest.fixture
@@ -112,3 +113,25 @@ def test_without_a_verdict_there_is_no_comment(command) -> None:
     done = bash(ACTION / "comment.sh", **COMMENT)
     assert (done.returncode, done.stdout) == (0, "nothing to say: out/comment.md is not there\n")
     assert not calls.exists()
+
+
+def test_the_action_gives_its_scripts_every_variable_they_read() -> None:
+    steps = yaml.safe_load((ACTION / "action.yml").read_text(encoding="utf-8"))["runs"]["steps"]
+    for step in steps:
+        script = step["run"].partition("$GITHUB_ACTION_PATH/")[2].strip('"')
+        text = (ACTION / script).read_text(encoding="utf-8")
+        assert all(f"${name}" in text for name in step["env"] if name != "GH_TOKEN")
+        assert "${{" not in step["run"] + text
+
+
+def test_the_gitlab_job_does_what_the_action_does(command, tmp_path) -> None:
+    calls = command("stlbench", "exit 3")
+    script = tmp_path / "script.sh"
+    script.write_text("\n".join(GITLAB["script"]))
+    for base in ("", "abc"):
+        done = bash(script, CI_MERGE_REQUEST_DIFF_BASE_SHA=base, **GITLAB["variables"])
+        assert done.returncode in GITLAB["allow_failure"]["exit_codes"]
+    plain = "gate|results/gate-reference|--budget|smoke|--results|results/gate|"
+    assert calls.read_text().splitlines() == [plain, f"{plain}--against|abc|"]
+    assert GITLAB["variables"]["GIT_DEPTH"] == "0"
+    assert GITLAB["artifacts"]["reports"]["junit"] == "results/gate/gate.xml"

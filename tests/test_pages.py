@@ -7,12 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stlbench import Results
 from stlbench.records.result import LEARNED, reported
 from stlbench.report.statistics.intervals import median, median_interval
-from stlbench.task import load_task
+from stlbench.task import build_method, load_task
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "results" / "reference"
@@ -67,3 +68,15 @@ def test_every_task_has_ten_seeds_of_the_methods_that_are_compared(recorded) -> 
     for (task, method), results in recorded.items():
         if method in ("raw", "funnel", "flag"):
             assert [result.id.seed for result in results] == list(range(10)), (task, method)
+
+
+def test_a_star_marks_what_is_outside_the_form_of_a_method_s_source(said) -> None:
+    starred = {task for task in said if "*" in said[task]["flag"]}
+    assert starred == {task for task in said if build_method(load_task(task), "flag").extension}
+
+
+def test_an_equals_sign_marks_a_funnel_that_is_constant_in_time(said) -> None:
+    funnels = {task: build_method(load_task(task), "funnel") for task in said}
+    widths = {task: [np.ptp(band.lower) for band in funnel.band()] for task, funnel in funnels.items()}
+    constant = {task for task, width in widths.items() if max(width) == 0}
+    assert {task for task in said if "=" in said[task]["funnel"]} == constant

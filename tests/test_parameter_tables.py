@@ -56,6 +56,25 @@ def test_the_page_of_tasks_has_what_each_task_file_says() -> None:
     assert "No robustness is above 1.5." in text
 
 
+def test_a_row_by_hand(hook: ModuleType) -> None:
+    rows = hook.table("agents", "td3").splitlines()
+    assert rows[0] == "| parameter | type | default | meaning |"
+    assert (
+        "| `tau` | float, >= 0, &lt;= 1 | `0.01` | weight of the online networks in an update of the targets, "
+        in (rows[11])
+    )
+
+
+def test_all_places_of_the_agents_page_are_filled(hook: ModuleType) -> None:
+    text = hook.on_page_markdown((DOCS / "reference/agents.md").read_text(encoding="utf-8"), page=None)
+    assert "<!--" not in text
+    assert text.count("| parameter | type | default | meaning |") == 8
+    for line in re.findall(r"^\| `.*", text, re.MULTILINE):
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        assert len(cells) == 4
+        assert all(cells), line
+
+
 @pytest.mark.parametrize("page", sorted((DOCS / "methods").glob("*.md")), ids=lambda page: page.stem)
 def test_the_table_of_a_method_says_what_each_parameter_means(hook: ModuleType, page: Path) -> None:
     text = hook.on_page_markdown(page.read_text(encoding="utf-8"))

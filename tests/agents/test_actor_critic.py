@@ -121,3 +121,10 @@ def test_nothing_but_the_gradient_is_written() -> None:
     actor_gradient(of.actor, of.critics, of.networks, of.batch, 0.1, of.work, np.empty_like(of.actor))
     targets(of.actor, of.critics, of.networks, of.batch, Noise(of.normal, 0.5, 0.6), WIDE, of.work)
     assert [part.tobytes() for part in read] == before
+
+
+def test_a_workspace_of_another_batch_is_refused() -> None:
+    of = case((12, 7), 2)
+    work = TD3Buffers.of(of.networks, ROWS + 1, np.float64)
+    with pytest.raises(ValueError, match="made for a batch of another size"):
+        targets(of.actor, of.critics, of.networks, of.batch, Noise(of.normal, 0.5, 0.6), WIDE, work)

@@ -78,6 +78,19 @@ def test_where_nothing_can_be_kept_it_is_compiled_each_time(monkeypatch: pytest.
     assert not compiled_code.is_ready("td3")
 
 
+def test_without_a_home_the_folder_is_a_temporary_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def home() -> Path:
+        raise RuntimeError("no home directory")
+
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(compiled_code.Path, "home", home)
+    monkeypatch.setattr(compiled_code, "gettempdir", lambda: str(tmp_path))
+    compiled_code.folder.cache_clear()
+    assert compiled_code.folder().parent == tmp_path / "stlbench"
+    compiled_code.folder.cache_clear()
+
+
 def test_the_folder_is_another_for_other_sources(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     made = []

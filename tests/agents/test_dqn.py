@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import subprocess
 import sys
@@ -66,6 +67,11 @@ class TestTraining:
         final = DQN().train(training(steps, checkpoints=checkpoints, report=lambda p, s: seen.append((p, s))))
         assert [taken for _, taken in seen] == expected
         assert seen[-1][0] is final
+
+    def test_more_checkpoints_than_decisions_are_as_many_as_decisions(self) -> None:
+        seen: list[int] = []
+        DQN(copies=16).train(training(64, checkpoints=20, report=lambda p, s: seen.append(s)))
+        assert seen == [16, 32, 48, 64]
 
     def test_a_reported_policy_is_not_changed_by_later_training(self) -> None:
         seen: list[GreedyPolicy] = []
@@ -136,3 +142,12 @@ class TestTraining:
         assert fresh[1] < 0.1
         assert learnt[0] > 0.85
         assert learnt[1] > 0.2
+
+
+def test_the_literal_recipe_of_the_paper_trains() -> None:
+    """Algorithm 2, with the parameters that the docstring of DQN names for it."""
+    agent = DQN(double=False, n_steps=1, tau=1, target_update_interval=1000, averaging=0, copies=1)
+    policy = agent.train(training(300))
+    action = policy.act(np.zeros((2, 5)))
+    assert action.shape == (2,)
+    assert math.isfinite(float(action.sum()))

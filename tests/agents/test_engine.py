@@ -136,6 +136,26 @@ class TestGradient:
         assert furthest(ours, plain(shape, of)) < 1e-5
 
     @shapes
+    def test_the_choice_of_the_bootstrap_action_matters_here(self, shape: plain_q.Shape) -> None:
+        """Else the tests above would not tell double Q-learning from plain."""
+        assert furthest(computed(case(shape, True)), computed(case(shape, False))) > 1e-3
+
+    @shapes
+    @doubles
+    @pytest.mark.parametrize("dtype", [np.float64, np.float32])
+    def test_a_batch_of_one(self, shape: plain_q.Shape, double: bool, dtype: type) -> None:
+        for seed in range(3):
+            of = case(shape, double, 1, dtype, seed)
+            assert furthest(computed(of), plain(shape, of)) < (1e-12 if dtype is np.float64 else 1e-5)
+
+    @shapes
+    @doubles
+    def test_of_many_rows_is_the_mean_of_those_of_one(self, shape: plain_q.Shape, double: bool) -> None:
+        of = case(shape, double)
+        rows = [of._replace(**{name: getattr(of, name)[i : i + 1] for name in Case._fields[3:8]}) for i in range(ROWS)]
+        assert furthest(computed(of), np.mean([computed(row) for row in rows], axis=0)) < 1e-12
+
+    @shapes
     @doubles
     def test_nothing_else_is_written(self, shape: plain_q.Shape, double: bool) -> None:
         of = case(shape, double, dtype=np.float32)
@@ -171,6 +191,16 @@ class TestGradient:
         of = Case(online, target, network, row, np.array([0]), one, np.array([[1.0]]), 0.5 * one, True)
         assert computed(of).tolist() == [4.5 * 3, 4.5, 4.5 * 5, 0, 4.5, 0]
         assert computed(of._replace(double=False)).tolist() == [2.5 * 3, 2.5, 2.5 * 5, 0, 2.5, 0]
+
+    def test_an_action_drawn_often_adds_up_and_one_not_drawn_has_no_gradient(self) -> None:
+        shape = SHAPES[1]
+        of = case(shape, True)
+        of = of._replace(action=np.repeat([5, 2], ROWS // 2))
+        ours = computed(of)
+        assert furthest(ours, plain(shape, of)) < 1e-12
+        matrix, bias = QNetwork(*shape).views(ours)[-2:]
+        assert np.flatnonzero(bias).tolist() == [2, 5]
+        assert np.flatnonzero(matrix.any(axis=1)).tolist() == [2, 5]
 
     def test_a_workspace_of_another_batch_is_refused(self) -> None:
         of = case(SHAPES[0], True)
@@ -209,6 +239,32 @@ class TestAdam:
         assert moved[40:].mean() > 0.05
         assert moved[:40].max() < 1e-6
         assert np.abs(ours - theirs.detach().numpy()).max() < bound
+
+    @pytest.mark.parametrize("dtype", [np.float64, np.float32])
+    def test_the_first_step_is_the_rate_against_the_sign(self, dtype: Any) -> None:
+        """Both moments, unbiased, are those of one sample: rate * g / (|g| + 1e-8)."""
+        weights, slope = np.ones(4, dtype), np.array([3, -0.02, 1e-8, 0], dtype)
+        adam(weights, slope, np.zeros(4, dtype), np.zeros(4, dtype), 0.25, 1, 1.0)
+        assert weights == pytest.approx([0.75, 1.25, 0.875, 1], abs=1e-6)
+
+    def test_every_step_on_a_constant_gradient_is_the_rate(self) -> None:
+        weights, mean, square, places = np.zeros(1), np.zeros(1), np.zeros(1), [0.0]
+        for count in range(1, 50):
+            adam(weights, np.array([-3.0]), mean, square, 0.01 / count, count, 1.0)
+            places.append(float(weights[0]))
+        assert np.diff(places) == pytest.approx([0.01 / count for count in range(1, 50)], rel=1e-7)
+
+    def test_the_norm_is_clipped_and_a_smaller_one_is_not(self) -> None:
+        """After one step the first moment is a tenth of the clipped gradient. (3, 4) has norm 5."""
+        for max_norm, expected in ((10.0, [0.3, 0.4]), (5.1, [0.3, 0.4]), (2.5, [0.15, 0.2])):
+            slope, mean = np.array([3.0, 4.0]), np.zeros(2)
+            adam(np.zeros(2), slope, mean, np.zeros(2), 0.1, 1, clipping(slope, max_norm))
+            assert mean == pytest.approx(expected, rel=1e-6)
+
+    def test_the_gradient_is_not_changed(self) -> None:
+        slope = np.array([3, 4], np.float32)
+        adam(np.zeros(2, np.float32), slope, np.zeros(2, np.float32), np.zeros(2, np.float32), 0.1, 1, 0.2)
+        assert slope.tolist() == [3, 4]
 
     @pytest.mark.parametrize("first", [1.0, -1.0, 0.0, 1e-12, -5e-18])
     def test_moments_of_a_weight_without_gradient_do_not_become_denormal(self, first: float) -> None:
@@ -249,6 +305,29 @@ class TestBlend:
         blend(into, weights, 0.5)
         assert into.tolist() == [5, 4, 0.5]
         assert weights.tolist() == [8, 4, 2]
+
+    def test_many_steps_are_a_geometric_average(self, dtype: Any) -> None:
+        generator = np.random.default_rng(0)
+        into, history = np.ones(50, dtype), generator.normal(size=(200, 50)).astype(dtype)
+        expected = np.ones(50)
+        for weights in history:
+            blend(into, weights, 0.005)
+            expected = 0.995 * expected + 0.005 * weights
+        assert np.abs(expected - 1).max() > 0.5
+        assert into == pytest.approx(expected, rel=0, abs=1e-13 if dtype is np.float64 else 1e-6)
+
+    def test_a_share_of_1_copies(self, dtype: Any) -> None:
+        generator = np.random.default_rng(1)
+        into, weights = generator.normal(size=(2, 1000)).astype(dtype)
+        weights[:3] = 0, 1e-20, 1e20
+        blend(into, weights, 1.0)
+        assert np.array_equal(into, weights)
+
+    def test_a_share_of_0_changes_nothing(self, dtype: Any) -> None:
+        into, weights = np.random.default_rng(2).normal(size=(2, 100)).astype(dtype)
+        before = into.copy()
+        blend(into, weights, 0.0)
+        assert np.array_equal(into, before)
 
 
 class TestStep:
@@ -291,6 +370,12 @@ class TestBestActions:
             drawn |= set(found)
         assert len(drawn) > 3
 
+    @shapes
+    def test_observations_in_double_precision_are_rounded_to_that_of_the_weights(self, shape: plain_q.Shape) -> None:
+        of = case(shape, True, 400, np.float32)
+        fine = of.observation.astype(np.float64) * (1 + 1e-9)
+        assert np.array_equal(greedy_actions(of.online, of.network, fine), greedy_actions(*of[:1], *of[2:4]))
+
     @pytest.mark.parametrize("grid", GRIDS)
     @pytest.mark.parametrize("head", ["joint", "additive"])
     def test_the_first_of_equals_as_numpys_argmax_has_it(self, grid: tuple[int, ...], head: Head) -> None:
@@ -313,3 +398,10 @@ class TestBestActions:
         assert ((q == q.max(axis=1, keepdims=True)).sum(axis=1) > 1).mean() > 0.2
         assert np.array_equal(found, q.argmax(axis=1))
         assert np.array_equal(policy_of(shape, flat).act(x.astype(np.float64)), found)
+
+    @pytest.mark.parametrize("head", ["joint", "additive"])
+    def test_of_nothing_but_equals_the_first(self, head: Head) -> None:
+        shape = plain_q.Shape(INPUTS, (4,), (3, 2), head)
+        flat, x = np.zeros(sum(math.prod(part) for part in shape.weights), np.float32), np.ones((2, 5), np.float32)
+        assert greedy_actions(flat, engine_of(shape), x).tolist() == [0, 0]
+        assert policy_of(shape, flat).act(x.astype(np.float64)).tolist() == [0, 0]

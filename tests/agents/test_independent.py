@@ -96,6 +96,14 @@ def test_each_robot_finds_the_action_that_pays_whatever_the_other_does() -> None
     assert made.policy().act(generator.normal(size=(50, 4))).tolist() == [2 * 5 + 1] * 50
 
 
+def test_robots_begin_with_weights_of_their_own() -> None:
+    grid = ActionGrid(("v", "w"), ((-1.0, 1.0), (-1.0, 1.0)), (1, 1))
+    shape = cast(Environment, SimpleNamespace(observation_size=4, actions=grid, count=COPIES))
+    first, second = cast(Team, DQNPerRobot().learner(shape, shape.count, 0, 100)).learners
+    assert first.weights.online.shape == second.weights.online.shape
+    assert not np.array_equal(first.weights.online, second.weights.online)
+
+
 def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not() -> None:
     one, again, other = (weights(DQNPerRobot().train(training(seed=seed))) for seed in (3, 3, 4))
     assert one == again

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numba import config, njit
+from numba.core.errors import TypingError
 from numpy.typing import NDArray
 
 from stlbench_agents import kernels, llvm_kernels, plain_kernels
-from stlbench_agents.kernels import Matrix, fixed_types, part
+from stlbench_agents.kernels import Matrix, fixed_types, flattened, matrix, part, transposed
 
 Floats = NDArray[Any]
 ROWS = (1, 3, 4, 5, 7, 8, 9, 16, 33)
@@ -105,6 +106,17 @@ def test_inner_products_against_numpy_one_by_one_and_of_many_rows(count: int, dt
 
 
 @dtypes
+@pytest.mark.parametrize("rows", [1, 8, 16, 35, 64])
+@pytest.mark.parametrize("columns", [1, 8, 16, 17, 33, 128])
+def test_a_matrix_is_copied_transposed(rows: int, columns: int, dtype: Any) -> None:
+    values = np.arange(rows * columns, dtype=dtype)
+    flat, into = np.concatenate([np.full(PAD, np.nan, dtype), values]), np.full(rows * columns + 1, np.nan, dtype)
+    FAST.copy_transposed(flat, PAD, rows, columns, into)
+    assert np.array_equal(into[:-1], values.reshape(rows, columns).T.ravel())
+    assert np.isnan(into[-1])
+
+
+@dtypes
 def test_the_reference_has_the_same_bits_at_drawn_shapes(dtype: Any) -> None:
     """Numbers of sizes from 1e-3 to 1e3, so that another order of sums, or another rounding, changes bits."""
     generator = np.random.default_rng(0)
@@ -127,6 +139,28 @@ def test_the_reference_has_the_same_bits_at_drawn_shapes(dtype: Any) -> None:
             single = own.inner_product(a.ravel(), 0, a.ravel(), 0, a.size)
             results.append([array.tobytes() for array in (*map(read, outs), sums, copy, np.array(single))])
         assert results[0] == results[1], (rows, inner, columns)
+
+
+@njit
+def views(values: Floats) -> tuple[Matrix, Matrix, Floats]:
+    return matrix(values.ravel(), 2, 3, 3), transposed(Matrix(values.ravel(), 2, 2, 3, 4, 1)), flattened(values)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int64])
+def test_views_are_of_the_same_memory(dtype: Any) -> None:
+    """Also where compiled code counts references, as this function's does: each view keeps its memory alive."""
+    values = np.arange(12, dtype=dtype).reshape(3, 4)
+    for rows, columns, flat in [views(values) for _ in range(100)]:
+        assert rows[1:] == (2, 3, 3, 3, 1)
+        assert columns[1:] == (2, 3, 2, 1, 4)
+        assert flat.tolist() == list(range(12))
+        assert flat.dtype == dtype
+        assert np.shares_memory(flat, values)
+
+
+def test_only_an_array_that_lies_row_by_row_is_flattened() -> None:
+    with pytest.raises(TypingError, match="does not lie row by row"):
+        views(np.zeros((3, 4)).T)
 
 
 @part

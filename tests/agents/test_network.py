@@ -72,6 +72,13 @@ def test_an_index_means_the_same_action_to_the_grid_and_to_the_additive_head() -
         assert vector.tolist() == [GRID.axes[0][i], GRID.axes[1][j], GRID.axes[2][k]]
 
 
+@pytest.mark.parametrize(("head", "outputs"), [("joint", 24), ("additive", 1 + 4 + 2 + 3)])
+def test_the_number_of_outputs(head: Head, outputs: int) -> None:
+    network = QNetwork(INPUTS, WIDTHS, GRID.shape, head)
+    views = network.views(np.zeros(network.size, np.float32))
+    assert [view.shape for view in views] == [(5, 16), (16,), (16, 8), (8,), (outputs, 8), (outputs,)]
+
+
 @pytest.mark.parametrize("net_arch", [(7,), (16, 8), (6, 9, 4)])
 @pytest.mark.parametrize("head", HEADS)
 def test_the_engine_finds_each_layer_where_the_views_have_it(head: Head, net_arch: tuple[int, ...]) -> None:
@@ -82,6 +89,17 @@ def test_the_engine_finds_each_layer_where_the_views_have_it(head: Head, net_arc
     assert network.engine.axes.tolist() == ([24] if head == "joint" else [4, 2, 3])
     layers = [[int(m.flat[0]), *m.shape, int(b[0])] for m, b in zip(views[::2], views[1::2], strict=True)]
     assert network.engine.layers.tolist() == layers
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_a_policy_does_not_change_with_the_weights_it_was_made_of(head: Head) -> None:
+    network, flat, observation = made(head)
+    policy = GreedyPolicy(network, network.views(flat))
+    before = policy.act(observation)
+    assert all(np.array_equal(*pair) for pair in zip(policy.weights, network.views(flat), strict=True))
+    flat *= -1
+    assert np.array_equal(policy.act(observation), before)
+    assert not np.array_equal(GreedyPolicy(network, network.views(flat)).act(observation), before)
 
 
 @pytest.mark.parametrize("head", HEADS)
@@ -99,6 +117,16 @@ def test_fresh_weights(head: Head) -> None:
     assert not np.array_equal(flat, network.initial(np.random.default_rng(4)))
 
 
+def test_views_share_the_memory_of_the_flat_vector() -> None:
+    network = QNetwork(2, (3,), (4,), "joint")
+    flat = np.arange(2 * 3 + 3 + 4 * 3 + 4, dtype=np.float32)
+    weights = network.views(flat)
+    flat += 1
+    assert np.array_equal(np.concatenate([weight.ravel() for weight in weights]), flat)
+    weights[2][:] = 0
+    assert flat.tolist() == [*range(1, 10), *[0] * 12, *range(22, 26)]
+
+
 def of(**changed):
     """The arrays of a policy that sees two numbers, some of them changed."""
     arrays = {"widths": np.array([2, 3]), "grid": np.array([2]), "head": np.array("joint")}
@@ -110,9 +138,13 @@ def of(**changed):
     [
         {"widths": np.array([-2, 3])},
         {"widths": np.array([2, 0])},
+        {"widths": np.array([2.0, 3.0])},
         {"widths": np.array(2)},
+        {"widths": np.array([], np.int64)},
         {"weights": np.zeros(16, np.float32)},
+        {"weights": np.zeros(17, np.float64)},
         {"weights": np.zeros((1, 17), np.float32)},
+        {"grid": np.array([3])},
     ],
 )
 def test_arrays_of_others_that_do_not_fit_are_refused(changed):

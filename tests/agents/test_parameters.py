@@ -6,7 +6,7 @@ import inspect
 import re
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import FrozenInstanceError, fields
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from stlbench.rollout.environment import BatchEnvironment
 from stlbench.study.cell import Cell
 from stlbench.study.plan import check_cells, plan_cells
 from stlbench.study.trial import run_cell
+from stlbench_agents.dqn import DQN
 from stlbench_agents.sb3_agent import SB3Agent
 from stlbench_agents.sb3_continuous import SB3PPO, SB3SAC, SB3TD3
 from stlbench_agents.sb3_dqn import SB3DQN
@@ -45,6 +46,20 @@ def test_every_parameter_has_a_type_a_default_and_a_docstring(name: str) -> None
 def test_the_page_shows_every_agents_parameters(name: str) -> None:
     section = PAGE.read_text(encoding="utf-8").partition(f"\n## {name}\n")[2].partition("\n## ")[0]
     assert f"\n<!-- parameters: agents {name} -->\n" in section or name == "dqn-per-robot"
+
+
+def test_a_recipe_cannot_be_changed() -> None:
+    with pytest.raises(FrozenInstanceError):
+        DQN().gamma = 0.5  # type: ignore[misc]
+
+
+def test_agents_on_grids_share_names_types_and_ranges() -> None:
+    """`dqn` and `sb3-dqn` are compared: what is called the same is the same kind of thing."""
+    ours, theirs = declared(DQN), declared(SB3DQN)
+    both = ours.keys() & theirs.keys()
+    assert len(both) >= 12
+    for key in both:
+        assert (ours[key].text, ours[key].limits) == (theirs[key].text, theirs[key].limits), key
 
 
 OURS = {"net_arch", "copies", "learning_rate", "learning_rate_final", "exploration_noise", "ent_coef_initial"}

@@ -121,6 +121,16 @@ def test_a_soft_update_moves_the_target_by_tau() -> None:
         assert ours.weights.target == pytest.approx(target, rel=0, abs=1e-6)
 
 
+def test_a_soft_update_every_so_often() -> None:
+    ours = learner(tau=0.5, target_update_interval=2, learning_rate=0.01)
+    target = flat(ours)
+    for count in range(1, 6):
+        update(ours, count)
+        if count in (2, 4):
+            target = 0.5 * target + 0.5 * flat(ours)
+        assert ours.weights.target == pytest.approx(target, rel=0, abs=1e-6)
+
+
 def test_the_gradient_is_clipped_by_its_norm() -> None:
     """Adam's first step is rate * g / (|g| + 1e-8): with the norm clipped to 1e-8 its size shows the clipping."""
     ours = learner(max_grad_norm=1e-8, learning_rate=0.5)
@@ -158,6 +168,14 @@ def test_what_is_reported_is_averaged_first_evenly_then_exponentially() -> None:
         expected = np.mean(history, axis=0) if count < 4 else 0.75 * expected + 0.25 * history[-1]
         assert ours.policy().flat == pytest.approx(expected, rel=0, abs=1e-6)
     assert np.abs(flat(ours) - expected).max() > 0.01
+
+
+def test_without_averaging_the_current_weights_are_reported() -> None:
+    ours = learner(averaging=0, learning_rate=0.01)
+    before = flat(ours)
+    update(ours, 0)
+    assert np.array_equal(ours.policy().flat, flat(ours))
+    assert not np.array_equal(flat(ours), before)
 
 
 def test_random_actions_are_uniform_and_the_others_those_of_the_current_weights() -> None:

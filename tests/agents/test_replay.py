@@ -42,6 +42,13 @@ def filled(steps: int, rows: int, copies: int, n_steps: int, gamma: float) -> Re
     return replay
 
 
+def test_a_last_reward_counts_for_ever_or_once() -> None:
+    """gamma = .9: ten times at an end; once where the method is over, and where something follows."""
+    wide, event = np.zeros((3, 1)), np.array([Event.END, Event.OVER, Event.TIME_LIMIT], np.int8)
+    transition = Transition(wide, np.array([1.0, 2, 3]), wide, event)
+    assert weighted_rewards(transition, 0.9, 2.0) == pytest.approx([20, 4, 6])
+
+
 def drawn(replay: Replay, batch: int = 4000) -> Batch:
     return replay.batch(replay.draw(np.random.default_rng(0), 1, batch)[0])
 
@@ -70,6 +77,13 @@ def test_three_step_returns_by_hand() -> None:
     assert set(batch.observation[:, 0]) == {0, 1, 2, 3, 4, 5}
 
 
+def test_one_step_returns() -> None:
+    batch = drawn(filled(6, rows=20, copies=2, n_steps=1, gamma=0.5))
+    assert sample_of(batch, 2, 1) == (40, [3, 1], 0.5)
+    assert sample_of(batch, 2, 0) == (4, [3, 0], 0.5)
+    assert set(batch.action[(batch.observation == [5, 1]).all(axis=1)]) == {36}
+
+
 @pytest.mark.parametrize(("steps", "rows"), [(7, 10), (10, 10), (11, 10), (23, 10), (40, 10), (25, 7)])
 @pytest.mark.parametrize("n_steps", [1, 3])
 @pytest.mark.parametrize("copies", [1, 2])
@@ -95,6 +109,11 @@ def test_every_sample_is_a_piece_of_the_history_and_all_are_equally_likely(
     assert pairs.tolist() == [[t, copy] for t in beginnings for copy in range(copies)]
     mean = count / len(pairs)
     assert np.abs(often - mean).max() < 5 * np.sqrt(mean)  # Poisson: five standard deviations
+
+
+def test_it_is_ready_when_it_holds_one_window() -> None:
+    replays = [filled(steps, rows=9, copies=2, n_steps=3, gamma=0.9) for steps in (2, 3)]
+    assert [replay.ready for replay in replays] == [False, True]
 
 
 def test_what_was_stored_does_not_change_with_the_callers_arrays() -> None:
@@ -142,11 +161,28 @@ def test_returns_that_stop(kinds: str, returns: list[float], arrived: list[float
     assert batch.arrived[:, 0].tolist() == arrived
 
 
+def test_one_step_returns_that_stop() -> None:
+    batch = one_copy("-cel-", n_steps=1)
+    assert batch.returns.tolist() == [1, 2, 4, 16, 16]
+    assert batch.discount.tolist() == [0.5, 0.5, 0.5, 0, 0.5]
+
+
 def test_where_the_time_limit_is_terminal_nothing_follows_any_end_but_a_cut_still_bootstraps() -> None:
     """The reward at the time limit counts once, that of a violation for ever."""
     batch = one_copy("-cel-", n_steps=1, limit=True)
     assert batch.returns.tolist() == [1, 2, 4, 16, 16]
     assert batch.discount.tolist() == [0.5, 0.5, 0, 0, 0.5]
+
+
+def test_without_a_discount_the_reward_of_a_violation_counts_once() -> None:
+    batch = one_copy("-l-", n_steps=2, gamma=1)
+    assert (batch.returns.tolist(), batch.discount.tolist()) == ([3, 2], [0, 0])
+
+
+def test_the_scale_multiplies_every_reward_and_no_discount() -> None:
+    batch = one_copy("--l--", scale=10)
+    assert (batch.returns.tolist(), batch.discount.tolist()) == ([40, 60, 80], [0, 0, 0])
+    assert one_copy("-----", scale=10).returns.tolist() == [30, 60, 120]
 
 
 def test_a_place_in_the_ring_after_which_nothing_followed_is_forgotten_when_it_is_written_again() -> None:
@@ -191,3 +227,16 @@ def test_where_nothing_follows_the_reward_counts_as_if_paid_for_ever(
     transition = came(np.zeros((2, 1)), np.array([3.0, -2.0]), lost, lost, lost)
     assert weighted_rewards(transition, gamma, weight).tolist() == expected
     assert transition.reward.tolist() == [3, -2]
+
+
+def test_updates_of_one_lock_step_draw_different_rows() -> None:
+    first = filled(8, rows=20, copies=2, n_steps=1, gamma=0.5).draw(np.random.default_rng(0), 3, 50)
+    assert first.shape == (3, 50)
+    assert len({row.tobytes() for row in first}) == 3
+
+
+def test_actions_that_are_vectors() -> None:
+    replay, here, nothing = Replay(4, 2, 1, 1, 0.5, axes=3), np.zeros((2, 1)), np.zeros(2, np.bool_)
+    for i in range(4):
+        replay.add(here, i + np.array([[0, 0.5, 1], [10, 10.5, 11]]), came(here, np.ones(2), nothing))
+    assert replay.batch(np.array([5, 0])).action.tolist() == [[12, 12.5, 13], [0, 0.5, 1]]

@@ -13,7 +13,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from stlbench.contract import Policy, Training, Unsuitable
 from stlbench.rollout.environment import BatchEnvironment
-from stlbench.task import build_method, load_task
+from stlbench.task import build_agent, build_method, load_task
 from stlbench_agents.q_learner import GreedyPolicy
 from stlbench_agents.sb3_bridge import CopiesVecEnv, greedy_policy
 from stlbench_agents.sb3_dqn import SB3DQN
@@ -93,6 +93,11 @@ def test_a_budget_below_one_lock_step_takes_one() -> None:
     assert [steps for _, steps in trained.reports] == [4]
 
 
+def test_training_changes_the_policy_between_reports() -> None:
+    first, *_, last = [weights(policy) for policy, _ in Trained().reports]
+    assert not np.array_equal(first, last)
+
+
 def test_the_same_seed_gives_the_same_policy_bit_for_bit() -> None:
     one, same, other = Trained(seed=2**62 + 9), Trained(seed=2**62 + 9), Trained(seed=2**62 + 10)
     assert weights(one.policy).tobytes() == weights(same.policy).tobytes()
@@ -167,3 +172,14 @@ def test_continuous_actions_are_refused() -> None:
     environment = BatchEnvironment(task, Probe(task.specification), 1, seed=0)
     with pytest.raises(Unsuitable, match="the task's actions v are continuous, and this agent chooses from a grid"):
         grid_of(environment.actions)
+
+
+def test_the_learning_rate_falls_geometrically() -> None:
+    agent = SB3DQN(learning_rate=1e-2, learning_rate_final=1e-4)
+    schedule = agent.options(environment(4))["learning_rate"]
+    assert [schedule(left) for left in (1.0, 0.5, 0.0)] == pytest.approx([1e-2, 1e-3, 1e-4])
+
+
+def test_the_recipes_of_all_tasks_are_known_to_it() -> None:
+    for name in ("hold-disc", "hold-disc-coarse", "integrator-or", "robot-nav"):
+        assert isinstance(build_agent(load_task(name), "sb3-dqn"), SB3DQN)

@@ -36,6 +36,13 @@ class Trained:
         return self.used[-1]
 
 
+def test_it_spends_the_budget_and_reports_evenly() -> None:
+    trained = Trained(407, copies=4, random_steps=10)
+    assert trained.used[0].taken == 404
+    assert [steps for _, steps in trained.reports] == [100, 200, 304, 404]
+    assert trained.reports[-1][0] is trained.policy
+
+
 def test_the_same_seed_gives_the_same_policy_bit_for_bit() -> None:
     def weights(seed: int) -> bytes:
         policy = Trained(400, seed, copies=4, random_steps=10).policy

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from helpers.plain_perceptron import perceptron
 from numpy.typing import NDArray
 
 from stlbench.contract import ActionBox
@@ -60,6 +61,13 @@ def test_targets_by_hand(constants: tuple[float, float]) -> None:
     first, second = np.tanh(0.5) + 0.2, min(np.tanh(3.0) + 0.05, 1.0)
     goal = goals(made, nothing([0.5, -2], [0.5, 0]), noise)
     assert goal == pytest.approx([0.5 + 0.5 * (1 + 1 + first + second), -2], rel=1e-6)
+
+
+def test_targets_lie_among_the_rewards_that_were_seen() -> None:
+    made = TD3Learner(TD3(net_arch=(8, 8), reward_scale=2.0), INPUTS, BOX, np.random.default_rng(0), 100)
+    made.note_rewards(np.array([0.1, 0.2]))
+    made.note_rewards(np.array([-0.3, 0.0]))
+    assert goals(made, nothing([-50, 50], [0, 0]), np.zeros((2, 2))) == pytest.approx([-0.6, 0.4])
 
 
 def test_with_gamma_1_targets_are_sums_of_rewards_and_know_no_bounds() -> None:
@@ -153,6 +161,19 @@ def test_first_weights_are_bounded_by_their_layers_inputs_and_the_actors_last_ar
             assert 0.8 * bound < np.abs(matrix).max() <= bound
         assert not any(bias.any() for bias in parts[1::2])
     assert not np.array_equal(*np.split(made.critics.online, 2))
+
+
+def test_the_policy_spans_the_box_and_is_frozen() -> None:
+    made = learner()
+    made.actor.online[:] = np.random.default_rng(4).normal(size=made.actor.online.shape)
+    policy = made.policy()
+    observation = np.random.default_rng(0).normal(size=(50, INPUTS))
+    vectors = policy.act(observation)
+    flat, x = torch.from_numpy(made.actor.online.copy()), torch.from_numpy(observation).float()
+    squashed = torch.tanh(perceptron(flat, made.networks.actor, x)).numpy()
+    made.actor.online[:] += 1
+    np.testing.assert_allclose(vectors, np.array([0, 2]) + squashed * [1, 2], rtol=1e-4, atol=1e-5)
+    np.testing.assert_array_equal(policy.act(observation), vectors)
 
 
 def test_actions_in_training_are_the_policys_with_noise_within_the_box() -> None:

@@ -37,10 +37,13 @@ def error(text, kind=type):
     [
         (ValueError("no such luck"), "ValueError: no such luck"),
         (ValueError(), "ValueError"),
+        (ValueError("two\n  lines\r\nor \x85 three"), "ValueError: two lines or three"),
         (error(KeyError()), "Strange: (its text cannot be had, it raises KeyError)"),
         (error(SystemExit()), "Strange: (its text cannot be had, it raises SystemExit)"),
+        (error(3), "Strange: (its text cannot be had, it raises TypeError)"),
         (error(Sly("a b")), "Strange: a b"),
         (error("b", Nameless), "Strange: b"),
+        (FileNotFoundError(2, "No such file", "caf\udce9"), "FileNotFoundError: [Errno 2] No such file: 'caf\\udce9'"),
         (ValueError("\x1b[2J\x1b]0;title\x07"), "ValueError: \\x1b[2J\\x1b]0;title\\x07"),
         (ValueError("\u202eright to left"), "ValueError: \\u202eright to left"),
         (ValueError("φ ≥ 0, naïve, 机器人"), "ValueError: φ ≥ 0, naïve, 机器人"),
@@ -60,6 +63,10 @@ def test_what_is_too_long_lacks_its_middle():
     assert f" {10**6 - (LINE - 50)} characters left out " in line
     assert one_line(line) == line
     assert len(line) <= LINE
+
+
+def test_several_lines_stay():
+    assert printable("a\n\tb\x1b") == "a\n\tb\\x1b"
 
 
 @given(st.text(st.characters()))

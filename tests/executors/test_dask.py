@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import closing
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -63,6 +64,22 @@ def test_it_keeps_them_on_a_cluster(two: Cluster) -> None:
             super().__init__(jobs=jobs, address=two.address)
 
     check_executor(OnCluster)
+
+
+def test_all_workers_are_used_where_no_number_of_jobs_is_said(two: Cluster, tmp_path: Path) -> None:
+    (tmp_path / "2").mkdir()
+    found = DaskExecutor(address=two.address).run(
+        victims.meet, [str(tmp_path / "2" / name) for name in "ab"], [600.0] * 2
+    )
+    assert {outcome.value for outcome in found} == {"a", "b"}
+
+
+def test_what_an_item_writes_is_in_its_log_and_what_it_takes_is_limited(two: Cluster, tmp_path: Path) -> None:
+    work = Work(victims.say, log=partial(victims.log, tmp_path))
+    outcomes(two.address, work, ["print one", "silent"])
+    assert {path.name: path.read_text() for path in (tmp_path / "logs").iterdir()} == {"print.log": "caf\\udce9 one\n"}
+    (found,) = DaskExecutor(address=two.address, memory=300 * 2**20).run(victims.eat, ["400"], [600.0])
+    assert (found.status, found.reason[:8]) == ("killed", "it took ")
 
 
 def test_it_says_where_an_item_ran_however_that_ended(two: Cluster) -> None:

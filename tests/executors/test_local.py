@@ -98,6 +98,10 @@ def test_an_idle_supervisor_that_is_killed_is_replaced():
     assert second.value != first
 
 
+def test_items_begin_in_their_order():
+    assert list(outcomes(victims.work, list("abcde"))) == [0, 1, 2, 3, 4]
+
+
 @pytest.mark.parametrize("name", ["OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"])
 def test_a_worker_has_one_thread_for_linear_algebra_and_the_parent_keeps_its_own(name, monkeypatch):
     monkeypatch.setenv(name, "7")
@@ -207,6 +211,10 @@ def test_workers_that_cannot_start_are_told_and_nothing_waits_for_ever(tmp_path,
     ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=True)
     reason = "killed 3 worker processes, one after the other, ended or hung before they took it"
     assert sorted(ended.stdout.splitlines()) == [f"{index} {reason}" for index in range(3)]
+
+
+def test_nothing_to_do_starts_nothing():
+    assert list(LocalExecutor(jobs=2).run(victims.work, [], [])) == []
 
 
 @pytest.mark.parametrize("deadlines", [[0.0], [-1.0], []])

@@ -6,7 +6,7 @@ import psutil
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from stlbench_executors.memory import Memory, allowed, share
+from stlbench_executors.memory import Memory, allowed, share, text_of
 
 read = TypeAdapter(Memory).validate_python
 
@@ -19,19 +19,14 @@ def test_amounts(text, size):
     assert read(text) == size
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "G",
-        "4 G B",
-        "4X",
-        0,
-    ],
-)
+@pytest.mark.parametrize("text", ["", "4", "G", "-4G", "4 G B", "lots", "4X", "1K", 0, "nan"])
 def test_what_is_no_amount_of_memory(text):
     with pytest.raises(ValidationError):
         read(text)
+
+
+def test_texts():
+    assert [text_of(size) for size in (300 * 2**20, 2**30, int(4.26 * 2**30))] == ["300 MiB", "1.0 GiB", "4.3 GiB"]
 
 
 def test_the_share_of_several_is_a_part_of_the_machines():

@@ -123,6 +123,9 @@ class TestQualityOfTurns:
     def test_a_loss(self) -> None:
         assert self.judged(0.3, 0.3, 0.27) == "worse"
 
+    def test_a_refreshed_reference_says_that_a_loss_is_meant(self) -> None:
+        assert self.judged(0.27, 0.3, 0.27) == "no worse"
+
     def test_where_this_machine_rounds_otherwise_the_base_is_the_reference(self) -> None:
         assert self.judged(0.3, 0.2, 0.2) == "no worse"
         assert self.judged(0.2, 0.3, 0.27) == "worse"

@@ -159,6 +159,11 @@ def test_the_worst_counts_and_nothing_is_not_fine() -> None:
     assert EXIT == {"no worse": 0, "not judged": 0, "worse": 1, "cannot tell": 3, "missing": 4}
 
 
+def test_what_is_new_alone_is_left_out() -> None:
+    fine = [cell(seed) for seed in range(3)]
+    assert compared(fine, [*fine, cell(7, "raised")]).verdict == "no worse"
+
+
 # ------------------------------------------------------------------------- 80 cells as they come out of real runs
 
 

@@ -10,7 +10,7 @@ from helpers import synthetic_results
 
 from stlbench import report
 from stlbench.errors import UsageError
-from stlbench.gate.snapshot import Snapshot, gather, load, sample, save
+from stlbench.gate.snapshot import Sample, Snapshot, gather, load, sample, save
 from stlbench.records.identity import CellId
 from stlbench.records.ledger import Ledger
 from stlbench.records.result import Result
@@ -30,6 +30,11 @@ def results() -> list[Result]:
         measured(synthetic_results.result(seed=0, robustness=(0.1, 0.2)), machine="m"),
         synthetic_results.result("tau-mdp", seed=1, status="intractable", reason="needs 4002 inputs,\n limit 512"),
     ]
+
+
+def test_a_sample_has_the_numbers_of_the_selected_policy() -> None:
+    found = sample(synthetic_results.result(robustness=(-0.5, 1.0), final=(9, 9)))
+    assert found == Sample(CellId.parse("hold-disc/funnel/dqn/0", "quick"), "done", "", 0.25, 0.5, 10.0, 21.0)
 
 
 def test_a_reference_comes_back_as_it_was(tmp_path: Path) -> None:
@@ -71,9 +76,13 @@ def test_planned_cells_without_a_result_are_no_samples(tmp_path: Path) -> None:
     ("text", "message"),
     [
         (HEADER + LINE.replace("done", "dnoe"), "line 2: status is 'dnoe'"),
+        (HEADER + LINE.replace("0.25", "much"), "line 2: robustness_mean is 'much'"),
         (HEADER + LINE.replace("dqn,0", "dqn,1.5"), "line 2: seed is '1.5'"),
+        (HEADER + LINE.replace("0.25", ""), "line 2: status is done and one of robustness_mean"),
         (HEADER + LINE + LINE, "line 3: a second row of disc/funnel/dqn/0, budget smoke"),
+        (HEADER + "disc,funnel\n", "line 2: no column agent, seed, budget"),
         ("a,b\n1,2\n", "line 2: no column task, method"),
+        ('a,b\n"1,2\n', "cannot read"),
     ],
 )
 def test_a_wrong_table_is_told_with_its_place(tmp_path: Path, text: str, message: str) -> None:
@@ -100,6 +109,17 @@ def test_a_wrong_place(tmp_path: Path) -> None:
     (tmp_path / "provenance.json").write_text("[]")
     with pytest.raises(UsageError, match="an object of texts is expected"):
         load(tmp_path)
+
+
+def test_an_older_reference_has_columns_that_are_passed_over(tmp_path: Path) -> None:
+    (tmp_path / "cells.csv").write_text(f"{HEADER.strip()},training_calibration_seconds\n{LINE.strip()},0.01\n")
+    (entry,) = load(tmp_path).samples.values()
+    assert (entry.robustness_mean, entry.reward_nanoseconds) == (0.25, 20)
+
+
+def test_an_empty_table_is_an_empty_snapshot(tmp_path: Path) -> None:
+    (tmp_path / "cells.csv").write_text(HEADER)
+    assert load(tmp_path) == Snapshot()
 
 
 def test_a_reference_that_cannot_be_written(tmp_path: Path) -> None:

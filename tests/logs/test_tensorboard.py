@@ -60,6 +60,15 @@ def test_tensorboard_reads_curves_and_scores(tmp_path: Path) -> None:
     }
 
 
+def test_another_folder(tmp_path: Path) -> None:
+    from stlbench_logs.tensorboard import TensorBoard
+
+    log = TensorBoard(folder=str(tmp_path / "elsewhere"))
+    log.begin(tmp_path / "results", ())
+    log.ended(LoggedCell(CELL, "quick", "raised", "ValueError: no"))
+    assert list((tmp_path / "elsewhere" / CELL).iterdir())
+
+
 def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     import stlbench_logs
     from stlbench_logs import tensorboard

@@ -94,3 +94,14 @@ def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(stlbench_logs, "find_spec", lambda name: None)
     with pytest.raises(Unsuitable, match=r'pip install "stlbench-rl\[wandb\]"'):
         wandb.WandB()
+
+
+def test_a_folder_of_that_name_is_no_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """wandb keeps its files in one, where a run was started."""
+    from stlbench_logs import wandb
+
+    (tmp_path / "wandb").mkdir()
+    monkeypatch.setattr(sys, "path", [str(tmp_path)])
+    monkeypatch.delitem(sys.modules, "wandb", raising=False)
+    with pytest.raises(Unsuitable, match="it needs the package wandb"):
+        wandb.WandB()

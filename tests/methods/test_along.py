@@ -161,6 +161,10 @@ class TestLaterStart:
         signals = np.array([[1.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [-1.0, 0.0]])
         assert method.initial_memory(signals, self.at).tolist() == [[3, 1], [3, 1], [0, 0], [0, 0]]
 
+    def test_a_history_is_copies_of_the_sample(self) -> None:
+        method = TauMdp(specification("G[0,4] G[0,1] x >= 0", BOX))
+        assert method.initial_memory(np.array([[1.0, 0.5]] * 4), self.at).tolist() == [[1, 0.5, 1, 0.5]] * 4
+
 
 def test_what_is_paid_while_an_action_is_held() -> None:
     """G[0,9] G[0,1] p with p = 1 | 1 1 0 1 1: full from the second p in a row on. F[2,3] p latches at 3."""

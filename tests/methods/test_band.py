@@ -7,7 +7,10 @@ import pytest
 from helpers.episodes import specification
 from helpers.stepwise import one_step
 
+from stlbench.contract.presentation import Banded
+from stlbench_methods.flag import Flag
 from stlbench_methods.funnel import Funnel
+from stlbench_methods.raw import Raw
 
 NEAR = 1e-5
 BOX = {"x": (-2.0, 2.0)}
@@ -46,3 +49,10 @@ def test_a_reward_is_positive_exactly_inside_the_linear_funnel() -> None:
             arrived = np.array([[x]])
             reward, _ = one_step(method, arrived, np.zeros((1, 1)), arrived, np.array([t - 1]), np.zeros((1, 0)))
             assert (reward[0] > 0) == inside
+
+
+def test_other_methods_have_none() -> None:
+    spec = specification("G[0,10] x >= 0", BOX, steps=12)
+    assert isinstance(Funnel(spec), Banded)
+    assert not isinstance(Raw(spec), Banded)
+    assert not isinstance(Flag(spec), Banded)

@@ -34,6 +34,12 @@ def test_blocks_by_hand() -> None:
     assert paid(Bhnr(spec, mode="block", window=3), trace) == pytest.approx([0, 0, 1.5, 0, 0, -3, 0])
 
 
+def test_the_last_block_may_be_short() -> None:
+    """Blocks of 4 in 7 steps: 4 samples, and 3 samples, worth 2 - x = 1 each."""
+    spec = specification("G[0,7] x <= 2", BOX)
+    assert paid(Bhnr(spec, mode="block", window=4), [1.0] * 8) == pytest.approx([0, 0, 0, 4, 0, 0, 3])
+
+
 @pytest.mark.parametrize(("semantics", "expected"), [("filtering", 1 / 3), ("filtering-sum", 1.0)])
 def test_filtering_by_hand(semantics: str, expected: float) -> None:
     """H = 3. F x >= 1 is true of one of the last three samples at steps 3 and 4: a third, or one. G holds: 1."""

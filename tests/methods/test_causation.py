@@ -58,12 +58,23 @@ def test_a_violation_is_paid_for_while_it_lasts() -> None:
     assert found[0, 1:].tolist() == [-2, 0, 5, -1]
 
 
+def test_inputs_scale_and_floor() -> None:
+    method = Causation(specification("G[0,2] (F[0,1] x >= 1 & y <= 1)", BOX), bonus=1)
+    assert (method.memory_size, method.scale, method.floor) == pytest.approx((2, 4, -4), abs=1e-5)
+    assert method.inputs(np.array([[-4.0, 2.0], [-1.0, -1.0]])) == pytest.approx(np.array([[-1, 1], [0, 0]]), abs=1e-5)
+    assert method.describe() == {"parts": ["F[0,1] x >= 1 at steps 0 to 2", "y <= 1 at steps 0 to 2"]}
+
+
 @pytest.mark.parametrize(
     "formula", ["F[0,4] x >= 1", "G[1,4] x >= 1", "G[0,4] (F[0,2] x >= 1 | y <= 1)", "G[0,4] F[1,2] x >= 1", "x >= 1"]
 )
 def test_other_formulas_are_unsuitable(formula: str) -> None:
     with pytest.raises(Unsuitable, match=r"it takes G\[0,T\] phi, phi a conjunction of F\[0,w\] psi, "):
         Causation(specification(formula, BOX, steps=6))
+
+
+def test_the_nested_form_of_a_task_is_read() -> None:
+    assert Causation(specification("F[0,4] x >= 1", BOX, nested="G[0,2] F[0,2] x >= 1")).memory_size == 3
 
 
 @pytest.mark.parametrize(("task", "windows"), [("patrol", 200), ("cartpole-steady", 11), ("hold-disc", 0)])

@@ -175,6 +175,16 @@ class TestAbsoluteIntervals:
         ]
         assert rewards[0, 1:] == pytest.approx(expected)
 
+    def test_scale_inputs_and_start(self) -> None:
+        method = Flag(self.spec)
+        assert method.scale == 3  # at steps 2 and 3 all three intervals last
+        _, flags = run(method, truths(200, 8, 0.7, seed=4))
+        inputs = method.inputs(flags.reshape(-1, 4))
+        assert inputs.min() == 0
+        assert inputs.max(axis=0).tolist() == [1, 1, 1, 1]
+        # no interval includes step 0, so the flags are as they were: G true until it fails
+        assert method.initial_memory(np.array([[1.0, -1.0]]), np.zeros(1, dtype=np.int64)).tolist() == [[0, 1, 0, 0]]
+
     def test_the_first_sample_counts_where_an_interval_includes_it(self) -> None:
         method = Flag(specification(f"F[0,2] {P} & G[0,2] {Q}", BOX))
         assert method.initial_memory(np.array([[1.0, 1.0], [-1.0, -1.0]]), np.zeros(2, dtype=np.int64)).tolist() == [
@@ -189,6 +199,17 @@ class TestAbsoluteIntervals:
 def test_a_formula_of_neither_form_is_unsuitable(formula: str) -> None:
     with pytest.raises(Unsuitable, match="is not in the funnel fragment"):
         Flag(specification(formula, BOX))
+
+
+def test_describe_says_which_form_was_taken() -> None:
+    assert Flag(specification(f"G[0,4] G[0,2] {P}", BOX)).describe() == {
+        "form": "outer operator over windows",
+        "flags": [3],
+    }
+    assert Flag(specification(f"F[1,3] G[1,2] {P}", BOX)).describe() == {
+        "form": "absolute intervals (extension)",
+        "flags": [1, 2],
+    }
 
 
 def test_a_task_outside_the_sources_form_is_marked() -> None:

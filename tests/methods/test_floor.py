@@ -49,6 +49,14 @@ def test_that_of_raw_is_paid_in_a_corner(formula: str, activity: str) -> None:
     assert least(method, resting(spec)) == pytest.approx(method.floor, abs=NEAR)
 
 
+def test_that_of_raw_by_hand() -> None:
+    """x - 5 is -7 at x = -2. Where a term is active that is always satisfied, idle samples pay less: 0."""
+    assert Raw(specification("F[2,5] x >= 5", BOX)).floor == pytest.approx(-7, abs=NEAR)
+    always = specification("G[0,5] x >= -3", BOX, steps=8)
+    assert Raw(always).floor == 0
+    assert Raw(specification("G[0,5] x >= -3", BOX)).floor == pytest.approx(1, abs=NEAR)
+
+
 @pytest.mark.parametrize("shape", ["linear", "clipped", "normalised"])
 @pytest.mark.parametrize("formula", ["F[2,5] x >= 1 & G[6,9] y <= 2", "G[0,6] x <= 2", "F[0,3] G[1,4] y >= 0"])
 def test_that_of_the_funnel_is_paid_in_a_corner(formula: str, shape: str) -> None:
@@ -56,6 +64,13 @@ def test_that_of_the_funnel_is_paid_in_a_corner(formula: str, shape: str) -> Non
     method = Funnel(spec, shape=shape)  # type: ignore[arg-type]
     assert least(method, resting(spec)) == pytest.approx(method.floor, rel=1e-4)
     assert method.floor >= -method.scale - NEAR
+
+
+def test_that_of_the_funnel_by_hand() -> None:
+    """rho = 2 - x in [-2, 4], gamma = .01 throughout: -2 + .01 - 4, and as a logarithm -log(1 + 6 / .01)."""
+    spec = specification("G[0,6] x <= 2", BOX)
+    assert Funnel(spec).floor == pytest.approx(-5.99, abs=NEAR)
+    assert Funnel(spec, shape="normalised").floor == pytest.approx(-math.log(601), abs=NEAR)
 
 
 @pytest.mark.parametrize(

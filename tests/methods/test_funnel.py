@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -82,6 +83,12 @@ class TestSequence:
         method = Funnel(self.method.specification, ginf=0.5, shape="normalised")
         assert paid(method, x, t) == pytest.approx(expected, abs=NEAR)
 
+    def test_scales(self) -> None:
+        # linear: r' lies in [rho_min + gamma_inf - rho_max, gamma_0], at most the widest gamma_0 = 4 in size
+        assert self.method.scale == pytest.approx(4, abs=NEAR)
+        normalised = Funnel(self.method.specification, ginf=0.5, shape="normalised")
+        assert normalised.scale == pytest.approx(math.log(1 + 4 / 0.5), abs=NEAR)
+
     @given(x=st.floats(-2, 2), t=st.integers(1, 20))
     def test_positive_exactly_inside_the_bounds_of_eq_5(self, x: float, t: int) -> None:
         if t <= 8:
@@ -144,10 +151,20 @@ class TestAlwaysFromTheStart:
         method = Funnel(self.spec, ginf=1.0, variant="code")
         assert paid(method, 1.5, t) == pytest.approx(1.5 + 3 ** (1 - t / 5) + 1 - 2, abs=NEAR)
 
+    def test_code_has_100_of_200_in_the_comparative_study(self) -> None:
+        method = Funnel(load_task("hold-disc").specification, variant="code")
+        assert method.curves[0].t_star == 100
+
     def test_code_leaves_other_intervals_alone(self) -> None:
         assert (
             Funnel(specification(SEQUENCE, BOX), variant="code").curves == Funnel(specification(SEQUENCE, BOX)).curves
         )
+
+    def test_nothing_is_paid_after_it(self) -> None:
+        assert paid(Funnel(self.spec), -2.0, 11) == 0
+
+
+PENDULUM = "G[400,700] ({0}1) & G[1000,1200] ({0}2) & G[1700,2000] ({0}3)"
 
 
 @pytest.mark.parametrize(("ginf", "printed"), [(1e-9, [0.0103, 0.0138, 0.0083]), (0.01, [0.0109, 0.0145, 0.0087])])
@@ -225,6 +242,17 @@ def test_ginf_out_of_range_is_unsuitable(formula: str, ginf: float, limit: str) 
         Funnel(specification(formula, BOX), ginf=ginf)
 
 
+def test_ginf_equal_to_the_end_of_its_open_range_is_unsuitable() -> None:
+    # rho_max = 1 = ginf leaves l = ln((2 - 1) / 0); that bounds are rounded outwards must not let it pass
+    with pytest.raises(Unsuitable, match=r"ginf = 1 must be less than min\(gamma_0, rho_max\) = 1 of"):
+        Funnel(specification("G[2,4] abs(x) <= 1", BOX), ginf=1.0)
+
+
+def test_a_term_that_cannot_be_satisfied_is_unsuitable() -> None:
+    with pytest.raises(Unsuitable, match=r"rho_max\) = -1 of G\[2,4\] x >= 3"):
+        Funnel(specification("G[2,4] x >= 3", BOX))
+
+
 @pytest.mark.parametrize(
     ("formula", "place"),
     [
@@ -243,6 +271,13 @@ def test_a_predicate_that_always_holds_has_a_funnel_that_does_not_move() -> None
     method = Funnel(specification("G[3,6] abs(x) <= 5", BOX), ginf=0.5)
     assert method.curves[0].rate == 0
     assert [paid(method, 1.0, t) for t in (1, 3, 6)] == pytest.approx([4 + 2 - 5] * 3, abs=NEAR)
+
+
+@pytest.mark.parametrize("shape", ["linear", "clipped", "normalised"])
+def test_describe_names_each_term(shape: Literal["linear", "clipped", "normalised"]) -> None:
+    described = Funnel(specification(SEQUENCE, BOX), ginf=0.5, shape=shape).describe()
+    assert list(described) == ["F[4,8]", "G[12,20]"]
+    assert described["G[12,20]"].startswith("gamma_0 2, gamma_inf 0.5, rho_max 1, t0 8, t* 12, l 0.2747")  # ln(3) / 4
 
 
 def test_a_curve_by_itself() -> None:

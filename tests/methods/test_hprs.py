@@ -53,6 +53,11 @@ class TestOneTarget:
         expected = (x[:, 1:] >= 1).sum(axis=1) + potential[:, -2] - potential[:, 0]
         assert rewards[:, 1:].sum(axis=1) == pytest.approx(expected[:, 0])
 
+    def test_from_above(self) -> None:
+        """n(x <= 2) = 1 - (x - 2) / (4 - 2): from 4, 3 and 2 it is 0, .5 and 1."""
+        rewards, _ = run(Hprs(specification("F[0,3] x <= 2", BOX)), [4.0, 3, 2, 2])
+        assert rewards[0, 1:] == pytest.approx([0.5, 1.5, 1])
+
 
 class TestSeveralTargets:
     """F[2,9] G[0,1] x >= 2, by step 10, comes after F[0,3] x <= -2, in whatever order they are written."""
@@ -79,6 +84,13 @@ class TestSeveralTargets:
         assert rewards[0, 1:] == pytest.approx(expected)
         assert memory[0, :, 0].tolist() == [0, 0, *[1] * 10]
         assert memory[0, :, 1].tolist() == [0, 0, 0, 0, 1, 2, 2, 0, 1, 2, 2, 2]
+
+    def test_the_first_sample_counts(self) -> None:
+        method = Hprs(specification(self.formula, BOX))
+        zero = np.zeros(2, dtype=np.int64)
+        memory = method.initial_memory(np.array([[-3.0], [0.0]]), zero)
+        assert memory.tolist() == [[1, 0], [0, 0]]
+        assert method.inputs(np.array([[1.0, 1.0], [0.0, 0.0]])).tolist() == [[1, 0.5], [0, 0]]
 
 
 def test_a_later_g_as_a_target() -> None:

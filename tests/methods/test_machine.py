@@ -51,6 +51,12 @@ class TestByHand:
         assert runs[0, :, 0].tolist() == [1, 2, 0, -1, -1, -1]
         assert rewards[0, 1:].tolist() == [0, 0, -1, 0, 0]
 
+    def test_a_later_start(self) -> None:
+        """Nothing is known of the steps before: G[1,3] may have held, F[0,2] is taken as done from 3 on."""
+        method = Machine(specification("F[0,2] x >= 0 & G[1,3] y >= 0", BOX, steps=5))
+        signals, t = np.tile([-1.0, 1.0], (5, 1)), np.arange(5)
+        assert method.initial_memory(signals, t).tolist() == [[0, 0], [0, 1], [-1, 2], [1, 3], [1, 3]]
+
 
 @st.composite
 def conjunctions(draw: st.DrawFn) -> str:
@@ -114,6 +120,12 @@ def test_the_counterfactual_memories_are_those_that_some_past_leads_to(formula: 
         assert set(drawn.tolist()) == (reached or {-1.0}), (t, x)
         counts = np.unique(drawn, return_counts=True)[1]
         assert np.ptp(counts) <= 1  # each as likely
+
+
+def test_without_replay_there_are_none() -> None:
+    spec = specification(BOTH, {"x": (-1, 1)})
+    assert Machine(spec).counterfactuals
+    assert not Machine(spec, replay="none").counterfactuals
 
 
 def test_a_formula_outside_the_fragment_is_unsuitable() -> None:

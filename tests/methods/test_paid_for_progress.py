@@ -47,6 +47,12 @@ class TestTltl:
         expected = np.array([[-1, 1], [1 / 6, 1], *[[0.5, -0.5]] * 4])
         assert method.inputs(memory[0]) == pytest.approx(expected, abs=1e-5)
 
+    def test_scale_and_floor(self) -> None:
+        """The least of the two terms is in [-4, 2]."""
+        method = Tltl(SEQUENCE)
+        assert (method.scale, method.floor) == pytest.approx((4, -4), abs=1e-5)
+        assert Tltl(specification("G[0,1] x <= 4", BOX)).floor == 0
+
 
 class TestDense:
     def test_the_level_of_the_prefix(self) -> None:
@@ -56,6 +62,11 @@ class TestDense:
     def test_the_growth_of_what_is_certain(self) -> None:
         """L: -4 at first; min(-.5, -1) = -1 at step 1, at step 2 min(.5, -1), then .5."""
         assert paid(Dense(SEQUENCE, mode="difference"), TRACE) == pytest.approx([3, 0, 1.5, 0, 0], abs=1e-5)
+
+    def test_scale_and_floor(self) -> None:
+        growth = Dense(SEQUENCE, mode="difference")
+        assert (growth.scale, growth.floor) == pytest.approx((6, 0), abs=1e-5)
+        assert (Dense(SEQUENCE).scale, Dense(SEQUENCE).floor) == pytest.approx((4, -4), abs=1e-5)
 
     def test_a_window_that_has_not_begun_does_not_count(self) -> None:
         """F[0,2] G[1,2] x >= 0: windows begin at steps 1 to 3; at step 1 the first has begun, of which x = 1 is known.
@@ -86,6 +97,13 @@ class TestSparse:
         verdict = stl.satisfied(spec.formula, traces, spec.signals)
         assert 0.02 < verdict.mean() < 0.98
         assert np.array_equal(run(Sparse(spec), traces)[0][:, -1], verdict)
+
+    def test_robustness_0_is_told_by_the_comparison(self) -> None:
+        assert paid(Sparse(specification("G[0,1] x >= 1", BOX)), [1, 1]) == [1]
+        assert paid(Sparse(specification("G[0,1] x > 1", BOX)), [1, 1]) == [0]
+
+    def test_what_the_policy_sees_of_f_g_is_a_flag_and_a_count(self) -> None:
+        assert Sparse(specification("F[1,4] G[2,5] x >= 0", BOX)).input_size == 2
 
 
 def test_a_task_outside_the_fragment() -> None:

@@ -141,3 +141,8 @@ def test_the_size_of_a_memory(text: str, size: int) -> None:
 def test_an_operator_that_looks_back_is_unsuitable() -> None:
     with pytest.raises(Unsuitable, match=r"the past operator O\[0,3\] at column 18 looks back"):
         of_margins("F[0,2] (x >= 1 | O[0,3] y >= 1)", "classic")
+
+
+def test_true_has_no_bounds() -> None:
+    with pytest.raises(Unsuitable, match="the robustness of True has no bounds"):
+        of_margins("True U[0,3] y >= 1", "classic")

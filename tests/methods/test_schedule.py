@@ -38,6 +38,12 @@ def test_a_term_runs_from_the_latest_deadline_before_it(text: str, begins: list[
     assert active_from(terms(text), "literal") == [0] * len(begins)
 
 
+def test_a_sequence_is_covered_without_gap_and_without_overlap() -> None:
+    sequence = "F[2,4] x >= 0 & G[6,9] x <= 1"
+    assert active_steps(sequence, 11, "last-deadline") == [[0, 1, 2, 3, 4], [5, 6, 7, 8, 9]]
+    assert active_steps(sequence, 11, "literal") == [[2, 3, 4], [6, 7, 8, 9]]
+
+
 def test_terms_that_overlap_are_active_together() -> None:
     overlap = "G[0,10] x >= 0 & F[3,5] x >= 1 & F[5,8] x >= 2"
     assert active_steps(overlap, 10, "last-deadline") == [list(range(11)), [0, 1, 2, 3, 4, 5], [6, 7, 8]]

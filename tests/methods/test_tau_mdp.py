@@ -41,6 +41,16 @@ class TestHistory:
             [1, 0] * 3,
         ]
 
+    def test_it_is_ordered_oldest_first(self) -> None:
+        trace = np.array([[[1.0, 0.1], [2.0, 0.2], [3.0, 0.3], [4.0, 0.4]]])
+        _, memory = run(TauMdp(specification(ALWAYS, BOX)), trace)
+        assert memory[0].tolist() == [
+            [1, 0.1, 1, 0.1, 1, 0.1],
+            [1, 0.1, 1, 0.1, 2, 0.2],
+            [1, 0.1, 2, 0.2, 3, 0.3],
+            [2, 0.2, 3, 0.3, 4, 0.4],
+        ]
+
     def test_inputs_are_scaled_by_the_box(self) -> None:
         method = TauMdp(specification(ALWAYS, BOX))
         memory = np.array([[-2.0, -1.0, 4.0, 1.0, 1.0, 0.5]])
@@ -75,6 +85,11 @@ class TestReward:
         for t in range(1, 9):
             rho = stl.robustness(parsed, history[:, t], ("x", "y"))
             assert rewards[:, t] == pytest.approx(sign * np.exp(sign * 2 * rho / highest), rel=1e-5)
+
+    def test_by_hand(self) -> None:
+        # x = 0 0 3 0 0 0: the least of 1 - x over the last three samples is 1, -2, -2, -2, 1; rho_max = 3.
+        rewards, _ = run(TauMdp(specification(ALWAYS, {"x": (-2, 4)}), beta=3), [0, 0, 3, 0, 0, 0])
+        assert rewards[0, 1:] == pytest.approx([-math.exp(-1), *[-math.exp(2)] * 3, -math.exp(-1)], rel=1e-5)
 
     @pytest.mark.parametrize(("outer", "true", "false"), [("G", -math.exp(-2), -1.0), ("F", math.exp(2), 1.0)])
     def test_the_probability_form_has_the_indicator(self, outer: str, true: float, false: float) -> None:

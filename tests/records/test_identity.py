@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stlbench.errors import UsageError
-from stlbench.records.identity import CellId, find_cell
+from stlbench.records.identity import CellId, Setting, find_cell
 from stlbench.records.result import from_json, to_json
 from stlbench.registry.choices import Choice
 
@@ -18,6 +18,12 @@ CELL = CellId(
     Choice("overlap", (("without", "cuts"),)), Choice("funnel", (("ginf", "0.02"),)), Choice("dqn"), 3, "smoke"
 )
 NAME = "overlap[without=cuts]/funnel[ginf=0.02]/dqn/3"
+
+
+def test_a_name_and_back():
+    assert CELL.name == NAME
+    assert CellId.parse(NAME, "smoke") == CELL
+    assert CellId.parse("a/b[y=2,x=1]/c/0", "smoke") == CellId.parse("a/b[x=1, y=2]/c/0", "smoke")
 
 
 words = st.from_regex(r"[a-z0-9][a-z0-9-]{0,8}", fullmatch=True)
@@ -35,13 +41,18 @@ def test_any_identity_comes_back_from_its_name_and_from_json(cell):
     assert from_json(to_json(replace(result(), id=cell))).id == cell
 
 
+def test_the_setting_is_all_but_the_seed():
+    assert CELL.setting == Setting(CELL.task, CELL.method, CELL.agent, "smoke") == replace(CELL, seed=9).setting
+    assert CELL.setting.name == "overlap[without=cuts]/funnel[ginf=0.02]/dqn"
+
+
 def test_cells_are_ordered_by_task_method_agent_and_seed_as_a_number():
     names = ["a/b/c/2", "a/b/c/10", "a/b[x=1]/c/0", "a/b-c/c/0", "b/a/c/0"]
     cells = [CellId.parse(name, "smoke") for name in names]
     assert sorted(reversed(cells)) == cells
 
 
-@pytest.mark.parametrize("name", ["", "a/b/c/0/1", "a/b/c/x", "a/b[x/c/0"])
+@pytest.mark.parametrize("name", ["", "a/b/c", "a/b/c/0/1", "a/b/c/-1", "a/b/c/x", "a//c/0", "a/b[x/c/0"])
 def test_what_is_no_name_is_refused(name):
     with pytest.raises(UsageError):
         CellId.parse(name, "smoke")

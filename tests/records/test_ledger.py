@@ -41,6 +41,15 @@ def test_what_is_recorded_comes_back_equal_in_order(path):
         assert list(ledger.results()) == [recorded[3], recorded[4], recorded[2], recorded[1], recorded[0]]
 
 
+def test_results_of_some_keys_only(path):
+    one, other = result(seed=0), result(seed=1)
+    with Ledger(path) as ledger:
+        ledger.record(one)
+        ledger.record(other)
+        assert list(ledger.results([other.key, "unknown"])) == [other]
+        assert list(ledger.results([])) == []
+
+
 def test_the_columns_are_there_for_sql(path):
     with Ledger(path) as ledger:
         ledger.record(result("funnel", 3, robustness=(0.5, 0.25, -0.15, 0.2), training_cpu_seconds=7.5))
@@ -141,6 +150,14 @@ def test_a_later_plan_replaces_that_of_the_same_settings_and_of_no_other(path):
         assert set(ledger.missing()) == {entry.id for entry in (other, budget, *many[:2])}
 
 
+def test_a_cell_with_another_key_is_not_missing(path):
+    """A plugin was edited: the result is not of today's plan, and yet it is one."""
+    with Ledger(path) as ledger:
+        ledger.record(result())
+        ledger.plan({"edited": result().id})
+        assert ledger.missing() == []
+
+
 def test_of_several_results_of_a_cell_the_planned_one_counts(path):
     old, new = result(), dataclasses.replace(result(robustness=(0.5,)), key="edited")
     with Ledger(path) as ledger:
@@ -160,6 +177,15 @@ def test_nothing_is_made_before_something_is_written(path):
     with Ledger(path) as ledger:
         ledger.record(result())
         assert list(ledger.results()) == [result()]
+
+
+def test_reading_while_recording(path):
+    with Ledger(path) as ledger:
+        for seed in range(5):
+            ledger.record(result(seed=seed))
+        for entry in ledger.results():
+            ledger.record(dataclasses.replace(entry, reason="seen"))
+        assert [(entry.id.seed, entry.reason) for entry in ledger.results()] == [(seed, "seen") for seed in range(5)]
 
 
 def other_database(path):
@@ -200,6 +226,15 @@ def test_a_reader_makes_no_file(path):
     with pytest.raises(UsageError, match="there is no ledger at"):
         Ledger(path, create=False)
     assert not path.parent.exists()
+
+
+def test_a_folder_that_cannot_be_made(tmp_path):
+    (tmp_path / "file").touch()
+    with (
+        Ledger(tmp_path / "file" / "ledger.sqlite") as ledger,
+        pytest.raises(UsageError, match="cannot open the ledger"),
+    ):
+        ledger.plan({})
 
 
 def copied(path, folder, *names):

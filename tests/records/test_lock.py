@@ -95,3 +95,9 @@ def test_cells_are_not_removed_or_merged_where_another_process_writes(held, tmp_
     with pytest.raises(UsageError, match="is written by process"):
         upkeep.merge(folder, tmp_path / "other")
     assert upkeep.merge(tmp_path / "other", folder).kept == 1  # reading is free
+
+
+def test_a_folder_that_cannot_be_made(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(UsageError, match="cannot write results in"), writing(tmp_path / "file" / "results"):
+        pass

@@ -77,6 +77,13 @@ def test_the_first_difference_is_told(other: Observation, message: str | None) -
         POLE.check("p", other)
 
 
+def test_inputs_of_another_method() -> None:
+    flag = replace(POLE, inputs=1, method="flag")
+    with pytest.raises(UsageError, match="to observe inputs of method flag; say --method 'flag'"):
+        flag.check("p", POLE)
+    replace(flag, method="").check("p", flag)
+
+
 @pytest.mark.parametrize("facts", ["{", "[]", '{"size": "many"}', '{"size": 2, "middle": [0], "reach": [1]}', 3])
 def test_a_record_that_is_none(facts: object) -> None:
     with pytest.raises(UsageError, match=r"^p: its stlbench_observation is no record: [^\n]*$"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sqlite3
 
 import pytest
@@ -35,3 +36,12 @@ def test_what_is_missing_is_found_in_the_index_alone(path):
     with sqlite3.connect(path) as database:
         ((*_, plan),) = database.execute(f"EXPLAIN QUERY PLAN SELECT rowid, {LISTED} FROM cells")
     assert plan == "SCAN cells USING COVERING INDEX listed"
+
+
+def test_a_folder_of_a_full_disk_is_a_usage_error(path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.mkdir", full)
+    with Ledger(path) as ledger, pytest.raises(UsageError, match="No space left on device"):
+        ledger.plan({})

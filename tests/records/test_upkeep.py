@@ -61,9 +61,13 @@ def folder(tmp_path):
     ("said", "count"),
     [
         ({"names": ["hold-disc/funnel/dqn/0"]}, 1),
+        ({"names": ["hold-disc/funnel[ginf=0.02]/dqn/0"]}, 1),
         ({"names": ["hold-disc/*"]}, 3),
+        ({"names": ["*/funnel/*", "overlap/*"]}, 4),
         ({"statuses": ["raised", "timeout"]}, 2),
+        ({"names": ["hold-disc/*"], "statuses": ["raised", "timeout"]}, 1),
         ({"budget": "smoke"}, 1),
+        ({"names": ["overlap/flag/dqn/0"], "budget": "quick"}, 1),
     ],
 )
 def test_choosing(folder, said, count):
@@ -74,7 +78,10 @@ def test_choosing(folder, said, count):
     ("said", "message"),
     [
         ({}, "which cells"),
+        ({"names": ["hold-disc/funnel/dqn/9"]}, "no cell 'hold-disc/funnel/dqn/9'; did you mean"),
         ({"names": ["pendulum/*"]}, r"no cell 'pendulum/\*'"),
+        ({"statuses": ["rased"]}, "no status 'rased'; did you mean 'raised'"),
+        ({"statuses": ["killed"]}, "no such cell in"),
     ],
 )
 def test_choosing_nothing(folder, said, message):
@@ -112,6 +119,12 @@ def test_merging_counts_and_the_newest_wins(tmp_path):
     assert not cell_files(into, a.id, a.key).policies.exists()
     assert merge(into, source) == counts(kept=3)
     assert len(Results.load(source)) == 3
+
+
+def test_merging_into_a_new_folder_from_lines(tmp_path):
+    stored.write_lines([result("funnel"), result("flag", 1, "raised")], tmp_path / "text" / stored.LINES)
+    assert merge(tmp_path / "new", tmp_path / "text") == counts(added=2)
+    assert Results.load(tmp_path / "new").results == Results.load(tmp_path / "text").results
 
 
 def test_folders_that_cannot_be_merged(folder, tmp_path):

@@ -90,7 +90,9 @@ def test_a_row_that_is_not_as_it_was_recorded(folder):
 
 
 @pytest.mark.filterwarnings("ignore::stlbench.records.reader.LedgerWarning")
-@pytest.mark.parametrize("column", ["seed='x'", "track=''", "method='a/b'", "key='k'"])
+@pytest.mark.parametrize(
+    "column", ["seed='x'", "seed=7", "track=''", "budget=''", "method='a/b'", "status='x'", "key='k'"]
+)
 def test_a_row_whose_columns_say_another_thing_than_its_result(folder, column):
     with sqlite3.connect(folder / FILE) as database:
         database.execute(f"UPDATE cells SET {column} WHERE seed = 1")

@@ -29,6 +29,11 @@ def test_a_comma_in_brackets_does_not_split():
     )
 
 
+def test_the_text_is_canonical_whatever_the_order_and_the_spaces():
+    assert str(parse_choice(" funnel[ variant = code , ginf=0.02 ] ")) == "funnel[ginf=0.02,variant=code]"
+    assert parse_choice("funnel[b=1,a=2]") == parse_choice("funnel[a=2,b=1]")
+
+
 def test_repetitions_are_dropped_and_the_order_is_kept():
     assert [str(choice) for choice in parse_choices("raw,flag[b=1,a=2],raw,flag[a=2,b=1],funnel")] == [
         "raw",
@@ -95,6 +100,10 @@ class Demanding(Example):
     def __init__(self, *, size: int, anything=None) -> None: ...
 
 
+class Plain:
+    pass
+
+
 def checked(text, defaults=None, kind=Example):
     return check(declared(kind), parse_choice(text), defaults)
 
@@ -103,6 +112,19 @@ def test_text_becomes_the_declared_type():
     found = checked("x[ginf=2e-2,variant=code,order=2,window=7,clip=true,share=1]")
     assert found == {"ginf": 0.02, "variant": "code", "order": 2, "window": 7, "clip": True, "share": 1.0}
     assert [type(value) for value in found.values()].count(float) == 2
+
+
+def test_the_items_of_a_list_are_joined_by_plus():
+    assert checked("x[hidden=32+16]") == {"hidden": (32, 16)}
+    assert checked("x[hidden=32]") == {"hidden": (32,)}
+
+
+def test_what_is_not_given_is_left_to_the_constructor():
+    assert checked("x") == {}
+
+
+def test_the_choice_overrides_the_defaults():
+    assert checked("x[ginf=0.5]", {"ginf": 0.1, "hidden": [8, 8]}) == {"ginf": 0.5, "hidden": (8, 8)}
 
 
 @pytest.mark.parametrize(
@@ -135,6 +157,11 @@ def test_several_errors_come_in_one_line():
     )
 
 
+def test_an_error_of_the_recipe_is_told_apart():
+    with pytest.raises(UsageError, match=r"x: hidden\[1\] should be a whole number, got 'b' in the recipe"):
+        checked("x", {"hidden": [1, "b"]})
+
+
 def test_a_parameter_without_default_must_be_given():
     with pytest.raises(UsageError, match="x: parameter 'size' must be given"):
         checked("x", kind=Demanding)
@@ -151,6 +178,12 @@ def test_types_are_told_for_people():
         "hidden": "tuple[int, ...]",
         "share": "float",
     }
+
+
+def test_a_class_without_constructor_has_no_parameters():
+    assert declared(Plain) == {}
+    with pytest.raises(UsageError, match="no parameter 'a'; there are none"):
+        checked("x[a=1]", kind=Plain)
 
 
 class TestDataclasses:

@@ -43,10 +43,13 @@ def meaning(tmp_path):
     ("old", "new"),
     [
         ("A module.", "The module, in\n# several\nlines."),
+        ('"""A module."""\n', ""),
         ("# as it is", "# as it was"),
         ("  # as it is", ""),
+        ("class One:", "# before\n\n\nclass One:  # after"),
         ('        """Words."""\n', ""),
         ('    """Of an attribute."""\n', ""),
+        ("Its docstring.", "Words: # ' no"),
         ("text =", '__version__ = "1.2"\ntext ='),
         ("\n", "\r\n"),
     ],
@@ -75,6 +78,10 @@ def test_what_runs_counts(meaning, old, new):
     assert meaning(SOURCE.replace(old, new)).digest != before.digest
 
 
+def test_imports_are_found_by_their_full_names(meaning):
+    assert meaning(SOURCE).imports == ("pack.other", "pack.other.thing")
+
+
 def test_a_docstring_beside_other_statements_on_its_line(meaning):
     assert meaning('def f(): "words"; return 1\n').digest != meaning('def f(): "words"; return 2\n').digest
     assert meaning('"ä"; x = 1\n').digest == meaning('"öü"; x = 1\n').digest
@@ -92,3 +99,7 @@ def test_of_a_task_file_the_words_do_not_count(meaning):
     assert meaning("steps: 3\nhold: [2, 1]\n", "task.yaml") != before
     assert meaning("- a\n", "task.yaml") != meaning("- b\n", "task.yaml")
     assert meaning("a: [", "task.yaml") != meaning("a: {", "task.yaml")
+
+
+def test_of_other_files_every_byte_counts(meaning):
+    assert meaning("# a", "table.csv") != meaning("# b", "table.csv")

@@ -68,11 +68,24 @@ def test_an_edit_elsewhere_is_not_seen_and_the_place_does_not_matter(site):
     assert fingerprint("zz_pack.one") == before
 
 
+def test_a_single_module_and_none_at_all(site):
+    site("acme", "", FILES)
+    assert fingerprint("zz_single") != fingerprint("zz_nowhere")
+    assert [name for name, _ in code_of("zz_pack.nowhere").files] == ["zz_pack"]
+    assert len(fingerprint("zz_nowhere")) == 32
+
+
 def test_source_that_does_not_parse_still_has_a_digest(site):
     root = site("acme", "", {"zz_single.py": "def\n"})
     before = fingerprint("zz_single")
     (root / "zz_single.py").write_text("class\n")
     assert fingerprint("zz_single") != before
+
+
+def test_an_import_for_type_checkers_alone_is_not_followed(site):
+    text = "import typing\nif typing.TYPE_CHECKING:\n    import zz_pack.late\nelse:\n    import zz_pack.other\n"
+    site("acme", "", FILES | {"zz_pack/one.py": text})
+    assert [name for name, _ in code_of("zz_pack.one").files] == ["zz_pack", "zz_pack.one", "zz_pack.other"]
 
 
 def test_modules_of_other_packages_count_that_no_distribution_has_installed(site):

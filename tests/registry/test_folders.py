@@ -72,6 +72,11 @@ def test_its_place_changes_nothing_and_its_files_do(folder: Callable[..., Path])
     assert digest(moved) != before
 
 
+def test_the_class_that_no_other_class_is_built_on_is_the_system(folder: Callable[..., Path]) -> None:
+    text = SYSTEM.replace("class Line(System):", "class Base(System):") + "class Last(Base): pass\n"
+    assert folders.know(folder(system_py=text)).load().__name__ == "Last"
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -100,3 +105,8 @@ def test_a_folder_that_is_no_task_is_refused_in_a_line(
     with pytest.raises(UsageError, match=f"^.*{name}: {said}") as caught:
         folders.parse_task(f"{folder(name, **changes)}")
     assert "\n" not in str(caught.value)
+
+
+def test_no_folder_at_all() -> None:
+    with pytest.raises(UsageError, match=r"^zz-nowhere: there is no such folder; a task is a folder with task.yaml"):
+        folders.parse_task("./zz-nowhere")

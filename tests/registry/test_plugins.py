@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 
 import pytest
 
@@ -129,7 +130,15 @@ def test_a_name_of_stlbench_cannot_be_taken_over(site):
         assert plugins.available("methods")["zz-one"].distribution == "stlbench-rl"
 
 
-@pytest.mark.parametrize("name", ["../../etc/x", "under_score", "x[y"])
+def test_the_same_distribution_twice_on_the_path_is_no_conflict(site):
+    site("acme", methods(zz_one="zz_a:Far"), folder="a")
+    site("acme", methods(zz_one="zz_a:Near"), folder="b")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert plugins.available("methods")["zz-one"].entry_point.attr == "Near"
+
+
+@pytest.mark.parametrize("name", ["../../etc/x", "Upper", "under_score", "-x", "a b", "x[y"])
 def test_a_name_that_could_not_be_a_path_is_ignored_with_a_warning(site, name):
     site("acme", f"[stlbench.methods]\n{name} = zz_a:One\n")
     with pytest.warns(plugins.PluginWarning, match="of acme 1.2 is ignored: a plugin's name consists of"):
@@ -146,3 +155,13 @@ def test_a_distribution_with_broken_files_leaves_the_others_alone(site, broken):
         found = plugins.available("methods")
     assert "zz-good" in found
     assert "zz-bad" not in found
+
+
+def test_an_unknown_name_gets_did_you_mean(site):
+    site("acme", methods(zz_funnel="zz_a:One"))
+    with pytest.raises(UsageError, match="no method 'zz-funel'; did you mean 'zz-funnel'"):
+        plugins.find("methods", "zz-funel")
+
+
+def test_there_are_five_kinds():
+    assert plugins.KINDS == ("methods", "tasks", "agents", "executors", "logs")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.line_task import FILE, Line, line
+from PIL import Image
 
 from stlbench.records.saved_traces import Film
 from stlbench.registry.choices import Choice
@@ -66,6 +67,15 @@ def test_the_best_start_is_on_the_left_and_the_worst_on_the_right():
     assert list(right.lines[0].get_ydata()) == list(range(18, 27))
 
 
+def test_signals_grow_with_time():
+    figure, update, _, remark = film.scene(task(), RECORDING, ROBUSTNESS)
+    update(2)
+    line_, head = figure.axes[0].lines
+    assert (list(line_.get_xdata()), list(line_.get_ydata())) == ([0, 1, 2], [9, 10, 11])
+    assert (list(head.get_xdata()), list(head.get_ydata())) == ([2], [11])
+    assert remark == ""
+
+
 @pytest.mark.parametrize("hold", [1, 4])
 def test_pictures_keep_the_time_of_the_cell_whatever_the_task_holds_now(hold):
     """A cell of the track `tuned` may have held its actions for another number of steps than its task does."""
@@ -85,6 +95,16 @@ def test_a_task_with_a_plane_is_shown_in_it():
     _, path, head = figure.axes[1].lines
     assert np.array_equal(np.array(path.get_data()).T, traces[2, :6])
     assert np.array_equal(np.array(head.get_data()).T, traces[2, 5:6])
+
+
+def test_a_trace_that_leaves_the_picture_is_said_to():
+    traces = np.full((3, 201, 2), 2.0)
+    traces[2, 100:, 0] = 5  # of the worst start; the range of x is [0, 4]
+    figure = film.scene(load_task("hold-disc"), Recording(traces, 1), ROBUSTNESS).figure
+    assert [axes.get_title() for axes in figure.axes] == [
+        "best start: robustness 2",
+        "worst start: robustness -1.25, leaves the picture",
+    ]
 
 
 def test_a_system_that_draws_itself_is_shown_so_at_the_latest_decision():
@@ -121,6 +141,18 @@ def test_where_no_picture_can_be_made_signals_are_shown_and_it_is_said(kind, rec
     found = film.scene(task(kind, hold=4), recording, ROBUSTNESS)
     assert found.remark.startswith(remark)
     assert len(found.figure.axes[0].lines) == 2
+
+
+def test_a_gif_has_all_frames_and_holds_the_last(tmp_path):
+    path = tmp_path / "films" / "line.gif"
+    assert film.write(task(), RECORDING, ROBUSTNESS, "line/raw/dqn/0", path) == ""
+    with Image.open(path) as image:
+        assert (image.format, image.info["loop"]) == ("GIF", 0)
+        duration = 0
+        for i in range(image.n_frames):
+            image.seek(i)
+            duration += image.info["duration"]
+    assert duration == (9 + 8) * 80
 
 
 def test_frames_show_what_moves_and_keep_what_stands_still(monkeypatch, tmp_path):

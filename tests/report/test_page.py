@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import base64
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from helpers.hostile_results import HOSTILE, all_results
 from helpers.pages import Page, write
-from helpers.synthetic_results import result
+from helpers.synthetic_results import by_hand, result
 
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
@@ -39,6 +40,15 @@ def test_every_name_of_an_element_is_used_once_and_every_link_leads_somewhere(pa
     names = parsed.attributes("id")
     assert len(names) == len(set(names))
     assert {link[1:] for link in parsed.attributes("href")} | {*parsed.attributes("aria-labelledby")} <= {*names}
+
+
+def test_a_cell_whose_episodes_ended_early_has_its_note(tmp_path: Path) -> None:
+    cell = result()
+    assert cell.measurement is not None
+    selected = {name: replace(score, ended_early=0.25) for name, score in cell.measurement.selected.items()}
+    early = replace(cell, measurement=replace(cell.measurement, selected=selected))
+    text = Page(write([early], (), {}, tmp_path).read_text(encoding="utf-8")).text
+    assert "Ended early: share of the starts" in text
 
 
 def test_hostile_texts_are_texts(parsed: Page) -> None:
@@ -77,12 +87,24 @@ def test_why_the_worst_start_fails(parsed: Page) -> None:
     assert row.replace(" ", "") in parsed.text.replace(" ", "")
 
 
+def test_what_is_said_of_many_tables_is_said_once(parsed: Page) -> None:
+    said = "Robustness is in the unit of the task's predicates"
+    assert parsed.text.count(said) == 1
+    assert parsed.text.index(said) > parsed.text.index("Notes: how to read the tables")
+    assert parsed.text.count("How to read this table: Robustness") == 3  # the overview, and two tasks
+
+
 def test_what_a_folder_lacks_is_said(tmp_path: Path) -> None:
     made = [result(), result("flag", curve=())]
     page = Page(write(made, (CellId.parse("hold-disc/raw/dqn/0", "quick"),), {}, tmp_path).read_text())
     assert "There is no folder traces/ beside these results: what policies did is not shown." in page.text
     assert "not run" in page.text
     assert "The task is not known here" in Page(write([result(task="gone")], (), {}, tmp_path).read_text()).text
+
+
+def test_the_same_results_give_the_same_bytes(tmp_path: Path) -> None:
+    one, other = (write([result()], (), by_hand(hold_disc=(0.4,)), tmp_path).read_bytes() for _ in range(2))
+    assert one == other
 
 
 def test_of_very_many_cells_it_has_the_first_of_each_setting_and_says_so(

@@ -75,6 +75,12 @@ def test_ffmpeg_is_given_every_byte_and_even_sizes(ffmpeg, tmp_path):
     assert words[words.index("-r") + 1] == "12.5"
 
 
+def test_what_ffmpeg_says_is_one_line(ffmpeg, tmp_path):
+    ffmpeg("cat > /dev/null; echo no such >&2; echo encoder >&2; exit 3")
+    with pytest.raises(UsageError, match=r"^ffmpeg could not write .*a\.mp4: no such encoder$"):
+        film.write_video([picture(0)], tmp_path / "a.mp4")
+
+
 def test_without_ffmpeg_mp4_is_refused(monkeypatch):
     monkeypatch.setenv("PATH", "")
     film.check_format("gif")

@@ -48,6 +48,24 @@ def test_the_report_has_all_tables(tmp_path):
     assert headings == ["# stlbench report", *(f"## {title}" for title in tables)]
 
 
+def test_one_row_for_each_controller(tmp_path):
+    write(condense([*RESULTS, result(task="other")]), SCORES | by_hand(other=(-0.5,)), tmp_path)
+    rows = [
+        "task,mean robustness,worst start,satisfied [%]",
+        f"hold-disc,{(0.4 + 0.2) / 2!r},0.2,100.0",
+        "other,-0.5,-0.5,0.0",
+    ]
+    assert (tmp_path / "controllers.csv").read_text().splitlines() == rows
+    assert r"hold-disc & 0.300 & 0.200 & 100.0 \\" in (tmp_path / "controllers.tex").read_text()
+
+
+def test_without_controllers_their_files_have_no_row_and_the_report_no_table(tmp_path):
+    write(condense(RESULTS), SCORES, tmp_path)
+    write(condense(RESULTS), {}, tmp_path)
+    assert (tmp_path / "controllers.csv").read_text().count("\n") == 1
+    assert "Controllers and baselines" not in (tmp_path / "report.md").read_text()
+
+
 def test_cells_csv_has_one_row_per_cell(tmp_path):
     write(condense(RESULTS), SCORES, tmp_path)
     with (tmp_path / "cells.csv").open(newline="") as file:
@@ -88,6 +106,17 @@ def test_what_was_planned_has_a_table_and_a_figure_of_its_own(tmp_path):
         assert [(row["method"], row["agent"]) for row in csv.DictReader(file)] == [
             *(("flag", "dqn"), ("funnel", "dqn"), ("mine", "dqn")),
         ]
+
+
+def test_a_folder_of_plans_alone_has_a_report(tmp_path):
+    paths = write(condense([plan(), plan("raw", status="unsuitable", reason="22 numbers")]), {}, tmp_path)
+    assert {path.name for path in paths if path.parent.name == "figures"} == {
+        "alignment.png",
+        "alignment.svg",
+        "alignment.pdf",
+    }
+    headings = [line for line in (tmp_path / "report.md").read_text().splitlines() if line.startswith("#")]
+    assert headings == ["# stlbench report", "## Alignment", "## Circumstances"]
 
 
 def test_the_same_results_give_the_same_files(tmp_path):

@@ -59,6 +59,24 @@ def test_a_task_whose_zero_satisfies_is_trivial_and_one_that_asks_for_two_action
     assert not baselines.constants(there_and_back).trivial
 
 
+def test_what_the_task_file_states_is_not_measured_again() -> None:
+    stated = {
+        "zero": {"robustness": -2, "satisfied": 0.25},
+        "constant": {"robustness": -1, "satisfied": 0.95, "action": [0.5]},
+        "random": {"robustness": -3, "satisfied": 0},
+    }
+
+    class Unmoved(Line):
+        def step(self, state: Array, action: Array) -> Array:
+            raise AssertionError("it is simulated")
+
+    task = replace(line(baselines=stated), dynamics=Unmoved(0.5))
+    found = baselines.constants(task)
+    assert (found.zero.mean, found.zero.satisfaction, found.best.mean, found.action) == (-2, 0.25, -1, (0.5,))
+    assert found.trivial
+    assert baselines.at_random(task).mean == -3
+
+
 def test_actions_at_random_are_even_and_the_same_at_every_call() -> None:
     """Of speeds -1, 0, 1 each in a third of the decisions; in a box all are as likely."""
     for task in (line(starts=64), line(starts=64, actions=BOX)):

@@ -32,6 +32,17 @@ def test_every_step_is_recorded_and_actions_are_held() -> None:
     assert trace(task, 0, 1) == [[0, 0.5, 1, 1.5, 2, 1.5, 1, 0.5, 0], [1, 0.5, 0, -0.5, -1, -0.5, 0, 0.5, 1]]
 
 
+def test_it_is_told_the_step() -> None:
+    asked = list[list[int]]()
+
+    def control(state: Array, t: Integers) -> Array:
+        asked.append(t.tolist())
+        return np.where(t[:, None] < 2, 1.0, 0.0)
+
+    assert trace(steered(control, hold=2), 0, 1)[0] == [0, 0.5, 1, 1, 1, 1, 1, 1, 1]
+    assert asked[-4:] == [[0, 0], [2, 2], [4, 4], [6, 6]]
+
+
 def test_on_a_grid_the_nearest_action_is_taken() -> None:
     """The grid is -1, 0, 1; whole numbers are speeds, not indices."""
     for wanted, taken in ((0.6, 1), (0.4, 0), (-7.0, -1), (9.0, 1), (-0.51, -1)):
@@ -62,7 +73,10 @@ def test_continuous_actions_are_clipped_and_not_rounded() -> None:
     ("control", "message"),
     [
         (lambda state: np.full((len(state), 1), np.nan), r"an action has v nan; v is in \[-1, 1\]"),
+        (lambda state: np.full((len(state), 1), np.inf), r"an action has v inf; v is in \[-1, 1\]"),
         (lambda state: np.zeros((len(state), 2)), r"its actions are float64 \(1, 2\); expected are \(1, 1\) for v"),
+        (lambda state: np.zeros(len(state)), r"its actions are float64 \(1,\); expected are \(1, 1\) for v"),
+        (lambda state: 1.0, r"its actions are float64 \(\); expected are \(1, 1\) for v"),
         (lambda state: [["up"]] * len(state), r"its actions are <U2 \(1, 1\); expected"),
     ],
 )
@@ -104,6 +118,11 @@ def test_of_an_environment_actions_out_of_range_are_refused(action: Any, message
         trace(walk(Walker(action)), 0)
 
 
+@pytest.mark.parametrize(("action", "taken"), [(1.4, 0), (1.6, 0.5), (2 + 1e-7, 0.5), (-1e-7, -0.5)])
+def test_of_an_environment_the_nearest_action_is_taken(action: float, taken: float) -> None:
+    assert trace(walk(Walker([action])), 0)[0][1] == taken
+
+
 def test_the_score_is_the_one_of_a_policy_that_does_the_same() -> None:
     """Up until step 3, then down, with and without held actions: the referee's report of such a policy."""
     for hold in (1, 2):
@@ -114,3 +133,8 @@ def test_the_score_is_the_one_of_a_policy_that_does_the_same() -> None:
         found = controller.record(task, task.starts.report_and_selection()[0])
         assert found is not None
         assert np.array_equal(found.traces, report.traces)
+
+
+def test_a_task_without_a_controller() -> None:
+    assert controller.record(line(), np.zeros((2, 1))) is None
+    assert controller.score(line()) is None

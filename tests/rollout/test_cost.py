@@ -63,7 +63,7 @@ def test_neither_a_method_without_inputs_nor_an_agent_that_cannot_say_is_refused
 
 @pytest.mark.parametrize(
     ("task", "method"),
-    [("robot-nav", "tau-mdp"), ("cartpole", "tau-mdp")],
+    [("robot-nav", "tau-mdp"), ("overlap", "tau-mdp"), ("pendulum", "tau-mdp"), ("cartpole", "tau-mdp")],
 )
 def test_histories_of_thousands_of_samples_are_intractable(task: str, method: str) -> None:
     entry = load_task(task)
@@ -74,7 +74,7 @@ def test_histories_of_thousands_of_samples_are_intractable(task: str, method: st
     refuse_dear(entry, thinned, agent, steps)
 
 
-@pytest.mark.parametrize("task", ["hold-disc", "fetch-reach", "formation"])
+@pytest.mark.parametrize("task", ["annulus", "hold-disc", "integrator-or", "reach-stay", "fetch-reach", "formation"])
 def test_shorter_ones_are_trained(task: str) -> None:
     entry = load_task(task)
     refuse_dear(entry, build_method(entry, "tau-mdp"), build_agent(entry, entry.own_agent), entry.budget("paper").steps)

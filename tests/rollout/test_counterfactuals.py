@@ -67,6 +67,16 @@ class TestCounterfactual:
         assert other.arrived.tolist() == [[1, 2, -0.5, 1], [0, 2, -0.5, 0], [0, 2, -0.5, 1]]
         assert other.event.tolist() == [Event.OVER, Event.CUT, Event.OVER]
 
+    def test_an_open_latch_where_it_had_closed(self) -> None:
+        """At 1, closed from the start: nothing follows. Open, the step down to 0 is paid .05 and 0, and goes on."""
+        environment = latched([1.0])
+        assert environment.step(np.array([DOWN])).discount.tolist() == [0]
+        seen, other = environment.counterfactual(Chance(0.1))
+        assert seen.tolist() == [[1, 0, -1, 0]]
+        assert other.reward == pytest.approx([0.05 / 4])
+        assert (other.discount.tolist(), other.ended.tolist()) == ([1], [False])
+        assert other.arrived.tolist() == [[0, 2, -0.5, 0]]
+
     def test_it_costs_no_step_and_changes_no_episode(self) -> None:
         first, second = latched([0.0, -1.0]), latched([0.0, -1.0])
         for action in (UP, STAY, DOWN, UP, UP):

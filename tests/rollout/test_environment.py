@@ -8,6 +8,7 @@ from helpers.line_task import Probe, line
 
 from stlbench.rollout.environment import BatchEnvironment, Simulator
 from stlbench.rollout.model import ends_of
+from stlbench.task import build_method, load_task
 
 DOWN, STAY, UP = 0, 1, 2
 """x moves by -.5, 0, .5 a step."""
@@ -27,6 +28,15 @@ class TestSimulator:
         assert simulator.reset(np.array([[0.25], [3.0]])).tolist() == [[0.25, 0, -1, 0, 0.25], [3, 0, -1, 0, 3]]
         simulator.advance(np.array([UP, DOWN]))
         assert simulator.observe().tolist() == [[0.75, 1, -0.75, 1, 0.25], [2.5, 1, -0.75, 1, 3]]
+
+    def test_time_reaches_1_at_the_end(self) -> None:
+        task = line()
+        simulator = Simulator(task, Probe(task.specification))
+        times = [simulator.reset(np.zeros((1, 1)))[0, 2]]
+        for _ in range(8):
+            simulator.advance(always(UP, 1))
+            times.append(simulator.observe()[0, 2])
+        assert times == [-1, -0.75, -0.5, -0.25, 0, 0.25, 0.5, 0.75, 1]
 
     def test_an_action_is_held_and_every_step_is_a_sample(self) -> None:
         task = line(hold=4)
@@ -75,6 +85,13 @@ class TestSimulator:
         steps = simulator.advance(np.array([[0.25], [-7.0]]))  # v is in [-1, 1] m/s
         assert steps.samples[:, 0, 0].tolist() == [0.125, 2.5]
         assert steps.reward.tolist() == [1.25, 600 + 25 + 3]
+
+    def test_what_is_placed_is_copied(self) -> None:
+        task, states = line(), np.array([[1.0], [2.0]])
+        simulator = Simulator(task, Probe(task.specification))
+        simulator.reset(states)
+        simulator.reset_rows(np.array([0]), np.array([[7.0]]), np.array([0]))
+        assert states.tolist() == [[1], [2]]
 
 
 class TestBatchEnvironment:
@@ -135,6 +152,14 @@ class TestBatchEnvironment:
         assert max(reference) <= 1
         assert starts(3, 5, DOWN) == reference
         assert starts(0, 6, UP) != reference
+
+    def test_every_method_of_a_task_sees_the_same_initial_states(self) -> None:
+        task = load_task("hold-disc")
+        features = [
+            BatchEnvironment(task, build_method(task, name), 8, seed=3).reset()[:, :4]
+            for name in ("funnel", "raw", "flag", "tau-mdp")
+        ]
+        assert all(np.array_equal(entry, features[0]) for entry in features[1:])
 
     def test_training_may_start_elsewhere_than_the_referee(self) -> None:
         task = line(training={"starts": {"box": {"x": [5, 6]}}})
@@ -234,6 +259,19 @@ class TestTrainingOptions:
             assert transition.cut.tolist() == transition.ended.tolist() == [True]
             assert transition.arrived[0, 0] == transition.observation[0, 0] == before + 1
             before += 1
+
+    def test_some_exploring_episodes_keep_the_last_state_and_the_others_are_drawn(self) -> None:
+        environment = self.make(400, exploring={"share": 1, "kept": 0.5, "length": 1, "states": {"box": {"x": 7}}})
+        environment.reset()
+        environment.simulator.state[:] = 3.0
+        begun = environment.step(always(UP, 400)).observation[:, 0]
+        assert set(begun) == {4, 7}
+        assert 0.4 < (begun == 4).mean() < 0.6
+
+    def test_exploring_episodes_begin_like_all_others_where_no_states_are_named(self) -> None:
+        observation = self.make(400, exploring={"share": 1}).reset()
+        assert observation[:, 0].tolist() == [0] * 400
+        assert set(observation[:, 1]) == {0, 2, 4, 6}
 
     def test_nothing_else_is_drawn_without_exploring_starts(self) -> None:
         plain, cut = self.make(3, x=[-1, 1]), self.make(3, x=[-1, 1], cuts=[2], ends=[VIOLATED])

@@ -184,6 +184,13 @@ def test_what_an_agent_gives(action: Any, said: str) -> None:
         simulator.advance(action)
 
 
+def test_indices_are_not_for_continuous_actions() -> None:
+    simulator = Simulator(line(actions={"v": {"low": -1, "high": 1}}), Probe(SPEC))
+    simulator.reset(np.zeros((3, 1)))
+    with pytest.raises(PluginFault, match=r"^the agent's actions should be floats, as the task's are continuous"):
+        simulator.advance(STAY)
+
+
 @pytest.mark.parametrize("scale", [NAN, -1.0, 0.0])
 def test_a_scale_that_nothing_can_be_divided_by(scale: float, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Raw, "__init__", lambda self, specification: self.__dict__.update(scale=scale, specification=1))
@@ -195,7 +202,9 @@ def test_a_scale_that_nothing_can_be_divided_by(scale: float, monkeypatch: pytes
     ("odd", "kind"),
     [
         (np.array(["1", "2", "3"]), "<U1"),
+        (np.zeros(3, complex), "complex128"),
         (np.zeros(3, "timedelta64[s]"), r"timedelta64\[s\]"),
+        (np.ma.masked_array([1.0, 2.0, 3.0], [False, True, False]), "a masked array"),
         (np.array([Fraction(1, 2)] * 3), "object"),
     ],
 )
@@ -216,4 +225,24 @@ def test_rewards_that_are_no_real_numbers_are_refused(odd: Any, kind: str, hold:
     environment.reset()
     said = f"^method Odd: its rewards are {kind}, the contract says an array of real numbers, float64$"
     with pytest.raises(PluginFault, match=said):
+        environment.step(STAY)
+
+
+@pytest.mark.parametrize(("hold", "size"), [(1, 0), (2, 0), (1, 1), (2, 1)])
+@pytest.mark.parametrize("shape", [(), (1,), (5,)])
+def test_the_number_of_rewards_of_one_step(hold: int, size: int, shape: tuple[int, ...]) -> None:
+    """One for all copies is not stretched to as many as there are."""
+
+    class Odd(Stepwise):
+        """Rewards of another shape."""
+
+        memory_size = size
+
+        def step(self, signals: Array, action: Array, after: Array, t: Integers, memory: Array) -> tuple[Array, Array]:
+            return np.zeros(shape), memory
+
+    task = line(hold=hold)
+    environment = BatchEnvironment(task, Odd(task.specification), 3, seed=0)
+    environment.reset()
+    with pytest.raises(PluginFault, match=r"^method Odd: the shape of its rewards is "):
         environment.step(STAY)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -83,6 +84,13 @@ def test_a_broken_task_of_a_third_party_leaves_the_others_alone(site: Callable[.
         del gymnasium.registry["stlbench/broken-one-v0"]
 
 
+def test_registering_again_changes_nothing() -> None:
+    before = dict(gymnasium.registry)
+    with warnings.catch_warnings(action="error"):
+        stlbench.gym.register_all()
+    assert gymnasium.registry == before
+
+
 @pytest.mark.parametrize(
     ("method", "message"),
     [
@@ -115,6 +123,14 @@ class TestRender:
         assert picture is not None
         assert (picture.shape, picture.dtype, picture[0, 0, 0]) == ((4, 6, 3), np.uint8, 3)
 
+    def test_through_make_gymnasiums_own_checks_are_content(self, drawn: StlEnv) -> None:
+        with warnings.catch_warnings(action="error"):
+            env = gymnasium.make("stlbench/zz-drawn-v0", method="raw", render_mode="rgb_array")
+            env.reset(seed=0)
+            env.render()
+        with pytest.warns(UserWarning, match="renders rgb_array alone; render_mode is None, in place of 'ansi'"):
+            assert gymnasium.make("stlbench/zz-drawn-v0", method="raw", render_mode="ansi").render_mode is None
+
     def test_an_environment_draws_itself(self, tmp_path: Path) -> None:
         pytest.importorskip("pygame", reason="Gymnasium draws a cart-pole with pygame")
         (tmp_path / "pole").mkdir()
@@ -143,6 +159,17 @@ class TestRender:
         assert [picture[0, 0, 0] for picture in pictures] == [1, 2]
         assert StlVectorEnv(2, "zz-drawn", "raw").render() is None
 
+    def test_stable_baselines_makes_either(self, drawn: StlEnv) -> None:
+        """It always asks for pictures, by `gymnasium.make(..., render_mode="rgb_array")`."""
+        from stable_baselines3.common.env_util import make_vec_env
+
+        with pytest.warns(UserWarning, match="task hold-disc renders nothing"):
+            plain = make_vec_env("stlbench/hold-disc-v0", 2, seed=0, env_kwargs={"method": "funnel"})
+        assert (plain.render_mode, plain.reset().shape) == (None, (2, 5))
+        copies = make_vec_env("stlbench/zz-drawn-v0", 2, seed=0, env_kwargs={"method": "raw"})
+        copies.reset()
+        assert [image is not None and image.shape for image in copies.get_images()] == [(4, 6, 3)] * 2
+
     @pytest.fixture
     def drawn(self, site: Callable[..., Path]) -> Iterator[StlEnv]:
         """The task on a line, whose picture is as bright as x is large."""
@@ -156,6 +183,11 @@ class TestRender:
         stlbench.gym.register_all()
         yield StlEnv("zz-drawn", "raw", render_mode="rgb_array")
         del gymnasium.registry["stlbench/zz-drawn-v0"]
+
+
+def test_no_copies_is_no_environment() -> None:
+    with pytest.raises(UsageError, match="at least 1, got 0"):
+        StlVectorEnv(0, "hold-disc", "funnel")
 
 
 # --------------------------------------------------------------------------------------------------------- checkers
@@ -173,6 +205,14 @@ def test_gymnasium_and_stable_baselines_accept_it(task: str, method: str) -> Non
     check_for_sb3(make(task, method=method))
 
 
+@pytest.mark.filterwarnings("error")
+def test_through_make_nothing_warns() -> None:
+    env = gymnasium.make("stlbench/hold-disc-v0", method="funnel")
+    env.reset(seed=0)
+    for _ in range(3):
+        env.step(env.action_space.sample())
+
+
 # ------------------------------------------------------------------------------------------------------- one episode
 
 
@@ -188,6 +228,12 @@ def test_a_step_by_hand() -> None:
     assert (terminated, truncated) == (False, False)
     np.testing.assert_allclose(info["signals"], [[2.55, 2]])
     assert info["t"] == 1
+
+
+def test_scaled_divides_by_the_width_of_the_range() -> None:
+    env = make("hold-disc", method="raw", scaled=True)
+    env.reset(options={"state": [2.5, 2, 0]})
+    assert env.step(np.int64(FORWARD))[1] == pytest.approx(0.45 / np.sqrt(8))
 
 
 def test_a_held_action_is_paid_the_mean_and_shows_every_sample() -> None:
@@ -230,10 +276,24 @@ def test_an_episode_is_a_trace_that_ends_by_truncation(task: str) -> None:
         env.step(np.int64(0))
 
 
+def test_seeds_decide_where_episodes_start() -> None:
+    one, other = make("hold-disc", method="funnel"), make("hold-disc", method="flag")
+    firsts = [one.reset(seed=7)[1]["signals"], one.reset()[1]["signals"], one.reset(seed=8)[1]["signals"]]
+    again = [other.reset(seed=7)[1]["signals"], other.reset()[1]["signals"], other.reset(seed=8)[1]["signals"]]
+    np.testing.assert_array_equal(firsts, again)
+    assert len(np.unique(np.array(firsts), axis=0)) == 3
+    assert (np.hypot(*(np.concatenate(firsts) - 2).T) <= 0.9).all()
+
+
 @pytest.mark.parametrize("state", [[2, 2], [2, 2, np.nan], "here", [[2, 2, 0], [2, 2, 0]], [[1], [1, 2]]])
 def test_a_state_that_is_none(state: Any) -> None:
     with pytest.raises(UsageError, match="finite numbers x, y, heading"):
         make("hold-disc", method="raw").reset(options={"state": state})
+
+
+def test_an_option_that_is_none() -> None:
+    with pytest.raises(UsageError, match="no option 'sate'; did you mean 'state'"):
+        make("hold-disc", method="raw").reset(options={"sate": [2, 2, 0]})
 
 
 @pytest.mark.parametrize("action", [-1, 273, 1.5])
@@ -265,8 +325,10 @@ def test_continuous_actions(monkeypatch: pytest.MonkeyPatch) -> None:
     ("method", "terminated", "paid"),
     [
         (Probe, "hold", [5, 110.5, 211, 311, 411, 511, 611, 711]),
+        (Probe, "violated", [5, 110.5, *[-0.5] * 6]),  # the floor at each step that is left
         (Probe, "interval", [5, 110.5, *[0] * 6]),
         (Latch, "hold", [0.05, 1, *[0] * 6]),
+        (Latch, "violated", [0.05, 0, *[0] * 6]),  # 1 at the wall, and the floor, -1, once
         (Latch, "interval", [0.05, 1, *[0] * 6]),
     ],
 )
@@ -302,6 +364,26 @@ CASES = [("hold-disc", "funnel"), ("hold-disc", "tau-mdp"), ("robot-nav", "flag"
 
 
 @pytest.mark.parametrize(("task", "method"), CASES)
+def test_n_copies_do_what_n_single_environments_do(task: str, method: str) -> None:
+    envs, singles = make_vec(task, 3, method=method), [make(task, method=method) for _ in range(3)]
+    observation, info = envs.reset(seed=10)
+    for i, env in enumerate(singles):
+        alone, said = env.reset(seed=10 + i)
+        np.testing.assert_array_equal(observation[i], alone)
+        np.testing.assert_array_equal(info["signals"][i], said["signals"])
+    envs.action_space.seed(0)
+    for _ in range(20):
+        actions = envs.action_space.sample()
+        observation, reward, _, _, info = envs.step(actions)
+        for i, env in enumerate(singles):
+            alone, paid, _, _, said = env.step(actions[i])
+            np.testing.assert_allclose(observation[i], alone, rtol=1e-6)
+            assert reward[i] == pytest.approx(paid, rel=1e-12)
+            np.testing.assert_allclose(info["signals"][i], said["signals"], rtol=1e-12)
+            assert info["t"][i] == said["t"]
+
+
+@pytest.mark.parametrize(("task", "method"), CASES)
 def test_it_is_gymnasiums_own_vector_environment_only_faster(task: str, method: str) -> None:
     """Entry by entry, masks and dtypes included, over the end of an episode and a seedless reset."""
     ours = make_vec(task, 3, method=method)
@@ -327,6 +409,21 @@ def test_it_is_gymnasiums_own_vector_environment_only_faster(task: str, method: 
     assert data_equivalence(ours.reset(), theirs.reset())
     state = ours.task.file.initial.low.tolist()
     assert data_equivalence(ours.reset(options={"state": state}), theirs.reset(options={"state": state}))
+
+
+def test_each_copy_may_be_given_its_state() -> None:
+    _, info = make_vec("hold-disc", 2, method="raw").reset(options={"state": [[2, 2, 0], [2.5, 1.5, 1]]})
+    np.testing.assert_array_equal(info["signals"], [[[2, 2]], [[2.5, 1.5]]])
+
+
+def test_what_is_returned_stays_as_it_was() -> None:
+    envs = make_vec("hold-disc", 2, method="tau-mdp")
+    observation, info = envs.reset(seed=0)
+    copies = observation.copy(), info["signals"].copy(), info["t"].copy()
+    for _ in range(envs.task.file.steps):
+        envs.step(np.array([FORWARD, 0]))
+    for kept, copy in zip((observation, info["signals"], info["t"]), copies, strict=True):
+        np.testing.assert_array_equal(kept, copy)
 
 
 def test_what_is_returned_is_the_users_to_change() -> None:

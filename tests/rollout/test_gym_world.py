@@ -97,6 +97,15 @@ def test_a_seed_and_the_actions_are_an_episode_whatever_the_copy_did_before() ->
     assert np.array_equal(episode(begun(walk(NOISY), 6), [1]), first[:, [1]])
 
 
+def test_rows_that_begin_anew_leave_the_others_alone() -> None:
+    world = begun(walk(), 0, 0, 0)
+    world.advance(act(2, 2, 2), 2)
+    world.restart(np.array([1]), np.array([[3.0]]))
+    assert world.signals.tolist() == [[1], [0], [1]]
+    assert world.lived.tolist() == [2, 0, 2]
+    assert world.features(np.zeros(3, dtype=np.int64))[:, 0].tolist() == [1 / 50, 0, 1 / 50]
+
+
 def test_a_copy_that_has_ended_stands_still_and_is_not_stepped() -> None:
     world = begun(walk(WalkTask(wall=1.0)), 0, 0)
     samples = world.advance(act(2, 0), 4)
@@ -145,8 +154,10 @@ class Odd(Walk):
     ("fault", "said"),
     [
         ("longer", "the environment returned an observation outside its space: 3 numbers in place of 2"),
+        ("shorter", "the environment returned an observation outside its space: 1 numbers in place of 2"),
         ("text", "the environment returned an observation outside its space: "),
         ("no info", "signals: no 'doubled': the observation has x, minus, the info nothing"),
+        ("old gym", r"the environment's step returns observation, reward, terminated, truncated, info, got \(array"),
         ("no number", "signals: 'doubled' of the info is no number, but 'much'"),
     ],
 )

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from gymnasium.error import InvalidAction, ResetNeeded
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Discrete
 from helpers.pair_task import pair
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from stlbench import stl
-from stlbench.contract import ActionGrid
+from stlbench.contract import ActionGrid, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.parallel import StlParallelEnv, parallel_env
 from stlbench.rollout.environment import Simulator
@@ -66,6 +66,19 @@ def test_it_is_the_simulator_number_for_number(method: str) -> None:
     assert env.agents == []
 
 
+def test_a_step_by_hand(two: StlParallelEnv) -> None:
+    """`raw` pays the least robust term: .6 - |b + 1| is less than .6 - |a - 1|."""
+    assert two.possible_agents == ["left", "right"]
+    assert [two.action_space(robot) for robot in two.possible_agents] == [Discrete(3), Discrete(5)]
+    _, infos = two.reset(options={"state": [-0.5, 0.5]})
+    assert infos["right"]["signals"].tolist() == [[-0.5, 0.5]]
+    seen, rewards, _, _, infos = two.step(moves(2, 3))  # 1 m/s and 1 m/s for .5 s
+    assert infos["left"]["signals"].tolist() == [[0, 1]]
+    assert infos["left"]["t"] == 1
+    assert rewards == {"left": pytest.approx(-1.4), "right": pytest.approx(-1.4)}
+    assert seen["left"].tolist() == seen["right"].tolist() == [0, 0.25, -0.75]
+
+
 def test_an_episode_is_a_trace_that_the_formula_scores(two: StlParallelEnv) -> None:
     _, infos = two.reset(options={"state": [-0.5, 0.5]})
     samples = [infos["left"]["signals"]]
@@ -80,6 +93,37 @@ def test_an_episode_is_a_trace_that_the_formula_scores(two: StlParallelEnv) -> N
     assert stl.robustness(two.task.formula, trace, two.task.signals) == pytest.approx(0.6)
     with pytest.raises(ResetNeeded):
         two.step(moves(1, 2))
+
+
+def test_seeds_decide_where_episodes_start(two: StlParallelEnv) -> None:
+    def starts() -> list[Any]:
+        return [two.reset(seed=seed)[1]["left"]["signals"].tolist() for seed in (7, None, 8)]
+
+    first, again = starts(), starts()
+    assert first == again
+    assert len({str(start) for start in first}) == 3
+
+
+def test_scaled_divides_by_the_methods_scale(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("stlbench.rollout.gymnasium.env.load_task", lambda name: pair())
+    rewards = []
+    for scaled in (False, True):
+        env = parallel_env("pair", "raw", scaled=scaled)
+        env.reset(options={"state": [-0.5, 0.5]})
+        rewards.append(env.step(moves(2, 3))[1]["left"])
+    assert env.method.scale == pytest.approx(5)  # .6 - abs(a - 1) lies in [-4.4, .6]
+    assert rewards[1] == pytest.approx(rewards[0] / env.method.scale)
+
+
+def test_what_a_robot_is_given_is_its_own_to_change(two: StlParallelEnv) -> None:
+    seen, infos = two.reset(seed=0)
+    kept = seen["right"].copy(), infos["right"]["signals"].copy()
+    seen["left"][:] = 9
+    infos["left"]["signals"][:] = 9
+    infos["left"]["t"] = 9
+    np.testing.assert_array_equal(seen["right"], kept[0])
+    np.testing.assert_array_equal(infos["right"]["signals"], kept[1])
+    assert infos["right"]["t"] == 0
 
 
 def test_continuous_actions(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,6 +159,11 @@ def test_actions_that_are_none(two: StlParallelEnv, actions: dict[str, Any], mes
 def test_a_task_of_one_robot() -> None:
     with pytest.raises(UsageError, match=r"^task hold-disc has one robot; .* under 'robots' in its file$"):
         parallel_env("hold-disc", "funnel")
+
+
+def test_a_method_that_does_not_fit() -> None:
+    with pytest.raises(Unsuitable, match=r"^funnel: ginf = 50 must be less than"):
+        parallel_env("formation", "funnel[ginf=50]")
 
 
 def test_without_pettingzoo_it_is_one_clear_line() -> None:

@@ -42,9 +42,12 @@ class TestScore:
         ("trace", "first"),
         [
             ([0, 2, 0, 6, 0, 0, 0], "G[0,2] x <= 1"),  # lost at 1
+            ([0, 0, 0, 2, 0, 0, 0], "F[0,3] x >= 5"),  # at 3, its deadline
             ([0, 0, 0, 6, 0, 5, 0], "G[4,6] x <= 3"),  # at 5
             ([0, 0, 0, 2, 4, 4, 4], "F[0,3] x >= 5"),  # at 3, before the third at 4
+            ([0, 0, 2, 2, 4, 4, 4], "G[0,2] x <= 1"),  # at 2, all three lost
             ([0, 0, 0, 6, 0, 0, 4], "G[4,6] x <= 3"),  # in the last sample
+            ([9, 0, 0, 0, 0, 0, 0], "G[0,2] x <= 1"),  # in the first one, which reaches the goal
         ],
     )
     def test_the_conjunct_that_is_lost_first(self, trace: list[float], first: str) -> None:
@@ -55,6 +58,14 @@ class TestScore:
         found = scored(THREE, good, early, late, early, good)
         assert found.first_failed == {"G[0,2] x <= 1": 2, "G[4,6] x <= 3": 1}
         assert scored(THREE, good, good).first_failed == {}
+
+    def test_a_nested_conjunction_is_taken_apart(self) -> None:
+        found = scored("G[0,2] x <= 1 & (F[0,3] x >= 5 & G[4,6] x <= 3)", [0, 0, 0, 6, 0, 5, 0])
+        assert found.first_failed == {"G[4,6] x <= 3": 1}
+
+    def test_a_formula_without_conjunction_is_its_own_conjunct(self) -> None:
+        found = scored("F[0,2] G[0,2] (x <= 1 | x >= 9)", [2, 2, 2, 2, 2])
+        assert found.first_failed == {"F[0,2] G[0,2] (x <= 1 | x >= 9)": 1}
 
     def test_a_disjunction_is_lost_when_its_last_hope_is(self) -> None:
         # G[0,4] is lost at 1, F[0,2] at 2; the second conjunct at 1 as well, and before it
@@ -153,6 +164,15 @@ class TestReferee:
         # a first part is as even as the whole
         assert abs(others[:8].mean() - others.mean()) < 0.1
         assert np.ptp(others[:8]) > 1.5
+
+    def test_protocols_in_seconds_are_read_in_the_tasks_unit(self) -> None:
+        task = line(
+            time="seconds", formula="G[0,2] (x <= 1)", protocols={"tail": {"title": "t", "formula": "G[3,4] (x <= 1)"}}
+        )
+        report = Referee(task, Probe(task.specification)).assess(Rule(lambda seen: UP))
+        # .5 s per step: G[0,4] and G[6,8] in steps
+        assert report.scores[MAIN].robustness == pytest.approx(-1 - starts.grid(task.file.initial, 4)[:, 0])
+        assert report.scores["tail"].robustness == pytest.approx(-3 - starts.grid(task.file.initial, 64)[:, 0])
 
     def test_no_reward_enters_a_score(self) -> None:
         class Absurd(Probe):

@@ -76,17 +76,30 @@ def test_of_policies_that_cannot_be_kept_there_is_no_file(tmp_path: Path, policy
     assert list(tmp_path.iterdir()) == []
 
 
+def test_objects_are_no_arrays(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="array 'selected/x' has objects"):
+        save(tmp_path / "a.npz", Kept({"x": np.array([{}])}), Kept(FINAL))
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     "changed",
     [
         {"weights": SELECTED["weights"] + 0, "kind": np.array("joint")},
+        {"weights": SELECTED["weights"].astype(float), "kind": SELECTED["kind"]},
         {"weights": SELECTED["weights"].reshape(4), "kind": SELECTED["kind"]},
+        {"weight": SELECTED["weights"], "kind": SELECTED["kind"]},
         {"weights": np.abs(SELECTED["weights"]), "kind": SELECTED["kind"]},
         {"kind": SELECTED["kind"]},
     ],
 )
 def test_the_digest_tells_arrays_apart(changed: Arrays) -> None:
     assert digest(changed) != digest(SELECTED)
+
+
+def test_the_digest_does_not_depend_on_order_or_layout() -> None:
+    turned = {"kind": SELECTED["kind"], "weights": np.asfortranarray(SELECTED["weights"])}
+    assert digest(turned) == digest(SELECTED)
 
 
 def test_another_content_than_the_recorded_one_is_refused(tmp_path: Path) -> None:

@@ -47,6 +47,10 @@ class TestWhoWins:
         assert found.best == 1
         assert found.starts.tolist() == [8, 64, 64]
 
+    def test_one_alone_is_scored_from_the_first_starts(self) -> None:
+        found, played = raced(rows(1), rows(0.5))
+        assert (found.best, played) == (0, [([0], 0, 8)])
+
     @settings(max_examples=100)
     @given(st.integers(0, 10**6), st.integers(1, 12), st.integers(1, 8))
     def test_few_starts_are_all_played(self, seed: int, checkpoints: int, starts: int) -> None:
@@ -71,6 +75,10 @@ class TestWhoLeaves:
         assert found.best == best_of_all(rows(0, 1, 1), robustness)
         assert found.robustness_mean == pytest.approx([robustness[0, :8].mean(), *robustness[1:].mean(axis=1)])
 
+    def test_an_eighth_of_many_starts_is_the_first_round(self) -> None:
+        _, played = raced(rows(1, 1, starts=100), rows(0.1, 0.1, starts=100))
+        assert [(first, end) for _, first, end in played] == [(0, 13), (13, 26), (26, 52), (52, 100)]
+
     @pytest.mark.parametrize(("missed", "rounds"), [(2, 2), (4, 1)])
     def test_how_far_behind_is_clearly_behind(self, missed: int, rounds: int) -> None:
         """Behind on 2 of 8 starts: by 0.25, of which the error is .164; on 4 of 8: by 0.5, of which it is .189.
@@ -81,6 +89,13 @@ class TestWhoLeaves:
         satisfied[0, :missed] = 0
         found, played = raced(satisfied, rows(0, 0, starts=16))
         assert (found.best, len(played)) == (1, rounds)
+
+    def test_a_lucky_start_does_not_decide(self) -> None:
+        """Ahead by one start of the first eight, behind on all others."""
+        satisfied = np.ones((2, 64))
+        satisfied[0, 8:40], satisfied[1, 0] = 0, 0
+        found, _ = raced(satisfied, rows(0.1, 0.1))
+        assert found.best == 1
 
     def test_a_small_difference_decides_where_it_is_always_there(self) -> None:
         """Starts differ by far more than checkpoints do: the comparison is start by start, by half of them."""
@@ -104,6 +119,17 @@ class TestWhoLeaves:
         satisfied[0, 8::8] = 0
         found, _ = raced(satisfied, rows(0.3, 0.2))
         assert found.best == 1
+
+    def test_where_none_satisfies_robustness_decides_soon(self) -> None:
+        wide = np.random.default_rng(1).normal(-0.5, 0.15, 64)
+        found, played = raced(rows(0, 0), np.stack([wide, 2 * wide]))
+        assert (found.best, len(played)) == (0, 1)
+
+    def test_robustness_does_not_count_where_satisfaction_differs(self) -> None:
+        satisfied = np.ones((2, 64))
+        satisfied[0, 3], satisfied[1, 20:30] = 0, 0
+        found, _ = raced(satisfied, rows(-5, 0.3))
+        assert found.best == 0
 
     def test_infinite_robustness(self) -> None:
         found, _ = raced(rows(1, 1, 0), rows(np.inf, np.inf, -np.inf))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from helpers.line_task import line, steered
@@ -108,6 +110,21 @@ def test_methods_that_pay_the_same_are_known_by_task_and_track() -> None:
     assert likeness("raw", "funnel", "up[without=cuts]") == likeness("raw", "funnel", track="plain") == "~"
     assert likeness("raw", late, track="plain") is None  # nobody asked
     assert likeness("raw", "flag") is None
+
+
+def test_what_cannot_be_loaded_is_left_out_silently() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        names = ("gone", "none", "torn", "../x", "", "down")
+        found = standards.standards(Setting(Choice(name), Choice("raw"), Choice("dqn"), "quick") for name in names)
+    assert list(found) == ["none", "down"]
+
+
+def test_a_controller_with_no_actions_is_a_warning() -> None:
+    said = r"task lost: its controller cannot be scored: line, by hand: an action has v nan; v is in \[-1, 1\]"
+    with pytest.warns(plugins.PluginWarning, match=f"^{said}$"):
+        found = standards.standards(settings("lost"))
+    assert found["lost"].by_hand is None
 
 
 def test_a_controller_that_fails_is_a_warning() -> None:

@@ -39,6 +39,11 @@ def test_what_was_saved_is_loaded(save, tmp_path):
     assert (found.film.starts.tolist(), found.film.states.shape) == ([2, 0], (2, 9, 1))
 
 
+def test_an_older_file_has_no_states(save, tmp_path):
+    save(traces=TRACES, signals=["x"])
+    assert load(line(), RESULT, tmp_path).film is None
+
+
 def test_no_file_is_a_usage_error(tmp_path):
     with pytest.raises(UsageError, match=r"^line/funnel/dqn/0 has no traces at "):
         load(line(), RESULT, tmp_path)
@@ -69,6 +74,13 @@ def test_damage_anywhere_is_a_usage_error(save, tmp_path):
             load(line(), RESULT, tmp_path)
         with contextlib.suppress(UsageError):
             read_saved(path)
+
+
+def test_one_array_is_no_archive(save, tmp_path):
+    with save(traces=TRACES, signals=["x"]).open("wb") as file:
+        np.save(file, TRACES)
+    with pytest.raises(UsageError, match=r"cannot read .* as traces of stlbench"):
+        load(line(), RESULT, tmp_path)
 
 
 @pytest.mark.parametrize("size", [0, 10, 200])

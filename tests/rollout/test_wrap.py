@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import cloudpickle
 import gymnasium
 import numpy as np
 import pytest
@@ -80,6 +81,16 @@ def test_an_episode_by_hand() -> None:
     ]
 
 
+def test_the_first_sample_counts_for_the_verdict_and_is_not_paid() -> None:
+    *_, (_, reward, _, _, info) = walk(wrapped(), STAY - 1, STAY, STAY, STAY, x=1.5)
+    assert (reward, info["robustness"], info["satisfied"]) == (0.0, -0.5, False)
+
+
+def test_at_robustness_0_satisfaction_is_that_of_the_boolean_semantics() -> None:
+    assert walk(wrapped(), *[STAY] * 4, x=1.0)[-1][-1]["satisfied"]
+    assert not walk(wrapped(formula="G[0,4] x < 1"), *[STAY] * 4, x=1.0)[-1][-1]["satisfied"]
+
+
 @pytest.mark.parametrize("terminated", ["hold", "interval"])
 def test_the_info_has_the_same_entries_at_each_step_of_one_dtype_and_shape(terminated: str) -> None:
     """TorchRL reads the dtype of each. Gymnasium's vectors make arrays of numbers and truths of them."""
@@ -119,6 +130,19 @@ def test_it_pickles_in_the_middle_of_an_episode(method: str, formula: str) -> No
     again = pickle.loads(pickle.dumps(env))
     for action in (STAY, RIGHT, STAY, STAY):
         assert data_equivalence(again.step(action), env.step(action))
+
+
+def test_a_vector_environment_pickles_as_gymnasium_sends_it() -> None:
+    made = gymnasium.make_vec("Pendulum-v1", 2, vectorization_mode="sync")
+    envs = stlbench.wrap(made, "G[9,9] abs(w) <= 1", names=("c", "s", "w"), ranges={"w": (-8, 8)}, method="flag")
+    envs.reset(seed=0)
+    again = cloudpickle.loads(cloudpickle.dumps(envs))
+    action = np.ones((2, 1), np.float32)
+    assert data_equivalence(again.step(action), envs.step(action))
+
+
+def test_scaled_divides_by_the_methods_scale() -> None:
+    assert walk(wrapped(scaled=True), RIGHT)[0][1] == pytest.approx(0.5 / 20)
 
 
 def test_seconds_and_operators_without_an_interval() -> None:
@@ -202,6 +226,15 @@ def test_a_dict_is_kept_and_gets_one_more_key() -> None:
     assert info["signals"].tolist() == [[-0.5]]
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_picture_stays_a_picture() -> None:
+    env = wrapped(Walk(kind="picture"), names=None, signals={"x": "doubled / 2"})
+    observation, info = env.reset(options={"x": 3})
+    assert {key: value.shape for key, value in observation.items()} == {"observation": (4, 4, 3), "stl": (1,)}
+    assert info["signals"].item() == 3
+    check_env(env, skip_render_check=True)
+
+
 def test_rendering_and_attributes_are_the_environments() -> None:
     inner = Walk(wall=9.0)
     env = wrapped(inner)
@@ -242,6 +275,16 @@ def test_gymnasium_and_stable_baselines_accept_it(make: Callable[[], StlWrapper]
 
     check_env(make(), skip_render_check=True)  # pictures need pygame
     check_for_sb3(make())
+
+
+def test_stable_baselines_trains_on_it_and_its_monitor_has_the_verdict() -> None:
+    from stable_baselines3 import DQN
+    from stable_baselines3.common.monitor import Monitor
+
+    env = stlbench.wrap(gymnasium.make("CartPole-v1"), "G abs(theta) <= 0.2", **CART)
+    watched = Monitor(env, info_keywords=("robustness", "satisfied"))
+    model = DQN("MlpPolicy", watched, learning_starts=10, seed=0).learn(80)
+    assert [row["satisfied"] for row in model.ep_info_buffer or ()]
 
 
 def test_torchrl_takes_it() -> None:
@@ -327,13 +370,21 @@ def test_a_method_is_a_name_with_parameters_a_class_or_what_makes_one() -> None:
     ("options", "message"),
     [
         ({"formula": "G[0,4] y <= 1"}, "formula: no signal 'y'; there are: x"),
+        ({"formula": "G[0,4] x <"}, "formula: line 1, column 11: expected"),
         ({"formula": "G[0,5] x <= 1"}, "formula: its horizon of 5 steps exceeds the 4 steps of an episode"),
+        ({"formula": "G[0,.3] x <= 1", "dt": 0.2}, "formula: line 1, column 5: expected a whole number of steps"),
         ({"signals": {"y": "x"}, "formula": "G[0,4] y <= 1"}, "ranges: none for the signal 'y'"),
+        ({"signals": {"y": "x"}, "ranges": {"x": (0, 1), "y": (0, 1)}}, "ranges: no signal 'x'; there are: y"),
         ({"ranges": {"x": (1, 1)}}, r"ranges: 'x' has \(low, high\), finite and low < high, got \(1, 1\)"),
+        ({"signals": "atan2(y, x)"}, "signals: expected a mapping, signal -> expression, or a function, got 'atan2"),
         ({"method": "funel"}, "no method 'funel'; did you mean 'funnel'"),
+        ({"method": "funnel", "formula": "x > 0 U[0,4] x >= 1"}, "method funnel does not fit: until at column 7"),
         ({"steps": None}, "steps: the environment says no time limit; give the length of an episode"),
+        ({"steps": 0}, "steps is a whole number, at least 1, got 0"),
         ({"terminated": "violate"}, "terminated: no 'violate'; did you mean 'violated'"),
+        ({"discount": 1.5}, "discount is a number in 0..1, got 1.5"),
         ({"ranges": None}, r"ranges: expected a mapping, signal -> \(low, high\), got None"),
+        ({"method": dict}, "method: expected a name or a class of reward methods, got <class 'dict'>"),
         ({"scale": {"y": 2}}, "scale: no entry 'y' among the names; there are: minus, x"),
         ({"scale": {"x": 0}}, "scale: 'x' has a magnitude above 0, got 0"),
     ],
@@ -341,6 +392,17 @@ def test_a_method_is_a_name_with_parameters_a_class_or_what_makes_one() -> None:
 def test_what_does_not_fit_is_one_clear_line(options: dict[str, Any], message: str) -> None:
     with pytest.raises(UsageError, match=message):
         wrapped(**options)
+
+
+def test_actions_that_are_no_numbers_and_no_environment() -> None:
+    env = Walk()
+    env.action_space = Dict({"push": env.action_space})
+    with pytest.raises(UsageError, match=r"actions are numbers, a Box, .* or MultiBinary; the environment has Dict"):
+        wrapped(env)
+    with pytest.raises(UsageError, match=r"wrap takes an environment of Gymnasium, .* got 'Pendulum-v1'"):
+        stlbench.wrap("Pendulum-v1", "G x <= 1", **BASE)  # type: ignore[call-overload]
+    with pytest.raises(ResetNeeded):
+        wrapped().step(STAY)
 
 
 class Odd(Walk):

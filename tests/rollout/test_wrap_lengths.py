@@ -18,9 +18,13 @@ from stlbench.rollout.gymnasium.wrap import steps_of, steps_of_copies
     ("make", "steps", "expected"),
     [
         (lambda: gymnasium.make("CartPole-v1"), None, 500),
+        (lambda: gymnasium.make("CartPole-v1", max_episode_steps=30), None, 30),
         (lambda: gymnasium.make("CartPole-v1"), 20, 20),
+        (lambda: TimeLimit(TimeLimit(Walk(), 9), 5), None, 5),
         (Walk, 70, 70),
+        (lambda: TimeLimit(Walk(), 5), 6, "steps = 6, but the environment ends an episode after 5"),
         (Walk, None, "the environment says no time limit"),
+        (Walk, True, "steps is a whole number, at least 1, got True"),
         (Walk, 2.0, "steps is a whole number, at least 1, got 2.0"),
     ],
 )

@@ -29,8 +29,11 @@ def test_entries_of_a_dict_come_key_by_key() -> None:
     ("space", "names", "message"),
     [
         (LINE, ("x",), "names: 1 for the observation, which has 2 entries"),
+        (LINE, ("x", "x"), "names: 'x' stands for two entries"),
         (LINE, "xy", "names: expected a list of names, got the text 'xy'"),
+        (LINE, {"arm": ("x", "y")}, "names: the observation is no Dict"),
         (BOTH, ("x", "y"), r"names: the observation is a Dict; give a mapping, \{key: names of its entries\}"),
+        (BOTH, {"arms": ("x", "y")}, "names: the observation has no 'arms'; did you mean 'arm'"),
         (BOTH, {"arm": ("x", "y", "z")}, "names: 3 for 'arm', which has 2 entries"),
     ],
 )
@@ -55,7 +58,9 @@ def test_expressions_over_observation_and_info() -> None:
     ("text", "info", "message"),
     [
         ("w", {"z": 1}, "signals: no 'w' at step 3: the observation has x, y, the info z"),
+        ("z", {"z": "far"}, "signals: 'z' of the info is no number at step 3, but 'far'"),
         ("sqrt(x)", {}, "signals: s is nan at step 3"),
+        ("y / (x + 1)", {}, "signals: s is nan at step 3"),
     ],
 )
 def test_expressions_without_a_value(text: str, info: dict[str, Any], message: str) -> None:
@@ -68,7 +73,9 @@ def test_expressions_without_a_value(text: str, info: dict[str, Any], message: s
     ("text", "message"),
     [
         ("x <= 1", "signals.s: line 1, column 1: expected an arithmetic expression but found a formula"),
+        ("__import__('os')", "signals.s: line 1"),
         (3, "signals.s: parse takes a formula's text, got int 3"),
+        ("x / 0", "signals: .*divides by 0"),
     ],
 )
 def test_expressions_that_are_none(text: Any, message: str) -> None:
@@ -80,7 +87,10 @@ def test_expressions_that_are_none(text: Any, message: str) -> None:
     ("returned", "message"),
     [
         ({"a": 1}, "signals: the function returned a at step 3; ranges has a, b"),
+        ({"a": 1, "b": 2, "c": 3}, "signals: the function returned a, b, c at step 3; ranges has a, b"),
         ((1, 2), r"signals: expected name -> number at step 3, got \(1, 2\)"),
+        ({"a": 1, "b": "far"}, "signals: the function returned no numbers at step 3"),
+        ({"a": 1, "b": np.nan}, "signals: b is nan at step 3"),
         ({"a": -np.inf, "b": 1}, "signals: a is -inf at step 3"),
     ],
 )

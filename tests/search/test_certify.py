@@ -27,6 +27,11 @@ def test_a_fixed_number_of_starts_has_the_exact_interval() -> None:
     assert found.verdict is None
 
 
+def test_more_confidence_is_a_wider_interval() -> None:
+    low, high = (certify(still(NINE_TENTHS), Claim(level, starts=300)).interval for level in (0.9, 0.999))
+    assert high.low < low.low < low.high < high.high
+
+
 @pytest.mark.parametrize(("claimed", "verdict"), [(0.7, "shown"), (0.99, "refuted")])
 def test_a_claim_far_from_the_truth_is_decided_soon(claimed: float, verdict: str) -> None:
     found = certify(still(NINE_TENTHS), Claim(0.99, at_least=claimed))
@@ -61,6 +66,11 @@ def test_open_verdicts_are_counted_apart() -> None:
     assert certify(still(NINE_TENTHS), Claim(starts=1000)).open == 0
 
 
+def test_what_counts_as_violated_is_not_open() -> None:
+    found = certify(ending(still(NINE_TENTHS, terminated="violated"), 3), Claim(starts=50))
+    assert (found.satisfied, found.open, found.violated) == (0, 0, 50)
+
+
 def test_the_starts_are_new() -> None:
     """None of them is one of the grids, of the report's random starts or of training."""
     actor, met = still(NINE_TENTHS), list[np.ndarray]()
@@ -92,10 +102,18 @@ def test_another_seed_has_other_starts_and_the_same_has_the_same() -> None:
     ("claim", "message"),
     [
         (Claim(1.0), "a confidence is between 0 and 1, got 1"),
+        (Claim(at_least=1.5), "a probability is between 0 and 1, got 1.5"),
         (Claim(width=0.0), "a width is between 0 and 1, got 0"),
+        (Claim(at_least=0.5, width=0.1), "not by both"),
         (Claim(1.0000000000001), "a confidence is between 0 and 1, got 1.0000000000001"),
+        (Claim(starts=0), "at least one start, got 0"),
     ],
 )
 def test_bad_claims(claim: Claim, message: str) -> None:
     with pytest.raises(UsageError, match=message):
         certify(still(), claim)
+
+
+def test_a_single_start_has_no_probability() -> None:
+    with pytest.raises(UsageError, match="pair has a single start; `stlbench falsify`"):
+        certify(still(initial={"box": {"a": -1, "b": 0}}))

@@ -67,6 +67,27 @@ def test_the_same_rules_give_the_same_answer(optimiser: str) -> None:
     assert (one.evaluations, one.first, one.start) == (two.evaluations, two.first, two.start)
 
 
+def test_random_points_use_all_evaluations_and_no_more() -> None:
+    told = list[tuple[int, float]]()
+    found = falsify(still("G[0,8] a <= 9"), How("random", 2500), lambda count, least: told.append((count, least)))
+    assert found.evaluations == 2500
+    assert [count for count, _ in told] == [64, 128, 256, 512, 1024, 2048, 2500]
+    assert told[-1][1] == found.worst.robustness
+    assert found.first is None
+
+
+def test_a_task_with_a_single_start_takes_one_evaluation() -> None:
+    found = falsify(still("G[0,8] a >= 0", initial={"box": {"a": -0.25, "b": 1}}))
+    assert (found.evaluations, found.first, found.worst.robustness) == (1, 1, -0.25)
+    assert found.start == {"a": -0.25, "b": 1}
+
+
+def test_a_fixed_coordinate_is_in_the_start() -> None:
+    found = falsify(still("G[0,8] a <= -0.1", initial={"box": {"a": [-1, 0], "b": 1}}), How(evaluations=300))
+    assert found.found
+    assert found.start["b"] == 1
+
+
 def test_the_subformula_that_failed() -> None:
     found = falsify(still("F[0,3] a <= 5 & G[2,4] (b <= 3 & a <= -0.3)"), How(evaluations=500, least=True))
     assert str(found.witness.conjunct) == "G[2,4] (b <= 3 & a <= -0.3)"

@@ -45,6 +45,11 @@ def test_the_table(found: Falsification, tmp_path: Path) -> None:
     assert stl.robustness(task.formula, samples, table.names) == found.worst.robustness
 
 
+def test_without_a_counterexample_the_name_says_so(tmp_path: Path) -> None:
+    satisfied = falsify(still("G[0,8] a <= 1"), How(evaluations=50))
+    assert write(satisfied, tmp_path)[0].name == "least-still.npz"
+
+
 def test_a_folder_that_cannot_be_written(found: Falsification, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match=r"cannot write .*\.npz: "):

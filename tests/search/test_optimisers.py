@@ -52,3 +52,7 @@ def test_what_a_search_raises_is_raised_here_and_ends_the_others() -> None:
     with pytest.raises(RuntimeError, match="a bug"):
         side_by_side([asking(0, 1000, {}), broken], lambda points: points[:, 0])
     assert threading.active_count() == before
+
+
+def test_no_search_asks_nothing() -> None:
+    side_by_side([], lambda points: points)

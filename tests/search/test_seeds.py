@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 import yaml
 from helpers.line_task import Rule
+from helpers.made_subjects import still
 
 from stlbench.contract import Array, Integers, RewardMethod
 from stlbench.errors import UsageError
 from stlbench.records.saved_traces import read_saved
 from stlbench.report.figures.counterexample import place_of
-from stlbench.search.actor import Actor, of_policy
+from stlbench.search.actor import Actor, of_controller, of_policy
 from stlbench.search.certify import Claim, certify
 from stlbench.search.falsify import How, falsify
 from stlbench.search.outputs import write
@@ -104,6 +105,12 @@ def test_what_was_lost_before_an_early_end_is_what_failed(tmp_path: Path) -> Non
     assert (place.step, place.explanation.partition(" (")[0]) == (first, f"{formula}: lost at step {first}")
 
 
+def test_where_the_last_sample_stays_there_is_a_witness(tmp_path: Path) -> None:
+    found = falsify(actor(tmp_path, f"G[0,{STEPS}] abs(theta) <= 0.2", "hold"), How(evaluations=5))
+    assert found.witness is not None
+    assert (str(found.witness.predicate), found.steps) == ("abs(theta) <= 0.2", STEPS)
+
+
 def test_no_optimiser_searches_seeds(pushed: Actor) -> None:
     rule = r"direct cannot search task pole-violated: its starts are seeds, .* --optimiser random"
     with pytest.raises(UsageError, match=rule):
@@ -125,3 +132,12 @@ def test_the_seeds_are_new(pushed: Actor) -> None:
     sets = pushed.task.starts
     others = [*sets.report_and_selection(), sets.at_random(500), sets.of_training(generator, 500)]
     assert not drawn & set(np.concatenate(others)[:, 0].tolist())
+
+
+def test_no_controller_by_hand(pushed: Actor) -> None:
+    with pytest.raises(UsageError, match="no controller by hand"):
+        of_controller(pushed.task)
+
+
+def test_of_a_system_many_more_are_simulated_at_a_time(pushed: Actor) -> None:
+    assert pushed.rows < still().rows

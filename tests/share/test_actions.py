@@ -15,6 +15,12 @@ GRID = ActionGrid(("v", "w"), ((-1.0, 0.0, 1.0), (0.0, 2.0)))
 BOX = ActionBox(("v", "w"), (-1.0, 0.0), (1.0, 2.0))
 
 
+def test_of_a_grid_whole_numbers_are_indices() -> None:
+    found = actions_of([5, 0, 3], GRID, 3, "p")
+    assert found.dtype == np.int64
+    assert found.tolist() == [5, 0, 3]
+
+
 def test_of_a_grid_vectors_are_taken_to_the_nearest_action() -> None:
     vectors = np.array([[-0.9, 1.5], [0.4, 0.9], [0.6, 0.0]], np.float32)
     assert GRID.vectors[actions_of(vectors, GRID, 3, "p")].tolist() == [[-1, 2], [0, 0], [1, 0]]
@@ -63,6 +69,14 @@ def test_a_table_that_does_not_fit(text: str, answer: object, message: str, tmp_
     (tmp_path / "own.csv").write_text(text)
     with pytest.raises(UsageError, match=message):
         OnObservation(lambda _: answer, GRID, "p", read_actions(tmp_path / "own.csv", GRID)).act(np.zeros((1, 4)))
+
+
+def test_whole_numbers_can_be_a_vector_too() -> None:
+    assert actions_of([[1, 2]], BOX, 1, "p").tolist() == [[1.0, 2.0]]
+
+
+def test_what_single_precision_makes_of_an_end_is_within() -> None:
+    assert actions_of(np.array([[1 + 1e-7, -1e-7]]), BOX, 1, "p").tolist() == [[1.0, 0.0]]
 
 
 @pytest.mark.parametrize(

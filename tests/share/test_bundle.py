@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import zipfile
+from dataclasses import replace
 
 import pytest
 import yaml
@@ -27,6 +28,11 @@ def test_it_has_results_tables_policies_and_a_citation(site, tmp_path) -> None:
     policy = next(name for name in found if name.startswith("policies/"))
     assert sorted(found) == sorted(["cells.jsonl", "report.md", policy, "CITATION.cff", "ro-crate-metadata.json"])
     assert (packed.cells, packed.policies, packed.files, packed.size) == (1, 1, 4, path.stat().st_size)
+
+
+def test_traces_come_along_when_asked(site, tmp_path) -> None:
+    path, _ = bundles.packed(site, tmp_path, traces=True)
+    assert sum(name.startswith("traces/") for name in names(path)) == 1
 
 
 def test_unzipped_it_is_a_folder_of_results(site, tmp_path) -> None:
@@ -70,6 +76,12 @@ def test_the_citation_says_what_was_said_whatever_it_was(site, tmp_path) -> None
     assert citation["title"] == 'A study: of "lines"'
     assert [author["name"] for author in citation["authors"]] == ["Ada Lovelace", "O'Neil & Sons"]
     assert (citation["type"], citation["license"]) == ("dataset", "CC0-1.0")
+
+
+def test_without_authors_there_is_no_citation(site, tmp_path) -> None:
+    folder = bundles.folder_of_results(site, tmp_path / "results")
+    pack(folder, tmp_path / "b.zip", replace(bundles.ABOUT, authors=()))
+    assert "CITATION.cff" not in names(tmp_path / "b.zip")
 
 
 @pytest.mark.parametrize(

@@ -80,6 +80,13 @@ def test_one_by_one_or_together_in_single_or_double_precision(tmp_path: Path, sh
     assert found.tolist() == [[1.5, 2], [3, 4]]
 
 
+def test_of_several_outputs_the_action_counts(tmp_path: Path) -> None:
+    path = model(tmp_path / "m.onnx", ["N", 1], outputs=("value", "index", "action"))
+    assert load_onnx(path, Observation(1))(np.zeros((1, 1))).tolist() == [[3]]
+    path = model(tmp_path / "n.onnx", ["N", 1], outputs=("first", "second"))
+    assert load_onnx(path, Observation(1))(np.zeros((1, 1))).tolist() == [[1]]
+
+
 @pytest.mark.parametrize(
     ("shape", "kind", "message"),
     [

@@ -25,9 +25,13 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ("text", "kind", "name"),
     [
         ("my_policy:Act2", "function", "my-policy-act2"),
+        ("a.b:act", "function", "a-b-act"),
         ("hold-disc/funnel[ginf=0.02]/dqn/0", "cell", ""),
+        ("hold-disc/funnel/dqn/12/tuned", "cell", ""),
         ("Net_3.ONNX", "onnx", "net-3"),
+        ("x/model.zip", "sb3", "model"),
         ("_.csv", "traces", "policy"),
+        ("t.npz", "traces", "t"),
     ],
 )
 def test_what_a_text_names(here: Path, text: str, kind: str, name: str) -> None:
@@ -44,7 +48,9 @@ def test_what_a_text_names(here: Path, text: str, kind: str, name: str) -> None:
     ("text", "message"),
     [
         ("no.onnx", "there is no file no.onnx"),
+        ("mine", "'mine' names no policy; one is a cell's name task/method/agent/seed, module:function, or a file"),
         ("mine:", "names no policy"),
+        ("a/b/c", "names no policy"),
         ("", "names no policy"),
     ],
 )
@@ -65,8 +71,11 @@ def test_a_function_of_the_working_directory(here: Path) -> None:
     ("text", "message"),
     [
         ("zz_nothing:act", "there is no module 'zz_nothing' here or installed"),
+        ("zz_mine.sub:act", "there is no module 'zz_mine.sub' here or installed"),
         ("zz_mine:atc", "the module has no 'atc'; did you mean 'act'"),
+        ("zz_mine:NUMBER", "'NUMBER' is int, which cannot be called"),
         ("zz_broken:act", "the module cannot be imported: ZeroDivisionError: division by zero"),
+        ("zz_needs:act", "the module cannot be imported: No module named 'zz_absent'"),
     ],
 )
 def test_functions_that_are_not_there(here: Path, text: str, message: str) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.line_task import Probe, Rule
+from helpers.line_task import Probe, Rule, line
 from helpers.walk_task import WalkTask, walk
 
 from stlbench.contract import Array
@@ -78,6 +78,7 @@ def test_traces_of_different_lengths(tmp_path: Path) -> None:
             slice(2, 3),
             "trace 0, row 2, x is nan; a finite number is expected, or NaN in all signals from a",
         ),
+        (np.nan, slice(0, 9), "trace 0, row 0, x is nan; a finite number is expected"),
         (np.inf, slice(8, 9), "trace 0, row 8, x is inf; a finite number is expected"),
     ],
 )
@@ -95,3 +96,13 @@ def test_a_table_with_a_hole_or_too_many_rows(tmp_path: Path) -> None:
     (tmp_path / "long.csv").write_text("x\n" + "0\n" * 10)
     with pytest.raises(UsageError, match=r"long.csv has 10 rows; an episode of walk has 9, one at the start"):
         load_traces(tmp_path / "long.csv", ending("violated"))
+
+
+def test_the_episodes_of_a_system_never_end_early(tmp_path: Path) -> None:
+    task = line()
+    samples = np.zeros((1, task.file.steps + 1, 1))
+    samples[:, -1] = np.nan
+    with pytest.raises(UsageError, match=r"x is nan; a finite number is expected$"):
+        load_traces(traces_of(tmp_path, samples), task)
+    with pytest.raises(UsageError, match="rows; an episode of line has"):
+        load_traces(traces_of(tmp_path, samples[:, :-1]), task)

@@ -168,7 +168,9 @@ def test_with_the_scale_of_the_task_file(pole: Task, tmp_path: Path) -> None:
     ("options", "shown", "message"),
     [
         ({"steps": 50}, Shown(), "the time from -1 to 1 in 50 steps; here is the time from -1 to 1 in 40 steps"),
+        ({"names": ("s", "c", "omega")}, Shown(), "the same in another order than task zz-up shows it"),
         ({}, Shown("environment"), "omega / 8; here is omega"),
+        ({"method": "flag"}, Shown(), "inputs of method flag; say --method 'flag'"),
     ],
 )
 def test_another_observation_is_refused(
@@ -208,6 +210,14 @@ def test_what_saw_normalized_observations(task: Task, tmp_path: Path) -> None:
     model.learn(3).save(tmp_path / "m.zip")
     message = "it was trained inside VecNormalize, whose statistics are not in the file; score it by a module:function"
     refused_unless_declared(task, tmp_path / "m.zip", message)
+
+
+def test_a_task_as_an_environment_says_what_it_shows(task: Task, tmp_path: Path) -> None:
+    saved(tmp_path / "m.zip", gymnasium.make("stlbench/hold-disc-v0", method="flag"))
+    found = score(load_task("hold-disc"), find_source(str(tmp_path / "m.zip")), Shown(method=Choice("flag")), 0)
+    assert found.observation.endswith("; the time from -1 to 1 in 200 steps; 1 input of flag")
+    with pytest.raises(UsageError, match=r"m.zip: it was trained on hold-disc to observe "):
+        score(load_task("reach-stay"), find_source(str(tmp_path / "m.zip")), Shown(), 0)
 
 
 def test_a_record_that_anybody_may_have_written(task: Task, tmp_path: Path) -> None:

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from stlbench import stl
-from stlbench.stl import Position, StlSyntaxError, UndefinedError, UnknownSignalError
+from stlbench.stl import FragmentError, Position, ShortTraceError, StlSyntaxError, UndefinedError, UnknownSignalError
+
+
+def test_all_are_value_errors() -> None:
+    for kind in (FragmentError, ShortTraceError, StlSyntaxError, UndefinedError, UnknownSignalError):
+        assert issubclass(kind, ValueError)
 
 
 def test_caret_stays_under_its_column_in_long_lines() -> None:
@@ -27,6 +32,11 @@ def test_caret_stays_under_its_column_in_long_lines() -> None:
 )
 def test_unknown_signal(names: list[str], message: str) -> None:
     assert str(UnknownSignalError("thta", names)) == message
+
+
+def test_positions_name_the_line_only_where_there_are_several() -> None:
+    assert str(Position(1, 12)) == "column 12"
+    assert str(Position(3, 1)) == "line 3, column 1"
 
 
 @pytest.mark.parametrize("text", ["x >= \ud800", "\udc80", "x >= 1 & y \ud800 1"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -10,10 +11,19 @@ from helpers.studies import load
 
 from stlbench import stl
 
+ROOT = Path(__file__).parents[2]
+
 
 @pytest.fixture(scope="module")
 def figures() -> ModuleType:
     return load("method_figures")
+
+
+def test_one_for_each_page() -> None:
+    pages = {page.stem for page in (ROOT / "docs" / "methods").glob("*.md")}
+    assert {path.stem for path in (ROOT / "docs" / "figures" / "methods").glob("*.svg")} == pages
+    for name in pages:
+        assert f"figures/methods/{name}.svg" in (ROOT / "docs" / "methods" / f"{name}.md").read_text(encoding="utf-8")
 
 
 def test_the_first_way_alone_satisfies(figures: ModuleType) -> None:

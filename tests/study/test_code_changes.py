@@ -127,7 +127,9 @@ def cells(*methods: str, **changed: str) -> list[Cell]:
     [
         ({"harness": "1"}, "stlbench's own code"),
         ({"task": "1"}, "task task"),
+        ({"method": "1"}, "method a, method b"),
         ({"agent": "1"}, "agent agent or its recipe"),
+        ({"packages": "1"}, "numpy 2.4 to 2.5"),
         ({"harness": "1", "task": "2"}, "stlbench's own code, task task"),
     ],
 )
@@ -136,6 +138,15 @@ def test_a_line_says_what_has_changed(study, changed, cause):
     said = f"2 cells have results of other code and are measured anew; what has changed: {cause}"
     assert study(cells("a", "b", **changed), numpy="2.5" if "packages" in changed else "2.4") == ((2, 0), said)
     assert study(cells("a", "b", **changed)) == ((0, 2),)
+
+
+def test_results_that_do_not_say_their_code_are_so_named_and_the_way_out_is_said(study):
+    study(scripted_cells.cells("a"))
+    _, said = study(cells("a"), keep_old=False)
+    assert said == (
+        "1 cell has a result of other code and is measured anew; --keep-old counts the old results as done; "
+        "what has changed: not known, as the old results do not say of which code they are"
+    )
 
 
 def test_old_results_are_kept_where_the_user_says_so_and_accidents_are_not(study, tmp_path):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.synthetic_results import result, score
 
 from stlbench.records.outputs import cell_files
 from stlbench.records.result import MAIN, RANDOM, Measurement, Result, Score, Summary
@@ -58,7 +59,9 @@ MANY = Summary(0.2, -0.1, 0.9, 1000)
     [
         (Score((99.0,), (False,), {}), "robustness 99 from start 0, which is not satisfied"),
         (Score((0.1, -0.2), (True, True), {}), "robustness -0.2 from start 1, which is satisfied"),
+        (Score((), (), {}, replace(MANY, satisfaction=0.0)), "the mean robustness is 0.2 beside 0 % satisfied"),
         (Score((), (), {}, replace(MANY, satisfaction=1.0)), "the least robustness is -0.1 beside 100 % satisfied"),
+        (Score((), (), {}, replace(MANY, minimum=0.1)), "the least robustness is 0.1 beside 90 % satisfied"),
         (Score((), (), {}, replace(MANY, mean=-0.2)), "satisfaction 0.9, mean robustness -0.2, the least -0.1"),
         (Score((), (), {}, replace(MANY, satisfaction=1.5)), "satisfaction 1.5, mean robustness 0.2, the least -0.1"),
     ],
@@ -119,3 +122,8 @@ def test_what_is_recorded_in_the_reference_could_all_be() -> None:
     folder = Path(__file__).parents[2] / "results" / "reference"
     found = [problem for each in Results.load(folder) if each.measurement for problem in _of_scores(each.measurement)]
     assert found == []
+
+
+def test_a_result_without_a_measurement_says_nothing(cell: Cell, tmp_path: Path) -> None:
+    assert contradiction(cell, result(status="unsuitable"), tmp_path) is None
+    assert score((0.1,)).satisfied == (True,)

@@ -105,6 +105,17 @@ def test_which_errors_are_of_a_full_disk():
     assert str(unwritable("cannot write a", PermissionError(errno.EACCES, "no", "a"))) == "cannot write a: no"
 
 
+def test_no_half_of_a_file_of_arrays_is_left(tmp_path, monkeypatch):
+    def half(file, **_):
+        file.write(b"half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", half)
+    with pytest.raises(DiskFull, match="No space"):
+        npz.write(tmp_path / "traces" / "a.npz", {"a": np.zeros(3)})
+    assert list((tmp_path / "traces").iterdir()) == []
+
+
 @pytest.fixture
 def small_disk(tmp_path):
     """A file system of 256 KiB, where this user may make one."""

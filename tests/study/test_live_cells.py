@@ -34,6 +34,14 @@ def test_a_cell_is_among_those_that_run_while_it_does(tmp_path: Path, clock: lis
     assert running(tmp_path) == []
 
 
+def test_of_cells_whose_names_begin_alike_one_ends(tmp_path: Path) -> None:
+    cells = [CELL, CellId.parse("hold-disc/funnel/dqn/0/tuned", "quick"), CellId.parse(CELL.name, "smoke")]
+    for cell in cells:
+        announce(tmp_path, cell, 4000)
+    ended(tmp_path, CELL)
+    assert {one.id for one in running(tmp_path)} == {*cells[1:]}
+
+
 def test_scores_that_only_a_watcher_needs_take_a_fiftieth_of_the_time(tmp_path: Path, clock: list[float]) -> None:
     asked = list[int]()
 
@@ -65,6 +73,12 @@ def test_files_that_say_nothing_are_passed_over(tmp_path: Path, text: str) -> No
     assert running(tmp_path) == []
     clear(tmp_path)
     assert not (tmp_path / FOLDER).exists()
+
+
+def test_without_a_folder_nothing_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    announce(None, CELL, 4000).at(1000, lambda: pytest.fail("scored for nobody"))
+    assert not any(tmp_path.iterdir())
 
 
 def test_the_curve_so_far_is_kept(tmp_path: Path, clock: list[float]) -> None:

@@ -119,6 +119,11 @@ def test_the_number_of_seeds_can_be_given_and_more_seeds_keep_the_keys_of_the_fi
 
 
 @pytest.mark.usefixtures("lab")
+def test_repetitions_are_planned_once():
+    assert plan(tasks="zz-line,zz-line", methods="zz-pay,zz-pay") == plan()
+
+
+@pytest.mark.usefixtures("lab")
 def test_what_the_user_says_is_part_of_the_key_however_it_is_written():
     apart = [
         {},
@@ -155,9 +160,12 @@ def edit(root, file, old, new):
     ("file", "old", "new"),
     [
         ("line/task.yaml", "x <= 1", "x <= 1.5"),
+        ("line/task.yaml", "sampling_time: 0.1", "sampling_time: 0.2"),
         ("line/task.yaml", "high: 2", "high: 3"),
         ("line/task.yaml", "rate: 0.1", "rate: 0.3"),
+        ("line/task.yaml", "steps: 40,", "steps: 44,"),
         ("line/task.yaml", "checkpoints: 2", "checkpoints: 3"),
+        ("line/system.py", "self.dt * action", "2 * self.dt * action"),
         ("pay.py", "1.0", "2.0"),
         ("agent.py", "): ...", "): pass"),
     ],
@@ -185,12 +193,21 @@ def test_an_edit_that_cannot_change_the_result_keeps_the_key(lab, file, old, new
     assert keys(seeds=[0]) == before
 
 
+def test_the_version_of_the_distribution_is_part_of_the_key(site):
+    site("acme-lab", ENTRIES, FILES)
+    before = keys(seeds=[0])
+    site("acme-lab", ENTRIES, FILES, folder="newer", version="1.3")
+    assert not set(before) & set(keys(seeds=[0]))
+
+
 @pytest.mark.usefixtures("lab")
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         ({"tasks": "zz-lime"}, "no task 'zz-lime'; did you mean 'zz-line'?"),
+        ({"methods": "zz-pai"}, "no method 'zz-pai'; did you mean 'zz-pay'?"),
         ({"agents": "zz-agents"}, "no agent 'zz-agents'; did you mean 'zz-agent'?"),
+        ({"seeds": []}, "at least one seed is needed, none of them negative, got []"),
         ({"budget": "papers"}, "task zz-line has no budget 'papers'; did you mean 'paper'?"),
     ],
 )
@@ -207,6 +224,12 @@ def test_check_finds_wrong_parameters_before_anything_runs():
         check_cells(plan(methods="zz-more,zz-pay[beta=x]"))
     with pytest.raises(UsageError, match="no parameter 'rat'; did you mean 'rate'"):
         check_cells(plan(agents="zz-agent[rat=1]"))
+
+
+def test_check_reads_the_recipe_too(lab):
+    edit(lab, "line/task.yaml", "rate: 0.1", "rate: fast")
+    with pytest.raises(UsageError, match="zz-agent: rate should be a number, got 'fast' in the recipe"):
+        check_cells(plan())
 
 
 def test_seeds_are_derived_from_named_parts():

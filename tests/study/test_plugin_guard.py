@@ -15,7 +15,7 @@ from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
 from stlbench.report.figures.margins import bands_of
 from stlbench.report.figures.regions import UNKNOWN, scale_of_task
-from stlbench.rollout.questions import Unanswered
+from stlbench.rollout.questions import Unanswered, ask_here
 from stlbench.rollout.standards import at_random, by_hand, payment, standards
 from stlbench.study import plugin_guard
 
@@ -84,6 +84,14 @@ def test_what_hangs_is_waited_for_once(bad: None) -> None:
     assert plugin_guard.ask([question]) == [Unanswered(f"no result after {SHORT:g} s")]
 
 
+def test_what_others_pay_is_the_same_as_in_this_process(bad: None) -> None:
+    questions = [
+        payment(Choice("hold-disc"), track, name) for track in ("shared", "plain") for name in ("raw", "zz-same")
+    ]
+    assert [str(answer) for answer in plugin_guard.ask(questions)] == [str(answer) for answer in ask_here(questions)]
+    assert plugin_guard.ask([payment(Choice("hold-disc"), "shared", "there-is-none")]) == [None]
+
+
 def test_bounds_that_cannot_be_asked_for_are_none_and_a_warning(bad: None) -> None:
     names = [Choice(f"zz-{name}") for name in ("same", "raise", "refuse", "exit")]
     with pytest.warns(plugins.PluginWarning) as told:
@@ -141,6 +149,14 @@ def test_a_controller_that_hangs_is_waited_for_no_longer_than_said(tasks: None) 
     assert plugin_guard.ask([hangs], SHORT) == [Unanswered(f"no result after {SHORT:g} s")]
     (score,) = plugin_guard.ask([good])
     assert not isinstance(score, Unanswered)
+
+
+def test_a_task_that_cannot_be_loaded_is_refused_with_its_name(tasks: None) -> None:
+    with pytest.raises(UsageError, match=r"^task zz-left: it cannot be loaded: the process ended with exit code 3$"):
+        plugin_guard.load_guarded("zz-left")
+    assert plugin_guard.load_guarded("zz-good[hold=2]").file.hold == 2
+    with pytest.raises(UsageError, match="no task 'there-is-none'"):
+        plugin_guard.load_guarded("there-is-none")
 
 
 @dataclass(frozen=True)

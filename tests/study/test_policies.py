@@ -76,6 +76,14 @@ def test_a_tuned_recipe_is_not_asked_for_again(tmp_path: Path) -> None:
     assert referee.Referee(task, method).assess(policy).scores[MAIN] == found.measurement.selected[MAIN]
 
 
+def test_a_result_of_before_policies_were_stored_is_read(result: Result) -> None:
+    text = to_json(replace(result, measurement=replace(result.measurement, policies=None)))
+    assert '"policies": null, ' in text or '"policies": null}' in text
+    old = from_json(text.replace(', "policies": null', ""))
+    assert old.measurement is not None
+    assert old.measurement.policies is None
+
+
 def test_another_observation_is_refused(folder: Path, result: Result) -> None:
     """The network itself would read what lies beside its input."""
     assert result.measurement is not None

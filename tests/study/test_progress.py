@@ -7,7 +7,7 @@ from helpers.synthetic_results import result
 
 from stlbench.records.identity import CellId
 from stlbench.study import live_cells, progress
-from stlbench.study.live_cells import Running, announce, duration
+from stlbench.study.live_cells import Running, announce, duration, sparkline
 from stlbench.study.progress import Progress, Tally
 
 
@@ -73,6 +73,14 @@ def test_in_a_pipe_a_run_says_a_line_a_minute(tmp_path, capsys, monkeypatch):
                 break
     line = next(line for line in text.splitlines() if "1 running" in line)
     assert line.startswith("0 of 2 cells, 1 running; hold-disc/funnel/dqn/0: 0 %, 0 of 4,000 steps")
+
+
+def test_bars_of_a_curve():
+    assert sparkline([0.0, 0.5, 1.0]) == "▁▅█"
+    assert sparkline([2.0, 2.0]) == "▄▄"
+    assert sparkline([float("nan"), -1.0, 1.0]) == " ▁█"
+    assert len(sparkline([float(i) for i in range(100)])) == 20
+    assert sparkline([]) == ""
 
 
 def test_the_curve_is_drawn_on_a_terminal_alone(tmp_path, monkeypatch):

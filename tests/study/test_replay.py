@@ -12,7 +12,7 @@ from helpers import kept_policies
 from stlbench.records.outputs import cell_files
 from stlbench.records.result import MAIN, Result
 from stlbench.records.saved_traces import read_saved
-from stlbench.study.policies import Start, replay
+from stlbench.study.policies import Start, parse_start, replay
 
 
 @pytest.fixture
@@ -32,9 +32,19 @@ def test_all_starts_of_the_report_give_what_was_recorded(result: Result, tmp_pat
     assert np.array_equal(shown.recording.film.states, recorded.film.states)
 
 
+def test_one_of_them(result: Result, tmp_path: Path) -> None:
+    every, one = replay(tmp_path, result, "final"), replay(tmp_path, result, "final", Start(index=2))
+    assert one.robustness == every.robustness[2:3]
+    assert np.array_equal(one.recording.traces, every.recording.traces[2:3])
+
+
 def test_any_other(result: Result, tmp_path: Path) -> None:
     shown = replay(tmp_path, result, "final", Start(point=(-3.0,)))
     assert shown.recording.traces[0, :, 0] == pytest.approx(np.arange(-3, 1.5, 0.5))
     assert shown.robustness == pytest.approx((2.0,))  # 1 - x_4
     assert shown.recording.film is not None
     assert shown.recording.film.states.shape == (1, 9, 1)
+
+
+def test_numbers_of_a_start() -> None:
+    assert parse_start("-0.3, 1.2e1") == (-0.3, 12.0)

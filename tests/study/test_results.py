@@ -7,11 +7,13 @@ import math
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.synthetic_results import result
 
+import stlbench
 from stlbench.errors import UsageError
 from stlbench.records import stored
 from stlbench.records.identity import CellId
@@ -91,6 +93,13 @@ def test_failures_have_reason_and_traceback_and_a_finding_is_none(results):
     assert row["traceback"] == "Traceback ...\nValueError"
 
 
+def test_tables_of_nothing_have_their_columns(tmp_path):
+    nothing = Results((), tmp_path)
+    for table in (nothing.cells(), nothing.robustness(), nothing.curves(), nothing.failures()):
+        assert len(table) == 0
+        assert list(table.columns[:6]) == ["task", "method", "agent", "seed", "budget", "track"]
+
+
 def test_what_was_planned_and_did_not_run_is_a_row(recorded, tmp_path):
     missing = CellId.parse("hold-disc/funnel/dqn/4", "quick")
     with Ledger(tmp_path / FILE) as ledger:
@@ -158,6 +167,12 @@ def test_a_line_that_is_no_result(tmp_path, text, message):
     assert "\n" not in str(caught.value)
 
 
+def test_a_cell_twice(recorded, tmp_path):
+    stored.write_lines([recorded[0], recorded[0]], tmp_path / stored.LINES)
+    with pytest.raises(UsageError, match=r"line 2: hold-disc/funnel\[ginf=0.02\]/dqn/0 is in line 1 already"):
+        Results.load(tmp_path)
+
+
 def test_what_was_planned_and_not_run_is_a_line_too(recorded, tmp_path):
     planned = CellId.parse("hold-disc/raw/dqn/7", "quick")
     with Ledger(tmp_path / FILE) as ledger:
@@ -180,6 +195,18 @@ def _written(path, text):
     return path
 
 
+def test_a_folder_without_results(tmp_path):
+    with pytest.raises(UsageError, match=r"there is neither .*ledger.sqlite nor cells.jsonl; `stlbench run` writes"):
+        Results.load(tmp_path)
+
+
+def test_the_front_door():
+    assert stlbench.Results is Results
+    assert set(stlbench.__all__) <= set(dir(stlbench)) | {"Results", "run_study", "wrap"}
+    with pytest.raises(AttributeError, match="no attribute 'run_studdy'"):
+        stlbench.run_studdy  # noqa: B018
+
+
 @pytest.mark.parametrize(
     ("statement", "heavy"),
     [
@@ -193,6 +220,15 @@ def test_what_an_import_does_not_load(statement, heavy):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "stlbench" in done.stdout.split()
     assert not heavy & set(done.stdout.split())
+
+
+def test_the_committed_reference_loads():
+    folder = Path(__file__).parents[2] / "results/reference"
+    if stored.locate(folder) is None:
+        pytest.skip("results/reference has no cells.jsonl yet")
+    robustness = Results.load(folder).robustness()
+    tasks = robustness[robustness["protocol"] == "formula"]["task"].str.partition("[")[0]
+    assert tasks.nunique() == 12
 
 
 def test_comparisons_are_those_of_the_report(tmp_path):

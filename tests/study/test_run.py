@@ -85,11 +85,23 @@ def test_what_is_not_compiled_is_compiled_before_the_first_cell_and_the_caller_i
     assert not any("compiling" in line for line in lines)
 
 
+def test_what_is_finished_is_not_run_again(tmp_path):
+    cells = scripted_cells.cells("a", "b", "c")
+    study(tmp_path, cells[:2])
+    assert study(tmp_path, cells) == ([("c", 60)], [(["c"], 2), ("c", "unsuitable")])
+    assert study(tmp_path, cells) == ([], [([], 3)])
+
+
 def test_retry_runs_accidents_again_and_nothing_else(tmp_path):
     cells = scripted_cells.cells("a", "raise")
     study(tmp_path, cells)
     assert study(tmp_path, cells)[0] == []
     assert study(tmp_path, cells, retry=ACCIDENTS)[0] == [("raise", 60)]
+
+
+def test_a_cell_given_twice_runs_once(tmp_path):
+    (cell,) = scripted_cells.cells("a")
+    assert study(tmp_path, [cell, cell])[0] == [("a", 60)]
 
 
 def test_nothing_runs_where_one_cell_is_wrong_and_only_missing_cells_are_checked(tmp_path, monkeypatch):
@@ -118,6 +130,13 @@ def test_the_plan_is_written_before_anything_runs(tmp_path, monkeypatch):
         study(tmp_path, cells)
     with Ledger(tmp_path / FILE, create=False) as ledger:
         assert ledger.missing() == [cell.id for cell in cells]
+
+
+def test_an_executor_by_name():
+    assert build_executor(jobs=3).jobs == 3
+    assert build_executor("local").jobs in (1, 2)
+    with pytest.raises(UsageError, match="no executor 'locale'; did you mean 'local'"):
+        build_executor("locale")
 
 
 def test_cells_are_run_by_the_trial_and_the_executor_is_told_what_to_load_and_where_logs_go(tmp_path):

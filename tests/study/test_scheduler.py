@@ -61,6 +61,13 @@ def test_accidents_become_rows_with_their_reasons_and_the_others_go_on(ledger, j
     assert 'raise ValueError("no such luck")' in details["raise"]
 
 
+def test_a_row_has_the_cells_identity(ledger):
+    (cell,) = scripted_cells.cells("raise")
+    (result,) = scheduler.run([cell], ledger, Here(), scripted_cells.run_cell, {})
+    assert (result.id, result.key, result.details) == (cell.id, cell.key, "trace")
+    assert list(ledger.results()) == [result]
+
+
 @pytest.mark.parametrize("facts", [None, {}, {"machine": "another"}])
 def test_a_row_says_on_which_machine_its_cell_ran_however_it_ended(ledger, facts):
     class There(Here):

@@ -28,7 +28,7 @@ def test_settings(text: str, settings: Sequence[PlanSetting]) -> None:
     assert parse_settings(text) == tuple(settings)
 
 
-@pytest.mark.parametrize("item", ["", "gamma", "gamma=1 gamma=2", "recipes"])
+@pytest.mark.parametrize("item", ["", " ", "gamma", "recipe gamma=1", "gamma=1 gamma=2", "=1", "gamma=[1]", "recipes"])
 def test_what_is_no_setting(item: str) -> None:
     with pytest.raises(UsageError, match=r"^settings: '.*' is none; one is recipe, without=PART\+PART or") as caught:
         parse_settings(f"recipe,{item}")
@@ -59,6 +59,10 @@ def test_every_method_in_every_setting_after_the_formula_itself() -> None:
     ]
 
 
+def test_the_formulas_cell_does_not_depend_on_what_else_is_planned() -> None:
+    assert names("recipe", methods="raw")[0] == names("gamma=1", methods="tau-mdp")[0] == names()[0]
+
+
 def test_where_actions_are_not_held_another_best_is_possible() -> None:
     cells = names("recipe", "without=hold", "without=cuts+hold", "without=cuts", methods="raw")
     assert cells[:3] == [
@@ -86,8 +90,11 @@ def test_without_methods_all_that_fit() -> None:
     ("words", "message"),
     [
         ({"task": "overlaps"}, "no task 'overlaps'; did you mean 'overlap'?"),
+        ({"task": "overlap", "methods": "raws"}, "no method 'raws'; did you mean 'raw'?"),
         ({"settings": "without=cut"}, "overlap[without=cut]: a task is never without 'cut', but perhaps without"),
         ({"settings": "without=exploring"}, "overlap[without=exploring]: the task is without exploring as it is"),
+        ({"settings": "gama=1"}, "planner[gama=1]: no parameter 'gama'; did you mean 'gamma'?"),
+        ({"settings": "gamma=x"}, "planner[gamma=x]: gamma should be a number, got 'x'"),
         ({"task": "overlap[without=cuts]"}, "overlap[without=cuts]: name the task alone, and what it is to do without"),
     ],
 )
@@ -104,6 +111,11 @@ def test_without_an_agent_that_plans_there_is_nothing_to_plan(monkeypatch: pytes
     monkeypatch.setattr(plugins, "loadable", lambda kind: ({}, []))
     with pytest.raises(UsageError, match="no agent is installed that plans for a reward"):
         names("recipe")
+
+
+def test_on_an_environment_nothing_is_planned() -> None:
+    with pytest.raises(UsageError, match=r"^task lunar-lander: nothing can be planned on it: a plan sets the state"):
+        plan_alignment(Choice("lunar-lander"))
 
 
 def test_a_state_that_no_grid_takes_is_refused_before_anything_runs() -> None:

@@ -75,9 +75,19 @@ def test_what_a_recipe_says_is_in_the_key_of_its_own_cells_alone(recipes) -> Non
     assert before[FLAG] != after[FLAG]
 
 
+def test_a_method_without_a_recipe_is_refused(recipes) -> None:
+    with pytest.raises(UsageError, match=r"recipes\.yaml has no recipe for funnel on robot-nav with dqn"):
+        cells("tuned", recipes(), [Choice("funnel")])
+
+
 def test_a_recipe_with_a_wrong_parameter_is_refused_before_anything_runs(recipes) -> None:
     with pytest.raises(UsageError, match="no parameter 'gama'; did you mean 'gamma'"):
         check_cells(cells("tuned", recipes(FILE.replace("gamma: 0.98", "gama: 0.98"))))
+
+
+def test_a_hold_that_does_not_fit_is_refused(recipes) -> None:
+    with pytest.raises(UsageError, match="the recipe for robot-nav: steps 2000 is no multiple of hold = 21"):
+        cells("tuned", recipes(FILE.replace("hold: 20", "hold: 21")))
 
 
 @pytest.mark.parametrize("track", ["shared", "plain"])
@@ -95,13 +105,20 @@ def test_tuned_needs_recipes() -> None:
     ("text", "message"),
     [
         ("a: [", "cannot read the recipes"),
+        ("- 1", "has the key recipes"),
         ("{}", "has the key recipes"),
+        ("recipes: {t: {dqn: {raw: {holds: 2}}}}", "recipes.t.dqn.raw.holds: Unexpected keyword argument"),
         ("recipes: {t: {dqn: {raw: {hold: 0}}}}", "recipes.t.dqn.raw.hold: should be at least 1"),
     ],
 )
 def test_wrong_files_are_refused_with_the_place(recipes, text, message) -> None:
     with pytest.raises(UsageError, match=message):
         recipes(text)
+
+
+def test_a_file_that_is_not_there(tmp_path) -> None:
+    with pytest.raises(UsageError, match="cannot read the recipes"):
+        read_recipes(tmp_path / "none.yaml")
 
 
 @pytest.mark.parametrize(

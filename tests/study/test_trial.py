@@ -18,7 +18,7 @@ from helpers import line_task
 from helpers.line_task import SYSTEM
 
 from stlbench import stl
-from stlbench.contract import Array, Integers, Policy, Training
+from stlbench.contract import Array, Integers, Policy, Training, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.records.identity import CellId
 from stlbench.records.outputs import cell_files
@@ -82,6 +82,11 @@ class TestResult:
         assert measured.inputs_added == 1
         assert 0 < measured.reward_nanoseconds < 1e6
 
+    def test_training_is_part_of_the_whole(self, measured: Measurement) -> None:
+        assert 0 < measured.training_cpu_seconds <= measured.cpu_seconds
+        assert 0 < measured.training_wall_seconds <= measured.wall_seconds
+        assert measured.curve[0].cpu_seconds <= measured.curve[1].cpu_seconds <= measured.training_cpu_seconds
+
 
 class TestTraces:
     def test_scoring_them_again_gives_exactly_what_was_recorded(self, folder: Path, measured: Measurement) -> None:
@@ -100,6 +105,11 @@ class TestTraces:
         path = cell_files(folder, cell.id, cell.key).traces
         assert path.parent == folder / "traces"
         assert path.name == f"hold-disc_funnel[ginf=0.02]_dqn_0_{cell.key[:12]}.npz"
+
+    def test_without_a_folder_nothing_is_written(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        assert trial.run_cell(smoke("raw")).status == "done"
+        assert os.listdir(tmp_path) == []
 
 
 def test_the_same_cell_gives_the_same_bits(folder: Path, tmp_path: Path, measured: Measurement) -> None:
@@ -128,6 +138,12 @@ def test_who_watches_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert alone is not None
     assert watched.selected == alone.selected == measured.selected
     assert watched.final == alone.final
+
+
+def test_another_seed_gives_another_result(measured: Measurement) -> None:
+    other = trial.run_cell(smoke(seed=1)).measurement
+    assert other is not None
+    assert other.final[MAIN].robustness != measured.final[MAIN].robustness
 
 
 ENTRIES = "[stlbench.tasks]\nzz-line = zz_trial.system:Line\n[stlbench.agents]\nzz-script = zz_trial.agent:Script\n"
@@ -227,6 +243,14 @@ class TestScript:
         assert found.selected[MAIN].robustness == pytest.approx(begin + 4 - 2)
         assert found.final[MAIN].robustness == pytest.approx(begin - 4 - 2)
         assert found.final[MAIN].first_failed == {"F[8,8] x >= 2": 4}
+
+    def test_without_satisfaction_the_mean_robustness_decides(self, agent: Callable[[int], Any]) -> None:
+        agent(6).actions = [0, 1, 2, 0]  # x_8 is x_0 - 4, x_0, x_0 + 4, at most 5
+        found = trial.run_cell(self.cell()).measurement
+        assert found is not None
+        assert found.selected_steps == 6
+        assert [point.satisfaction for point in found.curve] == [0, 0, 0, 0]
+        assert np.diff([point.robustness_mean for point in found.curve]) == pytest.approx([4, 4, -8])
 
     def test_of_an_agent_that_reports_nothing_the_final_policy_is_selected(self, agent: Callable[[int], Any]) -> None:
         script = agent(2)
@@ -344,6 +368,9 @@ class TestPlanned:
         assert found.planned.maximised == "formula"
         assert np.isnan(found.planned.value)
 
+    def test_what_was_learned_is_not_planned(self, measured: Measurement) -> None:
+        assert measured.planned is None
+
 
 def test_the_time_of_a_reward_is_measured_without_simulating_as_many_copies() -> None:
     task = load_task("hold-disc")
@@ -402,6 +429,10 @@ class TestFindings:
         with pytest.raises(UsageError, match=r"no parameter 'gama'; did you mean 'gamma'\?"):
             build_agent(task, "dqn[gama=0.9]")
 
+    def test_unsuitable_is_raised_to_who_builds_the_method(self) -> None:
+        with pytest.raises(Unsuitable):
+            build_method(load_task("hold-disc"), "funnel[ginf=50]")
+
 
 def test_an_agent_has_the_tasks_recipe_which_the_choice_overrides() -> None:
     task = load_task("robot-nav")
@@ -417,6 +448,8 @@ def test_an_agent_has_the_tasks_recipe_which_the_choice_overrides() -> None:
     ("scores", "ends"),
     [
         ([(0.5, -1.0)] * 5, []),
+        ([(1.0, 0.2)] * 5, [2, 3, 4]),
+        ([(1.0, 0.2), (0.9, 0.3), (1.0, 0.201), (1.0, 0.3), (1.0, 0.29), (1.0, 0.2)], [2, 5]),
         ([(1.0, -0.2), (1.0, -0.1), (0.5, 0.5)], []),
     ],
 )

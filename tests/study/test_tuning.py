@@ -96,6 +96,11 @@ def test_the_same_results_lead_to_the_same_trials() -> None:
     assert tuned(late, 6)[1].ran == first.ran[: len(tuned(late, 6)[1].ran)]  # and fewer are the first of them
 
 
+def test_satisfaction_goes_before_robustness() -> None:
+    found, _ = tuned(lambda cell: (discount(cell), 1000 * (1 - discount(cell))))
+    assert found["raw"].best.values["gamma"] == max(trial.values["gamma"] for trial in found["raw"].trials)
+
+
 def test_what_a_trial_holds_is_a_variant_of_the_task_and_of_the_agent() -> None:
     said = study(methods="raw")
     (entrant,) = entrants(said)
@@ -112,6 +117,13 @@ def test_a_trial_that_failed_is_kept_and_never_chosen() -> None:
     statuses = {trial.status for trial in found["raw"].trials}
     assert statuses == {"raised", "done"}
     assert found["raw"].best.values["gamma"] <= 0.9
+
+
+def test_one_failed_seed_fails_the_trial() -> None:
+    found, _ = tuned(lambda cell: "timeout" if cell.seed == 101 else (1.0, 0.0), 2)
+    assert [trial.status for trial in found["raw"].trials] == ["timeout"] * 2
+    assert found["raw"].best is None
+    assert found["raw"].recipe().agent == {}
 
 
 def test_a_method_that_does_not_fit_is_given_up_after_the_first_trials() -> None:
@@ -137,7 +149,9 @@ def test_what_the_user_fixes_is_not_tuned() -> None:
     ("words", "message"),
     [
         ({"seeds": "5"}, "seeds below 100 are reported and not tuned with"),
+        ({"seeds": "99-101"}, "seeds below 100 are reported"),
         ({"tasks": "robot-nav[hold=20]"}, "hold is tuned; name the task without it"),
+        ({"agents": "planner"}, "agent planner has nothing to tune: it declares no search_space"),
         ({"track": "plain"}, "what is tuned is the shared recipe"),
     ],
 )

@@ -57,6 +57,10 @@ def test_what_depends_on_the_sample_does(other: Paid) -> None:
     assert difference(other, Paid()) is None
 
 
+def test_rounding_makes_none() -> None:
+    assert difference(Paid(), Paid(weight=1 + 1e-12)) == Difference("one", "other", 0)
+
+
 def test_the_last_sample_counts_and_the_first_does_not() -> None:
     """Paid are the samples at 1..T."""
     times = list[int]()
@@ -73,6 +77,12 @@ def test_the_last_sample_counts_and_the_first_does_not() -> None:
 def test_infinite_rewards_and_those_that_are_not_paid_for_samples_say_nothing() -> None:
     assert difference(Paid(constant=np.inf), Paid(constant=np.inf)) is None
     assert difference(Paid(), Stepped(SPECIFICATION)) is None
+
+
+def test_words() -> None:
+    pairs = {0.0: "a is b", 0.25: "a is b plus 0.25 at all times", -0.99: "a is b minus 0.99 at all times"}
+    assert {constant: str(Difference("a", "b", constant)) for constant in pairs} == pairs
+    assert str(Difference("a", "b", None)) == "a is b plus a function of time alone"
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,11 @@ def test_an_engine_counts_that_a_library_needs_whose_modules_do_not_import_it() 
     assert found["dm_control"] == version("dm_control")
 
 
+def test_there_is_no_time_limit() -> None:
+    env = made("CartPole-v1", {"sutton_barto_reward": True})
+    assert "TimeLimit" not in str(env)
+
+
 @pytest.mark.parametrize(
     ("make", "identifier", "said"),
     [

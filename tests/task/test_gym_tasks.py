@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from gymnasium.spaces import Box, Dict
 from helpers.walk_task import walk
 
-from stlbench.contract import ActionGrid, Unsuitable
+from stlbench.contract import ActionBox, ActionGrid, Unsuitable
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice
@@ -20,6 +21,7 @@ from stlbench.rollout.worlds import make_world
 from stlbench.study.cell import task_part
 from stlbench.study.plan import plan_cells
 from stlbench.task import gym_make, load_task
+from stlbench.task.gym_spaces import Observed, entries_of
 from stlbench.task.starts import SeedStarts
 from stlbench.testing import check_task
 
@@ -64,6 +66,13 @@ def test_a_folder_with_a_task_file_is_a_task(folder: Callable[..., str]) -> None
     assert task.starts.report_and_selection()[0].tolist() == [[0], [1], [2], [3]]
 
 
+def test_a_box_is_continuous_unless_the_file_counts_values(folder: Callable[..., str]) -> None:
+    on = {"environment": {"id": "Pendulum-v1", "names": ["x", "theta", "omega"]}}
+    assert load_task(folder(**on)).actions == ActionBox(("action",), (-2.0,), (2.0,))
+    counted = load_task(folder(**on, actions={"torque": {"low": -1, "high": 1, "count": 3}}))
+    assert counted.actions == ActionGrid(("torque",), ((-1.0, 0.0, 1.0),))
+
+
 def test_the_sets_of_seeds_are_apart() -> None:
     starts = walk().starts
     assert isinstance(starts, SeedStarts)
@@ -85,10 +94,16 @@ def test_the_sets_of_seeds_are_apart() -> None:
     ("changes", "said"),
     [
         (environment(id="CartPoel-v1"), "no environment 'CartPoel-v1'"),
+        (environment(names=["x", "v", "theta"]), "names: 3 for the observation, which has 4 entries"),
         (environment(scale={"speed": 2}), "scale: no entry 'speed'"),
         ({"signals": {"theta": {"low": -1, "high": 1, "expression": "theta +"}}}, "signals.theta: "),
+        (
+            {"actions": {"push": {"low": -1, "high": 1}}},
+            "actions.push: the environment takes whole numbers",
+        ),
         ({"actions": {"a": {"low": 0, "high": 1}, "b": {"low": 0, "high": 1}}}, "actions: 2 are declared, the env.* 1"),
         ({"initial": {"box": {"x": 0}}}, "initial: the state of this task cannot be set, its starts are seeds"),
+        ({"training": {"exploring": {"share": 0.5}}}, "training.exploring: the state of this task cannot be set"),
         ({"environment": None}, "there is no environment: give its id in task.yaml, or a class of GymTask"),
         ({"terminated": "crashed"}, "terminated: should be 'hold', 'violated' or 'interval'"),
     ],
@@ -252,3 +267,9 @@ def test_the_check_names_the_entry_that_is_large(folder: Callable[..., str]) -> 
     place = folder(**environment(scale={"omega": 0.01}))
     with pytest.raises(AssertionError, match=r"features are about in \[-1, 1\]; got [\d.]+ of 'omega'; a scale would"):
         check_task(place)
+
+
+def test_entries_without_a_name_are_told_by_their_place() -> None:
+    space = Dict({"a": Box(-1, 1, (2,)), "b": Box(-1, 1, (2,))})
+    observed = Observed(space, entries_of(space, {"b": ["x", "y"]}), {})
+    assert [observed.name(place) for place in (1, 3)] == ["number 1 of the observation", "'y'"]

@@ -12,6 +12,7 @@ from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.task.entry import Region
 from stlbench.task.reading import read_task_file
+from stlbench.task.yaml_text import load_yaml
 
 
 def errors(**changes: Any) -> list[str]:
@@ -66,17 +67,25 @@ class TestMessages:
         [
             ({"title": None}, "title: must be given"),
             ({"best_known": {"robustness": "x"}}, "best_known.robustness: should be a number"),
+            ({"titel": "x"}, "titel: there is no such key; did you mean 'title'?"),
             (
                 {"signals": {"x": {"low": 1, "high": 2, "hihg": 1}}},
                 "signals.x.hihg: there is no such key; did you mean 'high'?",
             ),
             ({"sampling_time": 0}, "sampling_time: should be more than 0"),
+            ({"sampling_time": float("inf")}, "sampling_time: should be a finite number"),
             ({"steps": 0}, "steps: should be at least 1"),
             ({"hold": 3}, "hold: an episode of 8 steps is no multiple of hold = 3"),
+            ({"time": "hours"}, "time: should be 'steps' or 'seconds'"),
             ({"signals": {}}, "signals: should not be empty"),
             ({"signals": {"x": {"low": 1, "high": 1}}}, "signals.x: low must be less than high, got 1.0 and 1.0"),
+            (
+                {"actions": {"v": {"low": 0, "high": 1, "count": 1}}},
+                "actions.v.count: should be at least 2",
+            ),
             ({"initial": {"box": {"x": [2, 1]}}}, "initial.box.x: low must not exceed high, got [2.0, 1.0]"),
             ({"initial": {"box": {"x": "1"}}}, "initial.box.x: expected a number or [low, high], got '1'"),
+            ({"initial": {"box": {"x": [0, "a"]}}}, "initial.box.x.1: should be a number"),
             (
                 {"initial": {"box": {"x": 1}, "where": "y >= 0"}},
                 "initial.where: no state 'y'; there are: x",
@@ -85,26 +94,37 @@ class TestMessages:
                 {"initial": {"box": {"x": 1}, "where": "F[0,1] x >= 0"}},
                 "initial.where: expected a formula without temporal operators, got F[0,1] x >= 0",
             ),
+            ({"formula": "G[0,9] x <= 1"}, "formula: its horizon of 9 steps exceeds steps = 8"),
             (
                 {"formula": "G F x <= 1"},
                 "formula: F without an interval at column 3 stands inside another temporal operator",
             ),
             ({"formula": "G F[0,9] x <= 1"}, "formula: G without an interval needs 10 samples, the trace has 9"),
+            ({"formula": "G[0,9 x <= 1"}, "formula: line 1, column 7: expected"),
             (
                 {"signals": {"speed": {"low": 0, "high": 1}}, "formula": "G[0,4] sped <= 1"},
                 "formula: no signal 'sped'; did you mean 'speed'?",
             ),
             ({"formula": "G[0,4] qq <= 1"}, "formula: no signal 'qq'; there are: x"),
+            (
+                {"time": "seconds", "formula": "G[0,0.7] x <= 1"},
+                "formula: line 1, column 5: expected a whole number of steps of dt=0.5 seconds but found 0.7 seconds",
+            ),
             ({"nested": "G[0,4] G[0,4] x <= 1"}, "nested: its horizon is 8 steps, that of the formula 4"),
             (
                 {"protocols": {"formula": {"title": "t"}}},
                 "protocols: the name 'formula' is that of the task's own formula; take another",
             ),
+            ({"robots": {"a": []}}, "robots.a: should not be empty"),
             (
                 {"robots": {"a": ["v"], "b": ["v"]}},
                 "robots: together they have v, v; they should have each of v once, in this order",
             ),
             ({"agents": {}}, "agents: should not be empty"),
+            (
+                {"hold": 4, "budgets": {"smoke": {"steps": 41}}},
+                "budgets.smoke: 41 steps are no multiple of hold = 4, the steps of a decision; the nearest is 40",
+            ),
         ],
     )
     def test_one_error_is_one_line_with_its_place(self, changes: dict[str, Any], expected: str) -> None:
@@ -179,6 +199,10 @@ class TestMessages:
             "protocols.late.initial.where: no state 'y'; there are: x",
         ]
 
+    def test_what_has_two_forms(self) -> None:
+        expected = ["environment.names: expected a list", "environment.names: expected a mapping, {key: value}"]
+        assert errors(environment={"names": 3}) == expected
+
     def test_intervals_of_an_unknown_unit_are_not_judged(self) -> None:
         """Whether 0.7 s are whole steps, and how many, only the sampling time could tell; the syntax is checked."""
         assert errors(time="seconds", sampling_time=0, formula="G[0,0.7] x <= 1") == [
@@ -186,6 +210,10 @@ class TestMessages:
         ]
         found = errors(time="hours", formula="G[0,0.7 x <= 1", nested="F[0,50] y <= 1")
         assert [line.partition(":")[0] for line in found if not line.startswith("  ")] == ["formula", "time", "nested"]
+
+    def test_text_that_is_no_yaml(self) -> None:
+        with pytest.raises(UsageError, match=r"^task line: task.yaml is no YAML: "):
+            read_task_file("title: [", "line")
 
     @pytest.mark.parametrize(
         ("content", "said"),
@@ -198,6 +226,10 @@ class TestMessages:
     def test_a_key_that_is_there_twice(self, content: str, said: str) -> None:
         with pytest.raises(UsageError, match=f"^task line: task.yaml has {said}"):
             read_task_file(content, "line")
+
+    def test_a_key_may_override_what_is_merged(self) -> None:
+        text = "x: &x {low: 0, high: 1}\ny: &y\n  <<: *x\n  low: 2\nz:\n  <<: *y\n  high: 3\n"
+        assert load_yaml(text, "here")["z"] == {"low": 2, "high": 3}
 
     @pytest.mark.parametrize("content", ["", "- a\n- b", "words"])
     def test_yaml_that_is_no_mapping(self, content: str) -> None:

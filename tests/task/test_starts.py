@@ -62,6 +62,13 @@ class TestGrid:
         region = Region(box={f"x{i}": (0, 1) for i in range(12)})
         assert np.array_equal(starts.grid(region, 500), sequence.random(500))
 
+    def test_a_region_of_one_state_repeats_it(self) -> None:
+        assert starts.grid(Region(box={"a": 3, "b": -1}), 3).tolist() == [[3, -1]] * 3
+
+    def test_a_hopeless_condition_is_an_error(self) -> None:
+        with pytest.raises(UsageError, match=r"the condition 'x >= 2' holds \(almost\) nowhere in the box"):
+            starts.grid(Region(box={"x": (0, 1)}, where="x >= 2"), 3)
+
     def test_a_single_state_that_breaks_its_condition_is_an_error(self) -> None:
         with pytest.raises(UsageError, match="the one state breaks the condition 'x >= 2'"):
             starts.grid(Region(box={"x": 1}, where="x >= 2"), 3)
@@ -82,6 +89,12 @@ class TestGridApart:
         report, selection = starts.grid_apart(region, 3, lambda points: 2 * np.floor(points / 2))
         assert report.tolist() == [[4], [2], [6]]
         assert selection.tolist() == [[0], [0], [0]]
+
+    def test_minus_zero_is_zero(self) -> None:
+        """Points 0, -4, 4; the first two lead to 0 and -0."""
+        region = Region(box={"x": (-8, 8)})
+        report, selection = starts.grid_apart(region, 1, lambda points: np.where(points < 0, -0.0, points))
+        assert (report.tolist(), selection.tolist()) == ([[0]], [[4]])
 
     def test_where_all_points_lead_to_one_state_both_sets_have_it(self) -> None:
         for region in (Region(box={"x": (0, 8)}), Region(box={"x": 7})):

@@ -58,8 +58,17 @@ class TestWithout:
         plain = read_task_file(text(training={**starts, "cuts": [4]}), "line").plain()
         assert plain == read_task_file(text(training=starts, features="state"), "line")
 
+    def test_other_parts_stay(self) -> None:
+        with pytest.raises(
+            ValueError, match="a task is never without 'formula', but perhaps without features, rewarded"
+        ):
+            read_task_file(self.FULL, "line").without("formula")
+
 
 class TestTask:
+    def test_without_features_the_file_says_so(self) -> None:
+        assert load_task("hold-disc[without=features]").file.features == "state"
+
     def test_methods_are_told_the_rewarded_form(self) -> None:
         task = line(rewarded="G[0,4] (0.5 * x <= 0.5)")
         assert task.specification.formula == stl.parse("G[0,4] (0.5 * x <= 0.5)")

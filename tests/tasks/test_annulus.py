@@ -64,6 +64,14 @@ def test_features_by_hand() -> None:
     assert features == pytest.approx(np.array(expected), abs=1e-12)
 
 
+def test_the_controller_by_hand() -> None:
+    """Facing the centre from (12, 5): ahead. From (6, 5): back. From (8.2, 5): .3 m in a tenth of a second, 3 m/s."""
+    state = np.array([[12.0, 5.0, math.pi], [6.0, 5.0, math.pi], [8.2, 5.0, 0.0]])
+    action = TASK.system.controller(state, np.zeros(3, dtype=np.int64))
+    assert action is not None
+    assert action == pytest.approx(np.array([[5, 0], [-5, 0], [3, 0]]))
+
+
 def test_the_controller_satisfies_from_every_start_and_from_the_corners() -> None:
     corners = np.array([[15.0, 15.0, -math.pi / 4], [0.0, 15.0, 0.0], [5.0, 5.0, 0.0]])
     score = referee.score(TASK, trace(TASK, np.concatenate([all_starts(TASK), corners])))

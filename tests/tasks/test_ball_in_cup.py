@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.controlled_traces import trace
-from helpers.mujoco_task import rollout
+from helpers.mujoco_task import check_no_memory, rollout
 
 from stlbench import stl
 from stlbench.contract import Array
@@ -81,6 +81,17 @@ def test_starts_are_the_suites_but_for_the_corners_of_the_cup(monkeypatch: pytes
     assert not touches[:500].any()
     free = points[500:][~touches[500:]]
     assert 0.95 < len(region.keep(free)) / len(free) < 1
+
+
+def test_a_start_is_the_balls_place_above_the_ground() -> None:
+    """The middle of the cup's rim is 0.6 above the ground."""
+    state = start(-0.1, 0.45)
+    assert state[-2:] == pytest.approx([-0.1, -0.15])
+    assert state[:8] == pytest.approx([0, 0, -0.1, 0.25, 0, 0, 0, 0])
+
+
+def test_copies_do_not_disturb_each_other() -> None:
+    check_no_memory(TASK)
 
 
 def test_features_by_hand() -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import subprocess
 import sys
 
 import numpy as np
 import pytest
 from helpers.controlled_traces import trace
-from helpers.mujoco_task import rollout
+from helpers.mujoco_task import check_no_memory, rollout
 
 from stlbench import stl
 from stlbench.errors import UsageError
@@ -66,6 +67,16 @@ def test_steps_are_those_of_the_suite_bit_for_bit(monkeypatch: pytest.MonkeyPatc
     assert abs(ours[:, 1]).max() > math.pi / 2  # the pole has fallen: not just the start of an episode
 
 
+def test_copies_do_not_disturb_each_other() -> None:
+    check_no_memory(TASK)
+
+
+def test_states_and_signals() -> None:
+    state = TASK.system.initial_states(np.array([[0.1, 0.2, -0.3, 0.4], [0, 2 * math.pi - 0.3, 0, 0]]))
+    assert state[0, :4].tolist() == [0.1, 0.2, -0.3, 0.4]
+    assert TASK.system.signals(state) == pytest.approx(np.array([[0.1, 0.2, 0.4], [0, -0.3, 0]]))
+
+
 def test_features_by_hand() -> None:
     state = np.array([[0.3, math.pi / 6, -0.4, 3.0, 0, 0]] * 2)
     features = TASK.system.features(state, np.array([499, 500]))
@@ -91,3 +102,12 @@ def test_without_the_extra_one_line_says_what_to_install(missing: str, monkeypat
         (UsageError, ImportError), match=r"it needs the extra mujoco: pip install \"stlbench-rl\[mujoco\]\""
     ):
         load_task("cartpole")
+
+
+def test_tasks_can_be_listed_without_the_extra() -> None:
+    code = (
+        "import sys; sys.modules['mujoco'] = None\n"
+        "from stlbench.registry import plugins; loaded, problems = plugins.loadable('tasks')\n"
+        "assert {'cartpole', 'ball-in-cup', 'fetch-reach'} <= loaded.keys(), problems"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

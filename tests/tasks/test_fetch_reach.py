@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from helpers.controlled_traces import trace
+from helpers.mujoco_task import check_no_memory
 
 from stlbench import stl
 from stlbench.rollout import referee
@@ -82,6 +83,10 @@ def test_starts_are_where_a_repeated_action_leads() -> None:
     assert 0.05 < z[3] - z[0] < 0.13
     speeds = np.linalg.norm(states[:, 48:], axis=1)
     assert speeds.max() < 0.1  # an action of 1 moves it at up to 1.25 m/s
+
+
+def test_copies_do_not_disturb_each_other() -> None:
+    check_no_memory(TASK, steps=20)
 
 
 def test_features_by_hand() -> None:

@@ -11,7 +11,8 @@ from helpers.controlled_traces import all_starts, trace
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array
 from stlbench.rollout import referee
-from stlbench.task import load_task
+from stlbench.rollout.cost import refuse_dear
+from stlbench.task import build_agent, build_method, load_task
 from stlbench.testing import check_task
 
 TASK = load_task("formation")
@@ -112,6 +113,15 @@ def test_the_others_have_to_follow() -> None:
     assert (stl.margin(TASK.specification.terms[0].psi, TASK.signals)(all_starts(TASK)) > 0).all()
 
 
+def test_the_controller_by_hand() -> None:
+    """First a goes right, then up as well; b waits 20 steps; c goes to its stops."""
+    state = np.tile([1.0, 1.0, 1.0, 2.25, 1.5, 3.5], (4, 1))
+    action = TASK.system.controller(state, np.array([0, 5, 20, 50]))
+    assert action is not None
+    first = [[1, 0, 0, 0, 0.5, -0.5], [1, 1, 0, 0, 0.5, -0.5], [1, 1, 1, 0, 0.5, -0.5], [1, 1, 1, 0, 0.5, -1]]
+    assert action.tolist() == first
+
+
 def test_the_controller_satisfies_from_every_start() -> None:
     """Within .18 m of every goal; the start of the first and the last robot may leave less than the goals do."""
     states = all_starts(TASK)
@@ -120,6 +130,12 @@ def test_the_controller_satisfies_from_every_start() -> None:
     possible = np.minimum(3 - np.hypot(states[:, 0] - states[:, 4], states[:, 1] - states[:, 5]), 0.32)
     assert (np.array(score.robustness) >= possible - 0.1).all()
     assert np.mean(score.robustness) > 0.31
+
+
+def test_tau_mdp_is_trained_with_131_samples_of_6_signals() -> None:
+    method = build_method(TASK, "tau-mdp")
+    assert method.input_size == 786
+    refuse_dear(TASK, method, build_agent(TASK, "dqn-per-robot"), TASK.budget("paper").steps)
 
 
 def test_the_contract() -> None:

@@ -52,6 +52,22 @@ def test_the_controller_reaches_the_bound_of_every_start() -> None:
     assert abs(traces[:, -1, 0] - np.where(states[:, 0] < 25, 5, 45)).max() <= 0.025 + 1e-9
 
 
+def test_the_controller_goes_to_the_nearer_point_as_fast_as_it_may() -> None:
+    """.2 off: 2 m/s for a tenth of a second."""
+    state = np.array([[24.0], [26.0], [5.2]])
+    action = TASK.system.controller(state, np.zeros(3, dtype=np.int64))
+    assert action is not None
+    assert action == pytest.approx(np.array([[-3.0], [3.0], [-2.0]]))
+
+
+def test_the_controller_reaches_a_point_from_between() -> None:
+    reach = TASK.file.protocols["reach"]
+    assert reach.formula is not None
+    assert reach.initial is not None
+    traces = trace(TASK, starts.grid(reach.initial, reach.starts))
+    assert stl.robustness(reach.formula, traces, TASK.signals).min() > 4.97
+
+
 def test_training_starts_between_the_goals_too_and_reach_measures_them() -> None:
     assert TASK.file.training.starts is not None
     assert TASK.file.training.starts.low.tolist() == [0]

@@ -119,6 +119,20 @@ def test_features_by_hand() -> None:
     assert features[0, 9:] == pytest.approx([1, math.tanh(2.5), *around])
 
 
+def test_the_clearance_that_the_policy_sees_is_the_margin_of_the_safety_term() -> None:
+    states = np.random.default_rng(0).uniform(-0.5, 4.5, (300, 3))
+    clearance = stl.margin(stl.fragment(TASK.formula)[0].psi, TASK.signals)(states[:, :2])
+    assert TASK.system.features(states, np.zeros(300, dtype=np.int64))[:, 9] == pytest.approx(2 * clearance)
+
+
+def test_the_controller_by_hand() -> None:
+    """Below the passage: turn to it. In it: drive on. After 50 s, at the first goal: back to the passage."""
+    state = np.array([[1.15, 0.8, 0.2], [2.0, 1.25, 0.0], [2.0, 1.25, 0.0], [0.8, 2.0, math.pi / 2]])
+    action = TASK.system.controller(state, np.array([0, 999, 1000, 1000]))
+    assert action is not None
+    assert action == pytest.approx(np.array([[0, 1], [0.3, 0], [-0.3, 0], [0.3, 0]]))
+
+
 def test_the_controller_satisfies_from_every_start() -> None:
     """The passages are .5 m wide, so at most .25; a start at (1.3, 1) has .2."""
     score = referee.score(TASK, trace(TASK, all_starts(TASK)))

@@ -77,6 +77,11 @@ def test_no_policy_sees_seed_or_count() -> None:
     assert not np.array_equal(TASK.system.step(states, action)[:, :3], TASK.system.step(others, action)[:, :3])
 
 
+def test_all_starts_of_the_referee_have_noise_of_their_own() -> None:
+    seeds = all_starts(TASK)[:, 3]
+    assert len(set(seeds)) == len(seeds) == 128
+
+
 def test_features_by_hand() -> None:
     """From (1, 2) with heading 0, B is 3 m ahead; A is (3, 2) off, to the left."""
     (features,) = TASK.system.features(np.array([[1.0, 2.0, 0.0, 0.5, 0.0]]), np.zeros(1, dtype=np.int64))

@@ -43,6 +43,12 @@ def test_what_methods_are_told() -> None:
         assert (found >= 0).tolist() == [True, False, False, False, False, True, False]
 
 
+def test_the_reward_changes_where_returns_are_cut() -> None:
+    """Beyond an interval's end the paper's reward, eq. 15, speaks of the next target."""
+    ends = [term.end for term in TASK.specification.terms]
+    assert (*TASK.file.training.cuts, 2000) == tuple(ends) == (700, 1200, 2000)
+
+
 def test_dynamics_by_hand() -> None:
     """g/l = 19.6, m l^2 = .0375, mu/(m l^2) = 4/3; omega moves theta one step later."""
     state = np.array([[0.0, 0.0], [math.pi / 2, 3.0], [math.pi / 6, 0.0], [4.0, -100.0]])
@@ -55,6 +61,18 @@ def test_dynamics_by_hand() -> None:
     ]
     assert after == pytest.approx(np.array(expected))
     assert TASK.system.signals(state).tolist() == state.tolist()
+
+
+def test_the_angle_is_not_wrapped() -> None:
+    """A whole turn above the target violates the formula, and the features tell it from the target."""
+    angles = np.zeros((1, 2001, 2))
+    angles[0, 701:1201, 0], angles[0, 1201:, 0] = 1.57, -1.57
+    assert stl.robustness(TASK.formula, angles, TASK.signals) == pytest.approx(0.05)
+    assert stl.robustness(TASK.formula, angles + np.array([2 * math.pi, 0]), TASK.signals) == pytest.approx(
+        0.05 - 2 * math.pi
+    )
+    features = TASK.system.features(np.array([[0.0, 0.0], [2 * math.pi, 0.0]]), np.array([0, 0]))
+    assert features[:, 0] == pytest.approx([0, math.pi])
 
 
 def test_robustness_is_that_of_the_conjunction() -> None:
@@ -84,6 +102,14 @@ def test_the_deadline_passes_the_tolerance_where_an_interval_begins() -> None:
     assert deadline[:3] == pytest.approx(math.log(math.pi) / 2 + 1)
     assert deadline[3:6] == pytest.approx(math.log(0.05) / 2 + 1)
     assert deadline[6] == pytest.approx(math.log(0.03) / 2 + 1, abs=0.02)
+
+
+def test_the_controller_by_hand() -> None:
+    """Upright at rest: no torque. At .1 and rest, omega should be -.3 after a step: 3 is too little, .8 - .02 short."""
+    action = TASK.system.controller(np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.0]]), np.array([0, 0, 700]))
+    assert action is not None
+    # -.3 / .01 = -30 rad/s^2, less 19.6 sin .1 = 1.957: -31.957 * .0375 = -1.198
+    assert action == pytest.approx(np.array([[0.0], [-1.2], [3.0]]))
 
 
 def test_the_controller_satisfies_from_every_start() -> None:

@@ -70,6 +70,15 @@ def test_features_by_hand() -> None:
     assert features == pytest.approx(np.array(expected), abs=1e-12)
 
 
+def test_the_controller_turns_then_drives() -> None:
+    """Looking aside of the centre by 1 rad: turn; by -.2: both; away from it, .1 m off: back, 1 m/s."""
+    diagonal = math.pi / 4
+    state = np.array([[0.0, 0.0, diagonal - 1], [0.0, 0.0, diagonal + 0.2], [10.1, 10.0, 0.0]])
+    action = TASK.system.controller(state, np.zeros(3, dtype=np.int64))
+    assert action is not None
+    assert action == pytest.approx(np.array([[0, 3], [5, -2], [-1, 0]]))
+
+
 def test_the_controller_satisfies_from_every_start() -> None:
     traces = trace(TASK, all_starts(TASK))
     score = referee.score(TASK, traces)

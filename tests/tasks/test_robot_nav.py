@@ -47,6 +47,14 @@ def test_features_speak_of_the_goal_of_now() -> None:
     )
 
 
+def test_the_controller_heads_for_the_region_of_now() -> None:
+    """Between the regions' centres, looking along the diagonal: ahead to the second one, back to the first one."""
+    state = np.tile([27.5, 27.5, math.pi / 4], (2, 1))
+    action = TASK.system.controller(state, np.array([1300, 1299]))
+    assert action is not None
+    assert action == pytest.approx(np.array([[5, 0], [-5, 0]]))
+
+
 def test_the_controller_satisfies_from_every_start() -> None:
     score = referee.score(TASK, trace(TASK, all_starts(TASK)))
     assert all(score.satisfied)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stlbench.contract import ActionGrid, Agent, Array, Cost, Policy, Training, Unsuitable
+from stlbench.errors import UsageError
 from stlbench.testing import Rules, check_agent
 
 
@@ -119,6 +120,7 @@ seeds = iter(range(1000))
         (acting(lambda action: action + 100), r"actions are whole numbers in 0\.\.4"),
         (acting(lambda action: action * 1.0), r"actions are whole numbers in 0\.\.4"),
         (acting(lambda action: action * 0 + next(seeds) % 5), "act is pure"),
+        (acting(lambda action: action * 0 + min(4, len(action))), "act of a batch is that of its rows"),
     ],
 )
 def test_an_agent_that_breaks_a_rule_is_told_which(agent: type[Agent], rule: str) -> None:
@@ -162,3 +164,8 @@ def test_an_agent_that_refuses_all_tasks_says_why() -> None:
 
     with pytest.raises(Unsuitable, match="only weather"):
         check_agent(broken(train=train))
+
+
+def test_a_mistyped_agent_fails_and_says_what_there_is() -> None:
+    with pytest.raises(UsageError, match=r"no agent 'dqm'; did you mean 'dqn'\?"):
+        check_agent("dqm")

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from stlbench.contract import Executor, Outcome, cause
+from stlbench.errors import UsageError
 from stlbench.testing import Rules, check_executor
 
 
@@ -97,3 +98,8 @@ def broken(**parts: Any) -> type[Executor]:
 def test_an_executor_that_breaks_a_rule_is_told_which(executor: type[Executor], rule: str) -> None:
     with pytest.raises(AssertionError, match=f"^rule broken: {rule}"):
         check_executor(executor)
+
+
+def test_a_mistyped_executor_fails_and_says_what_there_is() -> None:
+    with pytest.raises(UsageError, match=r"no executor 'locl'; did you mean 'local'\?"):
+        check_executor("locl")

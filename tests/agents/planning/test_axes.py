@@ -62,6 +62,9 @@ class TestPlace:
 
 
 class TestPoints:
+    def test_evenly(self) -> None:
+        assert Axis.of(AxisRecipe(low=-1, high=1), 5).points.tolist() == [-1, -0.5, 0, 0.5, 1]
+
     @pytest.mark.parametrize("near", [(0.0,), (-1.0, 2.5), (3.0,), (-3.0, 3.0), (0.2, 0.21)])
     @pytest.mark.parametrize("points", [2, 5, 30, 301])
     def test_gathered_points_rise_from_end_to_end(self, near: tuple[float, ...], points: int) -> None:
@@ -75,6 +78,11 @@ class TestPoints:
         far, close = apart[np.abs(middle - 1) > 1.5].mean(), apart[np.abs(middle - 1) < 0.1].mean()
         assert far / close == pytest.approx(8, rel=0.1)
 
+    @pytest.mark.parametrize("points", [15, 60, 301])
+    def test_the_values_that_points_gather_near_are_points(self, points: int) -> None:
+        axis = Axis.of(AxisRecipe(low=-3, high=3, near=(-1.23, 0.0, 2.5), width=0.3), points)
+        assert {-1.23, 0.0, 2.5} <= set(axis.points)
+
     def test_a_finer_axis_keeps_its_points(self) -> None:
         axis = Axis(np.array([0.0, 1.0, 5.0]))
         assert axis.finer(2).points.tolist() == [0, 0.5, 1, 3, 5]
@@ -84,6 +92,9 @@ class TestPoints:
         ("change", "message"),
         [
             ({"low": 2.0}, "low = 2 must be less than high = 1"),
+            ({"periodic": True, "near": (0.5,)}, "a periodic axis has evenly spaced points"),
+            ({"points": 1}, "greater than or equal to 2"),
+            ({"width": 0.0}, "greater than 0"),
             ({"middle": 0.0}, "not permitted"),
         ],
     )
@@ -93,11 +104,20 @@ class TestPoints:
 
 
 class TestAxesOf:
+    def test_a_column_that_is_a_signal_has_its_range(self) -> None:
+        (axis,) = axes_of(lattice.task("G[0,3] x <= 1", 3), {}, 1)
+        assert (axis.points[0], axis.points[-1], len(axis)) == (-lattice.REACH, lattice.REACH, 2001)
+
     @pytest.mark.parametrize(("resolution", "points"), [(1, 5), (2, 9), (0.5, 3), (1e-9, 2)])
     def test_the_resolution_is_a_factor_on_intervals(self, resolution: float, points: int) -> None:
         model = lattice.task("G[0,3] x <= 1", 3)
         (axis,) = axes_of(model, {"x": AxisRecipe(low=-1, high=1, points=5)}, resolution)
         assert len(axis) == points
+
+    def test_a_state_of_too_many_dimensions(self) -> None:
+        model = lattice.task("G[0,3] a <= 1", 3, names=("a", "b", "c", "d", "e"))
+        with pytest.raises(Unsuitable, match=r"^a state of 5 dimensions; a grid has at most 4$"):
+            axes_of(model, {}, 1)
 
     def test_a_column_that_the_state_does_not_have(self) -> None:
         with pytest.raises(Unsuitable, match=r"^grid: the state has no column 'z', it has x$"):

@@ -29,6 +29,12 @@ class TestRead:
         points = np.concatenate([inside(grid, 200), grid.points])
         np.testing.assert_allclose(grid.read(values, points, -1), truth(points), atol=2e-6)
 
+    def test_at_its_points_it_has_their_values(self, dimensions: int) -> None:
+        """The number of a point is its row among them."""
+        grid = uneven(dimensions)
+        numbers = np.arange(grid.size, dtype=np.float32)
+        np.testing.assert_allclose(grid.read(numbers, grid.points, -1), numbers, atol=1e-4)
+
     def test_outside_along_any_axis(self, dimensions: int) -> None:
         grid = uneven(dimensions)
         for i, axis in enumerate(grid.axes):
@@ -38,8 +44,20 @@ class TestRead:
                 assert grid.read(np.ones(grid.size, np.float32), point, -7).item() == -7
 
 
+def test_clipped_points_lie_at_the_border() -> None:
+    grid = Grid((Axis(np.arange(3.0)), Axis(np.arange(4.0))))
+    found = grid.places(np.array([[5.0, -2.0], [1.0, 9.0]]), clip=True)
+    assert found.at.tolist() == [4, 6]
+    assert found.weights.tolist() == [[1, 0], [0, 1]]
+
+
 def test_across_the_ends_of_a_periodic_axis() -> None:
     """The last point is the first again; a value beyond it lies between the first two."""
     grid = Grid((Axis(np.array([0.0, 1.0, 2.0, 3.0]), periodic=True),))
     values = np.array([5.0, 7.0, 8.0, 5.0], np.float32)
     assert grid.read(values, np.array([[3.25], [-0.5], [3.0]]), -1).tolist() == [5.5, 6.5, 5]
+
+
+def test_a_grid_says_its_size() -> None:
+    grid = uneven(3)
+    assert (str(grid), grid.size, grid.strides.tolist()) == ("3 x 4 x 5", 60, [20, 5, 1])

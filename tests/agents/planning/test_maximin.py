@@ -154,6 +154,18 @@ class TestByHand:
         trace = lattice.followed(model, planned(model), np.array([[-3.0]])).samples
         assert trace.max() == 3
 
+    def test_two_places_in_one_time(self) -> None:
+        """From 0 there are just six steps for going to 2 and then to -2, or the other way."""
+        model = lattice.task("F[1,6] x >= 2 & F[1,6] x <= -2", STEPS)
+        policy, start = planned(model), np.zeros((1, 1))
+        trace = lattice.followed(model, policy, start).samples
+        assert (policy.value(start).item(), trace.min(), trace.max()) == (0, -2, 2)
+
+    def test_a_later_window_is_taken_where_it_is_better(self) -> None:
+        model = lattice.task("F[0,3] G[1,3] x >= 3", STEPS)
+        trace = lattice.followed(model, planned(model), np.array([[0.0]])).samples[:, 0, 0]
+        assert trace.tolist()[4:] == [4, 5, 6]
+
     def test_what_leaves_the_grid_is_lost(self) -> None:
         model = lattice.task("F[6,6] x >= 0", STEPS)
         policy = planned(model, 3)

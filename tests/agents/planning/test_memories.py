@@ -67,7 +67,25 @@ def test_more_than_can_be_planned_with_are_refused() -> None:
         found(99, 99)
 
 
+def test_as_many_as_are_asked_for_are_found() -> None:
+    assert len(found(99, 99, limits=Limits(values=100))) == 100
+
+
 def test_one_number_is_rounded_to_evenly_spaced_values_between_its_ends() -> None:
     memories = found(99, 99, limits=Limits(values=7, rounded=5))
     assert memories.values[:, 0].tolist() == [0, 24.75, 49.5, 74.25, 99]
     assert memories.numbers(np.array([[0.0], [12.0], [13.0], [98.0]])).tolist() == [0, 0, 1, 4]
+
+
+def test_what_fits_is_not_rounded() -> None:
+    assert len(found(3, 6, limits=Limits(rounded=2))) == 4
+
+
+def test_several_numbers_are_not_rounded() -> None:
+    with pytest.raises(Unsuitable, match=r"^a memory of 2 numbers that takes more than 3 values"):
+        Limits(values=3, rounded=9).rounds(np.arange(8.0).reshape(4, 2))
+
+
+def test_a_method_without_memory_has_one_value() -> None:
+    none = Memories.none()
+    assert (len(none), none.numbers(np.empty((3, 0))).tolist()) == (1, [0, 0, 0])

@@ -14,6 +14,7 @@ from helpers.lattice import Paid, Stepped
 from stlbench import stl
 from stlbench.contract import ActionGrid, Array, End, Integers, Model, Specification, Unsuitable
 from stlbench_agents.planning import maximin, sums
+from stlbench_agents.planning.grid import Axis, Grid
 
 STARTS = np.array([[-2.0], [0.0], [2.0]])
 SPEC = lattice.specification("G[0,6] x <= 1", 6)
@@ -76,14 +77,34 @@ class TestNumbers:
         with pytest.raises(ValueError, match="the method's reward is sometimes not a number"):
             sums.plan(model, *lattice.whole(model), 0.9)
 
+    def test_an_infinite_penalty_is_avoided(self) -> None:
+        model = lattice.model(Paid(SPEC, lambda s, t: np.where(s[..., 0] == 3, -np.inf, s[..., 0])))
+        policy = sums.plan(model, *lattice.whole(model), 0.9)
+        assert lattice.followed(model, policy, STARTS).samples.max() == 2
+
 
 class TestActions:
+    def test_there_is_but_one(self) -> None:
+        model = lattice.model(Paid(SPEC, x), actions=ActionGrid(("v",), ((1.0,),)))
+        policy = sums.plan(model, *lattice.whole(model), 0.9)
+        np.testing.assert_allclose(policy.value(STARTS), best(model, 0.9), rtol=1e-5)
+
     def test_an_axis_that_is_always_0_keeps_the_order_by_size(self) -> None:
         actions = ActionGrid(("v", "w"), ((-1.0, 0.0, 1.0), (0.0,)))
         spec = lattice.specification("G[0,3] x <= 1", 3, ("x", "y"))
         model = lattice.model(Paid(spec, lambda s, t: 0 * s[..., 0]), actions=actions)
         policy = sums.plan(model, *lattice.whole(model, 5), 0.9)
         assert not lattice.followed(model, policy, np.zeros((1, 2))).vectors.any()
+
+
+class TestGrids:
+    @pytest.mark.parametrize("gamma", [1.0, 0.9])
+    def test_of_two_points(self, gamma: float) -> None:
+        """A reward x is linear, and so are its values, but for the edge; the plan is to go up all the same."""
+        model = lattice.model(Paid(SPEC, x))
+        grid = Grid((Axis(np.array([-90.0, 90.0])),))
+        policy = sums.plan(model, grid, lattice.whole(model)[1], gamma)
+        assert (lattice.followed(model, policy, STARTS).vectors == 1).all()
 
 
 class Read(lattice.Lattice):
@@ -118,6 +139,11 @@ class TestSignals:
         of_samples, of_steps = self.read(read, lambda s, t: -np.abs(s[..., 0] - 1.3) + 0.1 * s[..., 4])
         assert of_samples == pytest.approx(of_steps, abs=1e-5)
 
+    def test_one_that_never_changes(self) -> None:
+        read = lambda s: np.stack([s[..., 0], 0 * s[..., 0] + 2], axis=-1)  # noqa: E731
+        of_samples, of_steps = self.read(read, lambda s, t: s[..., 0] * s[..., 1])
+        assert of_samples == pytest.approx(of_steps, abs=1e-4)
+
 
 class TestFormulas:
     @staticmethod
@@ -134,8 +160,12 @@ class TestFormulas:
         [
             ("G[3,3] x >= 2", 1),
             ("G[3,3] x >= 2", 2),
+            ("F[0,0] x >= 2", 1),
             ("G[0,0] x >= 2", 3),
+            ("F[6,6] x >= 2 & G[5,5] x <= -1", 1),
             ("F[1,5] x >= 2 & G[2,3] x <= 0", 3),
+            ("F[3,4] x >= 1", 6),
+            ("G[0,6] 0 * x >= 0", 1),
             ("F[0,6] x >= 1000", 2),
         ],
     )
@@ -146,6 +176,26 @@ class TestFormulas:
     def test_true_is_no_matter(self, formula: str) -> None:
         """Its robustness is infinite."""
         self.check(formula)
+
+    def test_nothing_but_true(self) -> None:
+        model = lattice.task("G[0,3] true", 6)
+        policy = maximin.plan(model, *lattice.whole(model))
+        assert (policy.value(STARTS) > 0).all()
+        assert not lattice.followed(model, policy, STARTS).vectors.any()
+
+    @pytest.mark.parametrize(
+        ("formula", "hold"),
+        [
+            ("F[0,0] G[0,3] x <= 1", 1),
+            ("F[2,2] G[0,3] x >= 1", 2),
+            ("F[1,4] G[2,2] x >= 1", 3),
+            ("F[0,3] G[0,0] x >= 1 & G[4,6] x <= 0", 3),
+        ],
+    )
+    def test_an_f_g_that_is_a_g_or_an_f_has_no_window_that_must_begin_with_a_decision(
+        self, formula: str, hold: int
+    ) -> None:
+        self.check(formula, hold)
 
     @pytest.mark.parametrize(
         ("formula", "hold"),

@@ -74,6 +74,12 @@ class TestAgainstAllPlans:
     def test_on_a_plane(self, steps: int, hold: int) -> None:
         check(lattice.model(Paid(spec(steps, 2), random_pay(7, 2)), hold), 0.9)
 
+    @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+    def test_the_scale_changes_no_value(self, scale: float) -> None:
+        method = Paid(spec(5), random_pay(3))
+        method.scale = scale
+        check(lattice.model(method), 0.9)
+
     def test_a_reward_of_transitions_that_looks_at_samples_alone_has_the_values_of_one_of_samples(self) -> None:
         pay = random_pay(5)
         of_samples = solved(lattice.model(Paid(spec(6), pay), 2), 0.9)
@@ -146,6 +152,11 @@ class TestWithAMemory:
     ) -> None:
         check(lattice.model(kind(spec(steps)), hold), gamma)
 
+    def test_each_value_of_the_memory_is_planned_with(self) -> None:
+        """Latched takes 4 values; from (0, 0) only some are reached, whatever the plan."""
+        assert len(solved(lattice.model(Latched(spec(6))), 1.0).memories) == 4
+        assert len(solved(lattice.model(Counting(spec(6))), 1.0).memories) == 4
+
 
 def over(limit: int) -> Callable[[Array], Array]:
     found: Callable[[Array], Array] = lambda signals: signals[..., 0] >= limit  # noqa: E731
@@ -167,10 +178,21 @@ class TestEnds:
             model = lattice.model(Paid(spec(steps), random_pay(seed)), hold, ends=(ending(2, reward, steps),))
             check(model, gamma)
 
+    @pytest.mark.parametrize("hold", [1, 2])
+    def test_it_is_active_at_some_samples_only(self, hold: int) -> None:
+        """With hold 2, at the second sample of one decision and the first of the next."""
+        for reward in (-1.0, 1.0):
+            check(lattice.model(Paid(spec(6), random_pay(1)), hold, ends=(ending(1, reward, 6, first=2, last=3),)), 0.9)
+
     def test_of_two_the_first_counts(self) -> None:
         ends = ending(2, 0.5, 6), ending(1, -0.5, 6)
         check(lattice.model(Paid(spec(6), random_pay(2)), 2, ends=ends), 0.9)
         check(lattice.model(Paid(spec(6), random_pay(2)), 2, ends=ends[::-1]), 0.9)
+
+    def test_a_scaled_method(self) -> None:
+        method = Paid(spec(5), random_pay(4))
+        method.scale = 5.0
+        check(lattice.model(method, ends=(ending(2, 0.2, 5),)), 0.9)
 
     def test_with_a_memory(self) -> None:
         check(lattice.model(Latched(spec(6)), ends=(ending(3, 0.4, 6),)), 0.9)
@@ -229,6 +251,9 @@ class TestCuts:
             beyond = GoingOn(pay, tuple(range(cut - hold + 1, cut + 1)), gamma)
             check(lattice.model(Paid(spec(steps), pay), hold, cuts=(cut,)), gamma, beyond)
 
+    def test_without_a_discount_it_stops_there(self) -> None:
+        check(lattice.model(Paid(spec(6), random_pay(0)), cuts=(3,)), 1.0)
+
     def test_after_the_cut_the_plan_is_for_what_comes(self) -> None:
         """From step 3 on, it is the plan of the task that begins there."""
         pay = random_pay(6)
@@ -238,6 +263,9 @@ class TestCuts:
         late = policy.episode()(states, np.full(len(STARTS), 3), memory)
         early = rest.episode()(states, np.zeros(len(STARTS), dtype=np.int64), memory)
         np.testing.assert_array_equal(late, early)
+
+    def test_a_cut_at_the_end_changes_nothing(self) -> None:
+        check(lattice.model(Paid(spec(5), random_pay(0)), cuts=(5,)), 0.9)
 
 
 class TestTheGridsEdge:
@@ -254,3 +282,7 @@ class TestTheGridsEdge:
         model = lattice.model(Paid(spec(6), lambda s, t: s[..., 0]))
         policy = sums.plan(model, *lattice.whole(model, 3), 1.0)
         assert lattice.followed(model, policy, np.array([[4.0]])).samples[:, 0, 0].tolist() == [4, 3, 3, 3, 3, 3, 3]
+
+    def test_of_equal_plans_the_smallest_actions_are_taken(self) -> None:
+        model = lattice.model(Paid(spec(6), lambda s, t: 0 * s[..., 0]))
+        assert not lattice.followed(model, solved(model, 0.9), np.array([[0.0], [1.0]])).vectors.any()

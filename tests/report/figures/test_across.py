@@ -19,6 +19,11 @@ COMMON = Field(
 )
 
 
+def test_what_lacks_a_tenth_is_one_further():
+    assert [place(score) for score in (-9, 0, 0.9, 0.99)] == pytest.approx([-1, 0, 1, 2])
+    assert place(0.999) == place(1.0) == place(1.5) == pytest.approx(3)
+
+
 @pytest.mark.parametrize(
     ("ends", "texts"),
     [
@@ -29,6 +34,14 @@ COMMON = Field(
 )
 def test_the_numbers_on_the_axis_lie_around_the_data(ends, texts):
     assert [text for _, text in ticks(*ends)] == texts
+
+
+def test_left_and_right_a_method_has_the_colour_that_it_is_given():
+    left, right = across_tasks([EVERY, COMMON], COLOURED).axes
+    marks = [line.get_color() for line in left.lines if line.get_marker() in "Ds"]
+    assert marks == 2 * [COLOURED["bad"], COLOURED["good"]]
+    assert [line.get_color() for line in right.lines] == [COLOURED["bad"], COLOURED["good"]]
+    assert "logarithmic" in left.get_xlabel()
 
 
 def test_each_method_has_its_aggregate_in_each_field():
@@ -59,6 +72,14 @@ def test_the_rows_say_what_a_method_does_not_fit():
         "IQM over all 3, 95 % interval",
         f"IQM over {FIT}, 95 % interval",
     ]
+
+
+def test_no_panel_of_profiles_has_a_colour_twice():
+    entries = tuple(Entry(f"method-{i}", GOOD.scores, "") for i in range(9))
+    figure = across_tasks([Field("quick", "shared", EVERY.tasks, "all 3", entries)], COLOURED)
+    _, *panels = figure.axes
+    assert [len(axes.lines) for axes in panels] == [4, 5]
+    assert all(len({line.get_color() for line in axes.lines}) == len(axes.lines) for axes in panels)
 
 
 def test_one_figure_for_each_budget_and_track(tmp_path):

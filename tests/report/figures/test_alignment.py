@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from pathlib import Path
+
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from stlbench.report.figures.across import alignment
+from stlbench.report.figures.files import drawings_of_alignment
 from stlbench.report.figures.style import fitting
 from stlbench.report.tables.alignment import Aligned
+from stlbench.task import load_task
 
 ROWS = (
     Aligned("overlap", "funnel", "recipe", 0.235, 0.119, selected=0.12, final=0.1),
@@ -58,6 +63,22 @@ def test_what_is_far_below_does_not_press_the_rest_together():
     ]
 
 
+def test_without_a_value_far_below_no_axis_is_cut():
+    figure = alignment(ROWS[:2], UNITS)
+    assert not [text for axes in figure.axes for text in axes.texts]
+    assert len(figure.legends[0].get_texts()) == 5
+
+
+def test_thirty_rows_have_room(tmp_path: Path):
+    rows = [Aligned("overlap", f"method-{i // 6}", f"gamma={i % 6}", 0.2, i / 100) for i in range(30)]
+    figure = alignment(rows, UNITS)
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
+    assert len(boxes) == 30
+    assert all(above.y0 >= below.y1 for above, below in pairwise(boxes))
+
+
 def test_title_and_legend_have_room_in_one_column():
     with fitting("column"):
         figure = alignment(ROWS[:2], UNITS)
@@ -65,3 +86,11 @@ def test_title_and_legend_have_room_in_one_column():
     (axes,), (legend,) = figure.axes, figure.legends
     assert axes.get_tightbbox().y0 >= legend.get_window_extent().y1
     assert axes.get_tightbbox().y1 <= figure._suptitle.get_window_extent().y0
+
+
+def test_without_a_planned_policy_there_is_no_figure(tmp_path: Path):
+    assert _write([Aligned("overlap", "(formula)", "recipe", 0.2)], tmp_path) == []
+
+
+def _write(rows, folder):
+    return [path for each in drawings_of_alignment(rows, load_task) for path in each.write(folder)]

@@ -34,6 +34,18 @@ def test_the_margin_and_by_how_much() -> None:
     assert margin.get_ylabel() == "margin\n[m]"
 
 
+def test_a_small_margin_is_shown_close() -> None:
+    trace = np.array([0, 1.01, 0, 0, 0, -9, -9, -9, -9])[:, None]
+    low, high = drawn(trace=trace).axes[-1].get_ylim()
+    assert -0.1 < low < -0.01 < 0 < high < 0.1
+
+
+def test_the_legend_says_which_predicate() -> None:
+    texts = [entry.get_text() for entry in drawn("G[0,4] !(x >= 1)").legends[0].get_texts()]
+    assert texts[0] == "not x >= 1: margin 1 at step 4 (2 s), in G[0,4] !x >= 1"
+    assert texts[1].startswith("G[0,4] ")
+
+
 def test_a_plane_and_a_formula_outside_the_fragment() -> None:
     task = pair(formula="(a >= 0 U[0,4] b >= 9)", plane=["a", "b"])
     trace = np.stack([np.linspace(1, -1, 9), np.linspace(-1, 1, 9)], axis=1)
@@ -42,3 +54,9 @@ def test_a_plane_and_a_formula_outside_the_fragment() -> None:
     plane = figure.axes[-1]
     assert (plane.get_xlabel(), plane.get_ylabel()) == ("a [-]", "b [-]")
     assert [tuple(entry.get_xydata()[0]) for entry in plane.lines if entry.get_color() == MARK] == [tuple(trace[4])]
+
+
+def test_a_formula_that_reads_no_signal() -> None:
+    task = line(formula="G[0,4] 1 <= 0 & x <= 9")
+    figure = counterexample(task, TRACE, stl.witness(task.formula, TRACE, task.signals), "constant")
+    assert figure.axes[-1].get_title(loc="left") == "margin of 1 <= 0"

@@ -57,6 +57,12 @@ def test_the_interval_is_that_of_the_mean_cut_at_what_is_possible_and_one_seed_h
         assert (min(ends), max(ends)) == pytest.approx((max(low, 0), min(high, 100)))
 
 
+def test_the_axes_have_room_for_what_seeds_had_and_cut_wider_intervals():
+    left, right = learning_curves(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
+    assert left.get_ylim() == (-4, 104)
+    assert right.get_ylim() == pytest.approx((-1 - 0.075, 0.5 + 0.075))
+
+
 def test_the_legend_names_every_group_and_how_its_seeds_ended():
     (legend,) = learning_curves(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).legends
     assert [text.get_text() for text in legend.get_texts()] == [
@@ -78,6 +84,13 @@ def test_agent_and_budget_are_named_where_they_differ():
         "95 % interval of the mean, cut at what is possible",
         "robustness 0: satisfied above",
     ]
+
+
+def test_a_single_checkpoint_is_a_point():
+    groups = condense([result(curve=curve((100, 1.0, 0.1)))])
+    left, _ = learning_curves(groups, Scale("m", math.inf), colours_of(groups)).axes
+    (line,) = lines(left).values()
+    assert line.get_marker() == "o"
 
 
 def test_axes_say_what_they_show_in_which_unit():

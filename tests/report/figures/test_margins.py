@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from helpers.line_task import line
 from matplotlib.axes import Axes
 
@@ -37,6 +38,14 @@ def test_a_row_a_term_with_its_formula_and_the_median_margin():
     assert second.get_title(loc="left") == "G[5,7] x <= 1"
     assert drawn(first, TRACE) == [[0.0] * 9]
     assert drawn(second, TRACE) == [[-1.0] * 9]
+
+
+def test_the_middle_90_percent_are_shaded():
+    rows = [[value] * 9 for value in range(101)]
+    (first,) = figure("G[0,4] x <= 50", rows, signals={"x": {"low": -200, "high": 200}}).axes
+    box = first.collections[0].get_paths()[0].get_extents()
+    assert (box.y0, box.y1) == pytest.approx((50 - 95, 50 - 5))
+    assert (box.x0, box.x1) == (0, 8)
 
 
 def test_single_traces_go_from_the_worst_to_the_best_in_the_terms_interval():
@@ -115,6 +124,15 @@ def test_bounds_on_the_rewarded_form_are_not_drawn_over_the_own_predicate_and_it
     assert BAND_ELSEWHERE not in legend(figure(OWN, rewarded=REWARDED))  # a method without bounds
 
 
+def test_a_term_that_both_forms_share_has_no_bounds_of_the_rewarded_form_either():
+    """Another term of the rewarded form may be scaled, so the method's bounds belong to that form as a whole."""
+    task = line(formula=TWO, rewarded="F[1,3] 3 * x >= 6 & G[5,7] x <= 1")
+    shared = task.specification.terms[1]
+    bands = [Band(shared, 0, np.zeros(5), np.ones(5))]
+    for axes in robustness_in_time(task, recording(ZEROS), bands, "line").axes:
+        assert drawn(axes, BOUNDS) == []
+
+
 def test_a_range_that_is_long_below_zero_is_logarithmic_there():
     wide = {"x": {"low": 9, "high": 1000, "unit": "m"}}  # margins in [-990.1, 0.9]
     (axes,) = figure("G[0,4] x <= 9.9", [[9.5] * 9], signals=wide).axes
@@ -124,3 +142,24 @@ def test_a_range_that_is_long_below_zero_is_logarithmic_there():
     assert [label.get_text() for label in axes.get_yticklabels()] == ["-100", "-10", "-1", "0", "1"]
     assert axes.get_ylabel() == "robustness of psi\n[m]\nlogarithmic beyond ±1"
     assert figure().axes[0].get_yscale() == "linear"
+
+
+def test_margins_beyond_the_range_of_the_signals_are_on_the_axis_too():
+    far = [-3000.0] * 9
+    (axes,) = figure("G[0,4] x <= 9.9", [ZEROS, far], signals={"x": {"low": 9, "high": 1000, "unit": "m"}}).axes
+    low, high = axes.get_ylim()
+    assert high > 3009.9
+    assert low < -990.1
+
+
+def test_the_level_at_which_psi_holds_is_named():
+    assert "0: psi holds above" in legend(figure())
+
+
+def test_a_formula_that_is_not_made_of_terms_has_no_figure():
+    assert figure("G[0,2] F[0,2] x <= 1") is None
+
+
+def test_one_start():
+    (axes,) = figure("G[0,4] x <= 1", [ZEROS]).axes
+    assert drawn(axes, TRACE) == drawn(axes, ONE_TRACE) == [[1.0] * 9]

@@ -11,10 +11,14 @@ from matplotlib.colors import to_rgb
 from stlbench.records.result import Planned
 from stlbench.report import condense
 from stlbench.report.figures.style import (
+    BOUNDS,
     COLOURS,
     GROUPS_PER_FIGURE,
+    INK,
+    MARK,
     SAFE,
     TIME,
+    TRACE,
     colours_of,
     pages,
     styles,
@@ -42,6 +46,23 @@ def test_planned_methods_do_not_change_the_colours_of_those_that_learned():
 def test_as_many_methods_as_there_are_have_colours_of_their_own():
     groups = condense(result(f"method-{i:02}") for i in range(len(COLOURS)))
     assert len(set(colours_of(groups).values())) == len(COLOURS) == 2 * GROUPS_PER_FIGURE
+
+
+def test_methods_of_one_colour_differ_in_their_lines():
+    groups = condense(result(f"method-{i:02}") for i in range(2 * len(COLOURS)))
+    assert len({(style.colour, style.line) for style in styles(groups, colours_of(groups))}) == 2 * len(COLOURS)
+
+
+def test_what_belongs_to_no_method_has_no_colour_of_a_method():
+    assert not {INK, TRACE, MARK, BOUNDS} & {*COLOURS}
+
+
+def test_twenty_terms_all_look_different():
+    assert len({term_style(i) for i in range(20)}) == 20
+
+
+def test_no_term_has_the_colour_of_traces_or_of_marks():
+    assert not {term_style(i).colour for i in range(20)} & {TRACE, "#000000"}
 
 
 def test_no_term_has_a_colour_of_the_time_along_a_trace():

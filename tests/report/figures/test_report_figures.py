@@ -16,6 +16,7 @@ from stlbench.registry.choices import Choice
 from stlbench.report import Group, Report, condense
 from stlbench.report.figures import files
 from stlbench.report.figures.files import ROWS_PER_FIGURE, Drawing, write_figures
+from stlbench.report.figures.regions import Scale
 from stlbench.task import load_task
 
 
@@ -40,6 +41,13 @@ def test_two_figures_a_task_as_png_svg_and_pdf(tmp_path: Path) -> None:
     assert all(path.stat().st_size > 1000 for path in paths)
 
 
+def test_the_same_results_give_the_same_file(tmp_path: Path) -> None:
+    draw_figures(condense(CELLS), tmp_path / "a")
+    draw_figures(condense(CELLS), tmp_path / "b")
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+
+
 def test_a_task_cannot_leave_the_folder(tmp_path: Path) -> None:
     elsewhere = replace(result(), id=replace(result().id, task=Choice("../x")))
     with pytest.raises(UsageError, match=r"'\.\./x' cannot name a figure's file"):
@@ -59,6 +67,18 @@ def test_each_track_has_its_learning_curves(tmp_path: Path) -> None:
     results = [result(method, track=track) for method in ("funnel", "raw") for track in ("shared", "plain")]
     names = {path.stem for path in draw_figures(condense(results), tmp_path)}
     assert names == {"robustness-hold-disc", "learning-hold-disc", "learning-hold-disc-plain"}
+
+
+def test_results_without_checkpoints_have_no_learning_curves(tmp_path: Path) -> None:
+    groups = condense([result(curve=())])
+    names = {path.name for path in draw_figures(groups, tmp_path)}
+    assert names == {f"robustness-hold-disc.{end}" for end in ("png", "svg", "pdf")}
+
+
+def test_a_report_names_the_unit_of_the_task(tmp_path: Path) -> None:
+    groups = condense([result(task="pendulum")])
+    svg = next(path for path in draw_figures(groups, tmp_path) if path.suffix == ".svg")
+    assert "[rad or rad/s]" in svg.read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -94,6 +114,9 @@ def test_nothing_is_drawn_again_where_nothing_changed(draw: Callable[[Sequence[R
     "changed",
     [
         result("flag", 1, robustness=(0.3, 0.41)),
+        result("flag", 1, curve=CURVE),
+        result("flag", 1, "timeout"),
+        result("flag", 2),
         result("raw", 0, "intractable"),
     ],
 )
@@ -104,3 +127,17 @@ def test_a_cell_that_changed_has_the_figures_of_its_task_drawn_again(
     cells = {entry.id: entry for entry in [*CELLS, changed]}
     assert draw([*cells.values()]) == OF_HOLD_DISC
     assert draw([*cells.values()]) == set()
+
+
+def test_a_file_that_is_gone_is_drawn_again(draw: Callable[[Sequence[Result]], set[str]], tmp_path: Path) -> None:
+    draw(CELLS)
+    (tmp_path / "robustness-other.svg").unlink()
+    assert draw(CELLS) == {"robustness-other"}
+
+
+def test_another_unit_is_drawn_again(
+    draw: Callable[[Sequence[Result]], set[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draw(CELLS)
+    monkeypatch.setattr(files, "scale_of_task", lambda task, load: Scale("km", 1.0))
+    assert draw(CELLS) == OF_HOLD_DISC | OF_OTHER

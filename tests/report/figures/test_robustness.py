@@ -43,6 +43,15 @@ def test_a_method_without_a_result_keeps_its_place():
     assert [(text.get_text(), text.get_position()[1]) for text in axes.texts] == [("no result", 2)]
 
 
+def test_seeds_and_what_is_said_of_all_of_them_have_the_colour_of_the_method():
+    (axes,) = robustness_by_method(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
+    for marker in "oD":
+        rows = {round(line.get_ydata()[0]): line.get_color() for line in axes.lines if line.get_marker() == marker}
+        assert rows
+        for row, colour in rows.items():
+            assert colour == colours_of(GROUPS)[str(GROUPS[row].setting.method)]
+
+
 PENDULUM = {
     "flag": (-34.5, -54.6, -29.5, -35.7, -101.9),
     "funnel": (-0.0742, 0.0217, 0.0300, 0.0228, 0.0290),
@@ -86,6 +95,14 @@ def test_values_of_one_size_have_a_linear_axis_in_the_unit_that_is_given():
     (axes,) = robustness_by_method(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
     assert axes.get_xscale() == "linear"
     assert axes.get_xlabel() == "mean robustness over the report starts [m]"
+
+
+def test_the_axis_has_all_seeds_and_no_interval_goes_beyond_them():
+    values = (0.3, 0.4, 0.5, -0.3, 0.45)
+    five = condense(result("raw", seed, robustness=(value,)) for seed, value in enumerate(values))
+    (axes,) = robustness_by_method(five, Scale("m", math.inf), colours_of(five)).axes
+    assert axes.get_xlim() == pytest.approx((-0.34, 0.54))
+    assert [-0.3, 0.5] in [[*map(float, line.get_xdata())] for line in axes.lines if line.get_linewidth() == 2]
 
 
 def test_learning_curves_of_methods_near_zero_are_told_apart():

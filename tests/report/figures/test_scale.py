@@ -15,9 +15,13 @@ from stlbench.report.figures.layout import linear_threshold, set_symlog, symlog_
     ("value", "largest", "threshold"),
     [
         (0.0208, 101.9, 0.05),
+        (1.66, 33.2, 2),
         (1.005, 50, 1),  # 1 % above
+        (1.02, 50, 2),
         (1e-9, 100, 0.01),  # at most four decades
+        (1.0, 10, None),  # a linear axis shows 1 beside -9
         (1.0, np.inf, None),
+        (1.0, np.nan, None),
     ],
 )
 def test_the_data_choose_the_linear_part(value, largest, threshold):
@@ -40,6 +44,14 @@ def test_a_long_axis_has_a_number_at_each_power_of_ten():
     assert len(minor) == 3 * 8
 
 
+def test_a_short_axis_has_numbers_between():
+    assert symlog_ticks(2.0, -40, 0)[0] == [-20, -10, -5, -2, 0]
+
+
+def test_numbers_do_not_touch_where_the_threshold_is_near_a_power_of_ten():
+    assert symlog_ticks(0.05, -102, 0)[0] == [-100, -10, -1, -0.05, 0]
+
+
 def test_an_axis_shows_all_values_and_says_what_it_does():
     axes = Figure().subplots()
     axes.plot([0, 1], [-102.0, 0.03])
@@ -51,3 +63,8 @@ def test_an_axis_shows_all_values_and_says_what_it_does():
     assert high > 0.1  # the end of the linear part has a number
     assert [label.get_text() for label in axes.get_yticklabels()] == ["-100", "-10", "-1", "-0.1", "0", "0.1"]
     assert axes.get_xscale() == "linear"
+
+
+def test_an_end_within_the_linear_part_has_a_number():
+    assert symlog_ticks(5.0, -33, 2.3)[0] == [-20, -10, -5, 0, 2]
+    assert symlog_ticks(5.0, -33, 0.3)[0] == [-20, -10, -5, 0]

@@ -15,6 +15,8 @@ from stlbench.report.figures.trajectories import trajectories
 from stlbench.rollout.traces import Recording
 from stlbench.task import load_task
 
+GRID = np.linspace(0, 4, 81)
+
 
 def spiral(count):
     """Traces of hold-disc that circle the disc's centre, sample t at radius t / 200."""
@@ -24,6 +26,24 @@ def spiral(count):
 
 
 class TestRegion:
+    def test_the_disc(self):
+        task = load_task("hold-disc")
+        (term,) = task.specification.terms
+        margin, truth = region(task, term.psi, (GRID, GRID), ("x", "y")) or pytest.fail("no region")
+        expected = 1 - np.hypot(GRID[:, None] - 2, GRID - 2)
+        assert margin == pytest.approx(expected)
+        assert truth[expected > 1e-9].all()
+        assert not truth[expected < -1e-9].any()
+
+    def test_axes_in_another_order_than_the_signals(self):
+        task = line(
+            signals={"x": {"low": 0, "high": 4}, "y": {"low": 0, "high": 2}}, formula="G[0,4] x <= 1", plane=["y", "x"]
+        )
+        (term,) = task.specification.terms
+        grid = (np.array([0.0, 2.0]), np.array([0.0, 1.0, 3.0]))
+        margin, _ = region(task, term.psi, grid, ("y", "x")) or pytest.fail("no region")
+        assert margin.tolist() == [[1, 0, -2], [1, 0, -2]]
+
     def test_a_signal_that_is_left_out_takes_its_best_value(self):
         task = line(
             signals={"x": {"low": 0, "high": 4}, "y": {"low": 0, "high": 2}}, formula="G[0,4] (x <= 1 & y >= 1.5)"
@@ -80,6 +100,11 @@ class TestPlane:
         assert times / 200 == pytest.approx(radii)
         assert lines.get_clim() == (0, 200)
 
+    def test_starts_and_ends_are_marked(self):
+        start, end = self.axes.lines
+        assert set(zip(start.get_xdata(), start.get_ydata(), strict=True)) == {(2.0, 2.0)}
+        assert np.hypot(end.get_xdata() - 2, end.get_ydata() - 2) == pytest.approx(np.ones(16))
+
     def test_the_region_is_the_disc_and_units_are_on_the_axes(self):
         contour = [entry for entry in self.axes.collections if not isinstance(entry, LineCollection)][-1]
         vertices = np.concatenate([path.vertices for path in contour.get_paths()])
@@ -87,6 +112,15 @@ class TestPlane:
         assert (self.axes.get_xlabel(), self.axes.get_ylabel()) == ("x [m]", "y [m]")
         assert self.axes.get_aspect() == 1
         assert self.figure.axes[1].get_ylabel() == "time [steps of 0.01 s]"
+
+    def test_the_legend_says_which_region_belongs_to_which_term(self):
+        texts = [text.get_text() for text in self.figure.legends[0].get_texts()]
+        assert texts == ["G[0,200] norm(x - 2, y - 2) <= 1", "start", "end"]
+
+    def test_the_picture_shows_the_region_and_the_traces_and_little_more(self):
+        (left, right), (bottom, top) = self.axes.get_xlim(), self.axes.get_ylim()
+        assert 0.8 < left < 1 < 3 < right < 3.2
+        assert 0.8 < bottom < 1 < 3 < top < 3.2
 
 
 LEAVES = [[0, 1, 9, 12, 12, 9, 1, 0, 0], [0] * 9]
@@ -106,6 +140,11 @@ class TestLeaving:
         assert (list(mark.get_xdata()), list(mark.get_ydata())) == ([10], [6])
         assert "leaves the picture here: 1 of 2 traces" in [text.get_text() for text in figure.legends[0].get_texts()]
         assert figure.axes[0].get_xlim()[1] == 10
+
+    def test_nothing_is_said_where_all_is_seen(self):
+        figure = self.figure([[0, 1, 9, 10, 10, 9, 1, 0, 0], [0] * 9])
+        assert [entry.get_marker() for entry in figure.axes[0].lines] == ["o", "s"]
+        assert not [text for text in figure.legends[0].get_texts() if "leaves" in text.get_text()]
 
 
 def test_signals_against_time_are_never_clipped():
@@ -158,6 +197,12 @@ def test_regions_are_of_the_tasks_own_formula():
 class TestSignals:
     task = line(formula="G[5,7] (abs(x) >= 4 & abs(x) <= 6)", starts=4)
     recording = Recording(np.arange(27.0).reshape(3, 9, 1), seeds=1)
+
+    def test_each_trace_is_a_line(self):
+        (axes,) = trajectories(self.task, self.recording, "line").axes
+        assert [list(entry.get_ydata()) for entry in axes.lines] == [list(range(9 * i, 9 * i + 9)) for i in range(3)]
+        assert axes.get_ylabel() == "x [m]"
+        assert axes.get_xlabel() == "time [steps of 0.5 s]"
 
     def test_where_a_term_can_hold_is_a_rectangle_a_run(self):
         (axes,) = trajectories(self.task, self.recording, "line").axes

@@ -16,11 +16,17 @@ SIGNALS["n"] = {"low": -1, "high": 1}
     ("formula", "unit"),
     [
         ("G[0,4] x <= 1", "m"),
+        ("G[0,4] norm(x - 2, y - 2) <= 1", "m"),
         ("F[0,4] 1 >= max(x, -y, 0.5)", "m"),
+        ("G[0,4] 2 * x + y / 3 <= x * 4", "m"),
         ("G[0,4] (x <= 1 & abs(w) <= 2)", "m or rad/s"),
+        ("F[0,2] w >= 0 & G[0,2] x <= 1 & G[0,2] y <= 1", "rad/s or m"),
         ("G[0,4] n <= 1", "-"),
+        ("G[0,4] x * y <= 1", UNKNOWN),
         ("G[0,4] x ** 2 <= 1", UNKNOWN),
+        ("G[0,4] x + w <= 1", UNKNOWN),
         ("G[0,4] x <= w", UNKNOWN),
+        ("G[0,4] sin(x) <= 1", UNKNOWN),
         ("G[0,4] 1 / x <= 1", UNKNOWN),
         ("G[0,4] (x <= 1 | 1 <= 2)", UNKNOWN),
     ],
@@ -34,8 +40,11 @@ def test_unit_of_robustness(formula, unit):
     ("name", "unit"),
     [
         ("hold-disc", "m"),
+        ("pendulum", "rad or rad/s"),
         ("cartpole", "m or rad or rad/s"),
+        ("formation", "m"),
         ("integrator-or", "-"),
+        ("gone", UNKNOWN),
     ],
 )
 def test_unit_of_a_task(name, unit):

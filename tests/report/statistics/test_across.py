@@ -70,11 +70,19 @@ def test_ranks_by_hand():
     assert 1 <= first.interval.low <= first.value <= first.interval.high <= 3
 
 
+def test_methods_that_are_exactly_as_good_share_a_rank():
+    assert [rank.value for rank in across.ranks(apart(runs(ONE), runs(ONE)))] == [1.5, 1.5]
+
+
 def test_one_run_of_a_task_has_a_value_and_no_interval():
     few = runs([[0.5], [0.2, 0.4]])
     assert across.mean(few) == (pytest.approx(1.1 / 3), None)
     assert across.ranks(apart(few, few))[0] == (1.5, None)
     assert across.profile(few, np.array([0.3]))[0] == (pytest.approx(0.75), None)
+
+
+def test_the_order_of_seeds_does_not_matter_and_each_call_gives_the_same():
+    assert across.middle(runs(ONE)) == across.middle(runs([seeds[::-1] for seeds in ONE])) == across.middle(runs(ONE))
 
 
 def test_shares_of_pairs_are_those_counted_one_by_one():

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 from helpers.studies import load
 
+ROOT = Path(__file__).parents[3]
 study = load("interval_coverage")
 REPORTS, BEFORE, MEAN = study.INTERVALS
 

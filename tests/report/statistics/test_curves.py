@@ -23,3 +23,9 @@ def test_the_mean_has_the_t_interval_of_the_seeds() -> None:
     half = stats.t.ppf(0.975, 2) * 2.0 / np.sqrt(3)  # 1, 3 and 5 have a standard deviation of 2
     assert (found.low[0], found.high[0]) == pytest.approx((3.0 - half, 3.0 + half))
     assert (found.least, found.most) == (1.0, 6.0)
+
+
+def test_a_single_seed_has_no_interval() -> None:
+    found = mean_curve([((0, 0.0, 1.0), (10, 0.0, 2.0))], lambda point: point[2])
+    assert np.isnan(found.low).all()
+    assert np.isnan(found.high).all()

@@ -81,6 +81,12 @@ def test_holms_correction_is_for_all_pairs_that_are_tested():
     assert alike[0] == alone
 
 
+def test_methods_that_are_paid_the_same_are_not_told_apart():
+    (found,) = differences([Pair(shifted(3), NORMAL, alike=True)])
+    assert (str(found), found.chance) == ("=", None)
+    assert found.interval.low > 0
+
+
 @pytest.mark.parametrize("few", [[], [0.3], [0.3, float("inf")]])
 def test_too_few_seeds_can_tell_nothing(few):
     assert word(few, NORMAL, 10.0) == "cannot tell"
@@ -95,6 +101,10 @@ def test_seeds_that_all_agree_say_no_more_than_their_number_allows():
     assert word(same, same, 0.1) == "no difference found"
     with warnings.catch_warnings(action="error"):
         assert word(same, same) == f"cannot tell, over {MOST_SEEDS} seeds would"
+
+
+def test_the_same_seeds_in_another_order_say_the_same():
+    assert differences([Pair(shifted(1)[::-1], NORMAL, 0.2)]) == differences([Pair(shifted(1), NORMAL[::-1], 0.2)])
 
 
 @pytest.mark.parametrize(("difference", "margin"), [(0.8, None), (0.8, 0.2), (0.0, 0.5)])

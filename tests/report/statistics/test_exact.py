@@ -68,6 +68,12 @@ def test_ten_seeds_that_are_all_better_are_the_rarest_deal_and_its_mirror():
     assert [look.sign for look in (*there, *back)] == [1, 1, 1, -1, -1, -1]
 
 
+def test_seeds_without_scatter_say_no_more_than_their_number_allows():
+    assert p_value([1, 1], [0, 0]) == pytest.approx(1 / 3)
+    assert p_value([1, 1, 1], [0, 0, 0]) == p_value([1, 1 + 1e-12, 1], [0, 0, -1e-12]) == pytest.approx(0.1)
+    assert p_value([1, 1, 1], [1, 1, 1]) == 1
+
+
 def test_the_looks_differ_where_one_seed_of_the_better_method_is_very_bad():
     usual = [0.9, 0.91, 0.92, 0.93, 0.94, 0.95, 0.96, -40.0]
     mean, rank, learned = exact_test(sample(usual), sample([0.6 + 0.01 * i for i in range(8)]))

@@ -13,7 +13,12 @@ from stlbench.report.statistics.intervals import mean_interval, median, median_i
 seeds = st.lists(st.floats(-10, 10), min_size=2, max_size=12)
 
 
-@pytest.mark.parametrize(("count", "outside"), [(5, 0), (9, 1), (12, 2), (100, 39)])
+def test_the_median_of_an_even_number_lies_between_the_two_in_the_middle():
+    assert median([5, 1, 3]) == 3
+    assert median([100, 1, 2, 4]) == 3
+
+
+@pytest.mark.parametrize(("count", "outside"), [(5, 0), (8, 0), (9, 1), (10, 1), (12, 2), (20, 5), (100, 39)])
 def test_the_interval_leaves_out_as_many_seeds_as_a_coin_allows(count, outside):
     """By hand: of 10 tosses at most 1 is heads in 11 of 1,024 cases, so 2 * 1.07 % are missed; at most 2, 2 * 5.5 %."""
     values = np.random.default_rng(count).permutation(count).astype(float)
@@ -26,6 +31,10 @@ def test_the_interval_leaves_out_as_many_seeds_as_a_coin_allows(count, outside):
 @pytest.mark.parametrize("values", [[], [0.3] * 4, [float("-inf"), 0.1, 0.2, 0.3, 0.4]])
 def test_no_interval_of_fewer_than_five_seeds_or_of_no_number(values):
     assert median_interval(values) is None
+
+
+def test_constant_values_have_an_interval_without_width():
+    assert median_interval([0.5] * 5) == mean_interval([0.5, 0.5, 0.5]) == (0.5, 0.5)
 
 
 @settings(max_examples=25, deadline=None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from helpers.reports import summary
 from helpers.synthetic_results import alike, result, score
 
 from stlbench.registry.choices import Choice
@@ -52,6 +53,12 @@ def test_every_way_to_end_without_a_result_stays_visible():
     assert sorted(some[0].entries[0].scores[0]) == [0, 0, 0, 0, 0.5]  # one seed fits, so the others count
 
 
+def test_a_robustness_without_bound_counts_as_random():
+    (field,) = fields(condense([*RESULTS[:12], *seeds("bad", float("-inf"), 0.0, task="four")]), Known(STANDARDS))
+    bad = next(entry for entry in field.entries if entry.method == "bad")
+    assert bad.scores[0] == (0, 0.5)
+
+
 def test_tasks_count_if_they_are_no_ablation_by_their_own_agent_and_on_a_known_scale():
     others = [
         *seeds("good", 1.0, 1.0, task="one[without=cuts]"),
@@ -77,6 +84,11 @@ def test_methods_that_were_not_tried_everywhere_are_left_out_and_budgets_and_tra
         ("shared", 3),
     ]
     assert {entry.method for field in found for entry in field.entries} == {"good", "bad"}
+
+
+def test_two_tasks_or_one_method_have_no_aggregate():
+    assert fields(condense([each for each in RESULTS if each.id.task.name in TASKS[:2]]), Known(STANDARDS)) == ()
+    assert fields(condense(RESULTS[:8]), Known(STANDARDS)) == ()
 
 
 def test_aggregates_have_intervals_and_ranks():
@@ -151,3 +163,8 @@ def test_both_tables_say_of_which_tasks_they_are():
         ("all 4", "bad", "good", "3 of 4", 0.0),
         ("3 of 4, all methods fit", "bad", "good", "3 of 3", 0.0),
     ]
+
+
+def test_they_stand_after_the_overview():
+    titles = [table.title for table in summary(condense(RESULTS), STANDARDS)]
+    assert titles[:4] == ["Overview", "Across tasks", "Probability of improvement", "Robustness"]

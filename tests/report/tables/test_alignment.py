@@ -7,13 +7,15 @@ from typing import Any
 import pytest
 from helpers.synthetic_results import plan, result
 
-from stlbench.records.result import Result
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result, Score
 from stlbench.registry.choices import Choice
 from stlbench.report import condense
-from stlbench.report.tables.alignment import Aligned, align
+from stlbench.report.tables.alignment import Aligned, align, alignment_table
 from stlbench.report.tables.controllers import best_known
 from stlbench.report.tables.rows import split
 from stlbench.rollout.standards import Standard
+from stlbench.task.file import BestKnown
 
 OWN = {"overlap": Standard(own_agent="td3")}
 
@@ -92,6 +94,22 @@ class TestBestKnown:
         cells = [overlap(), best(0.2), best(0.25, agent="best[resolution=0.5]"), learned(0.3)]
         assert one(*cells).best_known == 0.25
 
+    def test_what_the_task_file_says_is_known_too(self) -> None:
+        known = {"overlap": Standard(best_known=BestKnown(robustness=0.9), own_agent="td3")}
+        assert one(overlap(), standards=known).best_known == 0.9
+        assert one(overlap(), best(0.2), standards=known).best_known == 0.9
+        assert one(overlap()).best_known is None
+
+    def test_the_controller_by_hand_is_possible_too(self) -> None:
+        better = {"overlap": Standard(by_hand=Score((0.3, 0.5), (True, True), {}))}
+        assert one(overlap(), best(0.2), standards=better).best_known == pytest.approx(0.4)
+        assert one(overlap(), best(0.7), standards=better).best_known == 0.7
+        assert one(overlap(), standards=better).best_known is None
+
+    def test_what_a_plan_for_a_reward_reaches_is_possible_too(self) -> None:
+        assert one(overlap("raw", "planner", 0.3), best(0.2)).best_known == 0.3
+        assert one(overlap("raw", "planner", 0.3)).best_known is None
+
     def test_ablations_share_it_but_for_those_that_decide_at_other_times(self) -> None:
         tasks = [f"overlap{part}" for part in ("", "[without=cuts]", "[without=hold]", "[without=cuts+hold]")]
         groups = condense([*(overlap(task=task) for task in tasks), best(0.2), best(0.7, task="overlap[without=hold]")])
@@ -114,6 +132,14 @@ class TestResolutions:
         )
         assert (row.reward_optimal, row.disagreement, row.resolution) == (0.30, pytest.approx(0.17), 1)
 
+    def test_without_a_default_the_finest_is_the_row(self) -> None:
+        cells = [overlap("raw", f"planner[resolution={at}]", reached) for at, reached in ((0.5, 1), (10, 3), (2, 2))]
+        assert (one(*cells).reward_optimal, one(*cells).resolution) == (3, 10)
+
+    def test_a_failed_default_gives_its_place_to_another_and_is_told_of(self) -> None:
+        row = one(overlap(status="timeout", reason="late"), overlap("raw", "planner[resolution=0.5]", 0.2))
+        assert (row.reward_optimal, row.disagreement, row.remarks) == (0.2, None, "timeout: late")
+
     @pytest.mark.parametrize(("coarse", "remark"), [(0.953, None), (0.947, "more than 5 % of the best known")])
     def test_those_that_are_far_apart_are_remarked(self, coarse: float, remark: str | None) -> None:
         cells = [overlap("raw", "planner", 1.0), overlap("raw", "planner[resolution=0.5]", coarse), best(1.0)]
@@ -130,6 +156,11 @@ class TestFailures:
             ("raw", 0.1, None),
             ("tau-mdp", None, "unsuitable: a memory of 22 numbers"),
         ]
+
+    def test_a_plan_that_has_not_run_is_a_row(self) -> None:
+        missing = CellId.parse("overlap/funnel/planner/0", "quick")
+        rows = align(condense([overlap()], [missing]), OWN)
+        assert [(row.method, row.remarks) for row in rows] == [("funnel", "not run"), ("raw", None)]
 
     def test_where_no_cell_of_an_agent_is_done_the_installed_agent_says_whether_it_plans(self, site: Any) -> None:
         code = (
@@ -153,3 +184,8 @@ def test_a_part_is_compared_with_all_that_is_recorded() -> None:
     ]
     (row,) = align(groups, OWN, shown)
     assert (row.method, row.best_known, row.selected) == ("raw", 0.4, 0.05)
+
+
+def test_a_value_that_is_no_number_is_empty() -> None:
+    table = alignment_table([one(overlap(value=float("nan")))])
+    assert dict(zip([column.title for column in table.columns], table.rows[0], strict=True))["grid_value"] is None

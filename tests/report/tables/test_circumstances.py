@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
 from helpers.synthetic_results import result
 
 from stlbench.report import condense
@@ -28,3 +29,14 @@ def test_versions_machine_days_and_hours():
         "cells": "3, 2 of them with a result",
         "CPU time": "1.00 hours, training and evaluation",
     }
+
+
+def test_what_is_not_known_is_not_said():
+    found = dict(circumstances(condense([replace(result(), provenance={})])).rows)
+    assert found.keys() == {"cells", "CPU time"}
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(2.04, "2.0 seconds"), (90, "1.5 minutes"), (3600, "1.00 hours")])
+def test_short_runs_are_said_in_seconds_or_minutes(seconds, said):
+    found = dict(circumstances(condense([result(cpu_seconds=seconds)])).rows)
+    assert found["CPU time"] == f"{said}, training and evaluation"

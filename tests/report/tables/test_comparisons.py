@@ -117,3 +117,7 @@ def test_the_fewest_seeds_are_advised_first_and_the_rest_is_counted():
     assert lines[0] == f"{counts[0]} seeds would be needed to tell m0 from m4 on hold-disc."
     assert lines[-1].startswith("The table of comparisons has ")
     assert advice(compare(condense(RESULTS[:15]), Known({}, BEST))) == ()
+
+
+def test_one_method_is_compared_with_none():
+    assert comparisons_table(compare(condense(seeds("raw", (0.1, 0.2))), Known())).rows == ()

@@ -177,3 +177,40 @@ def test_a_table_that_cannot_be_narrower_comes_in_parts_each_with_the_rows_names
     assert all(header[0] == "task" for header in headers)
     assert sum(line.startswith("hold-disc") for line in lines) == len(headers)
     assert max(map(len, lines)) <= 80
+
+
+def test_a_narrow_screen_says_what_it_left_out():
+    text = " ".join(screen(summary(condense(RESULTS), {})[0], 80).split())
+    assert "Left out on this narrow screen: starts, mean robustness, worst start, learned 95 % interval [%], " in text
+    assert "0.250 - 83.3 2" in text
+
+
+def test_on_screen_the_interval_of_what_was_learned_has_a_line_of_its_own():
+    table = Table("t", (Column("raw", kind=Learned, digits=1),), ((Learned(0.5, 0.25, 0.75, 3, 2, 3, "="),),))
+    lines = [line.strip() for line in screen(table, 80).splitlines()]
+    assert lines[3:5] == ["0.5 (3, 2 of 3) =", "[0.2, 0.8]"]
+    assert "| 0.5 [0.2, 0.8] (3, 2 of 3) = |" in to_markdown(table)
+
+
+def test_what_all_rows_share_goes_into_the_title():
+    first = screen(summary(condense(RESULTS), {})[0], 120).splitlines()[0]
+    assert first == "Robustness: task hold-disc, agent dqn, budget quick, track shared"
+    other = screen(robustness_table(condense([*RESULTS, result(task="other")]), Known()), 120).splitlines()[0]
+    assert other == "Robustness: agent dqn, budget quick, track shared"
+
+
+def test_reasons_are_printed_as_they_are():
+    text = " ".join(screen(summary(condense(RESULTS), {})[-1], 120).split())
+    assert "hold-disc/mine/dqn/0 quick raised ValueError: [bold]no[/bold] :smile:" in text
+
+
+def test_reasons_stand_below_the_table():
+    text = screen(summary(condense(RESULTS), {})[0], 120)
+    assert "remarks: hold-disc/tau-mdp/dqn/quick/shared: intractable: needs 6003 inputs, limit 512" in text.splitlines()
+
+
+def test_notes_are_left_out_where_nobody_asks():
+    console = Console(width=120, file=io.StringIO(), color_system=None)
+    to_screen(TABLE, console, explain=False)
+    assert "98.0" in console.file.getvalue()
+    assert "One note." not in console.file.getvalue()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from helpers.synthetic_results import alike, by_hand, result
 
+from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.tables.controllers import Known
 from stlbench.report.tables.robustness import overview
@@ -55,6 +56,17 @@ def test_marks_are_explained_below():
     }
     assert [note[:8] for note in table.notes[1:]] == ["Marked *", "Marked =", "Marked ~"]
     assert len(overview(condense(results[3:]), Known(known)).notes) == 1
+
+
+def test_advice_stands_below():
+    assert overview(condense([result()]), Known(), advice=("6 seeds would do.",)).notes[-1] == "6 seeds would do."
+
+
+def test_the_best_known_stands_beside_the_controller_where_it_is_known():
+    groups = condense([result(task="overlap"), result(task="overlap[without=cuts]"), result(task="other")])
+    table = overview(groups, Known(by_hand(overlap=(0.2,)), {Choice("overlap"): 0.25}))
+    assert [column.heading for column in table.columns[4:7]] == ["by hand", "best known", "funnel"]
+    assert [row[4:6] for row in table.rows] == [(None, None), (0.2, 0.25), (0.2, None)]
 
 
 def test_learned_is_95_percent_of_the_starts():

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import pytest
 from helpers.reports import summary
-from helpers.synthetic_results import by_hand, plan, result, score
+from helpers.synthetic_results import alike, by_hand, plan, result, score
 from scipy import stats
 
 from stlbench.records.result import MAIN, RANDOM, Score, Summary
-from stlbench.report import condense, to_csv
+from stlbench.registry.choices import Choice
+from stlbench.report import condense, only, to_csv
 from stlbench.report.page import cells_shown
 from stlbench.report.tables.cells import cells_table, scores_table, time_table, unfinished_table
 from stlbench.report.tables.controllers import Known, controllers_table
@@ -74,6 +76,18 @@ def with_ends(of, share):
     return replace(of, measurement=replace(of.measurement, selected=scores))
 
 
+def test_one_seed_has_no_interval():
+    table = robustness_table(condense([result()]), Known())
+    assert cell(table, "mean robustness") == pytest.approx(0.35)
+    assert cell(table, "median 95 % interval") is None
+
+
+def test_the_final_policy_has_columns_of_its_own():
+    table = robustness_table(condense([result(robustness=(0.3, 0.4), final=(-0.1, 0.2))]), Known())
+    assert cell(table, "final median robustness") == pytest.approx(0.05)
+    assert cell(table, "final satisfied [%]") == 50
+
+
 def test_selected_and_final_policies_have_intervals_and_learned_seeds_side_by_side():
     starts = {True: (0.5,), False: (-0.5,)}
     learned = [(True, True)] * 7 + [(True, False)] * 2 + [(False, False)]
@@ -106,6 +120,14 @@ def test_numbers_come_from_the_random_starts_where_there_are_some():
     assert cell(cells, "satisfaction 95 % interval") == pytest.approx((exact.low, exact.high))
 
 
+def test_marks_are_a_column_where_there_are_any():
+    groups = condense([result("flag", extension="late windows"), result("funnel"), result("raw")])
+    table = robustness_table(groups, Known({"hold-disc": Standard(alike=alike("hold-disc", funnel_raw="="))}, {}))
+    assert [cell(table, "mark", row) for row in range(3)] == ["*", "=", "="]
+    assert [note[:8] for note in table.notes[-2:]] == ["Marked *", "Marked ="]
+    assert "mark" not in [column.title for column in robustness_table(groups[1:], Known()).columns]
+
+
 def test_each_further_protocol_is_a_column():
     results = [
         result(further={"paper": (0.9, 0.7), "tail": (0.2,)}),
@@ -135,12 +157,33 @@ def test_groups_are_told_apart_by_task_method_agent_and_budget():
     assert all(cell(table, "seeds", row) == Seeds(1, 1) for row in range(5))
 
 
+def test_order_of_the_results_does_not_matter():
+    results = [result(method, seed) for method in ("funnel", "flag") for seed in range(3)]
+    assert summary(condense(results), {}) == summary(condense(results[::-1]), {})
+
+
+def test_aggregates_say_over_how_many_seeds_they_are():
+    results = [result(seed=seed) for seed in range(9)] + [
+        result(seed=9, status="timeout", reason="no result after 60 s")
+    ]
+    table = robustness_table(condense(results), Known())
+    assert cell(table, "seeds") == Seeds(9, 10, "1 timeout")
+    assert cell(table, "mean robustness") == pytest.approx(0.35)
+    assert cell(table, "remarks") == "timeout: no result after 60 s"
+
+
 def test_planned_cells_without_a_result_are_rows_and_count_as_seeds():
     ids = [result(seed=seed).id for seed in (3, 4)] + [result("raw").id]
     table = robustness_table(condense([result(seed=seed) for seed in range(3)], ids), Known())
     assert [cell(table, "seeds", row) for row in (0, 1)] == [Seeds(3, 5, "2 not run"), Seeds(0, 1, "1 not run")]
     assert cell(table, "mean robustness") == pytest.approx(0.35)
     assert (cell(table, "mean robustness", 1), cell(table, "remarks", 1)) == (None, None)
+
+
+def test_groups_can_be_narrowed_down_to_some_cells():
+    results = [result(seed=0), result(seed=1), result("raw")]
+    (group,) = only(condense(results), {results[1].id})
+    assert [row.id for row in group.rows] == [results[1].id]
 
 
 def test_a_group_without_any_result_stays_with_its_reason():
@@ -190,6 +233,16 @@ def test_time():
     assert cell(table, "jobs at a time") == "2, 4"
 
 
+def test_controllers_have_one_row_per_task_and_stand_after_the_robustness():
+    scores = by_hand(hold_disc=(0.1, 0.7), other=(0.3, -0.2, -0.1, 0.2))
+    table = controllers_table(scores)
+    assert table.rows == (("hold-disc", (0.1 + 0.7) / 2, 0.1, 100), ("other", pytest.approx(0.05), -0.2, 50))
+    groups = condense([result()])
+    own = controllers_table(by_hand(hold_disc=(0.1, 0.7)))
+    assert summary(groups, scores) == (robustness_table(groups, Known()), own, time_table(groups))
+    assert summary(groups, {}) == (robustness_table(groups, Known()), time_table(groups))
+
+
 def test_baselines_stand_beside_the_controller_and_a_trivial_task_is_marked():
     known = by_hand(hold_disc=(0.25, 0.75))
     baselines = {"zero": score((0.5, 0.25)), "constant": score((0.5, 0.75)), "trivial": True}
@@ -217,6 +270,27 @@ def test_the_best_known_stands_beside_the_controller_where_any_is_known():
     assert controllers_table({"third": known["third"]}).rows == ()
 
 
+def test_actions_at_random_stand_beside_the_controller():
+    known = by_hand(hold_disc=(0.25, 0.75))
+    known["hold-disc"] = replace(known["hold-disc"], at_random=score((-0.5, 0.25)))
+    known["other"] = Standard(best_known=BestKnown(robustness=0.5), at_random=score((-1.0,)))
+    table = controllers_table(known | {"third": Standard(own_agent="dqn")})
+    assert [column.heading for column in table.columns[4:6]] == ["at random", "at random satisfied [%]"]
+    assert [row[4:6] for row in table.rows] == [(-0.125, 50.0), (-1.0, 0.0)]
+
+
+SHARE = "share of best known (median, both above 0)"
+
+
+def test_robustness_is_a_share_of_the_best_known_where_both_are_above_zero():
+    tasks = {"one": (0.1, 0.3), "two": (-0.1,), "three": (0.2,), "four": (0.2,)}
+    groups = condense(result(task=task, robustness=robustness) for task, robustness in tasks.items())
+    table = robustness_table(groups, Known({}, {Choice("one"): 0.4, Choice("two"): 0.4, Choice("three"): -0.1}))
+    shares = {row: cell(table, SHARE, i) for i, row in enumerate(["four", "one", "three", "two"])}
+    assert shares == {"four": None, "one": pytest.approx(0.5), "three": None, "two": None}
+    assert SHARE not in [column.heading for column in robustness_table(groups, Known()).columns]
+
+
 def test_what_was_planned_is_in_the_table_of_alignment_alone():
     learned, other = [result(seed=seed) for seed in range(2)], result(task="other")
     planned = [plan(), plan(task="third"), plan(maximised="formula", agent="best")]
@@ -233,6 +307,27 @@ def test_what_was_planned_is_in_the_table_of_alignment_alone():
     ]
 
 
+def test_where_everything_was_planned_there_is_no_empty_table():
+    failed = plan("raw", status="raised", reason="ValueError: no")
+    tables = summary(condense([plan(), failed]), {})
+    assert [table.title for table in tables] == ["Alignment", "Cells without a result"]
+
+
+def test_cells_say_what_was_planned_only_where_something_was():
+    groups = condense([result(), plan("raw", value=-2.5), plan("slow", status="timeout", reason="late")])
+    table = cells_table(row for group in groups for row in group.rows)
+    assert [column.title for column in table.columns[-2:]] == ["maximised", "grid_value"]
+    assert [row[-2:] for row in table.rows] == [(None, None), ("reward", -2.5), (None, None)]
+    assert "maximised" not in to_csv(cells_table(condense([result()])[0].rows))
+
+
+def test_infinite_robustness_has_a_row():
+    results = [result(seed=seed, robustness=(float("inf"),)) for seed in range(2)]
+    table = robustness_table(condense(results), Known())
+    assert cell(table, "mean robustness") == float("inf")
+    assert cell(table, "median 95 % interval") is None
+
+
 def test_cells_have_all_numbers_in_full():
     results = [result(robustness=(0.1, 0.2)), result(seed=1, status="raised", reason="ValueError: no")]
     table = cells_table(row for group in condense(results) for row in group.rows)
@@ -241,3 +336,9 @@ def test_cells_have_all_numbers_in_full():
     assert (cell(table, "robustness_min"), cell(table, "selected_steps"), cell(table, "seed")) == (0.1, 2000, 0)
     assert (cell(table, "status", 1), cell(table, "reason", 1)) == ("raised", "ValueError: no")
     assert cell(table, "robustness_mean", 1) is None
+
+
+def test_no_value_of_a_single_start_is_kept():
+    (group,) = condense(result(seed=seed, robustness=(0.5,) * 1000) for seed in range(20))
+    assert len(group.rows) == 20
+    assert max(len(pickle.dumps(row)) for row in group.rows) < 2000

@@ -21,17 +21,27 @@ BOX = {"x": (-1.0, 1.0), "y": (-1.0, 1.0), "z": (0.0, 3.0)}
         ("norm(x - 0.25, y - 0.25) <= 0.5", 0.5 - 1.25 * math.sqrt(2), 0.5),
         ("norminf(x - y, z) <= 1", -2, 1),
         ("abs(x) <= 0.05 & abs(y) <= 0.05", -0.95, 0.05),
+        ("x >= 0 | y >= 0.5", -1, 1),
+        ("x >= 0 -> y >= 0.5", -1, 1),
         ("!z <= 1", -1, 2),
         ("x ** 3 - x >= 0", -2 / 3**1.5, 2 / 3**1.5),
         ("x ** 2 * y >= 0", -1, 1),
+        ("x * x >= 0", 0, 1),
+        ("x - x >= 0", 0, 0),
         ("x * x - 2 * x * y + y * y >= 0", 0, 4),
+        ("x * (1 - x) >= 0", -2, 0.25),
         ("1 / (2 + x) >= y", 1 / 3 - 1, 2),
         ("sqrt(1 - x * x) >= y", -1, 2),
+        ("sqrt(x * x - 2 * x * y + y * y) <= 1", -1, 1),
         ("sin(4 * x) >= cos(z)", -2, 1 - math.cos(3)),
         ("exp(-x) * y >= 0", -math.e, math.e),
+        ("tan(x) >= y", -math.tan(1) - 1, math.tan(1) + 1),
         ("log(2 + x) <= z", -math.log(3), 3),
+        ("tanh(x) * tanh(x) >= 0", 0, math.tanh(1) ** 2),
         ("atan2(y, x + 2) >= 0", -math.pi / 4, math.pi / 4),
+        ("atan2(x, y) <= 0", -math.pi, math.pi),
         ("x ** 1000001 >= 0", -1, 1),
+        ("min(x, y) >= 0 & max(x, 0.5) <= 2", -1, 1),
         ("1 <= 2", 1, 1),
         ("True", math.inf, math.inf),
     ],
@@ -104,18 +114,32 @@ def test_work_is_bounded_and_the_answer_sound(text: str) -> None:
     assert proven.low <= values.min() <= values.max() <= proven.high
 
 
+def test_a_degenerate_box_is_a_point() -> None:
+    proven = bounds(parse("x * y >= 1"), {"x": (2, 2), "y": (3, 3)})
+    assert (proven.low, proven.high) == pytest.approx((5, 5), abs=1e-12)
+
+
+def test_usual_predicates_take_few_boxes() -> None:
+    psi = parse("norm(x - 0.25, y - 0.25) <= 0.5 & abs(z) <= 2")
+    assert bounds(psi, BOX, nodes=1000) == bounds(psi, BOX)
+
+
 @pytest.mark.parametrize(
     "text",
     [
         "sqrt(x) >= 0",
         "sqrt(abs(x) - y * y) >= 0",
+        "1 / x >= 0",
         "1 / (x * x + y) >= 1",
         "log(z) >= 0",
+        "log(x) >= 0 | z >= 0",
         "tan(z) >= 0",
+        "tan(3 * x + 2) >= 0",
         "sqrt(x + 0.9999999) >= 0",  # below 0 by less than the tolerance
         "sqrt((x - 0.3) ** 2 - 0.00000001) >= 0",  # and in a tiny part of the box
         "sqrt(log(z + 0.99999999)) >= 0",
         "sqrt(-1 - z) >= 0 & 1 / (-1 - z) <= 0",  # one argument, two domains
+        "1 / (-1 - z) <= 0 & sqrt(-1 - z) >= 0",
     ],
 )
 def test_a_domain_that_the_box_leaves_is_an_error(text: str) -> None:
@@ -148,3 +172,10 @@ def test_input_is_checked() -> None:
 def test_where_floats_have_no_margin_is_an_error_and_no_answer(psi: str) -> None:
     with pytest.raises(UndefinedError, match=r"has no value \(.* inf - inf\) where x = 1500"):
         bounds(parse(psi), {"x": (1000, 2000)})
+
+
+def test_a_masked_box_is_refused() -> None:
+    ends = np.ma.array([[0.0, 1.0]], mask=[[True, False]])
+    for box, names in ((ends, ["x"]), ({"x": ends[0]}, None)):
+        with pytest.raises(TypeError, match="masked array"):
+            bounds(parse("x >= 0"), box, names)

@@ -28,6 +28,11 @@ def test_start_and_end_are_when_psi_is_observed(text: str, start: int, end: int)
     assert term.formula == parse(text)
 
 
+def test_nested_conjunctions_are_flattened() -> None:
+    terms = fragment(parse("(F[0,1] x >= 0 & G[0,2] x >= 0) & (G[1,1] x >= 0 & F[0,3] x >= 0)"))
+    assert [(term.kind, term.b) for term in terms] == [("F", 1), ("G", 2), ("G", 1), ("F", 3)]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -35,15 +40,19 @@ def test_start_and_end_are_when_psi_is_observed(text: str, start: int, end: int)
             "x >= 0     U[0,3] y >= 1",
             r"until at column 12 is not in the funnel fragment: allowed is a conjunction of F",
         ),
+        ("F[0,3] (x >= 0 U[0,3] y >= 1)", "until at column 16 .*allowed is"),
         ("F[0,3] x >= 0 | G[0,3] y >= 1", "disjunction of temporal formulas at column 15 .*may stand inside psi"),
         ("F[0,3] x >= 0 -> G[0,3] y >= 1", "implication of temporal formulas at column 15"),
         ("F[0,3] x >= 0 & !G[0,3] y >= 1", "negation of a temporal formula at column 17 .*push it inwards"),
         ("x >= 0 & F[0,3] y >= 1", r"a formula without F or G at column 1 .*write G\[0,0\] \(x >= 0\)"),
+        ("True", "a formula without F or G at column 1 "),
         ("G[0,9] F[0,3] x >= 0", "F inside G at column 8 .*no single deadline"),
         ("G[0,9] G[0,3] x >= 0", r"G inside G at column 8 .*G\[a\+c,b\+d\] p"),
         ("F[0,9] F[0,3] x >= 0", r"F inside F at column 8 .*F\[a\+c,b\+d\] p"),
         ("F[0,9] G[0,3] F[0,1] x >= 0", "F inside G at column 15"),
+        ("F[0,9] G[0,3] G[0,1] x >= 0", "G inside G at column 15"),
         ("G[0,9] (F[0,1] x >= 0 & y >= 1)", "conjunction of temporal formulas inside G at column 23 .*one by one"),
+        ("F[0,9] (G[0,1] x >= 0 & y >= 1)", "conjunction of temporal formulas inside F at column 23 .*allowed is"),
         ("F[0,1] x >= 0 &\n  x >= 0 U[0,3] y >= 1", "until at line 2, column 10"),
     ],
 )

@@ -70,3 +70,9 @@ def test_a_trace_that_ends_before_the_operand() -> None:
     assert resolve_end(parse("G F[0,9] x >= 0"), 9) == parse("G[0,0] F[0,9] x >= 0")
     with pytest.raises(ValueError, match="G without an interval needs 10 samples, the trace has 9"):
         resolve_end(parse("G F[0,9] x >= 0"), 8)
+
+
+@pytest.mark.parametrize("ends", [(1, END), (0, 2**53 + 1), (0, END + 1)])
+def test_ends_beyond_all_intervals_are_refused(ends: tuple[int, int]) -> None:
+    with pytest.raises(ValueError, match="ends at step 9007199254740992 or before"):
+        Always(*ends, parse("x >= 0"))

@@ -89,10 +89,15 @@ def test_what_is_accepted_works_everywhere(text: str) -> None:
     [
         "(" * 5000 + "x >= 1" + ")" * 5000,
         "!" * 5000 + "x >= 1",
+        "-" * 5000 + "x >= 1",
         "G[0,1] " * 5000 + "x >= 1",
+        "G " * 5000 + "x >= 1",
         " -> ".join(["x >= 1"] * 5000),
         " <-> ".join(["x >= 1"] * 5000),
+        " xor ".join(["x >= 1"] * 5000),
+        " U ".join(["x >= 1"] * 5000),
         " + ".join(["x"] * 5000) + " >= 1",
+        "abs(" * 5000 + "x" + ")" * 5000 + ">= 1",
     ],
 )
 def test_deep_nesting_is_a_syntax_error(text: str) -> None:
@@ -145,12 +150,17 @@ LONG = "x" * 50_000
     "call",
     [
         lambda: parse(f"{LONG} {LONG} >= 0"),
+        lambda: parse(f"x >= 0 & {LONG}(x) >= 0"),
+        lambda: parse(f"G[0,1.{'5' * 50_000}] x >= 0"),
         lambda: parse(f"x >= 0 & ({LONG} >= 0"),
         lambda: fragment(parse(f"{LONG} >= 0 & True")),
         lambda: robustness(parse(f"{LONG} >= 0"), TRACE, ["x"]),
         lambda: robustness(parse("y >= 0"), np.zeros((1, 5000)), [f"x{i}" for i in range(5000)]),
         lambda: robustness(parse(f"sqrt({LONG} - 1) >= 0"), [[0.0]], [LONG]),
+        lambda: Monitor(parse(f"sqrt({LONG} - 1) >= 0"), [LONG]).update([0.0]),
+        lambda: BatchMonitor(parse(f"sqrt({LONG} - 1) >= 0"), [LONG], 1).update([[0.0]]),
         lambda: robustness(f"{LONG} >= 0", TRACE, ["x"]),  # type: ignore[arg-type]
+        lambda: parse(b"x" * 50_000),  # type: ignore[arg-type]
         lambda: margin(parse(f"G[0,1] {LONG} >= 0"), [LONG]),
         lambda: Not(LONG),  # type: ignore[arg-type]
     ],

@@ -28,6 +28,11 @@ def test_by_hand(text: str, pushed: str) -> None:
     assert str(stl.negations_inside(stl.parse(text))) == pushed
 
 
+def test_to_predicates() -> None:
+    formula = stl.parse("!(F[0,2] (x >= 1 & !(y <= 1 -> x <= 2)))")
+    assert str(stl.negations_inside(formula, to_predicates=True)) == "G[0,2] (!x >= 1 | !y <= 1 | x <= 2)"
+
+
 @given(formulas(LIPSCHITZ), SEEDS)
 def test_values_and_verdicts_stay(formula: stl.Formula, seed: int) -> None:
     samples = traces(stl.horizon(formula) + 2, seed, (3,))

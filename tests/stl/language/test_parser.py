@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,12 @@ def test_letters_are_operators_only_before_a_bracket() -> None:
     assert parse("G[0,1] F >= U") == Always(0, 1, Predicate(">=", Signal("F"), Signal("U")))
 
 
+def test_constants() -> None:
+    assert parse("x >= pi") == Predicate(">=", Signal("x"), Number(math.pi))
+    assert parse("x >= .5e1") == Predicate(">=", Signal("x"), Number(5))
+    assert parse("False") == Not(TrueFormula())
+
+
 def test_seconds_become_steps() -> None:
     assert parse("F[0.3,2] x >= 1", dt=0.1) == parse("F[3,20] x >= 1")
     assert parse("F[0.3,2] x >= 1", dt=np.float64(0.1)) == parse("F[3,20] x >= 1")
@@ -87,6 +95,13 @@ def test_interval_ends_are_never_rounded(text: str, dt: float | None, found: str
     with pytest.raises(StlSyntaxError, match="expected a whole number of steps") as caught:
         parse(text, dt=dt)
     assert f"but found {found}" in str(caught.value)
+
+
+def test_intervals_of_hardly_any_length() -> None:
+    for text in ("G[0,1e-300] x >= 1", "G[0,1e-99999] x >= 1", "G[0,1e-99999999999999999999] x >= 1"):
+        with pytest.raises(StlSyntaxError, match=r"a whole number of steps|at least 1e-300"):
+            parse(text)
+    assert parse("G[0e-99,0.0] x >= 1") == parse("G[0,0] x >= 1")
 
 
 def test_intervals_of_many_steps() -> None:

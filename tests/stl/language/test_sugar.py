@@ -30,6 +30,7 @@ from stlbench.stl import (
     release,
     resolve_end,
     robustness,
+    robustness_trace,
     satisfied,
     signals,
     weak_until,
@@ -164,3 +165,16 @@ def test_law(name: str, law: Any, p: Formula, q: Formula, r: Formula, ends: tupl
     batch = traces(1 + max(horizon(left), horizon(right)), seed, (10,))
     np.testing.assert_array_equal(robustness(left, batch, NAMES), robustness(right, batch, NAMES))
     np.testing.assert_array_equal(satisfied(left, batch, NAMES), satisfied(right, batch, NAMES))
+
+
+def test_a_run_by_hand() -> None:
+    trace = [[3.0, -1.0], [2.0, -2.0], [-1.0, 4.0], [5.0, -6.0]]
+    names = ["p", "q"]
+    # min(max(-p, q), max(-q, p))
+    assert robustness_trace(parse("p >= 0 <-> q >= 0"), trace, names).tolist() == [-1, -2, -1, -5]
+    assert robustness_trace(parse("p >= 0 xor q >= 0"), trace, names).tolist() == [1, 2, 1, 5]
+    # t' = 1: max(q, p over 0) = 3; t' = 2: max(4, 3, 2) = 4; t' = 3: max(-6, 3, 2, -1) = 3
+    assert robustness(parse("p >= 0 R[1,3] q >= 0"), trace, names) == 3
+    # until: t' = 2: min(4, 3, 2) = 2; t' = 0: -1
+    assert robustness(parse("p >= 0 W[0,3] q >= 0"), trace, names) == 2
+    assert robustness(parse("p >= 0 W[0,1] q >= 0"), trace, names) == 2  # p all the way, at 3 and 2

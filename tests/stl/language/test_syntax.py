@@ -25,6 +25,7 @@ from stlbench.stl import (
     TrueFormula,
     Until,
     horizon,
+    is_temporal,
     parse,
     signals,
 )
@@ -60,6 +61,10 @@ def test_position_does_not_count_in_comparisons() -> None:
     assert "position" not in repr(parse("x <= 1"))
 
 
+def test_conjunctions_flatten() -> None:
+    assert And((And((P, Q)), P)) == And((P, Q, P)) == parse("(x <= 1 & y > 0.5) & x <= 1")
+
+
 def test_values_are_frozen_and_survive_pickling() -> None:
     with pytest.raises(AttributeError):
         P.op = "<"  # type: ignore[misc]
@@ -70,7 +75,9 @@ def test_values_are_frozen_and_survive_pickling() -> None:
     ("build", "message"),
     [
         (lambda: Predicate("==", X, Y), "equality of reals has no robustness"),
+        (lambda: Predicate("!=", X, Y), "equality of reals has no robustness"),
         (lambda: Always(3, 1, P), r"0 <= a <= b, got \[3,1\]"),
+        (lambda: Always(-1, 1, P), "0 <= a <= b"),
         (
             lambda: Always(0.5, 1, P),  # type: ignore[arg-type]
             "whole ends",
@@ -81,7 +88,9 @@ def test_values_are_frozen_and_survive_pickling() -> None:
         (lambda: Number(float("inf")), "finite"),
         (lambda: Binary("%", X, Y), "no arithmetic operator"),
         (lambda: Binary("**", X, Y), "whole number"),
+        (lambda: Call("cosh", (X,)), "no function 'cosh'"),
         (lambda: Call("sqrt", (X, Y)), "one argument"),
+        (lambda: Call("min", ()), "one or more"),
         (lambda: And((P,)), "two or more"),
     ],
 )
@@ -112,9 +121,19 @@ def test_signals_in_order_of_first_appearance() -> None:
     assert signals(parse("True")) == ()
 
 
+def test_is_temporal_counts_operators_not_lengths() -> None:
+    assert is_temporal(parse("G[0,0] x <= 1"))
+    assert not is_temporal(parse("x <= 1 -> !y > 2"))
+
+
 def test_a_formula_from_another_process_hashes_as_here() -> None:
     code = "import pickle, sys; from stlbench.stl import parse; f = parse('F[0,3] x >= 1'); hash(f); "
     code += "sys.stdout.buffer.write(pickle.dumps(f))"
     environment = {**os.environ, "PYTHONHASHSEED": "7"}
     sent = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, env=environment).stdout
     assert {parse("F[0,3] x >= 1"): "found"}[pickle.loads(sent)] == "found"
+
+
+def test_nodes_of_different_kinds_hash_apart() -> None:
+    nodes = [Always(0, 3, P), Until(0, 3, P, P), Not(P), parse("F[0,3] x <= 1"), And((P, Q)), Or((P, Q))]
+    assert len({hash(node) for node in nodes}) == len(nodes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -291,3 +292,20 @@ def test_few_arrays_are_alive_however_long_the_formula() -> None:
 
 
 # --- what is no formula, and what is no sample
+
+
+@pytest.mark.parametrize("compile_", [margin, holds])
+@pytest.mark.parametrize("psi", ["x >= 0", b"x >= 0", None, Signal("x")])
+def test_text_is_no_formula(compile_: Any, psi: Any) -> None:
+    with pytest.raises(TypeError, match="expected a formula, got"):
+        compile_(psi, ["x"])
+
+
+@pytest.mark.parametrize("text", ["x >= 0", "1 <= 2"])
+def test_samples_without_a_mask(text: str) -> None:
+    h = margin(parse(text), ["x"])
+    with pytest.raises(TypeError, match="masked array"):
+        h(np.ma.masked_array([[1.0], [2.0]], mask=[[False], [True]]))  # type: ignore[no-untyped-call]
+    assert h([[1.0], [2.0]]).shape == (2,)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="names is a sequence"):
+        margin(parse(text), "x")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from helpers.generated_formulas import NAMES, PREDICATES, SEEDS, traces
@@ -58,6 +60,21 @@ def test_is_pure() -> None:
     assert samples.tolist() == [[1.0, 2.0]]
 
 
+def test_float32_stays_float32() -> None:
+    samples: Any = np.ones((4, 2), dtype=np.float32)
+    assert margin(parse("norm(x - 0.5, y) <= 2 & y >= 0"), ["x", "y"])(samples).dtype == np.float32
+
+
+def test_unknown_signal() -> None:
+    with pytest.raises(UnknownSignalError, match="formula uses signal 'z'; the trace has x, y"):
+        margin(parse("z >= 0"), ["x", "y"])
+
+
+def test_temporal_formulas_are_refused() -> None:
+    with pytest.raises(ValueError, match="without temporal operators"):
+        margin(parse("G[0,1] x >= 0"), ["x"])
+
+
 class TestValues:
     """Arithmetic alone, as an environment's signals are written."""
 
@@ -66,6 +83,11 @@ class TestValues:
         found = values(nodes, ["x", "y"])(np.array([[3.0, 3.0], [-1.0, 0.0]]))
         expected = [[np.pi / 4, 2, 1, np.pi - 9], [np.pi, 2, np.nan, np.pi - 1]]
         np.testing.assert_allclose(found, expected, rtol=1e-14)
+
+    @pytest.mark.parametrize("shape", [(), (5,), (0,), (3, 4)])
+    def test_shapes_follow_the_batch(self, shape: tuple[int, ...]) -> None:
+        both = values([parse_expression("x"), parse_expression("1")], ["x"])
+        assert both(np.ones((*shape, 1))).shape == (*shape, 2)
 
     @settings(max_examples=50)
     @given(PREDICATES, SEEDS)

@@ -66,6 +66,16 @@ def test_summaries_grow_value_by_value(name: str, values: np.ndarray) -> None:
     assert fold.read(summary) == pytest.approx(fold(values), abs=1e-12)
 
 
+@each
+def test_none_and_many(name: str) -> None:
+    fold = FOLDS[name]
+    assert fold.read(np.full(fold.size, fold.empty)) == math.inf
+    assert fold.mirrored().read(np.full(fold.size, fold.empty)) == -math.inf
+    once = fold.lift(np.array([0.5, -0.25]))
+    assert fold.read(fold.repeat(once, [4, 4])) == pytest.approx(fold(np.tile([[0.5], [-0.25]], 4)))
+    assert fold.read(fold.repeat(once, [0, 0])).tolist() == [math.inf, math.inf]
+
+
 @pytest.mark.parametrize("name", SOUND)
 @given(values=values)
 def test_the_sign_is_that_of_the_least(name: str, values: np.ndarray) -> None:
@@ -98,6 +108,18 @@ def test_gilpins_two_are_never_above_the_true_ones(values: np.ndarray, sharpness
     for value, exact in ((both.least(values), values.min()), (both.greatest(values), values.max())):
         assert exact - most - 1e-9 <= value <= exact + 1e-9
         assert value <= 0 or exact > 0
+
+
+@given(values=values, sharpness=st.sampled_from([1.0, 10.0, 300.0]))
+def test_log_sum_exp_is_within_its_bound(values: np.ndarray, sharpness: float) -> None:
+    value = stl.semantics("lse", sharpness).least(values)
+    assert values.min() - math.log(len(values)) / sharpness - 1e-9 <= value <= values.min() + 1e-9
+
+
+@pytest.mark.parametrize("name", ["classic", "agm", "weighted"])
+@given(value=st.integers(-16, 16).map(lambda n: n / 16), count=st.integers(1, 40))
+def test_equal_values_give_themselves(name: str, value: float, count: int) -> None:
+    assert FOLDS[name](np.full(count, value)) == pytest.approx(value, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", sorted(FOLDS.keys() - {"weighted"}))  # a weighted mean can fall as a value rises

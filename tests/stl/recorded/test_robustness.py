@@ -74,6 +74,12 @@ def test_at_margin_zero_the_comparison_decides() -> None:
         assert satisfied(parse(text), trace, ["x"]) == verdict
 
 
+def test_a_comparison_with_the_strongest_operators() -> None:
+    psi = parse("norm(x - 1, y) <= 2 & norminf(x, y) < 3 & min(x, y) >= -1 & max(x, 2) <= 4 & x / 2 - y ** 2 >= -1")
+    value = robustness(psi, [[1.0, 1.5]], ["x", "y"])
+    assert value == min(2 - 1.5, 3 - 1.5, 1 + 1, 4 - 2, 0.5 - 2.25 + 1)
+
+
 @quick
 @given(formulas(longest=4), SEEDS)
 def test_equals_the_definition(formula: Formula, seed: int) -> None:
@@ -146,6 +152,11 @@ def test_interval_trace_closes_as_the_future_becomes_known() -> None:
     assert upper.tolist() == [1, 2, 2]
 
 
+def test_interval_of_no_samples_is_what_the_formula_alone_says() -> None:
+    lower, upper = robustness_bounds(parse("G[0,2] (True | x >= 0)"), np.empty((0, 1)), ["x"])
+    assert (lower.item(), upper.item()) == (math.inf, math.inf)
+
+
 def test_huge_intervals_cost_no_memory_on_short_traces() -> None:
     formula = parse("G[0,1000000000000] F[5,2000000000000] x >= 0 & (x >= 0 U[3,1000000000000] x >= 1)")
     assert robustness(formula, X, ["x"], "clip") == -math.inf
@@ -171,6 +182,16 @@ def test_short_trace_is_an_error() -> None:
 def test_shapes_and_names_are_checked(trace: Any, names: list[str], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         robustness(parse("x >= 0"), trace, names)
+
+
+def test_policy_is_checked() -> None:
+    with pytest.raises(ValueError, match="'strict' or 'clip', got 'lenient'"):
+        robustness(parse("x >= 0"), X, ["x"], "lenient")  # type: ignore[arg-type]
+
+
+def test_integer_and_strided_traces_are_read() -> None:
+    trace = np.arange(40).reshape(10, 4)[::-1, ::2]
+    assert robustness(parse("G[0,9] y - x <= 2"), trace, ["x", "y"]) == 0
 
 
 def working_set(batch: NDArray[np.float64]) -> int:

@@ -24,6 +24,7 @@ from stlbench.stl import (
     Or,
     Predicate,
     Release,
+    ShortTraceError,
     Since,
     TrueFormula,
     Until,
@@ -145,3 +146,9 @@ def test_the_future_stays_open() -> None:
     assert robustness_bounds(parse("G x >= 0"), X, ["x"]) == (-math.inf, -2)
     assert robustness_bounds(parse("F x >= 0"), X, ["x"]) == (4, math.inf)
     assert robustness_bounds(parse("G F x >= 0"), X, ["x"]) == (-math.inf, math.inf)
+
+
+def test_one_step_at_least_is_needed() -> None:
+    with pytest.raises(ShortTraceError, match="needs 6 samples, got 5"):
+        robustness(parse("G F[0,5] x >= 0"), X, ["x"])
+    assert robustness(parse("G F[0,4] x >= 0"), X, ["x"]) == 4

@@ -117,6 +117,13 @@ def test_every_step_is_read_for_a_full_trace(evaluator: Any) -> None:
     evaluator(parse("G[1,2] x >= 0"), trace_with(0, 0), ["x", "y"])
 
 
+def test_the_cause_is_not_a_nan_that_is_not_read() -> None:
+    trace = np.array([[math.nan, 1.0], [-1.0, 1.0]])
+    for evaluate in FIRST.values():
+        with pytest.raises(UndefinedError, match=r"has no value .* at sample 1"):
+            evaluate(parse("G[1,1] sqrt(x) >= 0"), trace, ["x", "y"])
+
+
 def test_the_trace_of_a_batch_is_named() -> None:
     batch = np.ones((70, 1001, 1))  # more samples than are evaluated together
     batch[69, 7] = math.nan

@@ -44,14 +44,19 @@ def found_or_skipped(formula: Formula, trace: NDArray[np.float64]) -> Witness:
     [
         ("x >= 1", "x >= 1", 0, 2),
         ("!x >= 1", "x >= 1", 0, -2),
+        ("G[0,4] x >= 0", "x >= 0", 2, -2),
         ("F[0,4] x >= 0", "x >= 0", 3, 4),
         ("F[1,2] x >= 0", "x >= 0", 1, 1),
+        ("F[0,3] G[0,1] x >= 0", "x >= 0", 1, 1),  # min(3, 1) at 0, -2 at 1 and 2, min(4, 0) at 3
         ("x >= 0 U[0,3] x >= 4", "x >= 4", 0, -1),
         ("x >= 1 U[3,3] x >= 3", "x >= 1", 2, -3),  # the goal is met by 1 at step 3, x >= 1 is lost at step 2
+        ("x >= -5 U[0,3] x >= 3.5", "x >= 3.5", 3, 0.5),
         ("x >= 5 -> x >= 9", "x >= 5", 0, 2),  # vacuous
         ("x >= 1 -> x >= 9", "x >= 1", 0, -2),
+        ("G x >= -1 & F[0,1] x >= 3.5", "x >= -1", 2, -1),
         ("G[3,4] O[1,2] x >= 0", "x >= 0", 1, 1),  # at 3: max(-2, 1), at 4: max(4, -2)
         ("F[2,2] H x >= 0", "x >= 0", 2, -2),
+        ("F[3,3] (x >= 0 S[0,3] x >= 2)", "x >= 2", 3, 2),
         ("F[2,2] (x >= 0 S[1,2] x >= 0)", "x >= 0", 2, -2),
         ("x >= 2 R[0,2] x >= 0", "x >= 0", 1, 1),  # 3, max(1, 1), and max(-2, 1)
         ("x >= 1 R[0,2] x >= 0", "x >= 1", 0, 2),  # 3, max(1, 2), and max(-2, 2)
@@ -77,6 +82,11 @@ def test_the_path_and_the_conjunct() -> None:
     assert (found.margin, found.sign, found.robustness) == (2, -1, -2)
 
 
+def test_where_there_is_no_conjunction_the_conjunct_is_the_formula() -> None:
+    formula = parse("G[0,2] (x >= 0 & x <= 9)")
+    assert witness(formula, X, ["x"]).conjunct == formula
+
+
 def test_of_equals_the_first() -> None:
     trace = [[1.0, 1.0], [1.0, 1.0], [2.0, 2.0]]
     found = witness(parse("G[0,2] (y >= 0 & x >= 0)"), trace, ["x", "y"])
@@ -87,6 +97,11 @@ def test_at_zero_it_is_one_that_decides() -> None:
     """Both operands have the margin 0, and only the second is violated."""
     found = witness(parse("x >= 0 & x > 0"), [[0.0]], ["x"])
     assert (str(found.predicate), found.robustness) == ("x > 0", 0)
+
+
+def test_true_has_the_margin_inf() -> None:
+    found = witness(parse("False"), X, ["x"])
+    assert (str(found.predicate), found.margin, found.robustness) == ("True", np.inf, -np.inf)
 
 
 @quick

@@ -26,6 +26,7 @@ from stlbench.stl import (
     parse,
     satisfied,
 )
+from stlbench.stl.running.batch import SlidingLeast
 from stlbench.stl.running.tree import last_step
 
 PSI = pointwise(LIPSCHITZ)
@@ -65,6 +66,15 @@ def test_a_run_by_hand() -> None:
     now = monitor.update([[1.0], [-9.0]])
     assert (now.lower.tolist(), now.upper.tolist()) == ([1, -math.inf], [1, math.inf])
     assert (now.certainly.tolist(), now.possibly.tolist()) == ([True, False], [True, True])
+
+
+def test_long_windows_slide() -> None:
+    values = np.random.default_rng(0).normal(size=(400, 3))
+    sliding = SlidingLeast(3, 37)
+    for t, row in enumerate(values):
+        least = sliding.step(row)
+        if t >= 36:
+            np.testing.assert_array_equal(least, values[t - 36 : t + 1].min(axis=0))
 
 
 def test_earlier_answers_do_not_change() -> None:

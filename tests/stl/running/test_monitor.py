@@ -120,6 +120,21 @@ def test_a_margin_of_zero_keeps_its_side_through_every_operator() -> None:
         assert Monitor(parse(text), ["x"]).update([0.0]) == Interval(0.0, 0.0, verdict), text
 
 
+def test_fragment_formulas_keep_no_samples() -> None:
+    monitor = Monitor(parse("F[0,9] x >= 0 & G[0,9] x >= 0 & F[0,9] G[3,700] x >= 0"), ["x"])
+    assert not any(name.startswith("samples") for name in vars(monitor._state))
+    for x in np.random.default_rng(0).normal(size=600):
+        monitor.update([x])
+    assert len(vars(monitor._state)["queue2"]) < 40  # records of a random sequence: about its logarithm
+
+
+def test_general_formulas_keep_at_most_the_horizon() -> None:
+    monitor = Monitor(parse("F[0,2] (x >= 0 U[0,3] x >= 1)"), ["x"])
+    for _ in range(50):
+        monitor.update([0.5])
+    assert vars(monitor._state)["samples0"].rows.shape[1] <= 2 * 6 + 2
+
+
 NESTED = [
     "G[0,30] (x >= 0 -> F[0,4] y >= 0)",
     "G (x >= 0 -> F[1,4] y >= 0)",
@@ -172,6 +187,14 @@ def test_what_is_kept_does_not_grow_with_the_trace(text: str) -> None:
     assert kept(text, 300) == kept(text, 60) <= 40
 
 
+def test_what_overflows_is_infinite_as_in_arrays() -> None:
+    trace = np.array([[0.0], [1.0]])
+    formula = parse("G[0,1] exp(1000 * x) >= 1")
+    monitor = Monitor(formula, ["x"])
+    monitor.update(trace[0])
+    assert monitor.update(trace[1]).lower == robustness(formula, trace, ["x"]) == 0
+
+
 def test_samples_of_any_kind_are_read_alike() -> None:
     formula = parse("x >= y")
     samples = [
@@ -185,6 +208,13 @@ def test_samples_of_any_kind_are_read_alike() -> None:
     for sample in samples:
         assert Monitor(formula, ["x", "y"]).update(sample) == Interval(2.0, 2.0, True)
     assert Monitor(formula, ["x", "y"]).update([math.inf, -math.inf]) == Interval(math.inf, math.inf, True)
+
+
+def test_the_samples_are_not_kept_by_reference() -> None:
+    monitor, sample = Monitor(parse("F[0,2] (x >= 0 U[0,3] x >= 1)"), ["x"]), [2.0]
+    monitor.update(sample)
+    sample[0] = -5.0
+    assert monitor.update(sample).lower == 1.0
 
 
 def test_a_copy_is_a_fork() -> None:

@@ -151,3 +151,8 @@ def test_what_is_not_read_may_be_anything_but_the_length_counts() -> None:
             monitor.update(sample)
     assert monitor.steps == 2
     assert monitor.update([1, 2]) == monitor.update("after the end") == (1.0, 1.0, True)  # type: ignore[arg-type]
+
+
+def test_integers_are_counted_as_floats() -> None:
+    huge = 2**53 + 1
+    assert Monitor(parse("x - y >= 0"), ["x", "y"]).update((huge, huge - 1)).lower == 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from typing import Any
 
 import numpy as np
@@ -133,6 +134,11 @@ class TestRestart:
         assert monitor.steps.tolist() == [0, 1, 0]
         assert monitor.update([[9.0]] * 3).upper.tolist() == [9, 2, 9]
 
+    def test_one(self) -> None:
+        monitor = self.monitor()
+        monitor.restart(1)
+        assert monitor.steps.tolist() == [1, 0, 1]
+
     @pytest.mark.parametrize("wrong", [[True], [True] * 4, [3], [-1], [0.0], [[True] * 3], "0", [[0]]])
     def test_what_is_no_choice_is_refused(self, wrong: Any) -> None:
         monitor = self.monitor()
@@ -157,3 +163,15 @@ class TestWhatIsNoFormula:
     def test_text_gets_a_hint(self) -> None:
         with pytest.raises(TypeError, match=r"expected a formula, got str 'x >= 0'; parse\(text\) makes one"):
             robustness("x >= 0", [[1.0]], ["x"])  # type: ignore[arg-type]
+
+    def test_names_are_no_single_text(self) -> None:
+        for call in (lambda: Monitor(parse("x >= 0"), "xy"), lambda: robustness(parse("x >= 0"), [[1.0, 2.0]], "xy")):
+            with pytest.raises(TypeError, match=r"names is a sequence of signal names, got one text; write \['xy'\]"):
+                call()
+
+
+def test_nan_where_nothing_is_read_is_no_matter() -> None:
+    monitor = Monitor(parse("G[1,1] x >= 0"), ["x", "y"])
+    for sample in ([math.nan, 1.0], [2.0, math.nan], [math.nan, math.nan]):
+        now = monitor.update(sample)
+    assert now.lower == now.upper == 2.0
