@@ -55,8 +55,7 @@ def test_in_a_pipe_tables_are_as_wide_as_columns_says(monkeypatch, said, wide):
     ("words", "message"),
     [
         (["rnu"], "error: No such command 'rnu'. Did you mean 'run'? (see 'stlbench --help')\n"),
-        (["show", "task"], "error: Missing argument 'TASK'. (see 'stlbench show task --help')
-"),
+        (["show", "task"], "error: Missing argument 'TASK'. (see 'stlbench show task --help')\n"),
     ],
 )
 def test_wrong_words_are_one_line_on_stderr(say, words, message):

@@ -120,7 +120,6 @@ class TestMessages:
                 {"robots": {"a": ["v"], "b": ["v"]}},
                 "robots: together they have v, v; they should have each of v once, in this order",
             ),
-            ({"agents": {}}, "agents: should not be empty"),
             (
                 {"hold": 4, "budgets": {"smoke": {"steps": 41}}},
                 "budgets.smoke: 41 steps are no multiple of hold = 4, the steps of a decision; the nearest is 40",
