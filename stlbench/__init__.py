@@ -4,10 +4,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from stlbench.rollout.gymnasium.wrap import wrap
+    from stlbench.solver.run import solve
+    from stlbench.solver.solution import Solution
     from stlbench.study.results import Results
     from stlbench.study.run import run_study
 
-__all__ = ["DISTRIBUTION", "Results", "__version__", "run_study", "wrap"]
+__all__ = ["DISTRIBUTION", "Results", "Solution", "__version__", "run_study", "solve", "wrap"]
 
 __version__ = "0.1.0"
 
@@ -16,7 +18,9 @@ DISTRIBUTION = "stlbench-rl"
 
 _HOMES = {
     "Results": "stlbench.study.results",
+    "Solution": "stlbench.solver.solution",
     "run_study": "stlbench.study.run",
+    "solve": "stlbench.solver.run",
     "wrap": "stlbench.rollout.gymnasium.wrap",
 }
 

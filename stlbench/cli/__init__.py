@@ -25,6 +25,7 @@ from stlbench.cli.run import plan, run
 from stlbench.cli.score import score
 from stlbench.cli.show import app as show
 from stlbench.cli.show import list_plugins
+from stlbench.cli.solve import solve
 from stlbench.cli.tune import tune
 from stlbench.cli.verify import bundle, verify
 from stlbench.cli.watch import watch
@@ -41,6 +42,9 @@ app = typer.Typer(
 TRAIN, LOOK, POLICIES, SHARE, DEVELOP = "Train", "Look", "Policies", "Share", "Develop"
 """The groups of commands, as `stlbench --help` has them."""
 
+app.command("solve", rich_help_panel=TRAIN, short_help="From an environment and a formula to a certified policy.")(
+    solve
+)
 app.command("run", rich_help_panel=TRAIN, short_help="Train and score methods on tasks, and compare them.")(run)
 app.command("plan", rich_help_panel=TRAIN, short_help="Plan, without training, what each reward of a task asks for.")(
     plan

@@ -20,9 +20,7 @@ from stlbench.cli.options import Budget, Which, declare
 from stlbench.errors import UsageError, one_line
 
 if TYPE_CHECKING:
-    from stlbench.records.result import Result
     from stlbench.search.actor import Actor
-    from stlbench.study.results import Results
 
 T = TypeVar("T")
 
@@ -125,32 +123,24 @@ class Chosen:
 
     def _stored(self) -> list[Actor]:
         """The policies of the named cells, or of all cells with one."""
+        from stlbench.search.actor import of_cell
         from stlbench.study.results import Results
 
         results = Results.load(self.results)
         if self.policies:
-            return [self._of_cell(results, results.cell(name, self.budget)) for name in self.policies]
+            return [of_cell(results.folder, results.cell(name, self.budget), self.which) for name in self.policies]
         actors: list[Actor] = []
         for result in results:
             stored = result.measurement is not None and result.measurement.policies is not None
             if stored and self.budget in (None, result.id.budget):
                 try:
-                    actors.append(self._of_cell(results, result))
+                    actors.append(of_cell(results.folder, result, self.which))
                 except UsageError as error:
                     warn(str(error))
         if not actors:
             rest = f" and the budget {self.budget}" if self.budget else ""
             raise UsageError(f"{self.results} has no cell with a stored policy that can be used{rest}")
         return actors
-
-    def _of_cell(self, results: Results, result: Result) -> Actor:
-        from stlbench.search.actor import foreign, of_policy
-
-        last = ["final"] if self.which == "final" else []
-        name, label = ", ".join([result.id.name, *last]), (*result.id.name.split("/"), result.id.budget, *last)
-        with foreign(name):
-            loaded = results.policy(result.id, which=self.which)
-        return of_policy(name, label, loaded.task, loaded.method, loaded.policy)
 
 
 def takes_actors(command: Callable[..., None]) -> Callable[..., None]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -57,26 +57,8 @@ def certify(
         claim.most,
         lambda actor, progress: search.certify(actor, claim, progress),
         _line,
-        lambda certificates: show(as_json, [_facts(one) for one in certificates], _text(certificates)),
+        lambda certificates: show(as_json, [one.facts for one in certificates], _text(certificates)),
     )
-
-
-def _facts(one: Certificate) -> dict[str, Any]:
-    return {
-        "certified": one.actor.name,
-        "confidence": one.claim.confidence,
-        "starts": one.starts,
-        "satisfied": one.satisfied,
-        "violated": one.violated,
-        "open": one.open,
-        "probability": one.satisfied / one.starts,
-        "low": one.interval.low,
-        "high": one.interval.high,
-        "at_least": one.claim.at_least,
-        "verdict": one.verdict,
-        "seed": one.claim.seed,
-        "cpu_seconds": one.cpu_seconds,
-    }
 
 
 def _text(certificates: list[Certificate]) -> Iterator[str | Table]:

@@ -165,6 +165,11 @@ class Measurement:
     def __post_init__(self) -> None:
         object.__setattr__(self, "extension", one_line(self.extension))
 
+    @property
+    def selection(self) -> CurvePoint:
+        """The selected checkpoint, scored on the starts for selection."""
+        return next(point for point in self.curve if point.steps == self.selected_steps)
+
 
 def numbers(measurement: Measurement) -> dict[str, Any]:
     """A measurement as flat columns: the one mapping for ledgers, tables, logs and the gate.

@@ -81,8 +81,10 @@ def task_of(value: Choice | str) -> Choice:
     return parse_task(value) if isinstance(value, str) else value
 
 
-def know(path: Path) -> FolderTask:
+def know(path: Path, *, instead: bool = False) -> FolderTask:
     """Make the task in a folder known to this process. Imports nothing of it.
+
+    With `instead`, it takes the place of a task of the same name in another folder.
 
     Raises `UsageError` if it has no task, or its name is no name, that of an installed task, or of another folder.
     """
@@ -91,7 +93,7 @@ def know(path: Path) -> FolderTask:
     known = plugins.available("tasks").get(folder.name)
     if known is not None and not isinstance(known, FolderTask):
         raise UsageError(f"{path}: the name '{folder.name}' is taken by {known}; rename the folder")
-    if known is not None and known.folder != folder and (known.folder / _FILE).is_file():
+    if not instead and known is not None and known.folder != folder and (known.folder / _FILE).is_file():
         raise UsageError(f"{path}: {known} has the same name; rename one of the folders")
     if known is not None and known.folder == folder:
         return known

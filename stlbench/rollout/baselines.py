@@ -71,7 +71,7 @@ def at_random(task: Task) -> Score:
     """The score of a policy that draws each action evenly from all: as the task file states, else measured."""
     if task.file.baselines is not None:
         return _stated(task, task.file.baselines.random)
-    return _score(task, _AtRandom(task))
+    return _score(task, AtRandom(task))
 
 
 def _stated(task: Task, baseline: Baseline) -> Score:
@@ -94,7 +94,9 @@ class _Constant(Policy):
         return self._action[which]
 
 
-class _AtRandom(Policy):
+class AtRandom(Policy):
+    """Draws each action evenly from all."""
+
     def __init__(self, task: Task) -> None:
         self._actions, self._generator = task.actions, np.random.default_rng(0)
 

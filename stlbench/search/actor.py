@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -12,10 +13,13 @@ import numpy as np
 from stlbench import stl
 from stlbench.contract import Array, Integers, Policy, RewardMethod, StatePolicy, Truth
 from stlbench.errors import UsageError, cause
+from stlbench.records.result import Result
+from stlbench.records.saved_policies import Which
 from stlbench.rollout import controller, referee
 from stlbench.rollout.early_ends import judge
 from stlbench.rollout.referee import at_once
 from stlbench.search.space import space_of
+from stlbench.study.policies import load_policy
 from stlbench.task.task import Task
 
 Verdict = Literal["violated", "open", "satisfied"]
@@ -85,6 +89,15 @@ def of_policy(
     name: str, label: tuple[str, ...], task: Task, method: RewardMethod, policy: Policy | StatePolicy
 ) -> Actor:
     return Actor(name, label, task, lambda starts: referee.record(task, method, policy, starts).traces)
+
+
+def of_cell(folder: Path, result: Result, which: Which = "selected") -> Actor:
+    """The stored policy of a cell in a folder of results."""
+    last = ["final"] if which == "final" else []
+    name, label = ", ".join([result.id.name, *last]), (*result.id.name.split("/"), result.id.budget, *last)
+    with foreign(name):
+        loaded = load_policy(folder, result, which)
+    return of_policy(name, label, loaded.task, loaded.method, loaded.policy)
 
 
 def of_controller(task: Task) -> Actor:

@@ -68,6 +68,25 @@ class Certificate:
         return self.starts - self.satisfied - self.open
 
     @property
+    def facts(self) -> dict[str, str | float | int | None]:
+        """As JSON has it."""
+        return {
+            "certified": self.actor.name,
+            "confidence": self.claim.confidence,
+            "starts": self.starts,
+            "satisfied": self.satisfied,
+            "violated": self.violated,
+            "open": self.open,
+            "probability": self.satisfied / self.starts,
+            "low": self.interval.low,
+            "high": self.interval.high,
+            "at_least": self.claim.at_least,
+            "verdict": self.verdict,
+            "seed": self.claim.seed,
+            "cpu_seconds": self.cpu_seconds,
+        }
+
+    @property
     def verdict(self) -> Verdict | None:
         """On `at_least`; None without it."""
         claimed = self.claim.at_least

@@ -105,7 +105,7 @@ def _source_of(text: str) -> Source:
 def load_function(text: str) -> Callable[..., Any]:
     """The function of a text `module:function`. The module may lie in the working directory. Raises `UsageError`."""
     module, _, name = text.partition(":")
-    _from_here()
+    from_here()
     try:
         loaded = importlib.import_module(module)
     except ModuleNotFoundError as error:
@@ -126,11 +126,11 @@ def load_function(text: str) -> Callable[..., Any]:
 
 def digest(text: str) -> str:
     """Of the source of the module and of what it imports from its own package."""
-    _from_here()
+    from_here()
     return fingerprint(text.partition(":")[0])
 
 
-def _from_here() -> None:
+def from_here() -> None:
     """A console script does not look for modules in the working directory, as `python -m` does."""
     here = str(Path.cwd())
     if here not in sys.path:

@@ -200,19 +200,12 @@ class _Search:
 
 def _ended(values: Values, results: Sequence[Result]) -> Trial:
     status = next((result.status for result in results if result.status != "done"), "done")
-    points = [_selected(result) for result in results if result.measurement]
+    points = [result.measurement.selection for result in results if result.measurement]
     if status != "done":
         return Trial(values, status)
-    satisfaction, robustness = (math.fsum(column) / len(points) for column in zip(*points, strict=True))
+    satisfaction = math.fsum(point.satisfaction for point in points) / len(points)
+    robustness = math.fsum(point.robustness_mean for point in points) / len(points)
     return Trial(values, status, satisfaction, robustness)
-
-
-def _selected(result: Result) -> tuple[float, float]:
-    """Satisfaction and robustness of the selected checkpoint, from the starts that are kept for selection."""
-    assert result.measurement is not None
-    steps = result.measurement.selected_steps
-    point = next(point for point in result.measurement.curve if point.steps == steps)
-    return point.satisfaction, point.robustness_mean
 
 
 def _optuna() -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from math import ceil, floor, log10, prod
 from typing import Any, TypeAlias
 
@@ -13,6 +13,7 @@ from gymnasium.spaces import Box, Dict, Space
 from stlbench.contract import Array, cause
 from stlbench.errors import UsageError
 from stlbench.task.gym_make import Gym, made
+from stlbench.task.gym_names import names_of
 from stlbench.task.gym_spaces import LARGE, Names, entries_of
 
 _STEPS, _SECONDS = 200, 0.05
@@ -32,11 +33,12 @@ _MOST = 500
 """Entries that a draft names. Of pictures, which have thousands, none has a meaning."""
 
 
-def sketch(identifier: str) -> dict[str, Any]:
+def sketch(identifier: str, keywords: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """The content of a `task.yaml` on an environment, with a formula that is there to be changed.
 
     Args:
         identifier: as `gymnasium.make` takes it.
+        keywords: what it is made with.
 
     Entries without ends get a scale, and signals on them a range, by the magnitudes that random actions show. Entries
     that these hardly move get a scale by the others.
@@ -45,8 +47,8 @@ def sketch(identifier: str) -> dict[str, Any]:
         UsageError: it cannot be made or played, or its observation is no array of numbers, nor a Dict of some, or has
             more numbers than anybody would name.
     """
-    env = made(identifier, {})
-    names, known = _entries(env.observation_space)
+    env = made(identifier, keywords or {})
+    names, known = _entries(env.observation_space, identifier)
     without = [name for name, pair in known.items() if None in pair]
     seen = _magnitudes(identifier, env, names) if without else {}
     scale = {name: seen[name] for name in without}
@@ -57,7 +59,10 @@ def sketch(identifier: str) -> dict[str, Any]:
     return {
         "title": f"A task on {identifier}",
         "source": identifier,
-        "environment": {"id": identifier, "names": names} | ({"scale": scale} if scale else {}),
+        "environment": {"id": identifier}
+        | ({"kwargs": dict(keywords)} if keywords else {})
+        | {"names": names}
+        | ({"scale": scale} if scale else {}),
         "formula": f"G[0,{steps}] {distance} <= {(high - low) / 4:g}",
         "sampling_time": round(_seconds(env), 6),
         "steps": steps,
@@ -79,7 +84,7 @@ def _completed(ends: _Ends, most: float) -> tuple[float, float]:
     return -most if low is None else low, most if high is None else high
 
 
-def _entries(space: Space[Any]) -> tuple[Names, dict[str, _Ends]]:
+def _entries(space: Space[Any], identifier: str) -> tuple[Names, dict[str, _Ends]]:
     """Names as a task file has them, and name -> ends."""
     whole = isinstance(space, Box)
     parts = {"o": space} if whole else dict(space.spaces) if isinstance(space, Dict) else {}
@@ -90,7 +95,8 @@ def _entries(space: Space[Any]) -> tuple[Names, dict[str, _Ends]]:
     if count > _MOST:
         by_hand = "write the task file by hand, with signals over entries of the info, or a class of GymTask"
         raise UsageError(f"its observation has {count} numbers, more than the {_MOST} that are named here; {by_hand}")
-    named = {key: _numbered(key, box) for key, box in boxes.items()}
+    documented = names_of(identifier, count) if whole else None
+    named = {key: documented or _numbered(key, box) for key, box in boxes.items()}
     ends = {name: pair for key, box in boxes.items() for name, pair in zip(named[key], _ends(box), strict=True)}
     return named["o"] if whole else named, ends
 

@@ -129,7 +129,7 @@ def test_what_has_no_ends_is_scaled_by_what_was_seen(tmp_path: Path) -> None:
     content = yaml.safe_load(text)
     scale, signals = content["environment"]["scale"], content["signals"]
     assert list(scale) == list(signals)
-    assert scale["o0"] == 2  # its height, 1.25 m
+    assert scale["z"] == 2  # its height, 1.25 m
     assert all((ends["low"], ends["high"]) == (-2 * scale[name], 2 * scale[name]) for name, ends in signals.items())
     new("task", "zz-again", "--into", tmp_path, "--environment", "Hopper-v5")
     assert (tmp_path / "zz-again" / "task.yaml").read_text() == text

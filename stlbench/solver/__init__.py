@@ -1,0 +1,1 @@
+"""From an environment and a formula to a certified policy: `stlbench solve`."""

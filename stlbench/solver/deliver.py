@@ -1,0 +1,211 @@
+"""The folder of a solution: certificate, counterexamples, policy, page, film, and a text that says what came of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stlbench.contract import GymTask
+from stlbench.errors import UsageError, one_line
+from stlbench.records import npz, stored
+from stlbench.records.outputs import write
+from stlbench.records.result import LEARNED, MAIN, Result
+from stlbench.records.saved_policies import read
+from stlbench.report import Report, condense
+from stlbench.report import write as write_report
+from stlbench.report.page import require, write_page
+from stlbench.rollout.standards import standards
+from stlbench.search.actor import Actor, of_cell
+from stlbench.search.certify import Claim, certify
+from stlbench.search.falsify import Falsification, How, falsify
+from stlbench.search.outputs import write as write_counterexample
+from stlbench.search.space import space_of
+from stlbench.share.onnx import export
+from stlbench.solver.problem import Posed, Problem
+from stlbench.solver.solution import CELLS, FILE
+from stlbench.study.filming import film_cell
+from stlbench.study.plugin_guard import ask, load_guarded
+from stlbench.study.policies import EVERY
+from stlbench.task.task import Task
+
+_SHARE = 0.05
+"""Of the time, for the episodes of the certificate, and as many for those of the search for a counterexample."""
+_MOST, _FEWEST = 1000, 100  # starts of the certificate
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """What is delivered of a final training."""
+
+    posed: Posed
+    problem: Problem
+    minutes: float
+    confidence: float
+    finals: Sequence[Result]
+    """Of the final training, the best first."""
+
+    @property
+    def best(self) -> Result:
+        """Chosen by the starts for selection."""
+        return self.finals[0]
+
+    @property
+    def folder(self) -> Path:
+        """Of everything."""
+        return self.posed.folder
+
+    def write(self) -> dict[str, Any]:
+        """Write all files; the facts of the certificate."""
+        actor, remarks = of_cell(self.folder / CELLS, self.best), list[str]()
+        facts = {"cell": self.best.id.name, "key": self.best.key} | self._certified(actor)
+        counterexample = self._attacked(actor)
+        for part in (self._policy, self._page, self._film):
+            try:
+                part()
+            except UsageError as error:
+                remarks.append(f"left out: {one_line(error)}")
+        write(self.folder / "solution.md", "\n".join(self._text(actor.task, facts, counterexample, remarks)) + "\n")
+        write(self.folder / FILE, json.dumps(facts, indent=1))
+        return facts
+
+    @property
+    def _starts(self) -> int:
+        return int(np.clip(60 * _SHARE * self.minutes / self.posed.episode_seconds, _FEWEST, _MOST))
+
+    def _certified(self, actor: Actor) -> dict[str, Any]:
+        """The facts of the certificate; of a task with a single start, whether it satisfies."""
+        space = space_of(actor.task)
+        if not space.single:
+            return dict(certify(actor, Claim(self.confidence, starts=self._starts)).facts)
+        satisfied = int(actor.play(space.draw(np.random.default_rng(0), 1)).satisfied[0])
+        return {"starts": 1, "satisfied": satisfied, "probability": float(satisfied), "low": None, "confidence": None}
+
+    def _attacked(self, actor: Actor) -> Falsification:
+        """The worst start of a search, written where it is a counterexample."""
+        found = falsify(actor, How(evaluations=self._starts))
+        if found.found:
+            write_counterexample(found, self.folder / "counterexample")
+        return found
+
+    def _policy(self) -> None:
+        cells = self.folder / CELLS
+        npz.write(self.folder / "policy.npz", read(cells, self.best, "selected"))
+        export(cells, self.best, "selected", self.folder / "policy.onnx")
+
+    def _page(self) -> None:
+        """The page, or without its package the tables and figures as files."""
+        cells = self.folder / CELLS
+        groups = condense(stored.read(cells))
+        report = Report(groups, standards((group.setting for group in groups), ask))
+        try:
+            require()
+        except UsageError:
+            write_report(report, cells, load_guarded)
+            raise
+        with stored.one_by_one(cells) as results:
+            write_page(report, results, cells, load_guarded, ask, self.folder / "page.html")
+
+    def _film(self) -> None:
+        filmed = film_cell(self.folder / CELLS, self.best, "selected", EVERY, "gif", self.folder)
+        for path in filmed.paths:
+            path.replace(self.folder / f"film{path.suffix}")
+
+    # ------------------------------------------------------------------------------------------------------- the text
+
+    def _text(
+        self, task: Task, facts: Mapping[str, Any], attacked: Falsification, remarks: Sequence[str]
+    ) -> Iterator[str]:
+        yield f"# {task.file.title}\n"
+        yield f"{sentence(facts)}\n"
+        yield f"Formula, in steps of {task.file.sampling_time:g} s: `{task.formula}`\n"
+        cell = self.best.id
+        yield f"Trained by {cell.method} with {cell.agent}, seed {cell.seed}, on the track auto."
+        yield f"The search for a counterexample tried {attacked.evaluations} starts: {_attack(attacked)}."
+        yield from (f"\n- {line}" for line in (*self.posed.notes, *remarks))
+        if facts["probability"] < LEARNED:
+            yield from ("", "## What is missing", "", *self._missing())
+        yield from ("", "## Run the policy", "", "```python", *_lines(task, self.problem, self.folder), "```", "")
+        yield "## Files"
+        for path in sorted(self.folder.iterdir()):
+            yield f"- `{path.name}`"
+
+    def _missing(self) -> Iterator[str]:
+        assert self.best.measurement is not None
+        score = self.best.measurement.selected[MAIN]
+        yield f"The best policy satisfies from {100 * score.satisfaction:.0f} % of the report's starts."
+        yield f"Its mean robustness there is {score.mean:.3g}, from its best start {max(score.robustness):.3g}."
+        failing = max(score.first_failed.items(), key=lambda part: part[1], default=("", 0))
+        if failing[1]:
+            yield f"What fails first, from {failing[1]} of {score.starts} starts: `{failing[0]}`."
+        yield "A witness exists." if any(score.satisfied) else "No episode is known that satisfies."
+        yield "\nMost promising to change:\n"
+        yield from (f"{place}. {text}" for place, text in enumerate(self._suggestions(failing[0]), 1))
+
+    def _suggestions(self, failing: str) -> list[str]:
+        """The two most promising changes."""
+        assert self.best.measurement is not None
+        measured, task = self.best.measurement, self.posed.task
+        texts = []
+        if measured.selected[MAIN].ended_early and task.file.terminated == "violated":
+            texts.append(
+                "The environment ends episodes early, which violates; `terminated: hold` keeps the last sample."
+            )
+        if measured.selected_steps > 0.6 * measured.env_steps:
+            texts.append(f"The policy was still improving: take more time, such as `--minutes {3 * self.minutes:g}`.")
+        texts.append(f"Relax `{failing or task.formula}`: a wider tolerance, or a later and longer interval.")
+        texts.append(
+            "Narrow the ranges of the signals in `task/task.yaml` to what the task needs: rewards scale with them."
+        )
+        texts.append(f"Take more time, such as `--minutes {3 * self.minutes:g}`.")
+        return texts[:2]
+
+
+def sentence(facts: Mapping[str, Any]) -> str:
+    """The certificate in words."""
+    if facts["low"] is None:
+        return (
+            f"The task has a single start, from which the policy {'satisfies' if facts['satisfied'] else 'violates'}."
+        )
+    counted = f"{facts['satisfied']} of {facts['starts']} fresh starts"
+    share = f"{100 * np.floor(1e3 * facts['low']) / 1e3:.1f} %"
+    return f"It satisfies from at least {share} of the starts, {100 * facts['confidence']:g} % confidence ({counted})."
+
+
+def _attack(attacked: Falsification) -> str:
+    if not attacked.found:
+        return f"no counterexample, least robustness {attacked.worst.robustness:.3g}"
+    return (
+        f"from {attacked.start_text(4)} it violates, robustness {attacked.worst.robustness:.3g}; see `counterexample/`"
+    )
+
+
+def _lines(task: Task, problem: Problem, folder: Path) -> list[str]:
+    """Python that runs the policy for an episode."""
+    load = f'policy = stlbench.Solution.load("{folder}").policy'
+    loop = f"for t in range({task.file.steps}):"
+    if isinstance(task.dynamics, GymTask):
+        given = "".join(f", {name}={value!r}" for name, value in problem.keywords.items())
+        entry = task.file.environment
+        made = f'gymnasium.make("{entry.id}"{given})' if entry and entry.id else "policy.task.dynamics.make()"
+        return [
+            "import gymnasium, stlbench",
+            f"{load}",
+            f"env = {made}",
+            "observation, info = env.reset(seed=1)",
+            loop,
+            "    observation, _, terminated, truncated, info = env.step(policy(observation, t, info))",
+            "    if terminated or truncated:",
+            "        break",
+        ]
+    return [
+        "import stlbench",
+        load,
+        "system, (state, *_) = policy.task.system, policy.task.starts.report_and_selection()[0]",
+        loop,
+        "    state = system.step(state[None], policy(state, t)[None])[0]",
+    ]

@@ -1,0 +1,116 @@
+"""`stlbench.solve`: understand the problem, race, decide, deliver."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import gymnasium
+
+from stlbench.errors import UsageError
+from stlbench.records.result import Result
+from stlbench.search.certify import Claim, check
+from stlbench.share.source import from_here
+from stlbench.solver.deliver import Delivery, sentence
+from stlbench.solver.problem import Problem, pose
+from stlbench.solver.race import Clock, Trainer
+from stlbench.solver.solution import FILE, Solution
+from stlbench.study.live_cells import duration
+from stlbench.study.progress import Progress
+from stlbench.task.file import EarlyEnd
+
+
+def solve(
+    environment: str | gymnasium.Env[Any, Any],
+    formula: str | None = None,
+    *,
+    signals: Mapping[str, str | int] | None = None,
+    minutes: float = 10.0,
+    into: str | Path | None = None,
+    confidence: float = 0.95,
+    time: Literal["steps", "seconds"] | None = None,
+    terminated: EarlyEnd | None = None,
+    executor: str = "local",
+    jobs: int | None = None,
+    progress: bool = False,
+) -> Solution:
+    """From an environment and a formula to a policy with a certificate: `stlbench solve` in Python.
+
+    What is done is kept in a folder. The same call goes on there after an interrupt.
+
+    Args:
+        environment: an id of Gymnasium, "CartPole-v1" or "my_module:Mine-v0"; a registered environment; or a task of
+            stlbench, by its name or its folder's path.
+        formula: what the policy has to satisfy; None for the task's own.
+        signals: signal -> expression over the entries of the observation, {"theta": "atan2(y, x)"}. `obs[0]`, or the
+            number 0, is the first entry, and `obs[key][0]` the first of a Dict. Entries are signals by their own names.
+        minutes: about how long it may take.
+        into: the folder; "solved/" and the environment's name if None.
+        confidence: of the certificate, in (0, 1).
+        time: unit of the formula's intervals; steps, or what the task says, if None.
+        terminated: what it means that the environment ends an episode early, as in a task file; by the formula if None.
+        executor: where trainings run, as for `run_study`.
+        jobs: trainings at a time.
+        progress: print on stderr how it goes on.
+
+    Raises:
+        UsageError: in one line, what is wrong with the environment, the formula, a signal, the folder or the time.
+    """
+    check(Claim(confidence))
+    if not minutes > 0:
+        raise UsageError(f"minutes should be more than 0, got {minutes:g}")
+    identifier, keywords = _identified(environment)
+    if ":" in identifier:
+        from_here()
+    texts = {name: f"obs[{text}]" if isinstance(text, int) else text for name, text in (signals or {}).items()}
+    folder = (
+        Path(into) if into is not None else Path("solved") / re.sub(r"[^a-z0-9]+", "-", identifier.lower()).strip("-")
+    )
+    clock, screen = Clock(minutes), Progress()
+
+    def note(text: str) -> None:
+        if progress:
+            screen.note(text)
+
+    def say(text: str) -> None:
+        note(f"== {text}; {duration(clock.left)} left" if clock.left else f"== {text}")
+
+    problem = Problem(identifier, formula, texts, time, terminated, keywords)
+    say(f"understanding {identifier}")
+    posed = pose(problem, folder)
+    for line in posed.notes:
+        note(line)
+    posed.begin(minutes)
+    trainer = Trainer(posed, clock, say, progress, executor, jobs)
+    finals = trainer.final(trainer.race())
+    if not _is_delivered(folder, finals[0], confidence):
+        say("certificate, counterexamples and files")
+        Delivery(posed, problem, minutes, confidence, finals).write()
+    solution = Solution.load(folder)
+    note(sentence(solution.certificate))
+    return solution
+
+
+def _identified(environment: str | gymnasium.Env[Any, Any]) -> tuple[str, dict[str, Any]]:
+    """The id by which a fresh process makes it, with what it is made with."""
+    if isinstance(environment, str):
+        return environment, {}
+    spec, kind = environment.spec, type(environment.unwrapped)
+    if spec is None or kind.__module__ == "__main__":
+        rule = "trainings make it anew: register it in a module, and name it 'my_module:Mine-v0'"
+        raise UsageError(f"{kind.__name__} has no id by which it can be made; {rule}")
+    own = spec.namespace is None and not kind.__module__.startswith("gymnasium.")
+    keywords = {name: value for name, value in spec.kwargs.items() if name != "render_mode"}
+    return f"{kind.__module__}:{spec.id}" if own else spec.id, keywords
+
+
+def _is_delivered(folder: Path, best: Result, confidence: float) -> bool:
+    """Whether the files are those of this training, at this confidence."""
+    try:
+        facts = json.loads((folder / FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return bool(facts["key"] == best.key and facts["confidence"] in (confidence, None))

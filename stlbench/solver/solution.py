@@ -1,0 +1,135 @@
+"""What came of `stlbench solve`: a policy that acts on an environment's own observations, and its certificate."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stlbench.contract import ActionGrid, Array, GymTask, Integers, System
+from stlbench.errors import UsageError
+from stlbench.records.result import LEARNED, Result
+from stlbench.registry import folders
+from stlbench.rollout.faults import pay
+from stlbench.rollout.observing import scaled_times, time_and_inputs
+from stlbench.solver.problem import TASK
+from stlbench.study.policies import LoadedPolicy, load_policy
+from stlbench.study.results import Results
+from stlbench.task.gym_signals import numbers
+from stlbench.task.gym_spaces import as_action
+
+FILE = "certificate.json"
+CELLS = "final"
+"""The folder of results with the policy."""
+
+
+class Acting:
+    """A stored policy that acts on what its environment shows, or on a system's state.
+
+    Call it at every step of an episode, from t = 0 on: the method's inputs depend on the samples so far.
+    """
+
+    def __init__(self, loaded: LoadedPolicy) -> None:
+        self.task, self._method, self._policy = loaded
+        self._times = scaled_times(self.task.file.steps)
+        self._next = 0
+        self._memory: Array = np.zeros((1, 0))
+        self._sample: Array = np.zeros((1, 0))
+        self._vector: Array = np.zeros((1, 0))
+
+    def __call__(self, observation: Any, t: int, info: Mapping[str, Any] | None = None) -> Any:
+        """The action at step t of an episode, as the environment takes it.
+
+        Args:
+            observation: what the environment shows; of a task on a system its state (n,).
+            t: steps since the reset. A 0 begins a new episode.
+            info: of the environment, where signals are entries of it.
+
+        Raises:
+            UsageError: t is not 0 or the step after that of the last call, or lies at the end of the formula or after.
+        """
+        last = self.task.file.steps - 1
+        if t not in (0, self._next) or t > last:
+            raise UsageError(f"t is {t}; expected is 0, or {self._next}, the next step of the episode, at most {last}")
+        seen, sample = self._read(observation, info or {})
+        if t == 0:
+            self._memory = self._method.initial_memory(sample, np.array([0]))
+        else:
+            both = np.stack([self._sample, sample])
+            _, self._memory = pay(self._method, both, self._vector, np.array([t - 1]), self._memory)
+        self._sample, self._next = sample, t + 1
+        if t % self.task.file.hold == 0:
+            self._vector = self._decide(seen, sample, np.array([t]))
+        if isinstance(self.task.dynamics, GymTask):
+            return as_action(self.task.source.action_space, self._vector[0])
+        return self._vector[0].copy()
+
+    def _read(self, observation: Any, info: Mapping[str, Any]) -> tuple[Array, Array]:
+        """What the policy sees of the observation (1, d), and the signals (1, k)."""
+        dynamics = self.task.dynamics
+        if isinstance(dynamics, System):
+            state = np.asarray(observation, dtype=np.float64)[None]
+            return dynamics.scaled_state(state), dynamics.signals(state)
+        if not isinstance(dynamics, GymTask):
+            raise UsageError(f"{type(dynamics).__name__} is a world of its own, whose observations are not known here")
+        source = self.task.source
+        seen = np.asarray(source.observed.flat(observation), dtype=np.float64)[None]
+        if source.function is not None:
+            sample = numbers(source.function(observation, info), len(source.signals))[None]
+        else:
+            named = seen if source.entries.keys is None else source.entries.read(observation, 1)
+            sample = source.expressions.values(named, [info])
+        return source.observed.scaled(seen), sample
+
+    def _decide(self, seen: Array, sample: Array, t: Integers) -> Array:
+        view = [] if self.task.view is None else [self.task.view(seen, sample, t)]
+        shown = [seen, *view, *time_and_inputs(self._method, self._times, t, self._memory)]
+        action: Any = self._policy.act(np.concatenate(shown, axis=1))
+        actions = self.task.actions
+        vector: Array = actions.vectors[action] if isinstance(actions, ActionGrid) else action
+        return np.clip(vector, actions.low, actions.high)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What came of `stlbench.solve`.
+
+    Attributes:
+        folder: with the policy, the task file, the certificate and the page.
+        certificate: what `certificate.json` has: starts, how many satisfied, the interval and its confidence.
+        policy: the policy, `policy(observation, t)`.
+    """
+
+    folder: Path
+    certificate: Mapping[str, Any]
+    policy: Acting = field(repr=False)
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Solution:
+        """The solution in a folder that `stlbench solve` wrote. Raises `UsageError` where there is none."""
+        place = Path(folder)
+        try:
+            certificate = json.loads((place / FILE).read_text(encoding="utf-8"))
+            folders.know(place / TASK.name, instead=True)
+        except (OSError, ValueError) as error:
+            raise UsageError(f"{place} has no solution; `stlbench solve` writes one: {error}") from error
+        result = Results.load(place / CELLS).cell(certificate["cell"])
+        return cls(place, certificate, acting(place / CELLS, result))
+
+    @property
+    def learned(self) -> bool:
+        """Whether the policy satisfies from at least 95 % of the starts of the certificate."""
+        return bool(self.certificate["probability"] >= LEARNED)
+
+    def report(self) -> str:
+        """The text of `solution.md`."""
+        return (self.folder / "solution.md").read_text(encoding="utf-8")
+
+
+def acting(folder: Path, result: Result) -> Acting:
+    """The selected policy of a cell. Raises `UsageError` as `load_policy`."""
+    return Acting(load_policy(folder, result))
