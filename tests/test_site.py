@@ -18,7 +18,7 @@ DOCUMENTED = {
     name: path.stem
     for path in sorted((ROOT / "docs/api").glob("*.md"))
     for name in re.findall(r"^::: ([a-z_.]+)$", path.read_text(encoding="utf-8"), re.MULTILINE)
-    if name != "stlbench" and not name.startswith("stlbench.study.")
+    if name != "stlbench" and not name.startswith(("stlbench.solver.", "stlbench.study."))
 }
 """Modules with a reference, and the page of each."""
 
