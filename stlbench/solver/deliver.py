@@ -26,8 +26,8 @@ from stlbench.search.falsify import Falsification, How, falsify
 from stlbench.search.outputs import write as write_counterexample
 from stlbench.search.space import space_of
 from stlbench.share.onnx import export
-from stlbench.solver.problem import Posed, Problem
-from stlbench.solver.solution import CELLS, FILE
+from stlbench.solver.problem import TASK, Posed, Problem
+from stlbench.solver.solution import CELLS, FILE, code_of
 from stlbench.study.filming import film_cell
 from stlbench.study.plugin_guard import ask, load_guarded
 from stlbench.study.policies import EVERY
@@ -186,7 +186,8 @@ def _attack(attacked: Falsification) -> str:
 
 def _lines(task: Task, problem: Problem, folder: Path) -> list[str]:
     """Python that runs the policy for an episode."""
-    load = f'policy = stlbench.Solution.load("{folder}").policy'
+    trusted = ", run_code=True" if code_of(folder / TASK.name) else ""
+    load = f'policy = stlbench.Solution.load("{folder}"{trusted}).policy'
     loop = f"for t in range({task.file.steps}):"
     if isinstance(task.dynamics, GymTask):
         given = "".join(f", {name}={value!r}" for name, value in problem.keywords.items())

@@ -21,6 +21,7 @@ from stlbench.study.policies import LoadedPolicy, load_policy
 from stlbench.study.results import Results
 from stlbench.task.gym_signals import numbers
 from stlbench.task.gym_spaces import as_action
+from stlbench.task.yaml_text import load_yaml
 
 FILE = "certificate.json"
 CELLS = "final"
@@ -109,14 +110,25 @@ class Solution:
     policy: Acting = field(repr=False)
 
     @classmethod
-    def load(cls, folder: str | Path) -> Solution:
-        """The solution in a folder that `stlbench solve` wrote. Raises `UsageError` where there is none."""
+    def load(cls, folder: str | Path, run_code: bool = False) -> Solution:
+        """The solution in a folder that `stlbench solve` wrote.
+
+        Args:
+            folder: as `into` of `solve`.
+            run_code: whether code that the folder has or names may run: `task/system.py`, and the module in an
+                environment's id. Only say so of a folder that you trust.
+
+        Raises:
+            UsageError: there is no solution, or its task needs code that may not run.
+        """
         place = Path(folder)
         try:
             certificate = json.loads((place / FILE).read_text(encoding="utf-8"))
-            folders.know(place / TASK.name, instead=True)
+            plugin = folders.know(place / TASK.name, instead=True)
         except (OSError, ValueError) as error:
             raise UsageError(f"{place} has no solution; `stlbench solve` writes one: {error}") from error
+        if not run_code and (code := code_of(plugin.folder)):
+            raise UsageError(f"{place}: its task runs {code}; if you trust it, load it with run_code=True")
         result = Results.load(place / CELLS).cell(certificate["cell"])
         return cls(place, certificate, acting(place / CELLS, result))
 
@@ -128,6 +140,14 @@ class Solution:
     def report(self) -> str:
         """The text of `solution.md`."""
         return (self.folder / "solution.md").read_text(encoding="utf-8")
+
+
+def code_of(home: Path) -> str:
+    """The code that the folder of a task brings or names; empty where there is none."""
+    content = load_yaml((home / "task.yaml").read_text(encoding="utf-8"), str(home))
+    named = str((content.get("environment") or {}).get("id", "")) if isinstance(content, dict) else ""
+    files = sorted(path.name for path in home.glob("*.py"))
+    return ", ".join([*files, *([f"the module of {named}"] if ":" in named else [])])
 
 
 def acting(folder: Path, result: Result) -> Acting:

@@ -237,7 +237,9 @@ def test_a_policy_acts_as_the_referee_lets_it(environment: str, method: str) -> 
     expected = referee.record(loaded.task, loaded.method, loaded.policy, start).traces[0]
     Path("out/certificate.json").write_text(json.dumps({"cell": result.id.name}))
     Path("cells").rename("out/final")
-    policy = Solution.load("out").policy
+    with pytest.raises(UsageError, match=r"^out: its task runs .*; if you trust it, load it with run_code=True$"):
+        Solution.load("out")
+    policy = Solution.load("out", run_code=True).policy
     np.testing.assert_allclose(_played(policy, start), expected, atol=1e-6)
     with pytest.raises(UsageError, match="expected is 0"):
         policy(None, 3)
