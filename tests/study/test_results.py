@@ -202,7 +202,7 @@ def test_a_folder_without_results(tmp_path):
 
 def test_the_front_door():
     assert stlbench.Results is Results
-    assert set(stlbench.__all__) <= set(dir(stlbench)) | {"Results", "run_study", "wrap"}
+    assert set(stlbench.__all__) <= set(dir(stlbench)) | {"Results", "Solution", "run_study", "solve", "wrap"}
     with pytest.raises(AttributeError, match="no attribute 'run_studdy'"):
         stlbench.run_studdy  # noqa: B018
 
