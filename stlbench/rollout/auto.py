@@ -113,12 +113,12 @@ def recipe(agent: str, task: Task) -> dict[str, Any]:
     """
     parameters = dict(RECIPES.get(agent, {}))
     if "gamma" in parameters:
-        again = max((node.b for node in _again(task.formula)), default=0) / task.file.hold
+        again = max((node.b for node in recurring(task.formula)), default=0) / task.file.hold
         parameters["gamma"] = max(parameters["gamma"], round(1 - 1 / max(1.0, 2.5 * again), 4))
     return parameters
 
 
-def _again(formula: Formula) -> Iterator[Eventually]:
+def recurring(formula: Formula) -> Iterator[Eventually]:
     """What a formula asks for again and again: F inside G."""
     for always in walk(formula):
         if isinstance(always, Always):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -22,7 +23,7 @@ from stlbench.registry import folders, plugins
 from stlbench.registry.choices import Choice
 from stlbench.rollout import baselines, referee
 from stlbench.rollout.controller import Unpaid
-from stlbench.stl.language.structure import walk
+from stlbench.stl.language.structure import unbounded, walk
 from stlbench.task import Task, load_task
 from stlbench.task.file import EarlyEnd
 from stlbench.task.gym_sketch import sketch
@@ -211,7 +212,7 @@ def _of_environment(problem: Problem) -> dict[str, Any]:
     dt = content["sampling_time"] if problem.time == "seconds" else None
     formula = _formula(problem.formula, dt, {*texts, *entries})
     _check_horizon(formula, content["steps"], problem.environment)
-    horizon = content["steps"] if _reaches_the_end(formula) else max(1, stl.horizon(formula))
+    horizon = content["steps"] if unbounded(formula) is not None else max(1, stl.horizon(formula))
     hold = -(-horizon // _DECISIONS)
     steps = -(-horizon // hold) * hold
     used = [*texts, *(name for name in stl.signals(formula) if name not in texts)]
@@ -269,12 +270,8 @@ def _formula(text: str, dt: float | None, known: set[str]) -> stl.Formula:
     return formula
 
 
-def _reaches_the_end(formula: stl.Formula) -> bool:
-    return any(getattr(node, "b", None) == stl.END for node in walk(formula))
-
-
 def _check_horizon(formula: stl.Formula, steps: int, environment: str) -> None:
-    if not _reaches_the_end(formula) and (horizon := stl.horizon(formula)) > steps:
+    if unbounded(formula) is None and (horizon := stl.horizon(formula)) > steps:
         raise UsageError(f"formula: it looks {horizon} steps ahead, and an episode of {environment} has {steps}")
 
 
@@ -288,8 +285,6 @@ def _has_goals(formula: stl.Formula) -> bool:
 
 def _tried(task: Task) -> tuple[Score, float]:
     """The score of random actions, and the seconds that one episode takes. Raises `UsageError`, see `pose`."""
-    import time
-
     began = time.perf_counter()
     policy, starts = baselines.AtRandom(task), task.starts.report_and_selection()[0]
     episodes = referee.record(task, Unpaid(task.specification), policy, starts)

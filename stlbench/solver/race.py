@@ -11,13 +11,11 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
-from stlbench import stl
 from stlbench.errors import UsageError
 from stlbench.records.result import Result
 from stlbench.registry import plugins
-from stlbench.rollout.auto import automatic
+from stlbench.rollout.auto import automatic, recurring
 from stlbench.solver.problem import TASK, Posed
-from stlbench.stl.language.structure import walk
 from stlbench.study.run import build_executor, run_study
 from stlbench.study.tracks import own_agent_on
 from stlbench.study.tuning import FIRST_SEED
@@ -50,21 +48,15 @@ def contestants(task: Task) -> tuple[str, ...]:
     """At most four methods that fit: those that are named here, then those inside their source's form, by inputs."""
     derived = automatic(task, own_agent_on(task, "auto"))
     fitting = fitting_methods(derived)
-    again = any(
-        isinstance(node, stl.Always) and any(isinstance(below, stl.Eventually) for below in walk(node))
-        for node in walk(task.formula)
+    named = [name for name in ((_AGAIN, *_FIRST) if any(recurring(task.formula)) else _FIRST) if name in fitting]
+    rest = sorted(
+        fitting.keys() - set(named), key=lambda name: (fitting[name].extension != "", fitting[name].input_size, name)
     )
-    named = [name for name in ((_AGAIN, *_FIRST) if again else _FIRST) if name in fitting]
-    rest = sorted(fitting.keys() - set(named), key=lambda name: (*_form(fitting[name]), name))
     if not fitting:
         raise UsageError(
             f"no method fits the formula {task.formula}; there are {', '.join(plugins.available('methods'))}"
         )
     return tuple([*named, *rest][:_MOST])
-
-
-def _form(method: object) -> tuple[bool, int]:
-    return getattr(method, "extension", "") != "", getattr(method, "input_size", 0)
 
 
 @dataclass
@@ -141,7 +133,7 @@ class Trainer:
         apart = probe.measurement.wall_seconds - probe.measurement.training_wall_seconds
         each = probe.measurement.training_wall_seconds / probe.measurement.env_steps
         methods, steps = list(contestants(self.posed.task)), self.posed.task.file.steps
-        given, jobs = 60 * _RACE * self.clock.minutes, build_executor(self.executor, self.jobs).jobs
+        given = 60 * _RACE * self.clock.minutes
         least = max(_EPISODES * steps, _LEAST)
         if given < least * each:
             raise UsageError(
@@ -150,7 +142,7 @@ class Trainer:
                 f"about {least * each / (60 * _RACE):.2g} minutes are needed"
             )
         while len(methods) > 1:
-            waves = _waves(len(methods), jobs)
+            waves = _waves(len(methods), self._at_once)
             weight = sum(wave * _TIMES**rung for rung, wave in enumerate(waves))
             seconds = max(given / 2, given - apart * sum(waves))  # the probe may have compiled, which others need not
             first = int(seconds / (each * weight))
@@ -174,14 +166,18 @@ class Trainer:
             random_starts=0,
         )
 
+    @property
+    def _at_once(self) -> int:
+        """Trainings that the executor runs at a time."""
+        return build_executor(self.executor, self.jobs).jobs
+
     def final(self, winner: Result) -> list[Result]:
         """The winner, trained with fresh seeds, the best first."""
         if "final" not in self.posed.task.file.budgets:
             assert winner.measurement is not None
-            jobs = build_executor(self.executor, self.jobs).jobs
             each = winner.measurement.wall_seconds / winner.measurement.env_steps
             seconds = max(_FINAL * 60 * self.clock.minutes, self.clock.left - 12 * self.clock.minutes)
-            steps = int(seconds / each / -(-len(_FINAL_SEEDS) // jobs))
+            steps = int(seconds / each / -(-len(_FINAL_SEEDS) // self._at_once))
             self._write("final", max(steps, winner.measurement.env_steps), each, checkpoints=20)
         steps = self.posed.task.budget("final").steps
         method = str(winner.id.method)

@@ -12,7 +12,7 @@ import numpy as np
 
 from stlbench.contract import ActionGrid, Array, GymTask, Integers, System
 from stlbench.errors import UsageError
-from stlbench.records.result import LEARNED, Result
+from stlbench.records.result import LEARNED
 from stlbench.registry import folders
 from stlbench.rollout.faults import pay
 from stlbench.rollout.observing import scaled_times, time_and_inputs
@@ -130,7 +130,7 @@ class Solution:
         if not run_code and (code := code_of(plugin.folder)):
             raise UsageError(f"{place}: its task runs {code}; if you trust it, load it with run_code=True")
         result = Results.load(place / CELLS).cell(certificate["cell"])
-        return cls(place, certificate, acting(place / CELLS, result))
+        return cls(place, certificate, Acting(load_policy(place / CELLS, result)))
 
     @property
     def learned(self) -> bool:
@@ -148,8 +148,3 @@ def code_of(home: Path) -> str:
     named = str((content.get("environment") or {}).get("id", "")) if isinstance(content, dict) else ""
     files = sorted(path.name for path in home.glob("*.py"))
     return ", ".join([*files, *([f"the module of {named}"] if ":" in named else [])])
-
-
-def acting(folder: Path, result: Result) -> Acting:
-    """The selected policy of a cell. Raises `UsageError` as `load_policy`."""
-    return Acting(load_policy(folder, result))
