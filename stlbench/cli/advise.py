@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from stlbench.cli.common import Json, show, warn
-from stlbench.cli.options import TaskName
+from stlbench.cli.completion import names as completed
 from stlbench.errors import UsageError, cause, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from stlbench.contract import RewardMethod
+    from stlbench.contract import RewardMethod, Specification
     from stlbench.report import Table
     from stlbench.task.task import Task
 
@@ -26,11 +27,19 @@ _NOTES = (
     "Also: 'counterfactuals' are learned from by dqn; 'ends' means that training episodes end where all is decided.",
     "Outside its source's form, a method is an extension of ours: see the reason, and its page in the documentation.",
 )
+_COMPARISON = re.compile("[<>]")
+"""Each formula has one, and no task's name."""
+_NUMBER = re.compile(r"\d+(?:\.\d*)?(?:[eE][+-]?\d+)?")
 _ASK = "Parameters can be asked for: --methods 'hprs[later=target],tau-mdp[every=10]'."
 
 
 def advise(
-    name: TaskName,
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="TASK_OR_FORMULA", help="A task, or a formula in steps.", autocompletion=completed("tasks")
+        ),
+    ],
     methods: Annotated[
         str | None,
         typer.Option("--methods", metavar="LIST", help="Methods to ask about.", show_default="all that are installed"),
@@ -41,23 +50,28 @@ def advise(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Which reward methods fit a task's formula, and why the others do not.
+    """Which reward methods fit a formula, and why the others do not.
 
+    A formula without a task has no ranges: each signal is taken to lie within ten times the formula's largest constant.
     With --results, what the methods reached there: with the task's own agent, on the track shared, the best first.
     Methods with parameters that were run there are asked about too.
 
     \b
     Examples:
       stlbench advise reach-stay
+      stlbench advise "G[400,700] (abs(theta) <= 0.05)"
       stlbench advise robot-nav --methods "tau-mdp,tau-mdp[every=10],hprs[later=target]"
       stlbench advise reach-stay --results results/reference --json
     """
+    from stlbench.contract import Specification
     from stlbench.registry import plugins
     from stlbench.registry.choices import parse_choices
     from stlbench.task import load_task
 
-    task = load_task(name)
-    known = {} if results is None else _known(task, results)
+    task = _alone(name) if _COMPARISON.search(name) else load_task(name)
+    if results is not None and isinstance(task, Specification):
+        raise UsageError("--results is of a task's results; name the task instead of a formula")
+    known = {} if results is None or isinstance(task, Specification) else _known(task, results)
     chosen = None if methods is None else parse_choices(methods)
     for choice in chosen or ():
         plugins.check("methods", choice)
@@ -65,20 +79,42 @@ def advise(
     show(as_json, facts, _text(facts, bool(known)))
 
 
-def _facts(task: Task, known: Mapping[str, Mapping[str, Any]], methods: Iterable[str] | None) -> dict[str, Any]:
+def _alone(text: str) -> Specification:
+    """What methods are told of a formula without a task."""
+    from stlbench import stl
+    from stlbench.contract import Specification
+    from stlbench.stl.language.structure import unbounded, walk
+
+    try:
+        formula = stl.parse(text)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"formula: {one_line(error)}") from error
+    if (endless := unbounded(formula)) is not None:
+        raise UsageError(f"formula: {endless} has no end without a task; give its interval in steps, as in G[0,100]")
+    predicates = " ".join(str(node) for node in walk(formula) if isinstance(node, stl.Predicate))
+    largest = 10 * max([1.0, *map(float, _NUMBER.findall(predicates))])
+    names = stl.signals(formula)
+    ends = (largest,) * len(names)
+    return Specification(formula, names, tuple(-end for end in ends), ends, max(1, stl.horizon(formula)), 1.0)
+
+
+def _facts(
+    task: Task | Specification, known: Mapping[str, Mapping[str, Any]], methods: Iterable[str] | None
+) -> dict[str, Any]:
     """The task's formula in its forms, the methods that fit, and the methods that do not.
 
     Asked are these `methods`, or all that are installed or `known` from results.
     """
+    from stlbench.contract import Specification
     from stlbench.registry import plugins
 
     rows = list(_rows(task, methods or dict.fromkeys([*plugins.available("methods"), *known]), known))
     fitting = [row for row in rows if "status" not in row]
     fitting.sort(key=lambda row: (_rank(row.get("known")), row["extension"] != "", row["inputs"]))
     refused = [row for row in rows if "status" in row]
-    given = task.specification
+    given = task if isinstance(task, Specification) else task.specification
     return {
-        "task": task.name,
+        "task": None if isinstance(task, Specification) else task.name,
         "formula": str(task.formula),
         "rewarded": str(given.formula),
         "nested": None if given.nested is None else str(given.nested),
@@ -87,7 +123,9 @@ def _facts(task: Task, known: Mapping[str, Mapping[str, Any]], methods: Iterable
     }
 
 
-def _rows(task: Task, choices: Iterable[str], known: Mapping[str, Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+def _rows(
+    task: Task | Specification, choices: Iterable[str], known: Mapping[str, Mapping[str, Any]]
+) -> Iterator[dict[str, Any]]:
     from stlbench.contract import RewardMethod
     from stlbench.registry import plugins
 
@@ -143,7 +181,7 @@ def _known(task: Task, folder: Path) -> dict[str, dict[str, Any]]:
 def _text(facts: Mapping[str, Any], known: bool) -> Iterator[str | Table]:
     from stlbench.report import Column, Table
 
-    yield f"{facts['task']}: {facts['formula']}"
+    yield facts["formula"] if facts["task"] is None else f"{facts['task']}: {facts['formula']}"
     if facts["rewarded"] != facts["formula"]:
         yield f"as methods see it: {facts['rewarded']}"
     if facts["nested"] is not None:
@@ -188,15 +226,16 @@ class Fit:
     reason: str = ""
 
 
-def fit(task: Task, choice: str) -> Fit:
-    """Build a method for a task, as a run does. Raises `PluginError` if the method cannot be loaded."""
-    from stlbench.contract import Intractable, Unsuitable
+def fit(task: Task | Specification, choice: str) -> Fit:
+    """Build a method for a task, as a run does, or for a formula alone. Raises `PluginError` if it cannot be loaded."""
+    from stlbench.contract import Intractable, Specification, Unsuitable
     from stlbench.registry import plugins
     from stlbench.task import build_method
 
     try:
         method = build_method(task, choice)
-        _refuse_dear(task, method)
+        if not isinstance(task, Specification):
+            _refuse_dear(task, method)
     except plugins.PluginError:
         raise
     except Intractable as reason:

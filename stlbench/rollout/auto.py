@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from stlbench import stl
-from stlbench.contract import Array, System
+from stlbench.contract import Array, RewardMethod, System
 from stlbench.errors import UsageError
 from stlbench.records.identity import Track
 from stlbench.rollout.worlds import make_world
@@ -123,6 +123,20 @@ def recurring(formula: Formula) -> Iterator[Eventually]:
     for always in walk(formula):
         if isinstance(always, Always):
             yield from (node for node in walk(always.arg) if isinstance(node, Eventually))
+
+
+def in_turn(fitting: Mapping[str, RewardMethod], formula: Formula) -> tuple[str, ...]:
+    """The names of methods that fit a formula, in the order in which to try them.
+
+    First flag where F is inside of G, funnel, raw; then those inside their source's form, by inputs.
+    """
+    first = ("flag", "funnel", "raw") if any(recurring(formula)) else ("funnel", "raw")
+
+    def place(name: str) -> tuple[int, bool, int, str]:
+        rank = first.index(name) if name in first else len(first)
+        return rank, fitting[name].extension != "", fitting[name].input_size, name
+
+    return tuple(sorted(fitting, key=place))
 
 
 def cuts(formula: Formula, hold: int, steps: int) -> tuple[int, ...]:

@@ -14,17 +14,13 @@ from dataclasses import dataclass, field
 from stlbench.errors import UsageError
 from stlbench.records.result import Result
 from stlbench.registry import plugins
-from stlbench.rollout.auto import automatic, recurring
+from stlbench.rollout.auto import automatic, in_turn
 from stlbench.solver.problem import TASK, Posed
 from stlbench.study.run import build_executor, run_study
 from stlbench.study.tracks import own_agent_on
 from stlbench.study.tuning import FIRST_SEED
 from stlbench.task import Task, fitting_methods
 
-_FIRST = ("funnel", "raw")
-"""Methods that race wherever they fit."""
-_AGAIN = "flag"
-"""The method that is the first where F stands inside of G."""
 _MOST = 4  # contestants
 _TIMES = 3  # steps of a rung, over those of the one before
 _FINAL_SEEDS = (200, 201)
@@ -45,18 +41,14 @@ def rank(result: Result) -> tuple[float, float]:
 
 
 def contestants(task: Task) -> tuple[str, ...]:
-    """At most four methods that fit: those that are named here, then those inside their source's form, by inputs."""
+    """At most four methods that fit."""
     derived = automatic(task, own_agent_on(task, "auto"))
     fitting = fitting_methods(derived)
-    named = [name for name in ((_AGAIN, *_FIRST) if any(recurring(task.formula)) else _FIRST) if name in fitting]
-    rest = sorted(
-        fitting.keys() - set(named), key=lambda name: (fitting[name].extension != "", fitting[name].input_size, name)
-    )
     if not fitting:
         raise UsageError(
             f"no method fits the formula {task.formula}; there are {', '.join(plugins.available('methods'))}"
         )
-    return tuple([*named, *rest][:_MOST])
+    return in_turn(fitting, task.formula)[:_MOST]
 
 
 @dataclass

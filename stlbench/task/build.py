@@ -7,20 +7,21 @@ import warnings
 from collections.abc import Iterable
 from typing import cast
 
-from stlbench.contract import Agent, Intractable, RewardMethod, Unsuitable, cause
+from stlbench.contract import Agent, Intractable, RewardMethod, Specification, Unsuitable, cause
 from stlbench.errors import UsageError
 from stlbench.registry import plugins
 from stlbench.registry.choices import Choice, choice_of
 from stlbench.task.task import Task
 
 
-def build_method(task: Task, choice: Choice | str) -> RewardMethod:
-    """The chosen method, with its parameters, for a task.
+def build_method(task: Task | Specification, choice: Choice | str) -> RewardMethod:
+    """The chosen method, with its parameters, for a task, or for a specification alone.
 
     Raises `Intractable`, `Unsuitable`, `UsageError`; `ValueError` unless `scale` is positive and finite, and `floor`
     finite.
     """
-    method = cast(RewardMethod, plugins.build("methods", choice_of(choice), task.specification))
+    given = task if isinstance(task, Specification) else task.specification
+    method = cast(RewardMethod, plugins.build("methods", choice_of(choice), given))
     if not (math.isfinite(method.scale) and method.scale > 0):
         raise ValueError(f"method {choice}: its scale should be finite and more than 0, it is {method.scale}")
     if not math.isfinite(method.floor):
@@ -28,19 +29,22 @@ def build_method(task: Task, choice: Choice | str) -> RewardMethod:
     return method
 
 
-def fitting_methods(task: Task, choices: Iterable[Choice | str] | None = None) -> dict[str, RewardMethod]:
-    """Those of the chosen methods, else of all installed, that can be built for a task, by the text of the choice.
+def fitting_methods(
+    task: Task | Specification, choices: Iterable[Choice | str] | None = None
+) -> dict[str, RewardMethod]:
+    """Those of the chosen methods, else of all installed, that can be built, by the text of the choice.
 
     Of one that raises what the contract does not name, a `PluginWarning` says so.
     """
     methods = dict[str, RewardMethod]()
+    name = task.formula if isinstance(task, Specification) else f"task {task.name}"
     for choice in plugins.available("methods") if choices is None else choices:
         try:
             methods[str(choice)] = build_method(task, choice)
         except (Intractable, Unsuitable, UsageError):
             continue
         except Exception as error:
-            message = f"method {choice} cannot be built for task {task.name}: {cause(error)}"
+            message = f"method {choice} cannot be built for {name}: {cause(error)}"
             warnings.warn(message, plugins.PluginWarning, stacklevel=2)
     return methods
 

@@ -30,6 +30,27 @@ def test_what_fits_and_why_the_others_do_not(say, toy):
     assert not set(fitting) & set(refused)
 
 
+def test_a_formula_without_a_task(say):
+    found = advice(say, "G[0,50] F[0,10] x >= 1")
+    assert (found["task"], found["formula"]) == (None, "G[0,50] F[0,10] x >= 1")
+    assert "flag" in [row["method"] for row in found["fit"]]
+    assert {row["method"]: row["status"] for row in found["do_not_fit"]}["funnel"] == "unsuitable"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["G x >= 0"], "formula: G x >= 0 has no end without a task"),
+        (["G[0,4] (x <= "], "formula: line 1, column 14"),
+        (["F[0,9] x >= 1", "--results", "."], "name the task instead of a formula"),
+    ],
+)
+def test_wrong_formulas_get_one_line(say, words, message):
+    done = say("advise", *words)
+    assert done.exit_code == 2
+    assert message in done.stderr
+
+
 def test_results_put_the_best_first(say, toy, tmp_path):
     run = say("run", "--tasks", "toy-line", "--methods", "toy-raw[weight=2],toy-raw", "--results", str(tmp_path))
     assert run.exit_code == 0, run.stderr

@@ -52,6 +52,16 @@ class Grown(Walk):
         return np.append(observation, 0).astype(np.float32), *rest
 
 
+@pytest.mark.parametrize(
+    ("formula", "method"),
+    [("G[0,4] x <= 1", "funnel"), ("G[0,3] F[0,1] x <= 1", "flag"), ("G[0,4] x <= 1 | F[0,4] x >= 3", "dense")],
+)
+def test_auto_is_the_first_method_that_fits(formula: str, method: str) -> None:
+    auto, named = wrapped(formula=formula, method="auto"), wrapped(formula=formula, method=method)
+    assert [step[1] for step in walk(auto, RIGHT, STAY)] == [step[1] for step in walk(named, RIGHT, STAY)]
+    assert auto._scoring.made_by == method
+
+
 @pytest.mark.parametrize("options", [{}, {"names": None, "signals": lambda observation, info: {"x": observation[0]}}])
 def test_an_environment_that_changes_its_observations(options: dict[str, Any]) -> None:
     env = wrapped(Grown(), **options)

@@ -14,7 +14,9 @@ from stlbench.contract import Intractable, RewardMethod, Specification, Unsuitab
 from stlbench.errors import UsageError, did_you_mean
 from stlbench.registry import plugins
 from stlbench.registry.choices import choice_of
+from stlbench.rollout.auto import in_turn
 from stlbench.rollout.gymnasium.readers import Reader
+from stlbench.task.build import fitting_methods
 from stlbench.task.file import EarlyEnd
 
 MethodOf: TypeAlias = str | Callable[[Specification], RewardMethod]
@@ -76,6 +78,14 @@ def _make_method(method: MethodOf, specification: Specification) -> RewardMethod
     if not isinstance(made, RewardMethod):
         raise UsageError(f"method: expected a name or a class of reward methods, got {method!r}")
     return made
+
+
+def first_that_fits(specification: Specification) -> str:
+    """The method that `method="auto"` means. Raises `UsageError` if none fits."""
+    names = in_turn(fitting_methods(specification), specification.formula)
+    if not names:
+        raise UsageError(f"method auto: no installed method fits the formula {specification.formula}")
+    return names[0]
 
 
 def _no_method(made_by: object) -> bool:

@@ -36,7 +36,7 @@ from stlbench.records.observation import Observation
 from stlbench.registry.choices import choice_of
 from stlbench.rollout.gymnasium.joined import Observing
 from stlbench.rollout.gymnasium.readers import ExpressionReader, FunctionReader, Reader, SignalsOf
-from stlbench.rollout.gymnasium.scoring import MethodOf, Ranges, Scoring, specify
+from stlbench.rollout.gymnasium.scoring import MethodOf, Ranges, Scoring, first_that_fits, specify
 from stlbench.rollout.gymnasium.wrappers import StlVectorWrapper, StlWrapper, autoreset_of
 from stlbench.task.file import EarlyEnd
 from stlbench.task.gym_signals import Expressions
@@ -98,8 +98,9 @@ def wrap(
         env: an environment, or a vector environment, under any of Gymnasium's autoreset modes. Actions are numbers: a
             Box, Discrete, MultiDiscrete or MultiBinary. One step of it is one step of the formula.
         formula: STL over the signals; its operators without an interval reach to the end of the episode.
-        method: a reward method by name, with or without parameters, "funnel" or "flag[beta=10]"; or a class, or any
-            other callable from a `stlbench.contract.Specification` to a `RewardMethod`.
+        method: a reward method by name, with or without parameters, "funnel" or "flag[beta=10]"; "auto" for
+            the first that fits the formula, of flag (only where F is inside of G), funnel, raw, others; or a class, or
+            any other callable from a `stlbench.contract.Specification` to a `RewardMethod`.
         ranges: signal -> (low, high), about what it takes, in its unit. What methods scale their rewards by.
         signals: signal -> expression over entries of the observation that have `names`, and over entries of the info,
             in the grammar that formulas have: {"theta": "atan2(y, x)"}. Or a function from observation and info of one
@@ -144,7 +145,9 @@ def wrap(
         raise UsageError(f"wrap takes an environment of Gymnasium, as gymnasium.make gives it, got {env!r}")
     entries = entries_of(single, names)
     reader = _reader(signals, ranges, entries, batched)
-    scoring = Scoring(reader, method, specify(formula, reader.names, ranges, length, dt), scaled, terminated, discount)
+    specification = specify(formula, reader.names, ranges, length, dt)
+    method = first_that_fits(specification) if method == "auto" else method
+    scoring = Scoring(reader, method, specification, scaled, terminated, discount)
     called = str(choice_of(method)) if isinstance(method, str) else ""
     shown = Observation.beside(length, scoring.inputs, called, env.spec.id if env.spec else "")
     observing = Observing(single, entries, scale or {}, shown)
