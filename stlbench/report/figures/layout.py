@@ -14,6 +14,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import StrMethodFormatter, SymmetricalLogLocator
 
 from stlbench.report.figures.style import INK, now, term_style
 
@@ -144,13 +145,7 @@ _LINEAR_ENOUGH = 10.0
 """If the largest value is at most that many times the smaller one, a linear axis shows both well."""
 _DECADES = 4
 """The logarithmic part has at most so many, so that a value near 0 does not squeeze all others."""
-_LINEAR_PART = 1.0
-"""From 0 to the threshold takes as much room as that many decades beyond."""
 _PAD = 0.04
-_ALONE = 0.25
-"""Of the threshold: an end from here on has a number, though it is in the linear part."""
-_APART = 2.5
-"""How many times the threshold the next tick is at least, so that their numbers do not touch."""
 
 
 def linear_threshold(value: float, largest: float) -> float | None:
@@ -162,54 +157,22 @@ def linear_threshold(value: float, largest: float) -> float | None:
     reach = max(value, largest / 10**_DECADES)
     if not math.isfinite(reach) or not math.isfinite(largest) or largest <= _LINEAR_ENOUGH * reach:
         return None
-    return next(each for each in _round_numbers(reach) if 1.01 * each >= reach)
-
-
-def _round_numbers(value: float) -> list[float]:
-    """1, 2, 5 and 10 times the power of ten below a value, as the floats nearest to these decimals."""
-    exponent = math.floor(math.log10(value))
-    return [_decimal(digit, exponent) for digit in (1, 2, 5, 10)]
-
-
-def _decimal(digit: int, exponent: int) -> float:
-    """The float nearest to digit x 10^exponent, which a product in floats may miss."""
-    return float(f"{digit}e{exponent}")
+    exponent = math.floor(math.log10(reach))
+    return next(each for digit in (1, 2, 5, 10) if 1.01 * (each := float(f"{digit}e{exponent}")) >= reach)
 
 
 def set_symlog(axes: Axes, threshold: float, low: float, high: float) -> str:
-    """Make the y axis linear up to `threshold` and logarithmic beyond, over at least [low, high]; a note on it."""
-    low = min(low, -threshold) if low < 0 else 0.0
-    high = max(high, threshold) if high > 0 else 0.0
-    axes.set_yscale("symlog", linthresh=threshold, linscale=_LINEAR_PART)
-    major, minor = symlog_ticks(threshold, low, high)
-    axes.set_yticks(major, [f"{tick:g}" for tick in major])
-    axes.set_yticks(minor, minor=True)
-    axes.tick_params(axis="y", which="minor", labelleft=False)
+    """Make the y axis linear up to `threshold` and logarithmic beyond, over at least [low, high]; a note on it.
+
+    Over one decade and a half or less, 2 and 5 times the powers of ten have numbers too.
+    """
+    low, high = min(low, -threshold) if low < 0 else 0.0, max(high, threshold) if high > 0 else 0.0
+    axes.set_yscale("symlog", linthresh=threshold, subs=range(2, 10))
+    numbered = (1,) if max(-low, high) > 10**1.5 * threshold else (1, 2, 5)
+    axes.yaxis.set_major_locator(SymmetricalLogLocator(base=10, linthresh=threshold, subs=numbered))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     transform = axes.yaxis.get_transform()
     ends = transform.transform([low, high])
     pad = _PAD * (ends[1] - ends[0])
     axes.set_ylim(*transform.inverted().transform([ends[0] - pad, ends[1] + pad]))
     return f"logarithmic beyond ±{threshold:g}"
-
-
-def symlog_ticks(threshold: float, low: float, high: float) -> tuple[list[float], list[float]]:
-    """Ticks with and without numbers, of an axis from `low` <= 0 to `high` >= 0.
-
-    Beyond the threshold each power of ten has a number; over one decade and a half or less 1, 2 and 5 times each. An
-    end below the threshold has the last round number before it.
-    """
-    major, minor = {0.0}, set[float]()
-    for sign, end in ((-1, -low), (1, high)):
-        if end < threshold:
-            if end > _ALONE * threshold:
-                major.add(sign * max(each for each in _round_numbers(end) if each <= end))
-            continue
-        digits: Sequence[int] = (1,) if end > 10**1.5 * threshold else (1, 2, 5)
-        nearest = _APART * threshold if len(digits) == 1 else threshold
-        major.add(sign * threshold)
-        for exponent in range(math.floor(math.log10(threshold)), math.floor(math.log10(end)) + 1):
-            for digit in range(1, 10):
-                value = _decimal(digit, exponent)
-                if threshold < value <= end:
-                    (major if digit in digits and value >= nearest else minor).add(sign * value)
-    return sorted(major), sorted(minor)
