@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 from rich.console import Console
@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from stlbench.cli.common import warn
-from stlbench.cli.options import Budget, Which, declare
+from stlbench.cli.options import Architecture, Budget, Method, On, OwnActions, Which, declare
 from stlbench.errors import UsageError, one_line
 
 if TYPE_CHECKING:
@@ -48,33 +48,19 @@ class Chosen:
         str | None,
         typer.Option(metavar="TASK", help="Search policies from outside on it, named as in `stlbench score`."),
     ] = None
-    method: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="With --task: method whose inputs the policy is shown.", show_default="none"),
-    ] = None
-    on: Annotated[
-        Literal["observation", "state", "environment"],
-        typer.Option(
-            help="With --task: what the policy is given: as agents, states and steps, or the environment's own."
-        ),
-    ] = "observation"
-    architecture: Annotated[
-        str | None,
-        typer.Option(metavar="FORM", help="With --task: of a state_dict of PyTorch, as in `stlbench score`."),
-    ] = None
-    actions: Annotated[
-        str | None, typer.Option(metavar="FILE", help="With --task: the policy's own actions, as in `stlbench score`.")
-    ] = None
+    method: Method = None
+    on: On = None
+    architecture: Architecture = None
+    actions: OwnActions = None
 
     def load(self) -> list[Actor]:
         """All that the options name. Raises `UsageError` if they name nothing, or what cannot act."""
         if self.every and (self.policies or self.task):
             raise UsageError("--all means all cells of the folder: name no others beside it")
         if self.task is None:
-            if self.method is not None or self.on != "observation":
-                raise UsageError("--method and --on are for policies from outside, with --task")
-            if self.architecture is not None or self.actions is not None:
-                raise UsageError("--architecture and --actions are for policies from outside, with --task")
+            outside = ("method", "on", "architecture", "actions")
+            if given := [f"--{name}" for name in outside if getattr(self, name) is not None]:
+                raise UsageError(f"{' and '.join(given)}: for policies from outside, with --task")
         actors = self._by_hand(self.controller) if self.controller else []
         if self.task is not None:
             actors += self._from_outside(self.task)
@@ -106,7 +92,7 @@ class Chosen:
 
         if not self.policies:
             raise UsageError("--task needs a policy: module:function, or a file .zip (SB3) or .onnx")
-        shown = Shown(self.on, UNKNOWN if self.method is None else parse_choice(self.method))
+        shown = Shown(self.on or "observation", UNKNOWN if self.method is None else parse_choice(self.method))
         with foreign(f"task {task_name}"):
             task = load_task(task_of(task_name))
         actors = []

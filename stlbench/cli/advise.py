@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from stlbench.cli.common import Json, show, warn
-from stlbench.cli.completion import names as completed
+from stlbench.cli.options import completed
 from stlbench.errors import UsageError, cause, one_line
 
 if TYPE_CHECKING:

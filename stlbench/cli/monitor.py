@@ -24,24 +24,6 @@ class Source(NamedTuple):
     place: str
 
 
-class Verdict(NamedTuple):
-    """The evaluation of a formula at the first row of a trace; `start` names one of several traces."""
-
-    formula: str
-    robustness: float
-    satisfied: bool
-    start: int | None
-
-    def facts(self) -> dict[str, Any]:
-        content = self._asdict()
-        return content if self.start is not None else {name: content[name] for name in self._fields if name != "start"}
-
-    def __str__(self) -> str:
-        word = "satisfied" if self.satisfied else "violated"
-        start = "" if self.start is None else f"start {self.start:<3}  "
-        return f"{word:<9}  robustness {self.robustness:< 10.6g}  {start}{self.formula}"
-
-
 def monitor(
     inputs: Annotated[
         list[str],
@@ -90,11 +72,11 @@ def monitor(
     if path.suffix == ".npz":
         _warn_of_early_ends(traces, starts)
     verdicts = [
-        verdict
+        _judge(source, formula, traces._replace(samples=samples), start, policy)
         for source, formula in zip(sources, parsed, strict=True)
-        for verdict in _judge(source, formula, traces, starts, policy)
+        for samples, start in zip(traces.samples, starts, strict=True)
     ]
-    show(as_json, [verdict.facts() for verdict in verdicts], map(str, verdicts))
+    show(as_json, verdicts, map(_line, verdicts))
 
 
 def _sources(inputs: list[str], formulas: Path | None) -> tuple[list[Source], Path]:
@@ -155,45 +137,33 @@ def _traces(path: Path, used: set[str], dt: float | None, start: int | None) -> 
 
 
 def _judge(
-    source: Source, formula: stl.Formula, traces: SavedTraces, starts: list[int | None], policy: ShortTraces
-) -> list[Verdict]:
-    """Judge each trace up to its last recorded row."""
-    import numpy as np
-
+    source: Source, formula: stl.Formula, trace: SavedTraces, start: int | None, policy: ShortTraces
+) -> dict[str, Any]:
+    """Judge one trace, whose samples are (rows, signals), up to its last recorded row."""
+    from stlbench import stl
     from stlbench.rollout.early_ends import last_steps
 
-    last, by_place = last_steps(traces.samples), dict[int, Verdict]()
-    for end in np.unique(last):
-        which = np.flatnonzero(last == end).tolist()
-        alike = traces._replace(samples=traces.samples[which, : end + 1])
-        early = end + 1 < traces.samples.shape[1]
-        at = f"start {starts[which[0]]}: the episode ended early; the formula " if early else ""
-        verdicts = _judge_alike(source, formula, alike, [starts[i] for i in which], policy, at)
-        by_place |= dict(zip(which, verdicts, strict=True))
-    return [by_place[i] for i in range(len(starts))]
-
-
-def _judge_alike(
-    source: Source, formula: stl.Formula, traces: SavedTraces, starts: list[int | None], policy: ShortTraces, at: str
-) -> list[Verdict]:
-    """Judge traces that end at the same row; `at` begins the message that they are too short."""
-    from stlbench import stl
-
-    names, samples = traces.names, traces.samples
+    end = int(last_steps(trace.samples[None])[0])
+    samples, of = trace.samples[: end + 1], "" if start is None else f" of start {start}"
     try:
-        values = stl.robustness(formula, samples, names, policy=policy)
-        verdicts = stl.satisfied(formula, samples, names, policy=policy)
+        value = float(stl.robustness(formula, samples, trace.names, policy=policy))
+        satisfied = bool(stl.satisfied(formula, samples, trace.names, policy=policy))
     except stl.ShortTraceError as error:
+        at = f"start {start}: the episode ended early; the formula " if end + 1 < len(trace.samples) else ""
         rule = f"{at}needs {error.needed} rows, the trace has {error.got}; --policy clip evaluates short traces"
         raise UsageError(f"{source.place}: {rule}") from error
     except stl.UndefinedError as error:
-        start = None if error.trace is None else starts[error.trace]
-        of = "" if start is None else f" of start {start}"
-        raise UsageError(f"{source.place}: {stl.UndefinedError(error.what, error.sample)}{of}") from error
+        raise UsageError(f"{source.place}: {error}{of}") from error
     except ValueError as error:
         raise UsageError(f"{source.place}: {error}") from error
-    judged = zip(values.tolist(), verdicts.tolist(), starts, strict=True)
-    return [Verdict(source.text, value, verdict, start) for value, verdict, start in judged]
+    facts = {"formula": source.text, "robustness": value, "satisfied": satisfied}
+    return facts if start is None else facts | {"start": start}
+
+
+def _line(verdict: dict[str, Any]) -> str:
+    word = "satisfied" if verdict["satisfied"] else "violated"
+    start = f"start {verdict['start']:<3}  " if "start" in verdict else ""
+    return f"{word:<9}  robustness {verdict['robustness']:< 10.6g}  {start}{verdict['formula']}"
 
 
 def _warn_of_early_ends(traces: SavedTraces, starts: list[int | None]) -> None:

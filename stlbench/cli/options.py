@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import warnings
 from collections.abc import Callable, Iterable
 from functools import wraps
 from pathlib import Path
@@ -10,9 +11,23 @@ from typing import Annotated, Any, Literal, get_args
 
 import typer
 
-from stlbench.cli.completion import names as completed
 from stlbench.registry.choices import Choice
 from stlbench.study.study import Option, Study
+
+
+def completed(kind: str) -> Callable[[str], list[str]]:
+    """What completes the name of a plugin of one of `plugins.KINDS`, also the last one of a comma list."""
+
+    def names(incomplete: str) -> list[str]:
+        from stlbench.registry import plugins
+
+        before, comma, last = incomplete.rpartition(",")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a broken plugin, while someone types
+            return [before + comma + name for name in plugins.available(kind) if name.startswith(last)]
+
+    return names
+
 
 REQUIRED = "required"
 """In place of a default: the user has to give the option."""
@@ -111,6 +126,25 @@ Budget = Annotated[
     str | None, typer.Option(metavar="NAME", help="Budget of the cell.", show_default="the only one there")
 ]
 Which = Annotated[Literal["selected", "final"], typer.Option("--policy", help="Which of a cell's two policies.")]
+Method = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Method whose inputs a policy from outside is shown.", show_default="none"),
+]
+On = Annotated[
+    Literal["observation", "state", "environment"] | None,
+    typer.Option(
+        help="What a policy from outside is given: as agents, states and steps, or the environment's own.",
+        show_default="observation",
+    ),
+]
+Architecture = Annotated[
+    str | None,
+    typer.Option(metavar="FORM", help="Of a state_dict of PyTorch, as 'mlp[4,64,64,21;relu]': sizes and activation."),
+]
+OwnActions = Annotated[
+    str | None,
+    typer.Option(metavar="FILE", help="The policy's own actions, a .csv with a row for each of its outputs."),
+]
 Listed = Annotated[str | None, typer.Option(metavar="LIST", help="A comma list.", show_default="all that are there")]
 Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Of what is drawn at random.")]
 TaskName = Annotated[

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from stlbench.cli.common import Json, show, warn
+from stlbench.cli.options import Architecture, Method, On, OwnActions
 from stlbench.cli.show import cell_facts
 from stlbench.errors import UsageError
 
@@ -38,26 +39,10 @@ def score(
             show_default="the only one of the task's cells in DIR, or of the task, else quick",
         ),
     ] = None,
-    method: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Reward method whose inputs the policy is shown.", show_default="none"),
-    ] = None,
-    on: Annotated[
-        Literal["observation", "state", "environment"] | None,
-        typer.Option(
-            help="What it is given: as agents, states and steps, or the environment's own.", show_default="observation"
-        ),
-    ] = None,
-    architecture: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FORM", help="Of a state_dict of PyTorch, as 'mlp[4,64,64,21;relu]': sizes and activation."
-        ),
-    ] = None,
-    actions: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Its own actions, a .csv with a row for each of its outputs."),
-    ] = None,
+    method: Method = None,
+    on: On = None,
+    architecture: Architecture = None,
+    actions: OwnActions = None,
     name: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="What tables call it.", show_default="as the file or the function"),

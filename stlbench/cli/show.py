@@ -13,8 +13,7 @@ import typer
 
 from stlbench.cli import common
 from stlbench.cli.common import Json, warn
-from stlbench.cli.completion import names
-from stlbench.cli.options import Budget, Cell, Folder
+from stlbench.cli.options import Budget, Cell, Folder, completed
 from stlbench.cli.show_task import task
 from stlbench.errors import UsageError, did_you_mean
 
@@ -99,7 +98,8 @@ def _cell_text(result: Result, log: Path) -> Iterator[str | Table]:
 @app.command("method")
 def method(
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="As `stlbench list methods` says.", autocompletion=names("methods"))
+        str,
+        typer.Argument(metavar="NAME", help="As `stlbench list methods` says.", autocompletion=completed("methods")),
     ],
     as_json: Json = False,
 ) -> None:

@@ -51,5 +51,5 @@ def test_an_axis_shows_all_values_and_says_what_it_does(threshold, low, high, nu
     assert axes.yaxis.get_transform().linthresh == threshold
     ends = axes.get_ylim()
     assert ends[0] < low <= high <= ends[1]
-    assert set(numbers) <= {label.get_text().replace("−", "-") for label in axes.get_yticklabels()}
+    assert set(numbers) <= {label.get_text().replace("\N{MINUS SIGN}", "-") for label in axes.get_yticklabels()}
     assert axes.get_xscale() == "linear"
