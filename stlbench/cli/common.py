@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
     from stlbench.report import Table
 
-DISK_FULL = 74
-"""The exit code if the disk is full: an input/output error in sysexits.h."""
+DISK_FULL = 74  # the exit code if the disk is full: an input/output error in sysexits.h
 _COLOUR = re.compile("\x1b\\[[0-9;]*m")
 _OF_PATHS = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM)
 """Errors of a user's path, raised even by a test whether it exists."""
@@ -158,8 +157,7 @@ def warn(message: str) -> None:
     typer.echo(f"warning: {one_line(message)}", err=True)
 
 
-_APART = ExitStack()
-"""While it is open, all output goes to stderr."""
+_APART = ExitStack()  # while it is open, all output goes to stderr
 
 
 def _alone(context: typer.Context, wanted: bool) -> bool:

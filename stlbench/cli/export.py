@@ -14,8 +14,7 @@ from stlbench.errors import UsageError
 if TYPE_CHECKING:
     from stlbench.study.results import Results
 
-TABLES = ("cells", "robustness", "curves")
-"""The tables of `Results` that are written, each to a file of its name."""
+TABLES = ("cells", "robustness", "curves")  # the tables of `Results` that are written, each to a file of its name
 
 
 def export(

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from stlbench.search.actor import Actor
     from stlbench.search.falsify import Falsification
 
-    _Written = tuple[Falsification, list[Path]]
-    """A result, and the files that it was written to."""
+    _Written = tuple[Falsification, list[Path]]  # a result, and the files that it was written to
 
 
 @takes_actors

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from stlbench.gate.summary import Named
     from stlbench.study.cell import Cell
 
-SEEDS = "10"
-"""Seeds of a new reference."""
+SEEDS = "10"  # seeds of a new reference
 
 
 def compare(

@@ -29,8 +29,7 @@ def completed(kind: str) -> Callable[[str], list[str]]:
     return names
 
 
-REQUIRED = "required"
-"""In place of a default: the user has to give the option."""
+REQUIRED = "required"  # in place of a default: the user has to give the option
 
 
 def study_options(*fields: str, **instead: tuple[str, str]) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from stlbench.report import Group, Report, Width
     from stlbench.rollout.standards import Standard
 
-_FEW = 3
-"""Settings that a warning names."""
+_FEW = 3  # settings that a warning names
 
 
 def report(

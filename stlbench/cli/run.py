@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from stlbench.study.cell import Cell
 
 
-DEFAULTS = {"tasks": "reach-stay", "methods": "funnel,flag"}
-"""What is compared where neither options nor a file say."""
+DEFAULTS = {"tasks": "reach-stay", "methods": "funnel,flag"}  # what is compared where neither options nor a file say
 
 
 @study_options(tasks=("", DEFAULTS["tasks"]), methods=("", DEFAULTS["methods"]))

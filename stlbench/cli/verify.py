@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from stlbench.share.rescored import Rescored
 
 
-_SHOWN = 10
-"""The most files without a result that are listed."""
+_SHOWN = 10  # the most files without a result that are listed
 
 
 def verify(

@@ -18,12 +18,9 @@ from stlbench.gate.judge import COSTS, QUALITIES, Comparison, Judgement, Metric,
 from stlbench.gate.snapshot import Sample, Snapshot
 from stlbench.records.identity import CellId, Setting
 
-MOST = 50
-"""Turns of a setting after which its verdict stays open."""
-ROUNDS = 2
-"""The fewest rounds after which anything is worse: slower code stays slow, and disturbances go."""
-TAIL = 0.025
-"""Probability that the median is beyond one end of its interval, at most."""
+MOST = 50  # turns of a setting after which its verdict stays open
+ROUNDS = 2  # the fewest rounds after which anything is worse: slower code stays slow, and disturbances go
+TAIL = 0.025  # probability that the median is beyond one end of its interval, at most
 
 
 class Turn(NamedTuple):

@@ -32,12 +32,10 @@ Floats = NDArray[np.float64]
 Verdict = Literal["no worse", "worse", "cannot tell", "missing", "not judged"]
 EXIT: dict[Verdict, int] = {"no worse": 0, "not judged": 0, "worse": 1, "cannot tell": 3, "missing": 4}
 """Exit code of each verdict. Where several are found, the whole has the first of: worse, missing, cannot tell."""
-ALPHA = 0.01
-"""Probability that anything is called worse by chance (Holm's correction)."""
+ALPHA = 0.01  # probability that anything is called worse by chance (Holm's correction)
 LEVEL = 0.95
 """Confidence that the loss is less than the interval's end. It needs no correction: all must exclude, not one."""
-FREEDOM = 2
-"""The fewest degrees of freedom from which anything is said: three seeds."""
+FREEDOM = 2  # the fewest degrees of freedom from which anything is said: three seeds
 
 
 def relative(base: Floats, new: Floats) -> Floats:
@@ -63,13 +61,10 @@ class Metric:
     """What is compared. Losses are in the unit of `gain`."""
 
     name: str
-    value: Callable[[Sample], float | None]
-    """None where it was not measured."""
+    value: Callable[[Sample], float | None]  # None where it was not measured
     gain: Callable[[Floats, Floats], Floats]
-    tolerated: float
-    """The largest average loss that is not worse."""
-    shown: str
-    """How a change is written (see `change`)."""
+    tolerated: float  # the largest average loss that is not worse
+    shown: str  # how a change is written (see `change`)
 
     @property
     def is_cost(self) -> bool:
@@ -104,22 +99,18 @@ class Comparison:
 
     setting: Setting
     metric: Metric
-    base: float
-    """Mean over the pairs; of a cost the median, as of the two below."""
+    base: float  # mean over the pairs; of a cost the median, as of the two below
     new: float
-    pairs: int
-    """Seeds that both have, or turns in which both trained a seed."""
+    pairs: int  # seeds that both have, or turns in which both trained a seed
     gain: float
     low: float
     """One-sided 95 % limit of the gain, from below; of a cost the lower end of its 95 % interval. NaN: not judged."""
-    high: float
-    """The same from above."""
+    high: float  # the same from above
     chance: float
     """Holm-corrected p-value of the t-test that nothing is lost; of a cost, of the sign test that no more is lost than
     is tolerated."""
     verdict: Verdict
-    gains: tuple[float, ...] = ()
-    """Of a cost that is judged: turn by turn."""
+    gains: tuple[float, ...] = ()  # of a cost that is judged: turn by turn
 
 
 @dataclass(frozen=True)
@@ -180,8 +171,7 @@ class _Test:
     metric: Metric
     base: Floats
     new: Floats
-    gains: Floats
-    """One gain per seed."""
+    gains: Floats  # one gain per seed
 
     @property
     def differs(self) -> bool:

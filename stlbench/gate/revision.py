@@ -25,8 +25,7 @@ INSTALLED = {"site-packages", "dist-packages"}
 class Tree:
     """The files of one revision, or the working tree."""
 
-    name: str
-    """The revision and its hash, for messages."""
+    name: str  # the revision and its hash, for messages
     root: Path
     environment: Mapping[str, str]
     """Environment variables of a process that runs this tree's code. All trees share the installed packages."""

@@ -29,8 +29,7 @@ from stlbench.records.status import NOT_RUN, Status
 from stlbench.share.checked import unpacked
 from stlbench.study.provenance import CODE
 
-_PER_CELL = ("time", CODE, TASK_FOLDER)
-"""Entries of the provenance that differ from cell to cell."""
+_PER_CELL = ("time", CODE, TASK_FOLDER)  # entries of the provenance that differ from cell to cell
 
 
 @dataclass(frozen=True)
@@ -40,13 +39,10 @@ class Sample:
     id: CellId
     status: Status
     reason: str = ""
-    robustness_mean: float | None = None
-    """Of the selected policy, over the starts of the report."""
-    satisfaction: float | None = None
-    """Share of the starts, in [0, 1]."""
+    robustness_mean: float | None = None  # of the selected policy, over the starts of the report
+    satisfaction: float | None = None  # share of the starts, in [0, 1]
     training_cpu_seconds: float | None = None
-    reward_nanoseconds: float | None = None
-    """CPU nanoseconds of the method's reward per step."""
+    reward_nanoseconds: float | None = None  # CPU nanoseconds of the method's reward per step
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,8 @@ from stlbench.gate.snapshot import Snapshot
 from stlbench.records import outputs
 from stlbench.report import Column, Table, Value, to_markdown
 
-Named = tuple[str, Snapshot]
-"""The path of a snapshot, and the snapshot."""
-LIMIT = 60_000
-"""Characters of a comment at most; GitHub refuses comments of more than 65,536."""
+Named = tuple[str, Snapshot]  # the path of a snapshot, and the snapshot
+LIMIT = 60_000  # characters of a comment at most; GitHub refuses comments of more than 65,536
 LEFT_OUT = "\nThe rest is left out here; gate.md has all of it.\n"
 ELEMENTS: dict[Verdict, str] = {"worse": "failure", "missing": "error", "cannot tell": "skipped"}
 """The content of a JUnit test case; "no worse" has none. "Cannot tell" fails no build: it asks for more seeds."""

@@ -35,19 +35,13 @@ from stlbench.task.file import Signal
 from stlbench.task.task import Task
 
 Format = Literal["gif", "webp", "mp4"]
-FRAMES_A_SECOND = 12.5
-"""GIF counts in hundredths of a second: 8 of them a frame."""
-SHORTEST, LONGEST = 4.0, 12.0
-"""Seconds that a film lasts, whatever the episode does: 150 frames at most."""
+FRAMES_A_SECOND = 12.5  # GIF counts in hundredths of a second: 8 of them a frame
+SHORTEST, LONGEST = 4.0, 12.0  # seconds that a film lasts, whatever the episode does: 150 frames at most
 _DPI = 80
-_WIDTHS = {1: 7.2, 2: 10.0}
-"""Inches, of one start and of two."""
-_ENTRY = 0.21
-"""Inches of one entry of the legend."""
-_PAUSE = 8
-"""Frames for which the end is held."""
-Update = Callable[[int], None]
-"""Shows the sample of that index."""
+_WIDTHS = {1: 7.2, 2: 10.0}  # inches, of one start and of two
+_ENTRY = 0.21  # inches of one entry of the legend
+_PAUSE = 8  # frames for which the end is held
+Update = Callable[[int], None]  # shows the sample of that index
 Pictures = Callable[[int], Sequence[Pixels]]
 """A picture of each start at a sample. Called in the order of time."""
 
@@ -62,8 +56,7 @@ class Pace(NamedTuple):
 class Scene(NamedTuple):
     figure: Figure
     update: Update
-    moving: Sequence[Artist]
-    """What `update` changes; the rest is drawn once."""
+    moving: Sequence[Artist]  # what `update` changes; the rest is drawn once
     remark: str = ""
 
 

@@ -33,25 +33,20 @@ if TYPE_CHECKING:
 
     from stlbench.report.figures.counterexample import Story
 
-FILE = "report.html"
-"""Name of the page in a folder of results."""
+FILE = "report.html"  # name of the page in a folder of results
 MOST = 2000
 """Cells that a page has one by one. Its tables and figures are of all cells."""
 _LOG_LINES = 60
-Tell = Callable[[int, int], None]
-"""Is called with the number of groups that are read, and of all."""
+Tell = Callable[[int, int], None]  # is called with the number of groups that are read, and of all
 Facts = list[tuple[str, str]]
-Part = dict[str, Any]
-"""What the template shows of a task or a cell."""
+Part = dict[str, Any]  # what the template shows of a task or a cell
 
 
 class Picture(NamedTuple):
-    label: str
-    """What it shows, for those who cannot see it."""
+    label: str  # what it shows, for those who cannot see it
     data: str
     """SVG in base64. As an image it runs nothing and loads nothing."""
-    size: tuple[int, int]
-    """Width and height in pixels."""
+    size: tuple[int, int]  # width and height in pixels
 
 
 def require() -> None:

@@ -29,14 +29,11 @@ if TYPE_CHECKING:
 class Report:
     """The tables of some results. Each is computed once, when it is first read."""
 
-    groups: Sequence[Group]
-    """The results that the tables show."""
-    standards: Mapping[str, Standard]
-    """What the policies of each task are compared with."""
+    groups: Sequence[Group]  # the results that the tables show
+    standards: Mapping[str, Standard]  # what the policies of each task are compared with
     recorded: Sequence[Group] | None = None
     """All results of the folder, if `groups` are a part of them: plans are compared with all of these."""
-    first: tuple[Table, ...] = ()
-    """Tables that come before these, such as one of bundles."""
+    first: tuple[Table, ...] = ()  # tables that come before these, such as one of bundles
 
     @cached_property
     def learned(self) -> tuple[Group, ...]:

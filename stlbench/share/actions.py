@@ -16,8 +16,7 @@ from stlbench.rollout.controller import nearest
 from stlbench.rollout.faults import out_of_range
 from stlbench.rollout.trace_table import read_table
 
-_ROUNDING = 1e-6
-"""Share of an axis' span by which rounding may take an action off the grid."""
+_ROUNDING = 1e-6  # share of an axis' span by which rounding may take an action off the grid
 
 
 @dataclass
@@ -26,8 +25,7 @@ class Moved:
 
     total: int = 0
     moved: int = 0
-    farthest: Array = field(default_factory=lambda: np.zeros(0))
-    """Of each axis, (axes,), in its unit."""
+    farthest: Array = field(default_factory=lambda: np.zeros(0))  # of each axis, (axes,), in its unit
 
     def add(self, actions: ActionGrid, vectors: Array, nearest_ones: Integers) -> None:
         """Count actions (N, axes), and the indices (N,) of the nearest ones on the grid."""
@@ -53,8 +51,7 @@ class OnObservation(Policy):
 
     function: Callable[[Array], Any]
     actions: Actions
-    source: str
-    """For messages."""
+    source: str  # for messages
     table: Array | None = None
     """The policy's own actions (A, axes), in the task's units, if it answers with their numbers."""
     moved: Moved = field(default_factory=Moved)

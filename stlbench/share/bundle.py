@@ -21,19 +21,15 @@ from stlbench.study.results import Results
 CITATION = "CITATION.cff"
 _TABLES = (".csv", ".md", ".html")
 """Files of a folder of results that `stlbench report` writes, and that go into the bundle."""
-_ARRAYS = (POLICIES, TRACES)
-"""Its folders of arrays."""
-_EPOCH = (1980, 1, 1, 0, 0, 0)
-"""The date of every file in a bundle, so that equal results give equal bundles."""
+_ARRAYS = (POLICIES, TRACES)  # its folders of arrays
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # the date of every file in a bundle, so that equal results give equal bundles
 
 
 class Packed(NamedTuple):
     cells: int
-    policies: int
-    """Cells whose policies are in it."""
+    policies: int  # cells whose policies are in it
     files: int
-    size: int
-    """Bytes of the bundle."""
+    size: int  # bytes of the bundle
 
 
 def pack(folder: Path, target: Path, about: About, traces: bool = False) -> Packed:
@@ -99,8 +95,7 @@ def _citation(about: About) -> str:
     return text.getvalue()
 
 
-METADATA = "ro-crate-metadata.json"
-"""The metadata, the only file that they do not list."""
+METADATA = "ro-crate-metadata.json"  # the metadata, the only file that they do not list
 _VERSION = "https://w3id.org/ro/crate/1.2"
 _SOFTWARE = "#stlbench"
 
@@ -110,16 +105,13 @@ class About:
     title: str
     description: str
     authors: tuple[str, ...]
-    license: str
-    """Its SPDX identifier, such as CC-BY-4.0."""
-    date: str
-    """When it was packed, as 2026-01-31."""
+    license: str  # its SPDX identifier, such as CC-BY-4.0
+    date: str  # when it was packed, as 2026-01-31
 
 
 class Content(NamedTuple):
     sha256: str
-    size: int
-    """Bytes."""
+    size: int  # bytes
 
 
 def document(about: About, files: Mapping[str, Content], version: str) -> str:
@@ -156,8 +148,7 @@ class Metadata(NamedTuple):
     """What a bundle says of itself."""
 
     about: About
-    files: Mapping[str, Content]
-    """By path."""
+    files: Mapping[str, Content]  # by path
 
 
 def read_metadata(text: str) -> Metadata:

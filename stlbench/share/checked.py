@@ -19,12 +19,9 @@ from stlbench.records.result import Result
 from stlbench.share.bundle import METADATA, Content, may_hold, read_metadata
 from stlbench.study.results import Results
 
-LARGEST = 8 * 2**30
-"""The most bytes of a bundle unpacked: a larger zip may be an attack that fills the disk."""
-LARGEST_POLICIES = 2**28
-"""The most bytes of a cell's policies in memory: their file is a zip inside the zip."""
-_LIST = 2**26
-"""The most bytes of the metadata."""
+LARGEST = 8 * 2**30  # the most bytes of a bundle unpacked: a larger zip may be an attack that fills the disk
+LARGEST_POLICIES = 2**28  # the most bytes of a cell's policies in memory: their file is a zip inside the zip
+_LIST = 2**26  # the most bytes of the metadata
 _PIECE = 2**20
 _KEY = re.compile(r"[0-9a-f]{1,64}")
 _DAMAGED = (OSError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, UnicodeError)
@@ -32,12 +29,9 @@ _DAMAGED = (OSError, zipfile.BadZipFile, zlib.error, NotImplementedError, Runtim
 
 
 class Checked(NamedTuple):
-    cells: int
-    """0 if its results cannot be read."""
-    policies: int
-    """Cells that have policies in the bundle."""
-    problems: tuple[str, ...]
-    """One line each; none if the bundle is whole."""
+    cells: int  # 0 if its results cannot be read
+    policies: int  # cells that have policies in the bundle
+    problems: tuple[str, ...]  # one line each; none if the bundle is whole
 
 
 def check(path: Path) -> Checked:

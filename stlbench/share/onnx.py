@@ -23,8 +23,7 @@ from stlbench.share.torch_files import check_size
 from stlbench.study.policies import LoadedPolicy, load_policy
 
 _TYPES = {"tensor(float)": np.float32, "tensor(double)": np.float64}
-_PREFERRED = ("action", "index")
-"""Outputs by name, where there are several; else the first is taken."""
+_PREFERRED = ("action", "index")  # outputs by name, where there are several; else the first is taken
 
 
 def load_onnx(path: Path, shown: Observation) -> Callable[[Array], Any]:
@@ -71,19 +70,15 @@ def _session(path: Path) -> Any:
         raise UsageError(f"{path} is no ONNX model: {' '.join(str(error).split())[:200]}") from error
 
 
-_ROUNDING = 1e-6
-"""Share of an action's span: what single precision makes of another order of sums."""
+_ROUNDING = 1e-6  # share of an action's span: what single precision makes of another order of sums
 
 
 class Exported(NamedTuple):
-    observations: int
-    """Of the report's episodes: all that the policy saw there."""
+    observations: int  # of the report's episodes: all that the policy saw there
     same: float
     """Share of them at which the file, run by onnxruntime, gives the same action, to a millionth of its span."""
-    largest: float
-    """The largest difference of an action, as a share of its axis' span."""
-    observation: str
-    """What it is to be shown, in words."""
+    largest: float  # the largest difference of an action, as a share of its axis' span
+    observation: str  # what it is to be shown, in words
 
 
 def export(folder: Path, result: Result, which: Which, path: Path) -> Exported:

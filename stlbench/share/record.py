@@ -26,8 +26,7 @@ from stlbench.task import Task, load_task
 class Entry(NamedTuple):
     result: Result
     scored: Scored
-    signals: tuple[str, ...]
-    """Of the task."""
+    signals: tuple[str, ...]  # of the task
 
 
 def outside_question(

@@ -28,10 +28,8 @@ class Rescored(NamedTuple):
 
     cell: CellId
     recorded: Mapping[str, Score]
-    found: Mapping[str, Score] | None
-    """None if it cannot be scored here."""
-    why: str = ""
-    """The reason why it cannot."""
+    found: Mapping[str, Score] | None  # None if it cannot be scored here
+    why: str = ""  # the reason why it cannot
 
     @property
     def verdict(self) -> str:

@@ -28,14 +28,10 @@ from stlbench.share.torch_files import ACTIVATIONS, Layers, Weights, read_weight
 class _Form:
     """Where an algorithm keeps the layers that act, and what it makes of their output."""
 
-    hidden: str
-    """Before the number of a layer."""
-    last: str
-    """The last layer; empty where it is one of the numbered."""
-    activation: str
-    """Unless the file says another."""
-    squashed: bool = False
-    """Its tanh spans the actions; otherwise the output is in their units, and clipped."""
+    hidden: str  # before the number of a layer
+    last: str  # the last layer; empty where it is one of the numbered
+    activation: str  # unless the file says another
+    squashed: bool = False  # its tanh spans the actions; otherwise the output is in their units, and clipped
 
 
 _FORMS = (

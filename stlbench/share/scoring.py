@@ -48,23 +48,16 @@ class Shown:
     """What agents of stlbench see, (N, D); of a system the states (N, n), and for a function the step counts t (N,); of
     a task on an environment its own observations (N, d), as they are. None is the first, unless a file contradicts
     it."""
-    method: Choice = UNKNOWN
-    """The reward method whose inputs are the end of the observation."""
+    method: Choice = UNKNOWN  # the reward method whose inputs are the end of the observation
 
 
 class Scored(NamedTuple):
-    measurement: Measurement
-    """With what is known of it: scores, and nothing of a training."""
-    traces: Array
-    """(N, T + 1, k): those behind the main score."""
-    states: Array | None
-    """(N, decisions + 1, n): the states behind them; None of recorded traces."""
-    starts: str
-    """Whose they are, in words."""
-    observation: str = ""
-    """What the policy was shown, in words; empty of recorded traces."""
-    moved: str = ""
-    """How many of its actions were moved to the task's grid, and how far; empty where none was."""
+    measurement: Measurement  # with what is known of it: scores, and nothing of a training
+    traces: Array  # (N, T + 1, k): those behind the main score
+    states: Array | None  # (N, decisions + 1, n): the states behind them; None of recorded traces
+    starts: str  # whose they are, in words
+    observation: str = ""  # what the policy was shown, in words; empty of recorded traces
+    moved: str = ""  # how many of its actions were moved to the task's grid, and how far; empty where none was
 
 
 def score(task: Task, source: Source, shown: Shown, random_starts: int) -> Scored:
@@ -96,8 +89,7 @@ class Played(NamedTuple):
 
     method: RewardMethod
     policy: OnObservation | OnState
-    observation: str
-    """What it is shown, in words."""
+    observation: str  # what it is shown, in words
 
 
 def play(task: Task, source: Source, shown: Shown) -> Played:

@@ -31,12 +31,9 @@ _CELL = re.compile(r"[^/]+/[^/]+/[^/]+/[0-9]+(/[a-z]+)?")
 @dataclass(frozen=True)
 class Source:
     kind: Kind
-    text: str
-    """As the user named it."""
-    architecture: str | None = None
-    """Of a state_dict: "mlp[4,64,64,21;relu]"."""
-    table: str | None = None
-    """The path of a table of actions, of which the policy answers numbers."""
+    text: str  # as the user named it
+    architecture: str | None = None  # of a state_dict: "mlp[4,64,64,21;relu]"
+    table: str | None = None  # the path of a table of actions, of which the policy answers numbers
 
     @property
     def path(self) -> Path:

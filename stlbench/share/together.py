@@ -16,25 +16,20 @@ from stlbench.share.bundle import METADATA, About, read_metadata
 from stlbench.share.checked import check, results_in, unpacked
 from stlbench.share.rescored import score_cell
 
-_NAME = re.compile(r"[A-Za-z0-9._+-]+")
-"""Names of files that can be parameters of a method."""
+_NAME = re.compile(r"[A-Za-z0-9._+-]+")  # names of files that can be parameters of a method
 _VERDICTS = ("claims more", "not scored", "within rounding", "as recorded")
 """What is said of a policy that was scored again, the worst first."""
-Tell = Callable[[str, str], None]
-"""Is told a cell's name and the verdict on it."""
+Tell = Callable[[str, str], None]  # is told a cell's name and the verdict on it
 
 
 @dataclass(frozen=True)
 class Bundle:
     path: Path
-    about: About | None = None
-    """None where the bundle is refused."""
+    about: About | None = None  # None where the bundle is refused
     results: tuple[Result, ...] = ()
     """Their methods have a parameter `bundle`; of policies that were scored again, the scores are the new ones."""
-    verdict: str | None = None
-    """The worst verdict on its policies; None where none was scored again."""
-    problems: tuple[str, ...] = ()
-    """Why it is refused."""
+    verdict: str | None = None  # the worst verdict on its policies; None where none was scored again
+    problems: tuple[str, ...] = ()  # why it is refused
 
     @property
     def is_fine(self) -> bool:

@@ -28,8 +28,7 @@ class Layers:
     """Matrices (outputs, inputs) and biases (outputs,), in their order, with an activation between them."""
 
     parts: tuple[tuple[Weights, Weights], ...]
-    activation: str
-    """One of `ACTIVATIONS`."""
+    activation: str  # one of `ACTIVATIONS`
 
     def outputs(self, observation: Array) -> Array:
         """Of observations (N, D): (N, outputs), computed in the precision of the weights."""
@@ -128,8 +127,7 @@ def _matched(
 
 _FORBIDDEN = frozenset({"aten::save", "aten::from_file", "prim::CallFunction", "prim::CallMethod", "prim::fork"})
 """What reads and writes files, and calls that cannot be looked into."""
-_AT_LOADING = b"__setstate__"
-"""The method that is run while a file is loaded, before anybody could look at it."""
+_AT_LOADING = b"__setstate__"  # the method that is run while a file is loaded, before anybody could look at it
 
 
 def load_torchscript(path: Path) -> Callable[[Array], Any]:

@@ -33,12 +33,10 @@ _COARSE = (0.0, 0.5, 0.9, 0.99, 0.999)
 _FINE = (0.0, 0.3, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999)
 """Scores with a number on the axis: of a wide axis, and of one that shows less than a decade and a half of them."""
 _NARROW = 1.5
-_BEST = 0.999
-"""Scores from here on are drawn here."""
+_BEST = 0.999  # scores from here on are drawn here
 SCALE = ("0 acts at random, 1 is the best known", "logarithmic towards 1")
 """Lines: what scores are, and how their axis is spread."""
-_MARKERS = ("D", "s", "^")
-"""Of fields."""
+_MARKERS = ("D", "s", "^")  # of fields
 
 
 def place(score: float) -> float:
@@ -142,10 +140,8 @@ def _label(entry: Entry) -> str:
     return entry.method if all(entry.scores) else f"{entry.method}\n(fits {entry.coverage})"
 
 
-_KEYS, _NARROW_KEYS = 0.6, 1.8
-"""Inches of the title and the legend, which take more lines in one column."""
-_ROW, _AROUND = 0.115, 0.6
-"""Inches: of a row, and of the room above and below the rows."""
+_KEYS, _NARROW_KEYS = 0.6, 1.8  # inches of the title and the legend, which take more lines in one column
+_ROW, _AROUND = 0.115, 0.6  # inches: of a row, and of the room above and below the rows
 _POLICIES: tuple[dict[str, Any], ...] = (
     {"marker": "x", "color": "0.6", "markersize": 3.5},
     {"marker": "o", "color": TRACE, "markersize": 3.5},

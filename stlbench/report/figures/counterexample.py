@@ -27,22 +27,16 @@ from stlbench.rollout.reasons import Loss, first_loss, last_step, reason
 from stlbench.rollout.traces import Recording, gather, load
 from stlbench.task.task import Task
 
-_PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1}
-"""Behind a text, over the lines."""
-_LETTERS = 90
-"""Of a line in the legend."""
-_PLANE = 2.6
-"""Inches of the plane if it is below the rows, as in one column."""
-_CLOSE = 8
-"""The row of the margin shows at most so many times the margin that decides."""
+_PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1}  # behind a text, over the lines
+_LETTERS = 90  # of a line in the legend
+_PLANE = 2.6  # inches of the plane if it is below the rows, as in one column
+_CLOSE = 8  # the row of the margin shows at most so many times the margin that decides
 
 
 class Place(NamedTuple):
     step: int
-    text: str
-    """The margin and the step, in words."""
-    explanation: str
-    """For the legend."""
+    text: str  # the margin and the step, in words
+    explanation: str  # for the legend
     witness: stl.Witness | None
 
     @property
@@ -144,20 +138,14 @@ def _plane(axes: Axes, task: Task, trace: Array, here: Place) -> tuple[int, ...]
 
 @dataclass(frozen=True)
 class Story:
-    recording: Recording
-    """All traces."""
+    recording: Recording  # all traces
     picks: tuple[int, ...]
     """The places of the best, the median and the worst start in the traces; a single start has one place."""
-    cell: str
-    """The cell of the worst start."""
-    start: int
-    """The number of the worst start among the report's starts."""
-    robustness: float
-    """Of the worst start."""
-    place: Place
-    """The origin of this robustness."""
-    loss: Loss | None
-    """What the worst start lost first; None if it satisfies."""
+    cell: str  # the cell of the worst start
+    start: int  # the number of the worst start among the report's starts
+    robustness: float  # of the worst start
+    place: Place  # the origin of this robustness
+    loss: Loss | None  # what the worst start lost first; None if it satisfies
 
     @property
     def worst(self) -> Array:

@@ -32,8 +32,7 @@ if TYPE_CHECKING:
 
     from stlbench.report.report import Report
 
-_HEAD = 4096
-"""The first bytes of a file, which have the digest."""
+_HEAD = 4096  # the first bytes of a file, which have the digest
 _ENDS = ("png", "svg", "pdf")
 _DPI = 200
 
@@ -51,14 +50,11 @@ def file_name(*parts: str) -> str:
 
 @dataclass(frozen=True)
 class Drawing:
-    name: str
-    """Of its files."""
-    label: str
-    """What it shows, for those who cannot see it."""
+    name: str  # of its files
+    label: str  # what it shows, for those who cannot see it
     function: tuple[str, str]
     """Module and name, in this room, of the function that draws it. The module imports matplotlib."""
-    values: tuple[Any, ...]
-    """The function's arguments: what it is drawn from."""
+    values: tuple[Any, ...]  # the function's arguments: what it is drawn from
 
     def draw(self) -> Figure:
         module, name = self.function
@@ -138,8 +134,7 @@ def _svg(figure: Figure, settings: Mapping[str, str] | None = None, source: str 
     return file.getvalue()
 
 
-ROWS_PER_FIGURE = 24
-"""Groups that have a row each."""
+ROWS_PER_FIGURE = 24  # groups that have a row each
 
 
 def write_figures(report: Report, folder: Path, load: Load, width: Width) -> list[Path]:

@@ -18,11 +18,9 @@ from matplotlib.ticker import StrMethodFormatter, SymmetricalLogLocator
 
 from stlbench.report.figures.style import INK, now, term_style
 
-LEVEL = INK
-"""The grey of the line at robustness 0."""
+LEVEL = INK  # the grey of the line at robustness 0
 REGION_ALPHA = 0.18
-_LETTERS_PER_INCH = 13.5
-"""Of a title, which is set in 9 points."""
+_LETTERS_PER_INCH = 13.5  # of a title, which is set in 9 points
 _LETTER, _KEY = 0.56, 6
 """Of a legend: the width of a letter, as a share of its height; letters that a line or a patch takes."""
 
@@ -75,13 +73,10 @@ _LEAST, _LEAST_AT_ZERO = 1e-3, 2e-2
 
 The second number counts if no value is positive, as when 0 is the best known.
 """
-_ROOM = 0.25
-"""Room below 0, as a share of the room above."""
-_FROM = 0.5
-"""Share of a lower end to the left of all arrows: on the right, curves that rise have risen."""
+_ROOM = 0.25  # room below 0, as a share of the room above
+_FROM = 0.5  # share of a lower end to the left of all arrows: on the right, curves that rise have risen
 _MARGIN = 0.05
-_PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}
-"""Behind a number, over other marks."""
+_PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}  # behind a number, over other marks
 
 
 class Window(NamedTuple):
@@ -141,10 +136,8 @@ def beyond_key(marker: str, text: str) -> Line2D:
     return key_of(text, linestyle="", marker=marker, color="0.3", markersize=5)
 
 
-_LINEAR_ENOUGH = 10.0
-"""If the largest value is at most that many times the smaller one, a linear axis shows both well."""
-_DECADES = 4
-"""The logarithmic part has at most so many, so that a value near 0 does not squeeze all others."""
+_LINEAR_ENOUGH = 10.0  # if the largest value is at most that many times the smaller one, a linear axis shows both well
+_DECADES = 4  # the logarithmic part has at most so many, so that a value near 0 does not squeeze all others
 _PAD = 0.04
 
 

@@ -23,8 +23,7 @@ from stlbench.task import build_method, load_task
 from stlbench.task.task import Task
 
 ONE_TRACE, READ = "0.45", "0.88"
-_SINGLE_TRACES = 7
-"""Traces that are drawn one by one, from the worst to the best of the term's interval."""
+_SINGLE_TRACES = 7  # traces that are drawn one by one, from the worst to the best of the term's interval
 BAND_ELSEWHERE = "the method's bounds are of the rewarded form: `stlbench plot --rewarded`"
 
 

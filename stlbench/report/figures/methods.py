@@ -22,14 +22,10 @@ from stlbench.report.tables.rows import Group
 from stlbench.task.task import Task
 
 METHODS_PER_OVERVIEW = 6
-_ROW = 0.048
-"""Inches of a row, whose label has two lines, for each point of its text."""
-_LINE = 30
-"""Characters of a line of an axis' label: as many as the axis is high."""
-_PANEL = 2.2
-"""Inches of a panel of an overview, at least."""
-_LETTERS = 62
-"""Of an entry of the overview's legend, which has two columns."""
+_ROW = 0.048  # inches of a row, whose label has two lines, for each point of its text
+_LINE = 30  # characters of a line of an axis' label: as many as the axis is high
+_PANEL = 2.2  # inches of a panel of an overview, at least
+_LETTERS = 62  # of an entry of the overview's legend, which has two columns
 
 
 @styled

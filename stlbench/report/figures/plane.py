@@ -18,8 +18,7 @@ from stlbench.report.figures.regions import parts, region, signal_label
 from stlbench.report.figures.style import TIME, term_style
 from stlbench.task.task import Task
 
-_POINTS = 150
-"""Points of a trace, each with a colour of its own."""
+_POINTS = 150  # points of a trace, each with a colour of its own
 _GRID = 201
 _PAD = 0.06
 _START, _END, _LEAVES = tuple[dict[str, Any], ...](
@@ -33,14 +32,10 @@ _START, _END, _LEAVES = tuple[dict[str, Any], ...](
 
 
 class View(NamedTuple):
-    columns: tuple[int, int]
-    """Of the signals across and up."""
-    low: Array
-    """(2,): the lower left corner."""
-    high: Array
-    """(2,): the upper right corner."""
-    drawn: tuple[int, ...]
-    """Indices of the parts that have a region in the plane."""
+    columns: tuple[int, int]  # of the signals across and up
+    low: Array  # (2,): the lower left corner
+    high: Array  # (2,): the upper right corner
+    drawn: tuple[int, ...]  # indices of the parts that have a region in the plane
 
 
 def lay_out(axes: Axes, task: Task, traces: Array, *, whole: bool = False) -> View:

@@ -16,8 +16,7 @@ from stlbench.stl import Always, And, Eventually, Formula, Or, Release, Term, Un
 from stlbench.stl.language.structure import walk
 from stlbench.task.task import Task
 
-Load = Callable[[Choice | str], Task]
-"""Loads a task; raises `UsageError` if that is not possible."""
+Load = Callable[[Choice | str], Task]  # loads a task; raises `UsageError` if that is not possible
 _SAMPLES, _MOST_VALUES, _MOST_OTHERS = 2_000_000, 801, 4
 """At most, in a picture: computed points, values of each signal that it leaves out, and such signals."""
 
@@ -26,12 +25,9 @@ class Part(NamedTuple):
     """A part of a formula without temporal operators, as large as there is."""
 
     psi: Formula
-    start: int
-    """The first step at which it can be read."""
-    end: int
-    """The last."""
-    operators: tuple[str, ...]
-    """The temporal operators around it, from outside: G[0,900], F[0,99]."""
+    start: int  # the first step at which it can be read
+    end: int  # the last
+    operators: tuple[str, ...]  # the temporal operators around it, from outside: G[0,900], F[0,99]
 
     def __str__(self) -> str:
         return " ".join([*self.operators, str(self.psi)])
@@ -116,11 +112,9 @@ def region(task: Task, psi: Formula, axes: Sequence[Array], names: Sequence[str]
     return margin, truth
 
 
-NO_UNIT = "-"
-"""If the task file names none."""
+NO_UNIT = "-"  # if the task file names none
 UNKNOWN = "unit of the predicates"
-_SAME_UNIT = ("abs", "min", "max", "norm", "norminf")
-"""Functions whose value has the unit of their arguments."""
+_SAME_UNIT = ("abs", "min", "max", "norm", "norminf")  # functions whose value has the unit of their arguments
 
 
 def signal_label(task: Task, name: str) -> str:
@@ -172,8 +166,7 @@ def _unit(task: Task, expression: stl.Expression) -> str | None:
 
 class Scale(NamedTuple):
     unit: str
-    most: float
-    """No trace within the signals' ranges has more robustness; inf if nothing is known."""
+    most: float  # no trace within the signals' ranges has more robustness; inf if nothing is known
 
 
 def scale_of_task(choice: Choice | str, load: Load) -> Scale:

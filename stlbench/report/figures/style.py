@@ -16,19 +16,14 @@ from typing import Any, Literal, NamedTuple, ParamSpec, TypeVar
 from stlbench.report.tables.rows import Group, split, unfinished
 from stlbench.report.tables.table import Width
 
-SINGLE, DOUBLE = 3.5, 7.16
-"""Inches: the width of one column and of two, in journals and proceedings of IEEE."""
+SINGLE, DOUBLE = 3.5, 7.16  # inches: the width of one column and of two, in journals and proceedings of IEEE
 
 
 class Format(NamedTuple):
-    width: float
-    """Inches."""
-    text: float
-    """Points: of labels and titles of axes."""
-    small: float
-    """Of ticks and legends."""
-    tiny: float
-    """Of long texts."""
+    width: float  # inches
+    text: float  # points: of labels and titles of axes
+    small: float  # of ticks and legends
+    tiny: float  # of long texts
 
 
 _FORMATS: dict[Width, Format] = {"page": Format(DOUBLE, 8, 7, 6), "column": Format(SINGLE, 8, 8, 7)}
@@ -97,37 +92,31 @@ def styled(draw: Callable[Words, Drawn]) -> Callable[Words, Drawn]:
     return drawing
 
 
-Colours = Mapping[str, str]
-"""Method -> its colour, on every chart of a folder of results."""
+Colours = Mapping[str, str]  # method -> its colour, on every chart of a folder of results
 SAFE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe and Ito's palette for colour-blind readers, without its yellow, which is hard to see on white."""
 _FURTHER = ("#8C6D31", "#C2185B", "#5E9C1F", "#6B6ECF", "#A55194", "#17A2A2", "#8F8F8F")
 """For as many more methods, and for terms."""
-COLOURS = (*SAFE, *_FURTHER)
-"""Of methods, and of nothing else."""
+COLOURS = (*SAFE, *_FURTHER)  # of methods, and of nothing else
 INK, TRACE, MARK, BOUNDS = "0.15", "0.3", "#A00000", "#6A3D9A"
 """Colours of no method: for the best possible, recorded traces, the step that decides, and a method's bounds."""
-TIME = "cividis"
-"""Colours of the time along a trace: from blue to yellow, so that no term's colour is among them."""
+TIME = "cividis"  # colours of the time along a trace: from blue to yellow, so that no term's colour is among them
 Line = Literal["-", "--", ":"]
 LINES: tuple[Line, ...] = ("-", "--", ":")
-GROUPS_PER_FIGURE = len(SAFE)
-"""In figures that distinguish them by colour."""
+GROUPS_PER_FIGURE = len(SAFE)  # in figures that distinguish them by colour
 TERM_COLOURS = _FURTHER[:5]
 HATCHES = ("", "///", "...", "xxx")
 
 
 class GroupStyle(NamedTuple):
-    label: str
-    """The method, with agent and budget if they differ, and how many seeds finished: "flag: 4 of 5 seeds"."""
+    label: str  # the method, with agent and budget if they differ, and how many seeds finished: "flag: 4 of 5 seeds"
     colour: str
     line: Line
 
 
 class TermStyle(NamedTuple):
     colour: str
-    hatch: str
-    """Empty for the first terms; further terms have a colour and a hatch."""
+    hatch: str  # empty for the first terms; further terms have a colour and a hatch
 
 
 def colours_of(groups: Sequence[Group]) -> Colours:

@@ -41,22 +41,14 @@ _FORMULA = "the formula itself"
 class Job:
     """What is drawn, from which traces, and where the figures go."""
 
-    run: Path
-    """The run's folder, where the traces lie."""
-    out: Path
-    """Where the figures go; they replace earlier ones."""
-    tell: Tell
-    """Is called for each group that is drawn."""
-    warn: Tell
-    """Is called for what could not be drawn, and why."""
-    colours: Colours
-    """Of the methods of the whole run, also of methods that are not drawn."""
-    load: Load
-    """Loads a task."""
-    ask: Ask
-    """Asks methods for their bounds."""
-    only: Collection[str] = USUAL
-    """Which of KINDS are drawn."""
+    run: Path  # the run's folder, where the traces lie
+    out: Path  # where the figures go; they replace earlier ones
+    tell: Tell  # is called for each group that is drawn
+    warn: Tell  # is called for what could not be drawn, and why
+    colours: Colours  # of the methods of the whole run, also of methods that are not drawn
+    load: Load  # loads a task
+    ask: Ask  # asks methods for their bounds
+    only: Collection[str] = USUAL  # which of KINDS are drawn
 
 
 def draw(results: Iterable[Result], job: Job) -> list[Path]:

@@ -23,14 +23,11 @@ from stlbench.report.figures.style import TRACE, now, styled, term_style
 from stlbench.rollout.traces import Recording
 from stlbench.task.task import Task
 
-READ = "0.92"
-"""The grey of the steps at which a part of the formula is read."""
+READ = "0.92"  # the grey of the steps at which a part of the formula is read
 TRACES_PER_PANEL = 16
 PLANS_PER_FIGURE = 6
-_PLANE = 4.6
-"""Inches: wider than one column, since the formula stands under it."""
-_PANEL = 1.7
-"""Inches of a panel of a plan, at least."""
+_PLANE = 4.6  # inches: wider than one column, since the formula stands under it
+_PANEL = 1.7  # inches of a panel of a plan, at least
 
 
 @styled
@@ -53,14 +50,10 @@ def trajectories(task: Task, recording: Recording, title: str, colour: str = TRA
 
 
 class Plan(NamedTuple):
-    name: str
-    """What was maximised, and in which setting."""
-    robustness: float
-    """Mean over the report's starts."""
-    satisfaction: float
-    """Share of the starts."""
-    traces: Array
-    """(N, T + 1, k)."""
+    name: str  # what was maximised, and in which setting
+    robustness: float  # mean over the report's starts
+    satisfaction: float  # share of the starts
+    traces: Array  # (N, T + 1, k)
 
     @property
     def title(self) -> str:
@@ -137,15 +130,11 @@ def part_keys(task: Task, drawn: Sequence[int], letters: int = 72) -> list[Artis
 class Read(NamedTuple):
     """One part of the formula reads one signal."""
 
-    row: int
-    """Which signal."""
-    place: int
-    """Which part."""
-    start: int
-    """The first step at which it is read."""
+    row: int  # which signal
+    place: int  # which part
+    start: int  # the first step at which it is read
     end: int
-    ranges: list[tuple[float, float]]
-    """Values of the signal with which the part can hold."""
+    ranges: list[tuple[float, float]]  # values of the signal with which the part can hold
 
 
 def readings(task: Task) -> Iterator[Read]:

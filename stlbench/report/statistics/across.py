@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 from stlbench.report.statistics.intervals import LEVEL, Interval
 
 Array = NDArray[np.float64]
-Runs = Sequence[Array]
-"""One array (n,) per task."""
+Runs = Sequence[Array]  # one array (n,) per task
 RESAMPLES, FEWEST_RESAMPLES = 9999, 999
 _DRAWN = 50_000_000
 """Runs that all resamples of a bootstrap draw together, about. More than 5,000 runs have fewer resamples."""
-_BATCH, _HELD = 500, 2_500_000
-"""Resamples held in memory at a time, and the runs in them, at most."""
+_BATCH, _HELD = 500, 2_500_000  # resamples held in memory at a time, and the runs in them, at most
 
 
 class Estimate(NamedTuple):

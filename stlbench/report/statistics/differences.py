@@ -24,17 +24,13 @@ from numpy.typing import NDArray
 from stlbench.report.statistics.intervals import LEVEL, Interval
 
 Array = NDArray[np.float64]
-Sample = tuple[tuple[float, bool], ...]
-"""For each seed its value, which is finite, and whether it learned the task."""
+Sample = tuple[tuple[float, bool], ...]  # for each seed its value, which is finite, and whether it learned the task
 Word = Literal["better", "worse", "mixed", "no difference found", "cannot tell", "="]
-ALPHA = 0.05
-"""Probability that any pair of one comparison is called better, worse or mixed by chance (Holm)."""
+ALPHA = 0.05  # probability that any pair of one comparison is called better, worse or mixed by chance (Holm)
 POWER = 0.8
 """Probability that the number of seeds that is called enough decides, if difference and scatter are as estimated."""
-MOST_SEEDS = 1000
-"""Larger numbers of seeds are not computed."""
-_LOOKS = 3
-"""Respects in which a pair is compared."""
+MOST_SEEDS = 1000  # larger numbers of seeds are not computed
+_LOOKS = 3  # respects in which a pair is compared
 
 
 @dataclass(frozen=True)
@@ -43,10 +39,8 @@ class Pair:
 
     one: Sequence[float]
     other: Sequence[float]
-    margin: float | None = None
-    """A smaller difference does not matter; None if nobody knows."""
-    alike: bool = False
-    """Both are paid the same, so that a difference is chance."""
+    margin: float | None = None  # a smaller difference does not matter; None if nobody knows
+    alike: bool = False  # both are paid the same, so that a difference is chance
     learned: tuple[Sequence[bool], Sequence[bool]] | None = None
     """For the same seeds, whether they learned the task; None if nobody knows."""
 
@@ -60,16 +54,11 @@ class Pair:
 class Difference:
     """The verdict on a pair. Numbers are None if there are too few seeds to compute them."""
 
-    word: Word
-    """Of the first method."""
-    value: float | None = None
-    """Mean of the first less that of the second."""
-    interval: Interval | None = None
-    """Of this difference, 95 %, of this pair alone, by Welch."""
-    alone: float | None = None
-    """P-value of this pair alone."""
-    chance: float | None = None
-    """P-value after Holm's correction."""
+    word: Word  # of the first method
+    value: float | None = None  # mean of the first less that of the second
+    interval: Interval | None = None  # of this difference, 95 %, of this pair alone, by Welch
+    alone: float | None = None  # P-value of this pair alone
+    chance: float | None = None  # P-value after Holm's correction
     decided: tuple[str, ...] = ()
     """In which respects the pair is apart after the correction: of "mean", "rank" and "learned"."""
     seeds: int | None = None
@@ -107,8 +96,7 @@ def differences(pairs: Iterable[Pair]) -> list[Difference]:
 class _Tested:
     pair: Pair
     difference: Difference
-    freedom: float = math.inf
-    """Welch's degrees of freedom."""
+    freedom: float = math.inf  # Welch's degrees of freedom
     looks: tuple[Look, ...] = ()
 
 
@@ -191,8 +179,7 @@ def holm(chances: Sequence[float]) -> list[float]:
 
 _ALL_DEALS = 200_000
 """Up to so many deals are all computed: up to 10 seeds against 10. Of more, as many as fit into `_HELD` are drawn."""
-_HELD = 4_000_000
-"""Numbers that the drawn deals have together."""
+_HELD = 4_000_000  # numbers that the drawn deals have together
 _FLOOR, _TIE = 1e-9, 1e-5
 """Of variances, where the spread of all values is 1; and of statistics: closer ones are the same but for rounding."""
 
@@ -201,10 +188,8 @@ class Look(NamedTuple):
     """The test's result in one respect."""
 
     what: Literal["mean", "rank", "learned"]
-    chance: float
-    """P-value, in (0, 1]: alike methods are as far apart in any of the three respects."""
-    sign: int
-    """1 if the first is better in this respect, -1 if the other is, 0 if neither is."""
+    chance: float  # P-value, in (0, 1]: alike methods are as far apart in any of the three respects
+    sign: int  # 1 if the first is better in this respect, -1 if the other is, 0 if neither is
 
 
 @lru_cache(maxsize=4096)

@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-LEVEL = 0.95
-"""Confidence of every interval in tables and figures; the median of five seeds has 93.75 %."""
-FEWEST = 5
-"""Seeds of an interval of the median, at least: of four, no two seeds cover it in more than 87.5 % of cases."""
+LEVEL = 0.95  # confidence of every interval in tables and figures; the median of five seeds has 93.75 %
+FEWEST = 5  # seeds of an interval of the median, at least: of four, no two seeds cover it in more than 87.5 % of cases
 
 
 class Interval(NamedTuple):
@@ -91,8 +89,7 @@ def _quantile(freedom: int) -> float:
 
 
 Array = NDArray[np.float64]
-Point = tuple[int, float, float]
-"""One checkpoint: its environment steps, and what it scored."""
+Point = tuple[int, float, float]  # one checkpoint: its environment steps, and what it scored
 
 
 class MeanCurve(NamedTuple):
@@ -100,11 +97,9 @@ class MeanCurve(NamedTuple):
 
     steps: Array
     mean: Array
-    low: Array
-    """(p,): NaN where there is no interval."""
+    low: Array  # (p,): NaN where there is no interval
     high: Array
-    least: float
-    """Of all seeds."""
+    least: float  # of all seeds
     most: float
 
 
@@ -136,8 +131,7 @@ def aligned(curves: Sequence[Sequence[Point]], value: Callable[[Point], float]) 
     return steps, np.array(values)
 
 
-_SMALLEST = 1e-15
-"""A share that is closer to 0 or to 1 is not told from it."""
+_SMALLEST = 1e-15  # a share that is closer to 0 or to 1 is not told from it
 
 
 def log_evidence(successes: ArrayLike, trials: ArrayLike, share: ArrayLike) -> Any:

@@ -33,8 +33,7 @@ class Entry:
     scores: tuple[tuple[float, ...], ...]
     """For each task, one score for each seed: 0 is a policy that acts at random, 1 the best known. A seed without a
     result has 0. Empty for a task that the method does not fit, so that no seed has a result."""
-    unfinished: str
-    """How the cells without a result ended: "40 intractable"; empty if all have one."""
+    unfinished: str  # how the cells without a result ended: "40 intractable"; empty if all have one
     classes: tuple[int, ...] = ()
     """For each task: methods of the same class are paid the same there, up to a constant. Empty: none are."""
 
@@ -52,8 +51,7 @@ class Entry:
 class Aggregate(NamedTuple):
     entry: Entry
     mean: Estimate
-    middle: Estimate
-    """Interquartile mean."""
+    middle: Estimate  # interquartile mean
     rank: Estimate
 
 
@@ -64,8 +62,7 @@ class Field:
     budget: str
     track: str
     tasks: tuple[str, ...]
-    name: str
-    """Which tasks these are: "all 12"; "9 of 12, not trivial"; "4 of 12, not trivial, all methods fit"."""
+    name: str  # which tasks these are: "all 12"; "9 of 12, not trivial"; "4 of 12, not trivial, all methods fit"
     entries: tuple[Entry, ...]
 
     @cached_property

@@ -17,14 +17,11 @@ from stlbench.report.tables.table import Column, Table
 if TYPE_CHECKING:
     from stlbench.rollout.standards import Standard
 
-FORMULA = "(formula)"
-"""In the place of a method, if the plan maximised the formula's own robustness."""
-RECIPE = "recipe"
-"""The setting with the task's whole recipe and the agent's parameters of it."""
+FORMULA = "(formula)"  # in the place of a method, if the plan maximised the formula's own robustness
+RECIPE = "recipe"  # the setting with the task's whole recipe and the agent's parameters of it
 RESOLUTION = "resolution"
 """The parameter of an agent that plans which says how fine its grid is: 1 by default, larger is finer."""
-_MUCH = 0.05
-"""Share of the best known by which two resolutions may differ without a remark."""
+_MUCH = 0.05  # share of the best known by which two resolutions may differ without a remark
 
 
 @dataclass(frozen=True)
@@ -35,20 +32,14 @@ class Aligned:
     method: str
     setting: str
     best_known: float | None
-    reward_optimal: float | None = None
-    """Of the policy that is best by the reward."""
-    satisfied: float | None = None
-    """Share of the starts from which the planned policy satisfies the formula."""
-    grid_value: float | None = None
-    """What the plan expects, in the unit of what is maximised."""
-    selected: float | None = None
-    """Of the selected policies that were learned in this setting, mean over seeds."""
+    reward_optimal: float | None = None  # of the policy that is best by the reward
+    satisfied: float | None = None  # share of the starts from which the planned policy satisfies the formula
+    grid_value: float | None = None  # what the plan expects, in the unit of what is maximised
+    selected: float | None = None  # of the selected policies that were learned in this setting, mean over seeds
     final: float | None = None
     seeds: int | None = None
-    resolution: float = 1.0
-    """How fine the grid of the plan is."""
-    disagreement: float | None = None
-    """The largest difference between what plans of several resolutions reached."""
+    resolution: float = 1.0  # how fine the grid of the plan is
+    disagreement: float | None = None  # the largest difference between what plans of several resolutions reached
     remarks: str | None = None
 
     @property

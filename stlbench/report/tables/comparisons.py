@@ -14,12 +14,10 @@ from stlbench.report.tables.controllers import Known
 from stlbench.report.tables.rows import Group, shared_columns
 from stlbench.report.tables.table import Column, Table
 
-Contest = tuple[Group, ...]
-"""Groups that differ in the method alone, in the order of their names."""
+Contest = tuple[Group, ...]  # groups that differ in the method alone, in the order of their names
 MATTERS = 0.05
 """Share of the best known robustness. A smaller difference does not matter."""
-_ADVICE = 5
-"""Lines of advice at most."""
+_ADVICE = 5  # lines of advice at most
 _MARKS = {
     "*": "the task is outside the form that the method's source was published for: there it is our extension.",
     "=": "pays the same as another method there, up to a constant: a difference between the two is chance.",
@@ -53,10 +51,8 @@ class Comparison:
 
     one: Group
     other: Group
-    difference: Difference
-    """Of the robustness of the selected policies, the one less the other."""
-    margin: float | None
-    """A smaller difference does not matter; None if nobody knows what is possible."""
+    difference: Difference  # of the robustness of the selected policies, the one less the other
+    margin: float | None  # a smaller difference does not matter; None if nobody knows what is possible
 
 
 def compare(groups: Sequence[Group], known: Known) -> tuple[Comparison, ...]:

@@ -33,10 +33,8 @@ _CHARACTERS: Mapping[Width, int] = {"column": 64, "page": 130}
 """Of 3.95 points, as 8-point text takes them with the space between columns.
 
 A column of IEEE has 252 points, a page 516."""
-_LINES = 60
-"""Of 9.5 points, on a page of IEEE, with its caption."""
-_TEXT = 16
-"""Characters of a line of text in a column that is no wider than necessary."""
+_LINES = 60  # of 9.5 points, on a page of IEEE, with its caption
+_TEXT = 16  # characters of a line of text in a column that is no wider than necessary
 
 
 def to_markdown(table: Table) -> str:
@@ -224,13 +222,10 @@ def _laid_out(columns: Sequence[Column], rows: Sequence[Sequence[str]], widths: 
 
 
 class _Fit(NamedTuple):
-    title: str
-    """With what all rows share."""
-    parts: list[dict[int, int]]
-    """Columns that are printed in one line, each with its width in characters."""
+    title: str  # with what all rows share
+    parts: list[dict[int, int]]  # columns that are printed in one line, each with its width in characters
     left_out: str
-    remarks: list[str]
-    """The long texts."""
+    remarks: list[str]  # the long texts
 
 
 def _fit(table: Table, rows: Sequence[Sequence[str]], widths: Mapping[int, int], width: int) -> _Fit:

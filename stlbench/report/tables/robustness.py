@@ -53,8 +53,7 @@ def _learned_by(method: Choice, known: Known, contest: Contest) -> Value:
     return Learned(median(values), low, high, learned, final, group.tried, mark(group, contest, known))
 
 
-MARK = "o"
-"""Of policies that were not trained by stlbench."""
+MARK = "o"  # of policies that were not trained by stlbench
 
 
 def robustness_table(groups: Sequence[Group], known: Known, outside: Sequence[Group] = ()) -> Table:

@@ -38,12 +38,10 @@ class Numbers:
     env_steps: int
     reward_nanoseconds: float
     inputs_added: int
-    starts: int | None = None
-    """The number of starts behind robustness and satisfaction; None if it was not recorded."""
+    starts: int | None = None  # the number of starts behind robustness and satisfaction; None if it was not recorded
     ended_early: float | None = None
     """Share of these starts, in [0, 1], whose episode ended before the formula's horizon; None if not recorded."""
-    extension: str = ""
-    """Why the task is outside the form that the method's source was published for; empty inside it."""
+    extension: str = ""  # why the task is outside the form that the method's source was published for; empty inside it
     planned: Planned | None = None
     further: Mapping[str, float] = field(default_factory=dict)
     """Further protocol -> mean robustness of the selected policy."""
@@ -67,8 +65,7 @@ class Row:
     id: CellId
     status: Status | Literal["not run"]
     reason: str
-    provenance: Mapping[str, str]
-    """How the result came about (`provenance.collect`)."""
+    provenance: Mapping[str, str]  # how the result came about (`provenance.collect`)
     numbers: Numbers | None
 
 

@@ -11,8 +11,7 @@ from stlbench.report.statistics.intervals import Interval
 
 Width = Literal["column", "page"]
 """What a table or a figure of a paper fits: one column of two (3.5 inches), or the page (7.16 inches)."""
-NOTHING = "-"
-"""What is shown where there is nothing to show."""
+NOTHING = "-"  # what is shown where there is nothing to show
 
 
 def decimal(value: float | None, digits: int | None = 3) -> str:
@@ -26,16 +25,14 @@ def decimal(value: float | None, digits: int | None = 3) -> str:
 class Seeds(NamedTuple):
     done: int
     planned: int
-    unfinished: str | None = None
-    """How the others ended: "1 timeout"."""
+    unfinished: str | None = None  # how the others ended: "1 timeout"
 
 
 class FirstFailed(NamedTuple):
     """What starts that violate the formula most often failed first."""
 
     formula: str
-    starts: int
-    """That failed it first."""
+    starts: int  # that failed it first
     violating_starts: int
 
 
@@ -49,14 +46,11 @@ class Learned(NamedTuple):
     learned: int
     final_learned: int
     seeds: int
-    mark: str = ""
-    """Some of the characters *, = and ~."""
+    mark: str = ""  # some of the characters *, = and ~
 
 
-Plain = float | int | str | None
-"""What CSV and JSON have."""
-Compound = Interval | Seeds | FirstFailed | Learned
-"""Shown as one, and in CSV and JSON one column for each part."""
+Plain = float | int | str | None  # what CSV and JSON have
+Compound = Interval | Seeds | FirstFailed | Learned  # shown as one, and in CSV and JSON one column for each part
 Value = Plain | Compound
 _T = TypeVar("_T")
 
@@ -66,21 +60,16 @@ class Column:
     """A column: what its values are, and how they are shown."""
 
     title: str
-    short: str = ""
-    """The title on screen, where it may be shorter."""
+    short: str = ""  # the title on screen, where it may be shorter
     unit: str = ""
     digits: int | None = None
     """Decimals that are shown; None for six significant digits. CSV and JSON have all."""
-    kind: type[Compound] | None = None
-    """Of compound values."""
-    right: bool = True
-    """Aligned to the right, as numbers are."""
+    kind: type[Compound] | None = None  # of compound values
+    right: bool = True  # aligned to the right, as numbers are
     drop: int = 0
     """On a narrow screen columns go from the highest number down; 0 always stays. Files have all columns."""
-    shared: bool = False
-    """On screen, moves into the title where all rows say the same."""
-    below: bool = False
-    """Long text: on screen it is a line under the table."""
+    shared: bool = False  # on screen, moves into the title where all rows say the same
+    below: bool = False  # long text: on screen it is a line under the table
 
     @property
     def heading(self) -> str:
