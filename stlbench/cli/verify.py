@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -74,9 +74,7 @@ def _facts(verified: Verified, repaired: bool) -> dict[str, object]:
         {"cell": damage.name, "key": damage.key, "what": damage.what, "problem": damage.problem}
         for damage in verified.damages
     ]
-    counts = {name: getattr(verified, name) for name in ("rows", "files", "marked")}
-    lists = {"structure": list(verified.structure), "damages": cells, "strays": list(verified.strays)}
-    return {"whole": verified.is_whole, **counts, **lists, "repaired": repaired}
+    return {"whole": verified.is_whole, **verified._asdict(), "damages": cells, "repaired": repaired}
 
 
 def _text(verified: Verified, repaired: bool, folder: Path) -> Iterator[str]:
@@ -128,29 +126,23 @@ def _rescored(each: Rescored) -> dict[str, object]:
 
 def _bundle_text(path: Path, checked: Checked, scored: list[Rescored]) -> Iterator[str | Table]:
     from stlbench.records.result import reported
-    from stlbench.report import Column, Table
+    from stlbench.report import Column, Table, Value
 
     yield from checked.problems
     verdict = "not what it says" if checked.problems else "every file as it was packed"
     counts = f"{checked.cells} cells, policies of {checked.policies}"
     yield f"{path}: {counts if checked.cells else 'its results were not read'}: {verdict}"
-    if not scored:
-        return
-    columns = (
-        Column("cell", right=False),
-        Column("recorded", digits=3),
-        Column("found", digits=3),
-        Column("satisfied, recorded", digits=3),
-        Column("found", digits=3),
-        Column("verdict", right=False),
-    )
-    rows = []
-    for each in scored:
-        recorded, found = reported(each.recorded), None if each.found is None else reported(each.found)
-        mean, satisfied = (None, None) if found is None else (found.mean, found.satisfaction)
-        rows.append((each.cell.name, recorded.mean, mean, recorded.satisfaction, satisfied, each.verdict))
+    columns: dict[Column, Callable[[Rescored], Value]] = {
+        Column("cell", right=False): lambda each: each.cell.name,
+        Column("recorded", digits=3): lambda each: reported(each.recorded).mean,
+        Column("found", digits=3): lambda each: each.found and reported(each.found).mean,
+        Column("satisfied, recorded", digits=3): lambda each: reported(each.recorded).satisfaction,
+        Column("satisfied, found", digits=3): lambda each: each.found and reported(each.found).satisfaction,
+        Column("verdict", right=False): lambda each: each.verdict,
+    }
     note = "Robustness and share that satisfies, of the starts that tables report; the verdict is of all protocols."
-    yield Table("Scored again", columns, tuple(rows), (note,))
+    if scored:
+        yield Table.of("Scored again", scored, columns, (note,))
 
 
 def bundle(

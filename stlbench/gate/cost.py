@@ -17,10 +17,11 @@ from scipy import special
 from stlbench.gate.judge import COSTS, QUALITIES, Comparison, Judgement, Metric, Verdict, judge
 from stlbench.gate.snapshot import Sample, Snapshot
 from stlbench.records.identity import CellId, Setting
+from stlbench.report.statistics.intervals import median_interval
 
 MOST = 50  # turns of a setting after which its verdict stays open
 ROUNDS = 2  # the fewest rounds after which anything is worse: slower code stays slow, and disturbances go
-TAIL = 0.025  # probability that the median is beyond one end of its interval, at most
+FEWEST = 6  # turns from which on the median has an interval of 95 %
 
 
 class Turn(NamedTuple):
@@ -86,7 +87,7 @@ def _compare(setting: Setting, metric: Metric, turns: Sequence[Turn]) -> Compari
         return None
     base, new = np.array(values).T
     gains = metric.gain(base, new)
-    low, high = interval(sorted(gains.tolist()))
+    low, high = (len(gains) >= FEWEST and median_interval(gains.tolist())) or (-math.inf, math.inf)
     verdict: Verdict = "cannot tell"
     if low >= -metric.tolerated:
         verdict = "no worse"
@@ -96,10 +97,3 @@ def _compare(setting: Setting, metric: Metric, turns: Sequence[Turn]) -> Compari
     middle = float(np.median(base)), float(np.median(new))
     gain, turned = float(np.median(gains)), tuple(gains.tolist())
     return Comparison(setting, metric, *middle, len(turned), gain, low, high, chance, verdict, turned)
-
-
-def interval(ordered: Sequence[float]) -> tuple[float, float]:
-    """The exact 95 % interval of the median of a distribution, from a sorted sample; (-inf, inf) of fewer than six."""
-    number = len(ordered)
-    cut = sum(float(special.bdtr(count, number, 0.5)) <= TAIL for count in range(number))
-    return (float(ordered[cut - 1]), float(ordered[number - cut])) if cut else (-math.inf, math.inf)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -57,30 +57,16 @@ def rescore(path: Path) -> Iterator[Rescored]:
         if problems:
             raise UsageError(f"{path} is not scored: {problems[0]}")
         results = [result for result in results_in(folder) if result.measurement and result.measurement.policies]
-        for begin in range(0, len(results), _TOGETHER):
-            yield from _score_cells(results[begin : begin + _TOGETHER], folder)
+        for some in (results[begin : begin + _TOGETHER] for begin in range(0, len(results), _TOGETHER)):
+            questions = [score_question(result.id.task, result, folder, "selected") for result in some]
+            for result, again in zip(some, ask(questions, LONG), strict=True):
+                assert result.measurement is not None
+                found, why = (None, again.reason) if isinstance(again, Unanswered) else (again, "")
+                yield Rescored(result.id, result.measurement.selected, found, why)
 
 
 _TOGETHER = 8
 """Cells that are scored before their scores are told: where plugins are of others, processes take seconds to start."""
-
-
-def score_cell(result: Result, folder: Path) -> Rescored | None:
-    """Score one cell of an unpacked bundle; None if it has no policy."""
-    has_policy = result.measurement is not None and result.measurement.policies is not None
-    return next(_score_cells([result], folder)) if has_policy else None
-
-
-def _score_cells(results: Sequence[Result], folder: Path) -> Iterator[Rescored]:
-    """The same of cells of an unpacked bundle that have a policy. Whatever that of one does, the next is scored."""
-    questions = [score_question(result.id.task, result, folder, "selected") for result in results]
-    for result, again in zip(results, ask(questions, LONG), strict=True):
-        assert result.measurement is not None
-        recorded = result.measurement.selected
-        if isinstance(again, Unanswered):
-            yield Rescored(result.id, recorded, None, again.reason)
-        else:
-            yield Rescored(result.id, recorded, again)
 
 
 def score_question(task: Choice, result: Result, folder: Path, which: Which) -> Question[Mapping[str, Score]]:

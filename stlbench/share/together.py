@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stlbench.errors import UsageError
-from stlbench.records.result import Result
+from stlbench.records.identity import CellId
+from stlbench.records.result import Result, Score
 from stlbench.registry.choices import Choice
 from stlbench.report import Column, Table
 from stlbench.share.bundle import METADATA, About, read_metadata
 from stlbench.share.checked import check, results_in, unpacked
-from stlbench.share.rescored import score_cell
+from stlbench.share.rescored import rescore as rescored
 
 _NAME = re.compile(r"[A-Za-z0-9._+-]+")  # names of files that can be parameters of a method
 _VERDICTS = ("claims more", "not scored", "within rounding", "as recorded")
@@ -59,20 +60,22 @@ def _read(path: Path, rescore: bool, tell: Tell) -> Bundle:
         problems = (str(error),)
     if problems:
         return Bundle(path, problems=problems)
+    found, verdicts = dict[CellId, Mapping[str, Score] | None](), set[str]()
+    for each in rescored(path) if rescore else ():
+        found[each.cell] = each.found
+        verdicts.add(each.verdict)
+        tell(each.cell.name, each.verdict)
     with unpacked(path) as (folder, _):
-        results, verdicts = list[Result](), set[str]()
-        for result in results_in(folder):
-            rescored = score_cell(result, folder) if rescore else None
-            if rescored is not None:
-                verdicts.add(rescored.verdict)
-                tell(result.id.name, rescored.verdict)
-                if result.measurement is not None and rescored.found is not None:
-                    result = replace(result, measurement=replace(result.measurement, selected=rescored.found))
-            method = result.id.method
-            method = Choice(method.name, (*method.parameters, ("bundle", path.stem)))
-            results.append(replace(result, id=replace(result.id, method=method)))
+        results = tuple(_named(result, path.stem, found.get(result.id)) for result in results_in(folder))
         facts = read_metadata((folder / METADATA).read_text(encoding="utf-8")).about
-    return Bundle(path, facts, tuple(results), next((word for word in _VERDICTS if word in verdicts), None))
+    return Bundle(path, facts, results, next((word for word in _VERDICTS if word in verdicts), None))
+
+
+def _named(result: Result, bundle: str, scores: Mapping[str, Score] | None) -> Result:
+    """With the bundle as a parameter of its method, and with the new scores if there are any."""
+    method = Choice(result.id.method.name, (*result.id.method.parameters, ("bundle", bundle)))
+    measured = replace(result.measurement, selected=scores) if result.measurement and scores else result.measurement
+    return replace(result, id=replace(result.id, method=method), measurement=measured)
 
 
 def bundles_table(bundles: Iterable[Bundle]) -> Table:

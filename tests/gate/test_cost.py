@@ -1,4 +1,4 @@
-"""What a change costs beside its base: the interval by hand, the verdicts, and how often they are wrong."""
+"""What a change costs beside its base: the verdicts, and how often they are wrong."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import stats
 
-from stlbench.gate.cost import MOST, Turn, interval, judge_costs, judge_turns, unclear
+from stlbench.gate.cost import MOST, Turn, judge_costs, judge_turns, unclear
 from stlbench.gate.judge import COSTS, Comparison, Verdict
 from stlbench.gate.snapshot import Sample, Snapshot
 from stlbench.records.identity import CellId
@@ -44,20 +43,6 @@ def turns(ratios: Sequence[float], rounds: int = 2, method: str = "funnel") -> l
 def cpu(found: Sequence[Comparison]) -> Comparison:
     (comparison,) = (entry for entry in found if entry.metric is CPU)
     return comparison
-
-
-class TestInterval:
-    def test_by_the_binomial_distribution(self) -> None:
-        # Of ten fair coins at most one is heads with 11 / 1024 = 1.07 %, at most two with 5.5 %.
-        assert interval(range(10)) == (1, 8)
-        # 1 / 32 is more than 2.5 %, 1 / 64 is not.
-        assert interval(range(5)) == (-math.inf, math.inf)
-        assert interval(range(6)) == (0, 5)
-
-    @pytest.mark.parametrize("number", [6, 10, 23, 50])
-    def test_it_is_what_another_tool_says(self, number: int) -> None:
-        found = stats.quantile_test(np.arange(float(number))).confidence_interval(0.95)
-        assert interval(range(number)) == (found.low, found.high)
 
 
 class TestVerdict:
