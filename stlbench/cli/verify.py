@@ -135,9 +135,9 @@ def _bundle_text(path: Path, checked: Checked, scored: list[Rescored]) -> Iterat
     columns: dict[Column, Callable[[Rescored], Value]] = {
         Column("cell", right=False): lambda each: each.cell.name,
         Column("recorded", digits=3): lambda each: reported(each.recorded).mean,
-        Column("found", digits=3): lambda each: each.found and reported(each.found).mean,
+        Column("found", digits=3): lambda each: reported(each.found).mean if each.found else None,
         Column("satisfied, recorded", digits=3): lambda each: reported(each.recorded).satisfaction,
-        Column("satisfied, found", digits=3): lambda each: each.found and reported(each.found).satisfaction,
+        Column("satisfied, found", digits=3): lambda each: reported(each.found).satisfaction if each.found else None,
         Column("verdict", right=False): lambda each: each.verdict,
     }
     note = "Robustness and share that satisfies, of the starts that tables report; the verdict is of all protocols."

@@ -15,7 +15,6 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
@@ -27,11 +26,10 @@ from stlbench.records.outputs import opened
 from stlbench.records.outputs import write as write_file
 from stlbench.records.saved_traces import Film
 from stlbench.report.figures import layout, plane
-from stlbench.report.figures.regions import parts, signal_label
+from stlbench.report.figures.regions import parts
 from stlbench.report.figures.style import TRACE
 from stlbench.report.figures.trajectories import READ, part_keys, signals_in_time
 from stlbench.rollout.traces import Recording
-from stlbench.task.file import Signal
 from stlbench.task.task import Task
 
 Format = Literal["gif", "webp", "mp4"]
@@ -184,15 +182,17 @@ def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
     table = figure.subplots(count, len(names), sharex=True, sharey="row", squeeze=False)
     drawn = []
     for column, trace, name in zip(table.T, traces, names, strict=True):
-        shaded = signals_in_time(column, task)
+        shaded = signals_in_time(column, task, trace[None], color=TRACE, linewidth=1.3)
         column[0].set_title(name, fontsize=10)
         for axes, values in zip(column, trace.T, strict=True):
-            (line,) = axes.plot(values, "-", color=TRACE, linewidth=1.3, zorder=4)
-            (head,) = axes.plot([0], values[:1], "o", color="black", markersize=6, zorder=6)
+            line, (head,) = axes.lines[0], axes.plot([0], values[:1], "o", color="black", markersize=6, zorder=6)
             drawn.append((values, line, head))
-    for axes, values, signal in zip(table[:, 0], np.moveaxis(traces, -1, 0), task.signals, strict=True):
-        axes.set_ylabel(signal_label(task, signal))
-        _show(axes, task.file.signals[signal], values)
+    for row, values, signal in zip(table, np.moveaxis(traces, -1, 0), task.file.signals.values(), strict=True):
+        low, high = min(signal.low, values.min()), max(signal.high, values.max())
+        margin = 0.04 * (high - low)
+        row[0].set_ylim(low - margin, high + margin)
+        for axes in row[1:]:
+            axes.set_ylabel("")
     read = [layout.patch(READ, label="steps at which the row's signal is read")] if shaded else []
     figure.legend(handles=[*part_keys(task, shaded), *read], loc="outside lower left", ncols=1, fontsize=9)
 
@@ -202,12 +202,6 @@ def _signals(task: Task, traces: Array, names: list[str]) -> Scene:
             head.set_data([sample], values[sample : sample + 1])
 
     return Scene(figure, update, [artist for _, *artists in drawn for artist in artists])
-
-
-def _show(axes: Axes, signal: Signal, values: Array) -> None:
-    low, high = min(signal.low, values.min()), max(signal.high, values.max())
-    margin = 0.04 * (high - low)
-    axes.set_ylim(low - margin, high + margin)
 
 
 def check_format(form: Format) -> None:

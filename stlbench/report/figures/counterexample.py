@@ -19,7 +19,7 @@ from stlbench.records.identity import Setting
 from stlbench.records.result import MAIN, Result
 from stlbench.report.figures import layout, plane
 from stlbench.report.figures.margins import robustness_in_time
-from stlbench.report.figures.regions import parts, robustness_unit, signal_label, time_label
+from stlbench.report.figures.regions import parts, robustness_unit, time_label
 from stlbench.report.figures.style import MARK, SINGLE, TRACE, now, styled
 from stlbench.report.figures.trajectories import signals_in_time, trajectories
 from stlbench.report.tables.table import Column, Table, Value
@@ -91,14 +91,12 @@ def place_of(task: Task, trace: Array, witness: stl.Witness | None) -> Place:
 
 def _signals(rows: Sequence[Axes], task: Task, trace: Array, here: Place) -> list[int]:
     """Draw the rows of the signals; the parts of the formula that have a region there."""
-    drawn, predicate = signals_in_time(rows, task), here.predicate
-    read = task.signals if predicate is None else stl.signals(predicate)
+    drawn = signals_in_time(rows, task, trace[None], color=TRACE, linewidth=1.0)
+    read = task.signals if here.predicate is None else stl.signals(here.predicate)
     for axes, name, values in zip(rows, task.signals, trace.T, strict=True):
-        axes.plot(values, "-", color=TRACE, linewidth=1.0, zorder=4)
         axes.axvline(here.step, color=MARK, linewidth=0.9, linestyle="--", zorder=3)
         if name in read:
             axes.plot(here.step, values[here.step], "o", color=MARK, markersize=5, zorder=6)
-        axes.set_ylabel(signal_label(task, name))
         axes.set_xlabel("")
         axes.tick_params(labelbottom=False)
     return drawn

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +24,7 @@ from stlbench.rollout.traces import Recording
 from stlbench.task.task import Task
 
 READ = "0.92"  # the grey of the steps at which a part of the formula is read
+_THIN: dict[str, Any] = {"linewidth": 0.6, "alpha": 0.7}
 TRACES_PER_PANEL = 16
 PLANS_PER_FIGURE = 6
 _PLANE = 4.6  # inches: wider than one column, since the formula stands under it
@@ -44,7 +45,7 @@ def trajectories(task: Task, recording: Recording, title: str, colour: str = TRA
     else:
         figure = layout.figure_of(1.0 + 1.4 * len(task.signals))
         rows = list(figure.subplots(len(task.signals), 1, sharex=True, squeeze=False)[:, 0])
-        drawn = _in_time(rows, task, traces, colour)
+        drawn = signals_in_time(rows, task, traces, color=colour, **_THIN)
         keys = _time_keys(task, drawn, colour, "steps at which the row's signal is read" if drawn else "")
     return layout.finish(figure, f"{title}: {len(traces)} of {len(recording.traces)} traces", keys, 1)
 
@@ -73,7 +74,8 @@ def planned(task: Task, plans: Sequence[Plan]) -> Figure:
     else:
         grid = figure.subplots(bands * signals, columns, sharex=True, squeeze=False).reshape(bands, signals, columns)
         panels = [grid[i // columns, :, i % columns] for i in range(len(plans))]
-        drawn = [_in_time(list(rows), task, plan.traces) for rows, plan in zip(panels, plans, strict=True)][-1]
+        for rows, plan in zip(panels, plans, strict=True):
+            drawn = signals_in_time(list(rows), task, plan.traces, color=TRACE, **_THIN)
         _same_limits(grid)
         for axes in grid.ravel()[[not axes.has_data() for axes in grid.ravel()]]:
             axes.set_visible(False)
@@ -102,15 +104,6 @@ def _in_plane(figure: Figure, panels: Sequence[Axes], task: Task, traces: Sequen
     return [*part_keys(task, view.drawn), *plane.mark_keys(plane.leaving(view, every))]
 
 
-def _in_time(rows: Sequence[Axes], task: Task, traces: Array, colour: str = TRACE) -> list[int]:
-    """Draw traces (N, T + 1, k) against time, one row for each signal; the parts that have a region in some row."""
-    drawn = signals_in_time(rows, task)
-    for i, axes in enumerate(rows):
-        axes.plot(traces[..., i].T, color=colour, linewidth=0.6, alpha=0.7, zorder=4)
-        axes.set_ylabel(signal_label(task, task.signals[i]))
-    return drawn
-
-
 def _time_keys(task: Task, drawn: Sequence[int], colour: str, shading: str) -> list[Artist]:
     """Entries of a legend. Without a text, `shading` has none."""
     trace = layout.key_of("one trace", color=colour, linewidth=0.8)
@@ -127,53 +120,40 @@ def part_keys(task: Task, drawn: Sequence[int], letters: int = 72) -> list[Artis
     return keys
 
 
-class Read(NamedTuple):
-    """One part of the formula reads one signal."""
-
-    row: int  # which signal
-    place: int  # which part
-    start: int  # the first step at which it is read
-    end: int
-    ranges: list[tuple[float, float]]  # values of the signal with which the part can hold
-
-
-def readings(task: Task) -> Iterator[Read]:
-    """Which signals the parts read, as far as that can be drawn."""
-    for row, (name, signal) in enumerate(task.file.signals.items()):
-        grid = np.linspace(signal.low, signal.high, 1001)
-        for i, part in enumerate(parts(task)):
-            shadow = region(task, part.psi, (grid,), (name,)) if name in stl.signals(part.psi) else None
-            if shadow is not None:
-                ranges = [(float(grid[first]), float(grid[last])) for first, last in _runs(shadow[1])]
-                yield Read(row, i, part.start, part.end, ranges)
-
-
 def _runs(truth: Truth) -> list[tuple[int, int]]:
     """First and last index of each run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], truth, [False]]).astype(np.int8)))
     return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
 
 
-def signals_in_time(rows: Sequence[Axes], task: Task) -> list[int]:
-    """Lay out one row for each signal: when each part of the formula is read, and with which values it can hold then.
+def signals_in_time(rows: Sequence[Axes], task: Task, traces: Array, **line: Any) -> list[int]:
+    """Draw traces (N, t + 1, k), one row for each signal; and when each part of the formula is read, and with which
+    values of the signal it can hold then.
 
     Returns:
         Indices of the parts that have a region in some row.
     """
     drawn = set()
-    for row, i, start, end, ranges in readings(task):
-        drawn.add(i)
-        rows[row].axvspan(start, end, color=READ, linewidth=0, zorder=0)
-        colour, hatch = term_style(i)
-        fill = to_rgba(colour, 2 * layout.REGION_ALPHA)
-        for low, high in ranges:
-            rows[row].add_patch(
-                Rectangle(
-                    (start, low), end - start, high - low, facecolor=fill, edgecolor=colour, hatch=hatch, zorder=1
-                )
-            )
-    for axes in rows:
+    for axes, values, (name, signal) in zip(rows, np.moveaxis(traces, -1, 0), task.file.signals.items(), strict=True):
+        grid = np.linspace(signal.low, signal.high, 1001)
+        for i, part in enumerate(parts(task)):
+            shadow = region(task, part.psi, (grid,), (name,)) if name in stl.signals(part.psi) else None
+            if shadow is None:
+                continue
+            drawn.add(i)
+            axes.axvspan(part.start, part.end, color=READ, linewidth=0, zorder=0)
+            colour, hatch = term_style(i)
+            look: dict[str, Any] = {
+                "facecolor": to_rgba(colour, 2 * layout.REGION_ALPHA),
+                "edgecolor": colour,
+                "hatch": hatch,
+            }
+            for first, last in _runs(shadow[1]):
+                size = part.end - part.start, grid[last] - grid[first]
+                axes.add_patch(Rectangle((part.start, grid[first]), *size, zorder=1, **look))
+        axes.plot(values.T, zorder=4, **line)
         axes.set_xlim(0, task.file.steps)
+        axes.set_ylabel(signal_label(task, name))
         axes.grid(alpha=0.25)
     rows[-1].set_xlabel(time_label(task))
     return sorted(drawn)
