@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from stlbench.cli.advise import fit
 from stlbench.cli.common import Json, show, warn
 from stlbench.cli.options import TaskName
-from stlbench.cli.show_task_text import task_text
 from stlbench.errors import cause, one_line
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from stlbench.records.identity import Track
     from stlbench.records.result import Score
+    from stlbench.report import Table, Value
+    from stlbench.rollout.baselines import Constants
     from stlbench.rollout.questions import Question
     from stlbench.task.task import Task
 
-_T = TypeVar("_T")
+_TRAINING_NOTES = (
+    "Cuts are steps. An end counts as if the least that the method pays for a step were paid for ever after.",
+    "Exploring: this share of the episodes begins at a random time and lasts about length decisions, or to the end.",
+    "Of these, the share kept begins in the state in which the last episode ended, the others in states, or as all do.",
+)
+_NO_RECIPE = "An agent without a recipe trains with its defaults."
+_EARLY = (
+    "Where a training episode ends early, a function of time pays for ending sooner, or later; else it changes nothing."
+)
 
 
 def task(
@@ -51,17 +63,24 @@ def task(
     loaded = on_track(loaded, Choice(own_agent_on(loaded, on)), on)
     plugin = plugins.find("tasks", loaded.choice.name)
     facts = {"name": loaded.name, "distribution": plugin.distribution, "version": plugin.version} | _facts(loaded, on)
-    show(as_json, facts, task_text(facts))
+    show(as_json, facts, _lines(facts))
 
 
 def _facts(task: Task, track: Track) -> dict[str, Any]:
     """Intervals of formulas are in steps."""
     from stlbench import stl
+    from stlbench.contract import System
     from stlbench.registry import plugins
-    from stlbench.rollout.standards import by_hand, differences
+    from stlbench.rollout.questions import answers
+    from stlbench.rollout.standards import at_random, by_hand, constant_actions, differences
     from stlbench.study.plugin_guard import ask
 
-    file, controller = task.file, _answer(by_hand(task.choice))
+    file, system = task.file, task.dynamics if isinstance(task.dynamics, System) else None
+    beyond = system.beyond_state if system and file.features == "engineered" else ()
+    questions: list[Question[Any]] = [question(task.choice) for question in (by_hand, constant_actions, at_random)]
+    answered = answers(questions, ask)
+    controller, constants, random = map(answered.get, questions)
+    actions = _dumped(file.actions) or {axis.name: axis.ends for axis in task.source.axes}
     return {
         "title": file.title,
         "source": file.source,
@@ -73,25 +92,22 @@ def _facts(task: Task, track: Track) -> dict[str, Any]:
         "sampling_time": file.sampling_time,
         "hold": file.hold,
         "starts": file.starts,
-        "features": _features(task),
+        # a policy's view: "engineered" or "state" of a system, "observation" of anything else, "formula" of both
+        "features": file.features if system or task.view else "observation",
         "environment": None if file.environment is None else file.environment.id,
-        "beyond_state": _beyond_state(task),
+        "beyond_state": task.view.quantities if task.view else beyond,
         "controller": None if controller is None else _mean(controller) | {"robustness_min": controller.minimum},
-        "baselines": _baselines(task),
+        "baselines": None if constants is None or random is None else _baselines(constants, random),
         "best_known": None if file.best_known is None else file.best_known.model_dump(),
-        "signals": {name: signal.model_dump(exclude_none=True) for name, signal in file.signals.items()},
+        "signals": _dumped(file.signals),
         "terms": _terms(task),
-        "actions": _actions(task),
+        "actions": actions,
         "robots": file.robots,
         "training": file.training.model_dump(exclude_none=True),
-        "budgets": {name: budget.model_dump(exclude_none=True) for name, budget in file.budgets.items()},
+        "budgets": _dumped(file.budgets),
         "protocols": {
-            key: {
-                "title": protocol.title,
-                "formula": str(protocol.formula or file.formula),
-                "starts": protocol.starts,
-            }
-            for key, protocol in file.protocols.items()
+            key: {"title": each.title, "formula": str(each.formula or file.formula), "starts": each.starts}
+            for key, each in file.protocols.items()
         },
         "own_agent": task.own_agent,
         "agents": file.agents,
@@ -102,46 +118,16 @@ def _facts(task: Task, track: Track) -> dict[str, Any]:
     }
 
 
-def _features(task: Task) -> str:
-    """A policy's view: "engineered" or "state" of a system, "observation" of anything else, or "formula" of both."""
-    from stlbench.contract import System
-
-    return task.file.features if isinstance(task.dynamics, System) or task.view else "observation"
-
-
-def _beyond_state(task: Task) -> tuple[str, ...]:
-    from stlbench.contract import System
-
-    if task.view is not None:
-        return task.view.quantities
-    dynamics, engineered = task.dynamics, task.file.features == "engineered"
-    return dynamics.beyond_state if isinstance(dynamics, System) and engineered else ()
-
-
-def _actions(task: Task) -> dict[str, dict[str, Any]]:
-    declared = {name: axis.model_dump(exclude_none=True) for name, axis in task.file.actions.items()}
-    return declared or {axis.name: axis.ends for axis in task.source.axes}
-
-
-def _answer(question: Question[_T]) -> _T | None:
-    from stlbench.rollout.questions import answers
-    from stlbench.study.plugin_guard import ask
-
-    answer: _T | None = answers([question], ask).get(question)
-    return answer
+def _dumped(parts: Mapping[str, BaseModel]) -> dict[str, dict[str, Any]]:
+    return {name: part.model_dump(exclude_none=True) for name, part in parts.items()}
 
 
 def _mean(score: Score) -> dict[str, float]:
     return {"robustness_mean": score.mean, "satisfaction": score.satisfaction}
 
 
-def _baselines(task: Task) -> dict[str, Any] | None:
-    """The scores of constant and of random actions from the report's starts; None if they cannot be scored."""
-    from stlbench.rollout.standards import at_random, constant_actions
-
-    constants, random = _answer(constant_actions(task.choice)), _answer(at_random(task.choice))
-    if constants is None or random is None:
-        return None
+def _baselines(constants: Constants, random: Score) -> dict[str, Any]:
+    """The scores of constant and of random actions from the report's starts."""
     return {
         "trivial": constants.trivial,
         "zero": _mean(constants.zero),
@@ -189,3 +175,130 @@ def _method(task: Task, name: str) -> dict[str, Any]:
     except Exception as error:
         return {"status": "raised", "reason": cause(error)}
     return {"status": "suitable", "inputs_added": method.input_size, "scale": method.scale} | described
+
+
+def _lines(facts: dict[str, Any]) -> Iterator[str | Table]:
+    seconds = facts["steps"] * facts["sampling_time"]
+    origin = f"{facts['distribution']} {facts['version']}".strip()
+    yield f"{facts['name']}: {facts['title']} ({origin})"
+    yield f"source:   {facts['source']}"
+    yield f"formula:  {facts['formula']}"
+    if facts["rewarded"] is not None:
+        yield f"rewarded: {facts['rewarded']}"
+    yield f"horizon:  {facts['horizon']} steps of {facts['sampling_time']:g} s"
+    yield f"episode:  {facts['steps']} steps ({seconds:g} s), each action held for {facts['hold']}"
+    yield f"starts:   {facts['starts']} for the report, as many others for the selection of checkpoints"
+    yield f"seen:     {_seen(facts)}"
+    if facts["controller"] is not None:
+        mean, share, least = facts["controller"].values()
+        yield f"by hand:  robustness {mean:.3f}, worst start {least:.3f}, satisfied {100 * share:.1f} %"
+    if facts["baselines"] is not None:
+        yield from _baseline_lines(facts["baselines"])
+    if facts["best_known"] is not None:
+        yield f"best:     {_best(facts['best_known'])}"
+    if facts["notes"]:
+        yield f"notes:    {facts['notes']}"
+    if isinstance(facts["terms"], str):
+        yield f"terms:    {facts['terms']}"
+    yield ""
+    yield from _tables(facts)
+
+
+def _seen(facts: dict[str, Any]) -> str:
+    if facts["features"] == "formula":
+        return f"the state or the observation, and the formula's view: {'; '.join(facts['beyond_state'])}"
+    if facts["features"] != "engineered":
+        return {"state": "the state alone, scaled", "observation": "the whole observation"}[facts["features"]]
+    beyond = "; ".join(facts["beyond_state"])
+    return f"features; beyond the state: {beyond}" if beyond else "features; what is beyond the state is not declared"
+
+
+def _baseline_lines(known: dict[str, Any]) -> list[str]:
+    zero, constant, random = (_score_text(known[name]) for name in ("zero", "constant", "random"))
+    action = ", ".join(f"{value:.6g}" for value in known["constant"]["action"])
+    lines = [f"zero:     {zero}", f"constant: {constant}, by the action ({action})", f"random:   {random}"]
+    return [*lines, "trivial:  a constant action solves the task"] if known["trivial"] else lines
+
+
+def _score_text(score: dict[str, Any]) -> str:
+    return f"robustness {score['robustness_mean']:.3f}, satisfied {100 * score['satisfaction']:.1f} %"
+
+
+def _best(best: dict[str, Any]) -> str:
+    reached = f"robustness {best['robustness']:.5g} is known" + (f", by {best['how']}" if best["how"] else "")
+    if best["upper_bound"] is None:
+        return reached
+    return f"{reached}; at most {best['upper_bound']:.5g}" + (f", as {best['why']}" if best["why"] else "")
+
+
+def _tables(facts: dict[str, Any]) -> list[Table]:
+    terms = facts["terms"] if isinstance(facts["terms"], list) else []
+    training = [{"part": key, "how they differ": _text(part)} for key, part in facts["training"].items() if part != ()]
+    recipes = [{"agent": key, "parameters": _listed(recipe)} for key, recipe in facts["agents"].items()]
+    methods = [{"method": key} | _summary(made) for key, made in facts["methods"].items()]
+    counted = any("count" in axis for axis in facts["actions"].values())
+    tables = [
+        _table("Terms and the range of their robustness", terms),
+        _table("Signals", _named("signal", facts["signals"])),
+        _table("Actions" if counted else "Actions, continuous", _named("action", facts["actions"])),
+        _table("Robots", [{"robot": key, "actions": ", ".join(names)} for key, names in facts["robots"].items()]),
+        _table("Training episodes", training, *_TRAINING_NOTES),
+        _table("Budgets", _named("budget", facts["budgets"])),
+        _table("Further protocols", _named("protocol", facts["protocols"])),
+        _table("Recipes, the task's own agent first", recipes, _NO_RECIPE),
+        _table("Methods", methods, *_equal(facts)),
+    ]
+    return [table for table in tables if table.rows]
+
+
+def _equal(facts: dict[str, Any]) -> list[str]:
+    from stlbench.task.equal_rewards import Difference
+
+    lines = [f"Equal rewards: {Difference(**difference)}." for difference in facts["equal_rewards"]]
+    ends = facts["training"].get("ends") and lines
+    return [*lines, _EARLY] if ends else lines
+
+
+def _named(title: str, facts: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{title: key} | rest for key, rest in facts.items()]
+
+
+def _summary(made: dict[str, Any]) -> dict[str, Any]:
+    if made["status"] != "suitable":
+        return {"inputs added": None, "what it makes of the task": f"{made['status']}: {made['reason']}"}
+    rest = {key: value for key, value in made.items() if key not in ("status", "inputs_added")}
+    return {"inputs added": made["inputs_added"], "what it makes of the task": _listed(rest)}
+
+
+def _listed(values: dict[str, Any]) -> str:
+    return "\n".join(f"{key}: {_text(value)}" for key, value in values.items())
+
+
+def _table(title: str, rows: list[dict[str, Any]], *notes: str) -> Table:
+    from stlbench.report import Column, Table
+
+    first = {key: value for row in reversed(rows) for key, value in row.items()}
+    keys = list(dict.fromkeys(key for row in rows for key in row))
+    columns = tuple(Column(key, right=isinstance(first[key], int | float)) for key in keys)
+    return Table(title, columns, tuple(tuple(_value(row.get(key)) for key in keys) for row in rows), notes)
+
+
+def _value(value: Any) -> Value:
+    return value if value is None or type(value) in (int, float) else _text(value)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, tuple):
+        return ("\n" if value and isinstance(value[0], dict) else ", ").join(map(_text, value))
+    if isinstance(value, dict):
+        return _region(value) if "box" in value else _listed(value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _region(region: dict[str, Any]) -> str:
+    """x in [-1, 1], v = 0, where abs(x) >= 0.2."""
+    parts = [
+        f"{name} in [{_text(ends)}]" if isinstance(ends, tuple) else f"{name} = {_text(ends)}"
+        for name, ends in region["box"].items()
+    ]
+    return ", ".join([*parts, f"where {region['where']}"] if "where" in region else parts)

@@ -82,14 +82,6 @@ def test_methods_that_pay_for_the_same(say, toy, site):
     assert "Where a training episode ends early" in say("show", "task", "toy-line").stdout
 
 
-def test_a_task_on_screen(say, toy):
-    done = say("show", "task", "toy-line")
-    assert done.exit_code == 0
-    assert "formula:  G[0,4] x <= 1" in done.stdout
-    assert "horizon:  4 steps of 0.5 s" in done.stdout
-    assert "intractable: needs 6003 inputs, limit 512" in done.stdout
-
-
 def test_what_policies_see(say, toy):
     assert "seen:     features; what is beyond the state is not declared\n" in say("show", "task", "toy-line").stdout
     alone = say("show", "task", "toy-line[without=features]")

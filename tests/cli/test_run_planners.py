@@ -107,17 +107,6 @@ def test_planned_cells_are_cells_like_any_other(run):
     assert {row["env_steps"] for row in cells()} == {row["selected_steps"] for row in cells()} == {"0"}
 
 
-def test_the_same_twice_and_nothing_is_left_to_run(run):
-    run(*WORDS)
-    first = Path("results/cells.csv").read_text(encoding="utf-8")
-    again = run(*WORDS)
-    assert again.exit_code == 0
-    assert Path("results/cells.csv").read_text(encoding="utf-8") == first  # seconds too: nothing was planned
-    assert run(*WORDS, "--results", "other").exit_code == 0
-    ours, theirs = ([{**row, "reward_nanoseconds": ""} for row in cells(folder)] for folder in ("results", "other"))
-    assert ours == theirs
-
-
 @pytest.mark.parametrize(
     ("words", "reason"),
     [

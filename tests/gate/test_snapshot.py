@@ -111,18 +111,6 @@ def test_a_wrong_place(tmp_path: Path) -> None:
         load(tmp_path)
 
 
-def test_an_older_reference_has_columns_that_are_passed_over(tmp_path: Path) -> None:
-    (tmp_path / "cells.csv").write_text(f"{HEADER.strip()},training_calibration_seconds\n{LINE.strip()},0.01\n")
-    (entry,) = load(tmp_path).samples.values()
-    assert (entry.robustness_mean, entry.reward_nanoseconds) == (0.25, 20)
-
-
 def test_an_empty_table_is_an_empty_snapshot(tmp_path: Path) -> None:
     (tmp_path / "cells.csv").write_text(HEADER)
     assert load(tmp_path) == Snapshot()
-
-
-def test_a_reference_that_cannot_be_written(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(UsageError, match=r"cannot write .*cells\.csv: "):
-        save(tmp_path / "file", Snapshot())

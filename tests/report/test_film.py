@@ -107,15 +107,6 @@ def test_a_trace_that_leaves_the_picture_is_said_to():
     ]
 
 
-def test_a_system_that_draws_itself_is_shown_so_at_the_latest_decision():
-    figure, update, _, remark = film.scene(task(Drawn, hold=4), filmed(), ROBUSTNESS)
-    (best,), (worst,) = (axes.images for axes in figure.axes)
-    for sample, shown in [(0, (10, 40)), (3, (10, 40)), (4, (20, 50)), (8, (30, 60))]:
-        update(sample)
-        assert (best.get_array()[0, 0, 0], worst.get_array()[0, 0, 0]) == shown
-    assert remark == ""
-
-
 def test_pictures_of_an_environment_are_shown_as_they_come():
     asked = []
 

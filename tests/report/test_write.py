@@ -48,17 +48,6 @@ def test_the_report_has_all_tables(tmp_path):
     assert headings == ["# stlbench report", *(f"## {title}" for title in tables)]
 
 
-def test_one_row_for_each_controller(tmp_path):
-    write(condense([*RESULTS, result(task="other")]), SCORES | by_hand(other=(-0.5,)), tmp_path)
-    rows = [
-        "task,mean robustness,worst start,satisfied [%]",
-        f"hold-disc,{(0.4 + 0.2) / 2!r},0.2,100.0",
-        "other,-0.5,-0.5,0.0",
-    ]
-    assert (tmp_path / "controllers.csv").read_text().splitlines() == rows
-    assert r"hold-disc & 0.300 & 0.200 & 100.0 \\" in (tmp_path / "controllers.tex").read_text()
-
-
 def test_without_controllers_their_files_have_no_row_and_the_report_no_table(tmp_path):
     write(condense(RESULTS), SCORES, tmp_path)
     write(condense(RESULTS), {}, tmp_path)

@@ -153,7 +153,6 @@ def write(path: Path, members: dict[str, bytes]) -> None:
         ("DQN", space_of(GRID), {}, GRID, 5, "the policy acts on 4 numbers, and the task's observation has 5"),
         ("DQN", space_of(GRID), {}, BOX, 4, "has 3 outputs for Discrete actions, and the task 2 continuous actions"),
         ("TD3", space_of(BOX), {}, GRID, 4, "has 2 outputs for Box actions, and the task a grid of 3 actions"),
-        ("PPO", Box(-1, 1, (3,)), {}, GRID, 4, "has 3 outputs for Box actions, and the task a grid of 3 actions"),
         (
             "PPO",
             MultiDiscrete([4, 3]),
@@ -161,14 +160,6 @@ def write(path: Path, members: dict[str, bytes]) -> None:
             PAIR,
             4,
             "MultiDiscrete actions, 4 x 3, and the task a grid of 12 actions, 3 x 4",
-        ),
-        (
-            "PPO",
-            MultiBinary(2),
-            {},
-            PAIR,
-            4,
-            "2 outputs for MultiBinary actions, and the task a grid of 12 actions, 3 x 4",
         ),
         ("PPO", MultiDiscrete([2, 2]), {}, FOUR, 4, "MultiDiscrete actions, 2 x 2, and the task a grid of 4 actions"),
         ("PPO", space_of(BOX), {"activation_fn": torch.nn.GELU}, BOX, 4, "activation GELU; known are ReLU, Tanh"),

@@ -63,17 +63,6 @@ def test_a_profile_falls_from_all_runs_to_none():
     assert bad[1] == 100  # of the tasks that it fits
 
 
-def test_the_rows_say_what_a_method_does_not_fit():
-    figure = across_tasks([EVERY, COMMON], COLOURED)
-    left, right = figure.axes
-    assert [label.get_text() for label in left.get_yticklabels()] == ["bad\n(fits 2 of 3)", "good"]
-    assert [text.get_text() for text in right.get_legend().get_texts()] == ["bad", "good"]
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
-        "IQM over all 3, 95 % interval",
-        f"IQM over {FIT}, 95 % interval",
-    ]
-
-
 def test_no_panel_of_profiles_has_a_colour_twice():
     entries = tuple(Entry(f"method-{i}", GOOD.scores, "") for i in range(9))
     figure = across_tasks([Field("quick", "shared", EVERY.tasks, "all 3", entries)], COLOURED)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -61,22 +60,6 @@ def test_what_is_far_below_does_not_press_the_rest_together():
     assert "below the axis: numbers in the colour of the mark" in [
         text.get_text() for text in figure.legends[0].get_texts()
     ]
-
-
-def test_without_a_value_far_below_no_axis_is_cut():
-    figure = alignment(ROWS[:2], UNITS)
-    assert not [text for axes in figure.axes for text in axes.texts]
-    assert len(figure.legends[0].get_texts()) == 5
-
-
-def test_thirty_rows_have_room(tmp_path: Path):
-    rows = [Aligned("overlap", f"method-{i // 6}", f"gamma={i % 6}", 0.2, i / 100) for i in range(30)]
-    figure = alignment(rows, UNITS)
-    figure.canvas.draw()
-    (axes,) = figure.axes
-    boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
-    assert len(boxes) == 30
-    assert all(above.y0 >= below.y1 for above, below in pairwise(boxes))
 
 
 def test_title_and_legend_have_room_in_one_column():

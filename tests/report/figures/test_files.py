@@ -10,7 +10,6 @@ from matplotlib.patches import Rectangle
 from PIL import Image
 
 from stlbench.errors import UsageError
-from stlbench.report.figures import files
 from stlbench.report.figures.files import Drawing, file_name, save
 from stlbench.report.figures.style import rc
 from stlbench.report.tables.alignment import Aligned
@@ -76,25 +75,6 @@ def test_a_figure_is_drawn_again_if_a_file_is_gone_or_another(tmp_path, end):
     if end != "pdf":  # which has no digest
         path.write_bytes(path.read_bytes()[:40])
         assert written(tmp_path, drawing())
-
-
-def test_another_version_draws_again(tmp_path, monkeypatch):
-    drawing().write(tmp_path)
-    monkeypatch.setattr("stlbench.__version__", "0.2.0")
-    files._code.cache_clear()
-    assert written(tmp_path, drawing())
-    files._code.cache_clear()
-
-
-def test_a_figure_without_a_source_says_none(tmp_path):
-    png, svg, _ = save(Figure(), tmp_path, "name")
-    assert b"Source" not in png.read_bytes()
-    assert b"identifier" not in svg.read_bytes()
-
-
-def test_nothing_but_the_figure_is_left_in_the_folder(tmp_path):
-    save(Figure(), tmp_path, "name")
-    assert {path.name for path in tmp_path.iterdir()} == {"name.png", "name.svg", "name.pdf"}
 
 
 @pytest.mark.slow

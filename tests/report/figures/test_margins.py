@@ -152,14 +152,5 @@ def test_margins_beyond_the_range_of_the_signals_are_on_the_axis_too():
     assert low < -990.1
 
 
-def test_the_level_at_which_psi_holds_is_named():
-    assert "0: psi holds above" in legend(figure())
-
-
 def test_a_formula_that_is_not_made_of_terms_has_no_figure():
     assert figure("G[0,2] F[0,2] x <= 1") is None
-
-
-def test_one_start():
-    (axes,) = figure("G[0,4] x <= 1", [ZEROS]).axes
-    assert drawn(axes, TRACE) == drawn(axes, ONE_TRACE) == [[1.0] * 9]

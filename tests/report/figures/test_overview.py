@@ -7,7 +7,7 @@ from helpers.line_task import line
 from helpers.synthetic_results import result
 
 from stlbench.report import condense
-from stlbench.report.figures.methods import METHODS_PER_OVERVIEW, overview
+from stlbench.report.figures.methods import overview
 from stlbench.report.figures.style import DOUBLE, colours_of
 from stlbench.task import load_task
 
@@ -58,10 +58,3 @@ def test_an_overview_is_as_wide_as_a_page_of_a_paper():
     width, height = overview(task, groups, [traces] * 3, colours_of(groups)).get_size_inches()
     assert width == DOUBLE
     assert height < 0.8 * width
-
-
-def test_as_many_methods_as_fit():
-    groups = condense(result(f"method-{i}") for i in range(METHODS_PER_OVERVIEW))
-    task = load_task("hold-disc")
-    figure = overview(task, groups, [np.full((1, task.file.steps + 1, 2), 2.0)] * len(groups), colours_of(groups))
-    assert len(figure.axes) == 1 + METHODS_PER_OVERVIEW + 1

@@ -61,10 +61,6 @@ def test_twenty_terms_all_look_different():
     assert len({term_style(i) for i in range(20)}) == 20
 
 
-def test_no_term_has_the_colour_of_traces_or_of_marks():
-    assert not {term_style(i).colour for i in range(20)} & {TRACE, "#000000"}
-
-
 def test_no_term_has_a_colour_of_the_time_along_a_trace():
     times = colormaps[TIME](np.linspace(0, 1, 256))[:, :3]
     for i in range(5):

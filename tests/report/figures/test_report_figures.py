@@ -16,7 +16,6 @@ from stlbench.registry.choices import Choice
 from stlbench.report import Group, Report, condense
 from stlbench.report.figures import files
 from stlbench.report.figures.files import ROWS_PER_FIGURE, Drawing, write_figures
-from stlbench.report.figures.regions import Scale
 from stlbench.task import load_task
 
 
@@ -39,13 +38,6 @@ def test_two_figures_a_task_as_png_svg_and_pdf(tmp_path: Path) -> None:
     }
     assert {path.name for path in paths} == {path.name for path in tmp_path.iterdir()} == names
     assert all(path.stat().st_size > 1000 for path in paths)
-
-
-def test_the_same_results_give_the_same_file(tmp_path: Path) -> None:
-    draw_figures(condense(CELLS), tmp_path / "a")
-    draw_figures(condense(CELLS), tmp_path / "b")
-    for path in (tmp_path / "a").iterdir():
-        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
 
 
 def test_a_task_cannot_leave_the_folder(tmp_path: Path) -> None:
@@ -127,17 +119,3 @@ def test_a_cell_that_changed_has_the_figures_of_its_task_drawn_again(
     cells = {entry.id: entry for entry in [*CELLS, changed]}
     assert draw([*cells.values()]) == OF_HOLD_DISC
     assert draw([*cells.values()]) == set()
-
-
-def test_a_file_that_is_gone_is_drawn_again(draw: Callable[[Sequence[Result]], set[str]], tmp_path: Path) -> None:
-    draw(CELLS)
-    (tmp_path / "robustness-other.svg").unlink()
-    assert draw(CELLS) == {"robustness-other"}
-
-
-def test_another_unit_is_drawn_again(
-    draw: Callable[[Sequence[Result]], set[str]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    draw(CELLS)
-    monkeypatch.setattr(files, "scale_of_task", lambda task, load: Scale("km", 1.0))
-    assert draw(CELLS) == OF_HOLD_DISC | OF_OTHER

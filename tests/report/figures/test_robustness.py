@@ -91,12 +91,6 @@ def test_what_lies_beyond_the_axis_is_an_arrow_with_its_numbers():
     assert "beyond the axis" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
-def test_values_of_one_size_have_a_linear_axis_in_the_unit_that_is_given():
-    (axes,) = robustness_by_method(GROUPS, Scale("m", math.inf), colours_of(GROUPS)).axes
-    assert axes.get_xscale() == "linear"
-    assert axes.get_xlabel() == "mean robustness over the report starts [m]"
-
-
 def test_the_axis_has_all_seeds_and_no_interval_goes_beyond_them():
     values = (0.3, 0.4, 0.5, -0.3, 0.45)
     five = condense(result("raw", seed, robustness=(value,)) for seed, value in enumerate(values))

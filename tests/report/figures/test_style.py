@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import math
-import re
-from pathlib import Path
 
 import matplotlib as mpl
-import pytest
 from helpers.synthetic_results import result
 from matplotlib.figure import Figure
 
 from stlbench.report import condense
-from stlbench.report.figures import style
 from stlbench.report.figures.methods import learning_curves
 from stlbench.report.figures.regions import Scale
 from stlbench.report.figures.style import DOUBLE, SINGLE, colours_of, fitting, rc, styled
-
-FOLDER = Path(style.__file__).parent
 
 
 def test_what_is_drawn_has_the_style_and_leaves_none_behind():
@@ -33,10 +27,6 @@ def test_what_is_drawn_has_the_style_and_leaves_none_behind():
     assert (mpl.rcParams["axes.titlesize"], mpl.rcParams["font.size"]) == before
 
 
-def test_columns_are_those_of_ieee():
-    assert 2 * SINGLE < DOUBLE < 7.2
-
-
 def test_a_figure_for_a_column_is_as_wide_as_one_and_has_text_of_a_paper():
     groups = condense(result(method, seed) for method in ("flag", "raw") for seed in (0, 1))
     with fitting("column"):
@@ -46,12 +36,3 @@ def test_a_figure_for_a_column_is_as_wide_as_one_and_has_text_of_a_paper():
     sizes += [text.get_fontsize() for axes in figure.axes for text in (axes.xaxis.label, *axes.get_xticklabels())]
     assert set(sizes) == {8}
     assert learning_curves(groups, Scale("m", math.inf), colours_of(groups)).get_figwidth() == DOUBLE
-
-
-@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)
-def test_sizes_of_text_and_widths_of_figures_are_said_in_one_place(path: Path):
-    """A number in points, or a figure's width in inches, stands in no other file than style.py."""
-    if path.stem != "style":
-        text = path.read_text(encoding="utf-8")
-        assert not re.findall(r"(?:fontsize|labelsize)=\d", text)
-        assert not re.findall(r"figsize=\(\d", text)

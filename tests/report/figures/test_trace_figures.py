@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from helpers import synthetic_results
 
-from stlbench.errors import UsageError
 from stlbench.records.outputs import cell_files
-from stlbench.registry.choices import Choice
 from stlbench.report import condense
 from stlbench.report.figures import trace_figures
-from stlbench.report.figures.style import GROUPS_PER_FIGURE, colours_of
+from stlbench.report.figures.style import colours_of
 from stlbench.study.plugin_guard import ask, load_guarded
 from stlbench.task import load_task
 
@@ -129,21 +125,3 @@ def test_a_task_that_is_gone_keeps_its_learning_curves(run):
     (run.folder / "traces").mkdir()
     assert run.draw(synthetic_results.result(task="gone")) == files("learning-gone")
     assert run.warnings[0].startswith("no traces of gone are drawn: no task 'gone'")
-
-
-def test_further_groups_go_to_a_further_page(run):
-    names = run.draw(*(synthetic_results.result(f"method-{i:02}") for i in range(GROUPS_PER_FIGURE + 1)))
-    assert names == files("learning-hold-disc", "learning-hold-disc_2")
-
-
-def test_a_name_cannot_leave_the_folder(run):
-    result = synthetic_results.result()
-    with pytest.raises(UsageError, match="cannot name a figure's file"):
-        run.draw(replace(result, id=replace(result.id, task=Choice("../x"))))
-    assert not list(run.folder.iterdir())
-
-
-def test_a_folder_that_cannot_be_written_is_a_usage_error(run):
-    (run.folder / "out").write_text("in the way")
-    with pytest.raises(UsageError, match=r"cannot write .*out/"):
-        run.draw(synthetic_results.result())

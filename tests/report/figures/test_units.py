@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from helpers.line_task import line
 
-from stlbench.report.figures.regions import UNKNOWN, robustness_unit, scale_of_task, signal_label, time_label
+from stlbench.report.figures.regions import UNKNOWN, robustness_unit, scale_of_task
 from stlbench.task import load_task
 
 SIGNALS = {name: {"low": -1, "high": 1, "unit": unit} for name, unit in {"x": "m", "y": "m", "w": "rad/s"}.items()}
@@ -49,10 +49,3 @@ def test_unit_of_robustness(formula, unit):
 )
 def test_unit_of_a_task(name, unit):
     assert scale_of_task(name, load_task).unit == unit
-
-
-def test_labels():
-    task = load_task("integrator-or")
-    assert signal_label(task, "x") == "x [-]"
-    assert signal_label(load_task("pendulum"), "omega") == "omega [rad/s]"
-    assert time_label(task) == "time [steps of 0.01 s]"

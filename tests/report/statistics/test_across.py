@@ -104,10 +104,3 @@ def test_of_many_runs_no_more_are_drawn_and_no_more_are_held(monkeypatch):
     for count in (5_000, 20_000, 100_000, 3_000_000):
         across.mean([np.zeros(count)])
     assert calls == [(9999, 500), (2500, 125), (999, 25), (999, 1)]
-
-
-def test_a_profile_counts_runs_above_each_threshold():
-    seeds, thresholds = np.random.default_rng(5).normal(size=50).round(1), np.linspace(-1, 1, 21)
-    found = across.profile([seeds, seeds[:10]], thresholds)
-    shares = [((seeds > at).mean() + (seeds[:10] > at).mean()) / 2 for at in thresholds]
-    assert [value for value, _ in found] == shares

@@ -131,31 +131,6 @@ def test_the_number_of_seeds_is_at_least_that_of_which_a_separation_decides_in_t
             assert (others, found.word) == (0, "better")
 
 
-ALIKE = {
-    "normal": lambda generator, n: generator.normal(0, 1, n),
-    "a third fails": lambda generator, n: np.where(
-        generator.random(n) < 0.35, generator.normal(-1, 0.5, n), generator.normal(1, 0.1, n)
-    ),
-    "half fail, all alike": lambda generator, n: generator.choice([-1, 1], n) + generator.normal(0, 0.02, n),
-    "ties": lambda generator, n: generator.integers(0, 2, n).astype(float),
-}
-
-
-@pytest.mark.parametrize("name", ALIKE)
-def test_alike_methods_have_a_verdict_in_one_of_twenty_comparisons_at_most(name):
-    """Of 8 pairs each, with 3 to 9 seeds. Where half of the seeds fail, Welch's test alone called a pair apart in a
-    fifth of such comparisons. Three standard errors of the simulation are allowed for."""
-    generator, rounds, wrong = np.random.default_rng(11), 60, 0
-    for _ in range(rounds):
-        pairs = [
-            Pair(one.tolist(), other.tolist(), learned=(one > 0, other > 0))
-            for n, m in (*[(3, 3)] * 6, (5, 5), (4, 9))
-            for one, other in [(ALIKE[name](generator, n), ALIKE[name](generator, m))]
-        ]
-        wrong += any(found.decided for found in differences(pairs))
-    assert wrong / rounds <= 0.05 + 3 * math.sqrt(0.05 * 0.95 / rounds)
-
-
 def test_power_with_seeds_that_fail_is_that_of_ranks_and_with_five_seeds_that_of_a_single_pair():
     """Ten seeds each, of which a third fail or none: as in 16 verdicts of the reference, all of one are worse."""
     generator, rounds = np.random.default_rng(12), 25

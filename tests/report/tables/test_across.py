@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from helpers.reports import summary
 from helpers.synthetic_results import alike, result, score
 
 from stlbench.registry.choices import Choice
@@ -91,14 +90,6 @@ def test_two_tasks_or_one_method_have_no_aggregate():
     assert fields(condense(RESULTS[:8]), Known(STANDARDS)) == ()
 
 
-def test_aggregates_have_intervals_and_ranks():
-    every, _ = fields(condense(RESULTS), Known(STANDARDS))
-    bad, good = every.aggregates
-    assert good.mean.value == pytest.approx(0.925)
-    assert good.mean.interval.low < 0.925 < good.mean.interval.high
-    assert (bad.rank, good.rank) == ((2.0, (2.0, 2.0)), (1.0, (1.0, 1.0)))
-
-
 def test_a_method_that_does_not_fit_has_no_rank_there_and_its_rival_is_ranked_among_fewer():
     """By hand: on `four` only good and third are ranked, so bad has 3, 3, 3 and good 1, 1, 1 and 2 on `four`."""
     third = [
@@ -163,8 +154,3 @@ def test_both_tables_say_of_which_tasks_they_are():
         ("all 4", "bad", "good", "3 of 4", 0.0),
         ("3 of 4, all methods fit", "bad", "good", "3 of 3", 0.0),
     ]
-
-
-def test_they_stand_after_the_overview():
-    titles = [table.title for table in summary(condense(RESULTS), STANDARDS)]
-    assert titles[:4] == ["Overview", "Across tasks", "Probability of improvement", "Robustness"]

@@ -92,13 +92,6 @@ def test_latex_leaves_no_special_character(text):
     assert not re.search(r"[\\%#&$_^~{}<>|]", bare.removesuffix(r" \\"))
 
 
-def test_records_have_numbers_in_full():
-    assert to_records(TABLE) == [
-        {"method": "funnel[ginf=0.02]", "share [%]": 98.04, "gain low": -0.1, "gain high": 0.2},
-        {"method": "a|b_c*d & <e>", "share [%]": None, "gain low": None, "gain high": None},
-    ]
-
-
 def test_the_parts_of_compound_values_are_columns():
     (record,) = to_records(
         robustness_table(condense([result(robustness=(-0.3, 0.1), first_failed={"G[0,9] x > 0": 1})]), Known())
@@ -160,13 +153,6 @@ def test_tables_fit_the_screen(width):
         assert "…" not in text
 
 
-def test_a_wide_screen_shows_every_number():
-    text = screen(summary(condense(RESULTS), {})[0], 240)
-    for shown in ("0.250", "[9, 99]", "83.3", "0.900", "0.800", "-0.300", "0 of 3, 3"):
-        assert shown in text
-    assert "Left out" not in text
-
-
 def test_a_table_that_cannot_be_narrower_comes_in_parts_each_with_the_rows_names():
     methods = [f"method-{letter}" for letter in "abcdef"]
     results = [result(method, task=task) for task in ("hold-disc", "other") for method in methods]
@@ -207,10 +193,3 @@ def test_reasons_are_printed_as_they_are():
 def test_reasons_stand_below_the_table():
     text = screen(summary(condense(RESULTS), {})[0], 120)
     assert "remarks: hold-disc/tau-mdp/dqn/quick/shared: intractable: needs 6003 inputs, limit 512" in text.splitlines()
-
-
-def test_notes_are_left_out_where_nobody_asks():
-    console = Console(width=120, file=io.StringIO(), color_system=None)
-    to_screen(TABLE, console, explain=False)
-    assert "98.0" in console.file.getvalue()
-    assert "One note." not in console.file.getvalue()

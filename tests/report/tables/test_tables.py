@@ -76,18 +76,6 @@ def with_ends(of, share):
     return replace(of, measurement=replace(of.measurement, selected=scores))
 
 
-def test_one_seed_has_no_interval():
-    table = robustness_table(condense([result()]), Known())
-    assert cell(table, "mean robustness") == pytest.approx(0.35)
-    assert cell(table, "median 95 % interval") is None
-
-
-def test_the_final_policy_has_columns_of_its_own():
-    table = robustness_table(condense([result(robustness=(0.3, 0.4), final=(-0.1, 0.2))]), Known())
-    assert cell(table, "final median robustness") == pytest.approx(0.05)
-    assert cell(table, "final satisfied [%]") == 50
-
-
 def test_selected_and_final_policies_have_intervals_and_learned_seeds_side_by_side():
     starts = {True: (0.5,), False: (-0.5,)}
     learned = [(True, True)] * 7 + [(True, False)] * 2 + [(False, False)]
@@ -160,16 +148,6 @@ def test_groups_are_told_apart_by_task_method_agent_and_budget():
 def test_order_of_the_results_does_not_matter():
     results = [result(method, seed) for method in ("funnel", "flag") for seed in range(3)]
     assert summary(condense(results), {}) == summary(condense(results[::-1]), {})
-
-
-def test_aggregates_say_over_how_many_seeds_they_are():
-    results = [result(seed=seed) for seed in range(9)] + [
-        result(seed=9, status="timeout", reason="no result after 60 s")
-    ]
-    table = robustness_table(condense(results), Known())
-    assert cell(table, "seeds") == Seeds(9, 10, "1 timeout")
-    assert cell(table, "mean robustness") == pytest.approx(0.35)
-    assert cell(table, "remarks") == "timeout: no result after 60 s"
 
 
 def test_planned_cells_without_a_result_are_rows_and_count_as_seeds():
@@ -270,15 +248,6 @@ def test_the_best_known_stands_beside_the_controller_where_any_is_known():
     assert controllers_table({"third": known["third"]}).rows == ()
 
 
-def test_actions_at_random_stand_beside_the_controller():
-    known = by_hand(hold_disc=(0.25, 0.75))
-    known["hold-disc"] = replace(known["hold-disc"], at_random=score((-0.5, 0.25)))
-    known["other"] = Standard(best_known=BestKnown(robustness=0.5), at_random=score((-1.0,)))
-    table = controllers_table(known | {"third": Standard(own_agent="dqn")})
-    assert [column.heading for column in table.columns[4:6]] == ["at random", "at random satisfied [%]"]
-    assert [row[4:6] for row in table.rows] == [(-0.125, 50.0), (-1.0, 0.0)]
-
-
 SHARE = "share of best known (median, both above 0)"
 
 
@@ -319,13 +288,6 @@ def test_cells_say_what_was_planned_only_where_something_was():
     assert [column.title for column in table.columns[-2:]] == ["maximised", "grid_value"]
     assert [row[-2:] for row in table.rows] == [(None, None), ("reward", -2.5), (None, None)]
     assert "maximised" not in to_csv(cells_table(condense([result()])[0].rows))
-
-
-def test_infinite_robustness_has_a_row():
-    results = [result(seed=seed, robustness=(float("inf"),)) for seed in range(2)]
-    table = robustness_table(condense(results), Known())
-    assert cell(table, "mean robustness") == float("inf")
-    assert cell(table, "median 95 % interval") is None
 
 
 def test_cells_have_all_numbers_in_full():
