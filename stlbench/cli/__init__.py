@@ -9,20 +9,18 @@ import typer
 
 from stlbench import __version__
 from stlbench.cli.advise import advise
-from stlbench.cli.certify import certify
 from stlbench.cli.check import check
 from stlbench.cli.common import Commands, refuse
+from stlbench.cli.draw import plot, render
 from stlbench.cli.export import export, export_policy
-from stlbench.cli.falsify import falsify
 from stlbench.cli.gate import compare, gate
 from stlbench.cli.monitor import monitor
 from stlbench.cli.new import new
-from stlbench.cli.plot import plot
-from stlbench.cli.render import render
 from stlbench.cli.report import report
 from stlbench.cli.results import app as results
 from stlbench.cli.run import plan, run
 from stlbench.cli.score import score
+from stlbench.cli.search import certify, falsify
 from stlbench.cli.show import app as show
 from stlbench.cli.show import list_plugins
 from stlbench.cli.solve import solve

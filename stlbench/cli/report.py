@@ -96,7 +96,7 @@ def report(
 def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, explain: bool, as_json: bool) -> None:
     """Show bundles in one report, or write their page; exit with code 1 where one is damaged or claims more."""
     from stlbench.report import Report, condense, to_screen
-    from stlbench.share.together import bundles_table, read_bundles
+    from stlbench.share.rescored import bundles_table, read_bundles
 
     bundles = read_bundles(paths, rescore, lambda cell, verdict: typer.echo(f"{cell}: {verdict}", err=True))
     results = {result.id: result for bundle in bundles for result in bundle.results}

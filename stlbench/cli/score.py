@@ -72,8 +72,7 @@ def score(
     from stlbench.records.outputs import cell_files
     from stlbench.registry.choices import parse_choice
     from stlbench.registry.folders import task_of
-    from stlbench.share.record import outside_question, record
-    from stlbench.share.scoring import UNKNOWN, Shown
+    from stlbench.share.scoring import UNKNOWN, Shown, outside_question, record
     from stlbench.share.source import find_source
     from stlbench.study.plugin_guard import ask_one
 

@@ -10,8 +10,7 @@ from helpers import bundles
 from stlbench.errors import UsageError
 from stlbench.records.result import MAIN, Score
 from stlbench.rollout.questions import ask_here
-from stlbench.share.rescored import Rescored, rescore
-from stlbench.share.together import read_bundles
+from stlbench.share.rescored import Rescored, read_bundles, rescore
 
 
 @pytest.fixture
