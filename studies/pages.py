@@ -1,4 +1,4 @@
-"""Write the tables of README.md and of docs/ that come from committed results and task files, each between markers.
+"""Write what comes from committed results and task files into README.md, docs/ and paper/, each between markers.
 
 python studies/pages.py            write them, from results/reference and results/tuning
 python studies/pages.py --check    write nothing; exit code 1 where a page says something else
@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import ablation
+import joss
 import recorded
 import survey
 from recorded import Row, estimate, number
@@ -302,6 +303,12 @@ PAGES: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "docs/explanation/auto.md": {"auto": auto},
     "docs/reference/tasks.md": {"field": field, "either-or": either_or, "baselines": baselines},
     "docs/performance-tables.md": {"cost": cost},
+    "paper/paper.md": {
+        "scope": joss.scope,
+        "limits": joss.limits,
+        "headline": joss.headline,
+        "table": joss.table,
+    },
 }
 
 
