@@ -65,9 +65,9 @@ def headline() -> str:
     chance, low, high = (number(ahead[key], 2) for key in ("probability", "95 % interval low", "95 % interval high"))
     text = (
         f"On the {len(pairs)} tasks that are not trivial, plain robustness (`raw`) is better than the funnel on "
-        f"{worse} and worse on {better}; on {unknown} ten seeds cannot tell. The probability that a run of `funnel` is more "
-        f"robust than a run of `raw` is {chance}, with a 95 % interval from {low} to {high}. The one win of `funnel` "
-        f"is on `{win['task']}`, where intervals of the formula overlap: its mean robustness is greater by "
+        f"{worse} and worse on {better}; on {unknown} ten seeds cannot tell. The probability that a run of `funnel` is "
+        f"more robust than a run of `raw` is {chance}, with a 95 % interval from {low} to {high}. The one win of "
+        f"`funnel` is on `{win['task']}`, where intervals of the formula overlap: its mean robustness is greater by "
         f"{_difference(win)}. The policy selected in training learned the task in {_learned('raw')} for `raw`, "
         f"{_learned('funnel')} for `funnel` and {_learned('flag')} for `flag`, trivial tasks included."
     )
