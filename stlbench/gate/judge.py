@@ -15,8 +15,8 @@ turns.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -112,6 +112,10 @@ class Comparison:
     verdict: Verdict
     gains: tuple[float, ...] = ()  # of a cost that is judged: turn by turn
 
+    @property
+    def differs(self) -> bool:
+        return not self.gain == self.low == self.high == 0
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -145,11 +149,11 @@ def judge(base_snapshot: Snapshot, new_snapshot: Snapshot) -> Judgement:
     for base, new in pairs:
         if new is not None and base.status == new.status == "done":
             done.setdefault(base.id.setting, []).append((base, new))
+    compared = [_compare(setting, metric, members) for metric in METRICS for setting, members in done.items()]
     qualities, costs = (
-        [test for metric in metrics for setting, members in done.items() if (test := _test(setting, metric, members))]
-        for metrics in (QUALITIES, COSTS)
+        [each for each in compared if each and each.metric.is_cost == of_costs] for of_costs in (False, True)
     )
-    return Judgement((*_decide(qualities), *map(_not_judged, costs)), findings)
+    return Judgement((*_judged(qualities), *costs), findings)
 
 
 def _accidents(base: Sample, new: Sample | None) -> list[Finding]:
@@ -163,23 +167,8 @@ def _accidents(base: Sample, new: Sample | None) -> list[Finding]:
     return []
 
 
-@dataclass(frozen=True)
-class _Test:
-    """One metric of one group, before it is decided."""
-
-    setting: Setting
-    metric: Metric
-    base: Floats
-    new: Floats
-    gains: Floats  # one gain per seed
-
-    @property
-    def differs(self) -> bool:
-        return bool(self.gains.any())
-
-
-def _test(setting: Setting, metric: Metric, members: Iterable[tuple[Sample, Sample]]) -> _Test | None:
-    """On the seeds that both snapshots have a number of; None without any."""
+def _compare(setting: Setting, metric: Metric, members: Iterable[tuple[Sample, Sample]]) -> Comparison | None:
+    """On the seeds that both snapshots have a number of; None without any. The verdict is still to be given."""
     values = [(metric.value(base), metric.value(new)) for base, new in members]
     both = [(base, new) for base, new in values if base is not None and new is not None and math.isfinite(base)]
     if not both:
@@ -187,46 +176,34 @@ def _test(setting: Setting, metric: Metric, members: Iterable[tuple[Sample, Samp
     one, two = np.array(both, dtype=np.float64).T
     with np.errstate(invalid="ignore"):  # a robustness that is no number any more is an infinite loss
         gains = np.nan_to_num(metric.gain(one, two), nan=-np.inf, posinf=0.0, neginf=-np.inf)
-    return _Test(setting, metric, one, two, gains)
+    centre = np.median if metric.is_cost else np.mean
+    base, new, gain = (float(centre(each)) for each in (one, two, gains))
+    estimate = (math.nan,) * 3 if metric.is_cost else _estimate(gains, gain)
+    return Comparison(setting, metric, base, new, len(gains), gain, *estimate, "not judged")
 
 
-def _decide(family: Sequence[_Test]) -> list[Comparison]:
-    """Compare a family. Holm's correction counts its tests in which anything differs."""
-    estimates = [(test, *_estimate(test)) for test in family]
-    chances = holm([chance for test, _, _, chance in estimates if test.differs])
-    decided = []
-    for test, low, high, _ in estimates:
-        chance = chances.pop(0) if test.differs else 1.0
-        base, new, gain = (float(values.mean()) for values in (test.base, test.new, test.gains))
-        verdict = _verdict(test, gain, low, chance)
-        count = len(test.gains)
-        decided.append(Comparison(test.setting, test.metric, base, new, count, gain, low, high, chance, verdict))
-    return decided
-
-
-def _not_judged(test: _Test) -> Comparison:
-    base, new, gain = (float(np.median(values)) for values in (test.base, test.new, test.gains))
-    unknown = (math.nan, math.nan, math.nan)
-    return Comparison(test.setting, test.metric, base, new, len(test.gains), gain, *unknown, "not judged")
-
-
-def _estimate(test: _Test) -> tuple[float, float, float]:
-    """Limits of the gain from below and above, and the p-value of `Comparison.chance`."""
-    gain, freedom = float(test.gains.mean()), len(test.gains) - 1
-    if not test.differs or not math.isfinite(gain):
+def _estimate(gains: Floats, gain: float) -> tuple[float, float, float]:
+    """Limits of the gain from below and above, and the p-value of `Comparison.chance` before its correction."""
+    freedom = len(gains) - 1
+    if not gains.any() or not math.isfinite(gain):
         return gain, gain, float(gain >= 0)
     if freedom < FREEDOM:
         return -math.inf, math.inf, 1.0
-    error = float(test.gains.std(ddof=1)) / math.sqrt(len(test.gains))
+    error = float(gains.std(ddof=1)) / math.sqrt(len(gains))
     half = error * float(special.stdtrit(freedom, LEVEL))
     chance = float(special.stdtr(freedom, gain / error)) if error > 0 else float(gain >= 0)
     return gain - half, gain + half, chance
 
 
-def _verdict(test: _Test, gain: float, low: float, chance: float) -> Verdict:
-    tolerated = test.metric.tolerated
-    if not test.differs:
-        return "no worse"
-    if gain < -tolerated:
+def _judged(family: Sequence[Comparison]) -> Iterator[Comparison]:
+    """Holm's correction counts the comparisons in which anything differs."""
+    chances = iter(holm([each.chance for each in family if each.differs]))
+    for each in family:
+        chance = next(chances) if each.differs else 1.0
+        yield replace(each, chance=chance, verdict=_verdict(each, chance))
+
+
+def _verdict(of: Comparison, chance: float) -> Verdict:
+    if of.gain < -of.metric.tolerated:
         return "worse" if chance < ALPHA else "cannot tell"
-    return "no worse" if low >= -2 * tolerated else "cannot tell"
+    return "no worse" if of.low >= -2 * of.metric.tolerated else "cannot tell"

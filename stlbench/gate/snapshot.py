@@ -55,8 +55,7 @@ class Snapshot:
 
 def sample(result: Result) -> Sample:
     columns = numbers(result.measurement) if result.measurement else {}
-    names = ("robustness_mean", "satisfaction", "training_cpu_seconds", "reward_nanoseconds")
-    measured = {name: columns.get(name) for name in names}
+    measured = {name: columns.get(name) for name in NUMBERS}
     return Sample(result.id, result.status, " ".join(result.reason.split()), **measured)
 
 

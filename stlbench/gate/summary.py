@@ -164,7 +164,7 @@ def _change(comparison: Comparison) -> str:
     change = comparison.metric.text(comparison.gain)
     if comparison.metric.is_cost:
         return f"({change})" if comparison.verdict == "not judged" else change
-    if comparison.gain == comparison.low == comparison.high == 0:
+    if not comparison.differs:
         return f"{comparison.new:.3f} (same)"
     return f"{comparison.base:.3f} to {comparison.new:.3f} ({change})"
 
