@@ -82,15 +82,16 @@ def report(
     groups = condense(stored.read(folder), stored.missing(folder))
     if not groups or (html and all(row.status == NOT_RUN for group in groups for row in group.rows)):
         raise UsageError(f"{stored.locate(folder)} holds no result yet")
+    if not html and not as_json:
+        show_report(groups, folder, explain, width)
+        return
     content = Report(groups, standards_of(groups))
     if html:
         with stored.one_by_one(folder) as results:
             _write_page(content, results, folder if folder.is_dir() else folder.parent, out, as_json)
-    elif as_json:
+    else:
         _write(content, folder, width)
         _print_json(content)
-    else:
-        _show(content, content, folder, explain, width)
 
 
 def _report_bundles(paths: Sequence[Path], rescore: bool, page: Path | None, explain: bool, as_json: bool) -> None:
@@ -120,32 +121,28 @@ def _print_json(report: Report) -> None:
     print_json({name: to_records(table) for name, table in tables.items()})
 
 
-def show_report(shown: Sequence[Group], groups: Sequence[Group], folder: Path, explain: bool) -> None:
+def show_report(
+    groups: Sequence[Group], folder: Path, explain: bool, width: Width = "page", shown: Sequence[Group] | None = None
+) -> None:
     """Write all files, of all groups; then print the tables of those that are to be shown, and where the files lie.
 
     The notes of the tables are printed if the user asks to `explain`; else two lines say where they are.
     """
-    from stlbench.report import Report
+    from stlbench.report import Report, to_screen
 
     content = Report(groups, standards_of(groups))
-    part = content if list(shown) == list(groups) else Report(shown, content.standards, groups)
-    _show(part, content, folder, explain, "page")
-
-
-def _show(shown: Report, written: Report, folder: Path, explain: bool, width: Width) -> None:
-    from stlbench.report import to_screen
-
-    is_written, out = _write(written, folder, width), console()
-    for table in shown.summary:
+    part = content if shown is None or list(shown) == list(groups) else Report(shown, content.standards, groups)
+    is_written, out = _write(content, folder, width), console()
+    for table in part.summary:
         to_screen(table, out, explain=explain)
-    _warn_of_early_ends(shown.groups)
+    _warn_of_early_ends(part.groups)
     if not explain:
         typer.echo(f"How to read the tables: stlbench report {shlex.quote(str(folder))} --explain")
     if not is_written:
         return
     if not explain:
         typer.echo(f"All columns, with the notes below each table: {folder}/report.md")
-    planned = ", alignment" if written.aligned else ""
+    planned = ", alignment" if content.aligned else ""
     files = f"report.md, robustness, comparisons, controllers{planned} and time (.csv, .tex), cells.csv, figures/"
     typer.echo(f"Written to {folder}/: {files}")
 

@@ -93,7 +93,7 @@ def report_cells(cells: Container[CellId], folder: Path, explain: bool) -> None:
     recorded = condense(stored.read(folder), stored.missing(folder))
     shown = only(recorded, cells)
     rows = [row for group in shown for row in group.rows]
-    show_report(shown, recorded, folder, explain)
+    show_report(recorded, folder, explain, shown=shown)
     if any(row.status in ACCIDENTS for row in rows):
         raise typer.Exit(1)
     if rows and all(row.status == "unsuitable" for row in rows):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,67 +29,47 @@ def watch(
       stlbench watch results
       stlbench watch results --once
     """
+    from contextlib import nullcontext
+
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text
 
+    from stlbench.errors import UsageError
     from stlbench.records import lock
+    from stlbench.records.ledger import FILE
     from stlbench.study.live_cells import draws, running
 
-    ledger = _Ledger(folder)
-    console = Console(highlight=False, soft_wrap=True)
-    with Live(console=console, auto_refresh=False, transient=False) if console.is_terminal else _Lines() as shown:
+    if not (folder / FILE).is_file():
+        raise UsageError(f"there is no ledger in {folder}/; name a folder that `stlbench run` writes")
+    console, before = Console(highlight=False, soft_wrap=True), list[str]()
+    with Live(console=console, auto_refresh=False, transient=False) if console.is_terminal else nullcontext() as live:
         while True:
             writer = lock.writer(folder)
             cells = running(folder) if writer else None
-            first, *lines = ledger.tally(writer).lines(cells, time.time(), drawn=draws(console))
-            shown.update(Text("\n".join([first, *(f"  {line}" for line in lines)])), refresh=True)
+            stamp = (writer, *(path.stat().st_mtime for path in folder.glob(f"{FILE}*")))
+            first, *rest = _tally(folder / FILE, stamp).lines(cells, time.time(), drawn=draws(console))
+            lines = [first, *(f"  {line}" for line in rest)]
+            if live is not None:
+                live.update(Text("\n".join(lines)), refresh=True)
+            else:
+                for line in lines:
+                    if line not in before:
+                        typer.echo(line)
+            before = lines
             if once or writer is None:
                 return
             time.sleep(every)
 
 
-class _Ledger:
-    """Reads the ledger of a folder, only when that has changed. Raises `UsageError` where there is none."""
+@lru_cache(maxsize=1)
+def _tally(path: Path, stamp: tuple[object, ...]) -> Tally:
+    """Reads the ledger anew when its `stamp` has changed."""
+    from stlbench.records.ledger import Ledger
+    from stlbench.study.progress import Tally
 
-    def __init__(self, folder: Path) -> None:
-        from stlbench.errors import UsageError
-        from stlbench.records.ledger import FILE
-
-        self.path = folder / FILE
-        if not self.path.is_file():
-            raise UsageError(f"there is no ledger in {folder}/; name a folder that `stlbench run` writes")
-        self._stamp: tuple[object, ...] = ()
-        self._tally: Tally | None = None
-
-    def tally(self, writer: str | None) -> Tally:
-        from stlbench.records.ledger import Ledger
-        from stlbench.study.progress import Tally
-
-        stamp = (writer, *(path.stat().st_mtime for path in self.path.parent.glob(f"{self.path.name}*")))
-        if self._tally is None or stamp != self._stamp:
-            with Ledger(self.path, create=False) as ledger:
-                self._tally = Tally(ledger.missing())
-                for result in ledger.results():
-                    self._tally.add(result)
-            self._stamp = stamp
-        return self._tally
-
-
-class _Lines:
-    """Where there is no terminal: prints what differs from before."""
-
-    def __init__(self) -> None:
-        self.before = list[str]()
-
-    def __enter__(self) -> _Lines:
-        return self
-
-    def __exit__(self, *_: object) -> None: ...
-
-    def update(self, text: object, *, refresh: bool) -> None:
-        lines = str(text).splitlines()
-        for line in lines:
-            if line not in self.before:
-                typer.echo(line)
-        self.before = lines
+    with Ledger(path, create=False) as ledger:
+        tally = Tally(ledger.missing())
+        for result in ledger.results():
+            tally.add(result)
+    return tally

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import yaml
 
 from stlbench import __version__
 from stlbench.errors import UsageError, one_line
@@ -83,16 +84,19 @@ def _contents(
 
 
 def _citation(about: About) -> str:
-    """A file of the Citation File Format 1.2. JSON strings are YAML strings, whatever a title has."""
-    quoted = json.dumps
-    text = io.StringIO()
-    text.write(f"cff-version: 1.2.0\nmessage: {quoted('Please cite these results, and stlbench, which made them.')}\n")
-    text.write(f"type: dataset\ntitle: {quoted(about.title)}\nlicense: {quoted(about.license)}\n")
-    text.write(f"date-released: {quoted(about.date)}\nauthors:\n")
-    text.writelines(f"  - name: {quoted(name)}\n" for name in about.authors)
-    text.write(f"references:\n  - type: software\n    title: stlbench\n    version: {quoted(__version__)}\n")
-    text.write("    authors:\n      - name: The stlbench maintainers\n")
-    return text.getvalue()
+    """A file of the Citation File Format 1.2."""
+    stlbench = {"type": "software", "title": "stlbench", "version": __version__}
+    content = {
+        "cff-version": "1.2.0",
+        "message": "Please cite these results, and stlbench, which made them.",
+        "type": "dataset",
+        "title": about.title,
+        "license": about.license,
+        "date-released": about.date,
+        "authors": [{"name": name} for name in about.authors],
+        "references": [stlbench | {"authors": [{"name": "The stlbench maintainers"}]}],
+    }
+    return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
 
 
 METADATA = "ro-crate-metadata.json"  # the metadata, the only file that they do not list

@@ -22,7 +22,11 @@ def load_traces(path: Path, task: Task) -> Episodes:
     If the environment may end an episode, a trace may be shorter, or have NaN at its end. It then is as the referee
     records it: its last sample stays, or there is NaN, as the task's `terminated` says. Raises `UsageError`.
     """
-    traces = _table(path, task) if path.suffix.lower() == ".csv" else _arrays(path, task)
+    if path.suffix.lower() == ".csv":
+        traces = _table(path, task)
+    else:
+        saved = read_saved(path)
+        traces = saved.samples[..., _columns(path, saved.names, task)]
     rows, early = task.file.steps + 1, task.specification.can_end
     if traces.shape[1] > rows or (traces.shape[1] < rows and not early):
         rule = f"an episode of {task.name} has {rows}, one at the start and one after each step"
@@ -54,12 +58,6 @@ def _table(path: Path, task: Task) -> Array:
     if "time" in table.names and "time" not in task.signals:
         table.check_times(task.file.sampling_time)
     traces: Array = table.samples(task.signals)[None][..., columns]
-    return traces
-
-
-def _arrays(path: Path, task: Task) -> Array:
-    saved = read_saved(path)
-    traces: Array = saved.samples[..., _columns(path, saved.names, task)]
     return traces
 
 
