@@ -46,53 +46,43 @@ class Moved:
 
 
 @dataclass(frozen=True)
-class OnObservation(Policy):
-    """A policy from a function of observations (N, D), float64."""
-
-    function: Callable[[Array], Any]
+class _Outside:
+    function: Callable[..., Any]
     actions: Actions
     source: str  # for messages
     table: Array | None = None
     """The policy's own actions (A, axes), in the task's units, if it answers with their numbers."""
     moved: Moved = field(default_factory=Moved)
 
-    def act(self, observation: Array) -> Integers | Array:
+    def call(self, *seen: Array | Integers) -> Integers | Array:
         """The function's actions. Raises `UsageError` if it fails, or if they are not the task's."""
-        return _actions(self, len(observation), lambda: self.function(observation.copy()))
+        try:
+            answer = self.function(*(each.copy() for each in seen))
+        except UsageError:
+            raise
+        except Exception as error:
+            raise UsageError(f"{self.source} failed: {cause(error)}") from error
+        if self.table is None:
+            return actions_of(answer, self.actions, len(seen[0]), self.source, self.moved)
+        rounded = Moved()
+        chosen: Array = self.table[actions_of(answer, numbers_of(self.table), len(seen[0]), self.source, rounded)]
+        if rounded.moved:
+            raise UsageError(f"{self.source}: its answers are no whole numbers of the rows of its table of actions")
+        return chosen
 
 
-@dataclass(frozen=True)
-class OnState(StatePolicy):
+class OnObservation(_Outside, Policy):
+    """A policy from a function of observations (N, D), float64."""
+
+    def act(self, observation: Array) -> Integers | Array:
+        return self.call(observation)
+
+
+class OnState(_Outside, StatePolicy):
     """A policy from a function of states (N, n) and step counts t (N,)."""
 
-    function: Callable[[Array, Integers], Any]
-    actions: Actions
-    source: str
-    table: Array | None = None
-    moved: Moved = field(default_factory=Moved)
-
     def episode(self) -> Callable[[Array, Integers, Array], Integers | Array]:
-
-        def act(state: Array, t: Integers, memory: Array) -> Integers | Array:
-            return _actions(self, len(state), lambda: self.function(state.copy(), t.copy()))
-
-        return act
-
-
-def _actions(policy: OnObservation | OnState, count: int, call: Callable[[], Any]) -> Integers | Array:
-    try:
-        answer = call()
-    except UsageError:
-        raise
-    except Exception as error:
-        raise UsageError(f"{policy.source} failed: {cause(error)}") from error
-    if policy.table is not None:
-        rounded = Moved()
-        chosen: Array = policy.table[actions_of(answer, numbers_of(policy.table), count, policy.source, rounded)]
-        if rounded.moved:
-            raise UsageError(f"{policy.source}: its answers are no whole numbers of the rows of its table of actions")
-        return chosen
-    return actions_of(answer, policy.actions, count, policy.source, policy.moved)
+        return lambda state, t, memory: self.call(state, t)
 
 
 def actions_of(answer: Any, actions: Actions, count: int, source: str, moved: Moved | None = None) -> Integers | Array:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from stlbench.contract import (
     Array,
     GymTask,
-    Integers,
     Intractable,
     RewardMethod,
     System,
@@ -107,19 +106,22 @@ def play(task: Task, source: Source, shown: Shown) -> Played:
     method = _method(task, shown.method)
     table = None if source.table is None else read_actions(Path(source.table), task.actions)
     if shown.on == "state":
-        states = _states(task)
-        act = _on_state(task, source, table, states, shown)
-        step = " and the step" if source.kind == "function" else ""
-        return Played(method, OnState(act, task.actions, source.text, table), f"{states}{step}")
-    observation = observation_of(task, method, "" if shown.method == UNKNOWN else str(shown.method))
+        observation = _states(task)
+    else:
+        observation = observation_of(task, method, "" if shown.method == UNKNOWN else str(shown.method))
     if shown.on == "environment":
         observed, observation = _observed(task, method), observation.unscaled
-        own = _function(task, source, table, observation, shown)
+    function = _function(task, source, table, observation, shown)
+    words, is_function = str(observation), source.kind == "function"
+    if shown.on == "state":
+        act = function if is_function else lambda state, t: function(state)  # a network is given the states alone
+        return Played(method, OnState(act, task.actions, source.text, table), words + " and the step" * is_function)
+    if shown.on == "environment":
         size = observed.size
-        policy = OnObservation(lambda seen: own(observed.own(seen[:, :size])), task.actions, source.text, table)
+        policy = OnObservation(lambda seen: function(observed.own(seen[:, :size])), task.actions, source.text, table)
     else:
-        policy = OnObservation(_function(task, source, table, observation, shown), task.actions, source.text, table)
-    return Played(method, policy, str(observation))
+        policy = OnObservation(function, task.actions, source.text, table)
+    return Played(method, policy, words)
 
 
 def _method(task: Task, choice: Choice) -> RewardMethod:
@@ -138,16 +140,6 @@ def _states(task: Task) -> Observation:
     return Observation(len(names), names, task=task.name).unscaled
 
 
-def _on_state(
-    task: Task, source: Source, table: Array | None, states: Observation, shown: Shown
-) -> Callable[[Array, Integers], Any]:
-    """A function of states and steps; a network is given the states alone."""
-    if source.kind == "function":
-        return load_function(source.text)
-    network = _function(task, source, table, states, shown)
-    return lambda state, t: network(state)
-
-
 def _observed(task: Task, method: RewardMethod) -> Observed:
     """The observation of a task's environment, which has no inputs of a method."""
     if not isinstance(task.dynamics, GymTask):
@@ -159,7 +151,7 @@ def _observed(task: Task, method: RewardMethod) -> Observed:
 
 def _function(
     task: Task, source: Source, table: Array | None, observation: Observation, shown: Shown
-) -> Callable[[Array], Any]:
+) -> Callable[..., Any]:
     actions = task.actions if table is None else numbers_of(table)
     match source.kind:
         case "function":
